@@ -1,0 +1,5 @@
+"""``python -m gspure`` is ``gspure``."""
+
+from gspure.cli import main
+
+raise SystemExit(main())

@@ -1,0 +1,73 @@
+"""A pinhole camera, in COLMAP's axes and pixel convention."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.constants import TEST_EVERY
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """One view: where it stands and how it projects.
+
+    Axes are COLMAP's (x right, y down, z forward). The centre of the pixel in column i and row j lies at (i + 0.5,
+    j + 0.5), so a principal point in the middle of the image is (width / 2, height / 2).
+
+    Parameters
+    ----------
+    name : str
+        Unique name of the view, without a file suffix; outputs are named after it.
+    width, height : int
+        Image size in pixels.
+    K : array [3,3]
+        Intrinsics in pixels of that size: fx, fy, cx, cy; no skew.
+    viewmat : array [4,4]
+        World to camera, rigid.
+    image : Path, optional
+        The photograph taken here, if any.
+
+    """
+
+    name: str
+    width: int
+    height: int
+    K: Float64
+    viewmat: Float64
+    image: Path | None = None
+
+    @property
+    def centre(self) -> Float64:
+        """Camera centre [3] in world coordinates."""
+        return -self.viewmat[:3, :3].T @ self.viewmat[:3, 3]
+
+    @property
+    def numbers(self) -> Float64:
+        """Everything that a rendering depends on, as one array [20]: size, fx, fy, cx, cy, and viewmat[:3] by rows."""
+        intrinsics = [self.K[0, 0], self.K[1, 1], self.K[0, 2], self.K[1, 2]]
+        return np.array([self.width, self.height, *intrinsics, *self.viewmat[:3].ravel()], np.float64)
+
+    def resized(self, width: int, height: int) -> Camera:
+        """Return the same view at another image size; the intrinsics are scaled by the two exact size ratios."""
+        scale = np.diag([width / self.width, height / self.height, 1.0])
+        return replace(self, width=width, height=height, K=scale @ self.K)
+
+
+def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:
+    """Return the matrix [3,3] of a pinhole camera without skew."""
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
+    """Return (train, test): with cameras sorted by name, every eighth from the first on is a test view (3DGS --eval)."""
+    ordered = sorted(cameras, key=lambda camera: camera.name)
+    test = ordered[::TEST_EVERY]
+    train = [camera for i, camera in enumerate(ordered) if i % TEST_EVERY]
+    return train, test

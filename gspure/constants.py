@@ -1,0 +1,69 @@
+"""Every numeric constant of the renderer and of the method, with its source.
+
+Kernels receive the renderer's constants as ``-D`` definitions, so that there is one place to read and to change them.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+# --- Rasterization rules, as the published 3DGS models were trained with (Kerbl et al. 2023, reference rasterizer) ----
+
+TILE: Final = 16
+"""Side of a square screen tile, in pixels."""
+
+NEAR_PLANE: Final = 0.2
+"""Gaussians whose centre has a view-space depth of at most this are dropped; so are ray maxima at or before it."""
+
+ALPHA_MIN: Final = 1.0 / 255.0
+"""A Gaussian touches a pixel when its alpha there is at least this."""
+
+ALPHA_MAX: Final = 0.99
+"""Upper clamp of alpha."""
+
+TRANSMITTANCE_MIN: Final = 1e-4
+"""A pixel stops *before* the Gaussian that would bring its transmittance below this."""
+
+EWA_DILATION: Final = 0.3
+"""Added to both diagonal entries of the 2-D covariance, in square pixels (low-pass filter of EWA splatting)."""
+
+EWA_FRUSTUM_MARGIN: Final = 0.3
+"""x/z and y/z are clamped inside the EWA Jacobian to the image's frustum widened by this share of its half extent."""
+
+MEDIAN_TRANSMITTANCE: Final = 0.5
+"""The median depth is that of the Gaussian at which a pixel's transmittance falls to this (GOF's depth)."""
+
+SH_DC: Final = 0.28209479177387814
+"""Zeroth real spherical harmonic, 1 / (2 sqrt(pi)): colour = SH_DC * f_dc + 0.5."""
+
+MAX_SH_DEGREE: Final = 3
+
+# --- GSPure, paper §Methodology; where the paper names no value, the choice is ours -----------------------------------
+
+TAU_C: Final = 4.0
+"""Cluster pruning factor, paper §Implementation Details (4 for Splats in Splats and GS-Hider, 3 for SecureGS)."""
+
+TAU_N: Final = 4.0
+"""Noise pruning factor, paper §Implementation Details (4 for Splats in Splats and GS-Hider, 2 for SecureGS)."""
+
+MIN_SAMPLES: Final = 10
+"""HDBSCAN's min_samples. Ours: the paper names none."""
+
+MIN_CLUSTER_SIZE: Final = 50
+"""HDBSCAN's min_cluster_size. Ours: the paper names none."""
+
+MAX_CLUSTER_SHARE: Final = 0.1
+"""Largest share of all Gaussians that one excess-of-mass cluster may hold. Ours: plain eom collapses on many scenes."""
+
+NOISE_LABEL: Final = -1
+"""Label of a noise point, as in HDBSCAN."""
+
+# --- Evaluation --------------------------------------------------------------------------------------------------------
+
+SSIM_WINDOW: Final = 11
+SSIM_SIGMA: Final = 1.5
+SSIM_C1: Final = 0.01**2
+SSIM_C2: Final = 0.03**2
+
+TEST_EVERY: Final = 8
+"""With cameras sorted by name, every eighth one is held out (3DGS's ``--eval`` split)."""

@@ -1,0 +1,158 @@
+"""A set of 3D Gaussians, kept as the table that its file holds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.constants import MAX_SH_DEGREE
+
+Float32 = NDArray[np.float32]
+Table = NDArray[np.void]
+
+
+@dataclass(frozen=True)
+class Gaussians:
+    """K Gaussians as a structured array, one row per Gaussian, raw values as stored in a 3DGS PLY.
+
+    The table is the single source of truth: writing it gives the file back byte for byte, and a subset of its rows is
+    bit-identical to those rows. The properties below read it in the field's terms.
+
+    Parameters
+    ----------
+    table : structured array [K]
+        Columns ``x y z``, ``opacity`` (logit), ``scale_0..2`` (log), ``rot_0..3`` (quaternion w x y z, any norm), and
+        usually ``f_dc_0..2`` and ``f_rest_*`` (spherical harmonics, channel-major); float32, little-endian, in the
+        file's order. Further columns are carried along untouched.
+    comments : tuple of str
+        The file's comment lines.
+
+    """
+
+    table: Table
+    comments: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    @cached_property
+    def means(self) -> Float32:
+        """Centres [K,3], world units."""
+        return self.columns("x", "y", "z")
+
+    @cached_property
+    def quats(self) -> Float32:
+        """Rotations [K,4] as stored: quaternions (w, x, y, z), not normalized."""
+        return self.columns(*(f"rot_{i}" for i in range(4)))
+
+    @cached_property
+    def scales(self) -> Float32:
+        """Standard deviations [K,3] along the principal axes, world units: exp of the stored values."""
+        with np.errstate(over="ignore"):
+            return np.exp(self.columns(*(f"scale_{i}" for i in range(3))))
+
+    @cached_property
+    def opacities(self) -> Float32:
+        """Opacities [K] in (0, 1): sigmoid of the stored logits."""
+        return sigmoid(self.columns("opacity")[:, 0])
+
+    @property
+    def sh_degree(self) -> int:
+        """Degree of the stored spherical harmonics; -1 where the table holds no colour."""
+        names = self.table.dtype.names or ()
+        if "f_dc_0" not in names:
+            return -1
+        return int(np.sqrt(len(self.columns_named("f_rest_")) // 3 + 1)) - 1
+
+    @cached_property
+    def sh_coeffs(self) -> Float32:
+        """Spherical-harmonic coefficients [K,S,3], S = (sh_degree + 1)^2; S = 0 where the table holds no colour."""
+        if self.sh_degree < 0:
+            return np.zeros((len(self), 0, 3), np.float32)
+        dc = self.columns("f_dc_0", "f_dc_1", "f_dc_2")[:, None, :]
+        rest = self.columns(*self.columns_named("f_rest_")).reshape(len(self), 3, -1)  # stored channel-major
+        return np.concatenate([dc, rest.transpose(0, 2, 1)], axis=1)
+
+    def columns_named(self, prefix: str) -> tuple[str, ...]:
+        """Return the columns ``<prefix><number>``, ordered by number."""
+        pattern = re.compile(re.escape(prefix) + r"(\d+)")
+        numbered = [(int(m[1]), name) for name in self.table.dtype.names or () if (m := pattern.fullmatch(name))]
+        return tuple(name for _, name in sorted(numbered))
+
+    def columns(self, *names: str) -> Float32:
+        """Return the named columns as one float32 array [K, len(names)]."""
+        out = np.empty((len(self), len(names)), np.float32)
+        for i, name in enumerate(names):
+            out[:, i] = self.table[name]
+        return out
+
+    def subset(self, keep: NDArray[np.bool_]) -> Gaussians:
+        """Return the rows where `keep` [K] is true, bit-identical and in the same order."""
+        return Gaussians(self.table[keep], self.comments)
+
+    def with_columns(self, values: Mapping[str, NDArray[Any]]) -> Gaussians:
+        """Return a copy in which the named columns hold `values` (each [K])."""
+        table = self.table.copy()
+        for name, column in values.items():
+            table[name] = column
+        return Gaussians(table, self.comments)
+
+    def with_comment(self, comment: str) -> Gaussians:
+        """Return the same rows with one more comment line."""
+        return Gaussians(self.table, (*self.comments, comment))
+
+    @staticmethod
+    def from_parameters(
+        *,
+        means: NDArray[Any],
+        quats: NDArray[Any],
+        scales: NDArray[Any],
+        opacities: NDArray[Any],
+        sh_coeffs: NDArray[Any],
+        extras: Mapping[str, NDArray[Any]] | None = None,
+    ) -> Gaussians:
+        """Build a vanilla table from activated parameters (the shapes and units of the properties above).
+
+        Parameters
+        ----------
+        means, quats, scales, opacities, sh_coeffs : arrays [K,3], [K,4], [K,3], [K], [K,S,3]
+            `scales` > 0, 0 < `opacities` < 1; S is 1, 4, 9 or 16.
+        extras : mapping of str to array [K], optional
+            Further columns, placed last.
+
+        """
+        sh_coeffs = np.asarray(sh_coeffs)
+        count, bands = sh_coeffs.shape[:2]
+        rest = sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(count, -1)
+        opacities = np.asarray(opacities, np.float64)
+        named: dict[str, NDArray[Any]] = dict(zip("xyz", np.asarray(means).T, strict=True))
+        named |= {name: np.zeros(count) for name in ("nx", "ny", "nz")}
+        named |= {f"f_dc_{i}": sh_coeffs[:, 0, i] for i in range(3)}
+        named |= {f"f_rest_{i}": rest[:, i] for i in range(3 * (bands - 1))}
+        named["opacity"] = np.log(opacities) - np.log1p(-opacities)
+        named |= {f"scale_{i}": np.log(np.asarray(scales)[:, i]) for i in range(3)}
+        named |= {f"rot_{i}": np.asarray(quats)[:, i] for i in range(4)}
+        named |= dict(extras or {})
+        table = np.empty(count, dtype=[(name, "<f4") for name in named])
+        for name, column in named.items():
+            table[name] = column
+        return Gaussians(table)
+
+
+def sh_columns(degree: int) -> int:
+    """Return the number of ``f_rest_*`` columns of a model of this degree: 3 ((degree + 1)^2 - 1)."""
+    if not 0 <= degree <= MAX_SH_DEGREE:
+        raise ValueError(f"SH degree must be 0 to {MAX_SH_DEGREE}, not {degree}")
+    return 3 * ((degree + 1) ** 2 - 1)
+
+
+def sigmoid(logits: Float32) -> Float32:
+    """Return 1 / (1 + exp(-x)), exact in the relative sense for very negative logits too."""
+    with np.errstate(over="ignore"):
+        return np.float32(1) / (np.float32(1) + np.exp(-logits))

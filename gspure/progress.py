@@ -1,0 +1,42 @@
+"""Progress of long work: a bar on a terminal, plain lines in a log."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TypeVar
+
+Item = TypeVar("Item")
+
+_SECONDS_BETWEEN_LINES = 10.0
+
+
+def say(message: str) -> None:
+    """Print one plain line of progress to standard error."""
+    print(message, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def track(items: Sequence[Item], label: str) -> Iterator[Item]:
+    """Iterate over `items`, showing how far along the work is."""
+    return _bar(items, label) if sys.stderr.isatty() else _lines(items, label)
+
+
+def _bar(items: Sequence[Item], label: str) -> Iterator[Item]:
+    from rich.console import Console
+    from rich.progress import track as rich_track
+
+    yield from rich_track(items, description=f"{label:<24}", console=Console(stderr=True))
+
+
+def _lines(items: Iterable[Item], label: str) -> Iterator[Item]:
+    total = len(items) if isinstance(items, Sequence) else None
+    began = last = time.monotonic()
+    done = 0
+    for done, item in enumerate(items, start=1):  # noqa: B007
+        yield item
+        now = time.monotonic()
+        if now - last > _SECONDS_BETWEEN_LINES:
+            say(f"{label}: {done} of {total}")
+            last = now
+    say(f"{label}: {done} done in {time.monotonic() - began:.1f} s")
