@@ -1,0 +1,145 @@
+"""Front-to-back alpha blending over a whole image, one Gaussian at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.constants import ALPHA_MAX, ALPHA_MIN, MEDIAN_TRANSMITTANCE, NEAR_PLANE, TRANSMITTANCE_MIN
+from gspure.model.gaussians import Gaussians
+from gspure.reference.projection import Energy, Rays, Splats, pixel_centres, project
+from gspure.reference.spherical_harmonics import sh_colors
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How close each pixel [H,W] comes to a discontinuity of the rules, as relative distances (0: on it, inf: never).
+
+    Where one of these is below the rounding of another implementation, that implementation may decide otherwise and
+    differ by a finite step; everywhere else it must agree closely.
+    """
+
+    alpha: Float64
+    """|alpha / ALPHA_MIN - 1| over all Gaussians met before the pixel stopped: is it touched?"""
+    stop: Float64
+    """|T (1 - alpha) / TRANSMITTANCE_MIN - 1|: does the pixel stop here?"""
+    median: Float64
+    """|T (1 - alpha) / MEDIAN_TRANSMITTANCE - 1|: is this the median depth? Concerns the depth only."""
+    near: Float64
+    """|t* / NEAR_PLANE - 1|: does the ray's maximum lie in front of the near plane? Energy ``ray`` only."""
+    order: Float64
+    """Relative difference in depth of two Gaussians blended next to each other: which comes first?"""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Everything that one traversal yields.
+
+    Per pixel: `channels` [H,W,C], `transmittance` [H,W], `depth` [H,W] (median depth, inf where the transmittance
+    never falls to 0.5), `margins`. Per Gaussian of the model, over w = alpha T: `sums` [K], `maxima` [K], `pixels` [K].
+    """
+
+    channels: Float64
+    transmittance: Float64
+    depth: Float64
+    sums: Float64
+    maxima: Float64
+    pixels: NDArray[np.int64]
+    margins: Margins
+
+
+def render(
+    model: Gaussians,
+    camera: Camera,
+    energy: Energy,
+    features: NDArray[Any] | None = None,
+    background: NDArray[Any] | None = None,
+) -> Reference:
+    """Render a model.
+
+    Parameters
+    ----------
+    model : Gaussians
+    camera : Camera
+    energy : "ewa" or "ray"
+    features : array [K,C], optional
+        One row of channels per Gaussian; the model's view-dependent colours when absent.
+    background : array [C], optional
+        Zero when absent.
+
+    """
+    if features is None:
+        features = sh_colors(model.sh_coeffs, model.means, camera.centre)
+    features = np.asarray(features, np.float64)
+    background = np.zeros(features.shape[1]) if background is None else np.asarray(background, np.float64)
+    return blend(project(model, camera, energy), camera, features, background)
+
+
+def blend(projection: Splats | Rays, camera: Camera, features: Float64, background: Float64) -> Reference:
+    """Blend the projected Gaussians front to back; `features` [K,C] is indexed by the model's rows."""
+    u, v = pixel_centres(camera)
+    channels = np.zeros((*u.shape, features.shape[1]))
+    transmittance = np.ones(u.shape)
+    depth = np.full(u.shape, np.inf)
+    alive = np.ones(u.shape, bool)
+    sums, maxima, pixels = (np.zeros(len(features), kind) for kind in (float, float, np.int64))
+    near_misses = Discontinuities(u.shape)
+
+    for i, row in enumerate(projection.rows):
+        energies, depths = projection.evaluate(i, u, v)
+        alpha = np.minimum(ALPHA_MAX, projection.opacities[i] * energies)
+        after = transmittance * (1 - alpha)
+        touched = alive & (alpha >= ALPHA_MIN)
+        blended = touched & (after >= TRANSMITTANCE_MIN)
+        near_misses.meet(projection, i, alpha=alpha, after=after, depths=depths, alive=alive, touched=touched)
+
+        weight = np.where(blended, alpha * transmittance, 0.0)
+        channels += weight[..., None] * features[row]
+        sums[row], maxima[row], pixels[row] = weight.sum(), weight.max(initial=0.0), blended.sum()
+        crosses = blended & (transmittance > MEDIAN_TRANSMITTANCE) & (after <= MEDIAN_TRANSMITTANCE)
+        depth = np.where(crosses, depths, depth)
+        transmittance = np.where(blended, after, transmittance)
+        alive &= blended | ~touched
+
+    channels += transmittance[..., None] * background
+    return Reference(channels, transmittance, depth, sums, maxima, pixels, near_misses.margins)
+
+
+class Discontinuities:
+    """Collects the margins while the Gaussians go by."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.margins = Margins(*(np.full(shape, np.inf) for _ in range(5)))
+        self.last_depth = np.full(shape, -np.inf)
+
+    def meet(
+        self,
+        projection: Splats | Rays,
+        i: int,
+        *,
+        alpha: Float64,
+        after: Float64,
+        depths: Float64,
+        alive: NDArray[np.bool_],
+        touched: NDArray[np.bool_],
+    ) -> None:
+        """Take note of the i-th Gaussian at the pixels that it reaches."""
+        margins, z = self.margins, projection.depths[i]
+        shrink(margins.alpha, np.abs(alpha / ALPHA_MIN - 1), alive)
+        shrink(margins.stop, np.abs(after / TRANSMITTANCE_MIN - 1), touched)
+        shrink(margins.median, np.abs(after / MEDIAN_TRANSMITTANCE - 1), touched)
+        shrink(margins.order, 1 - self.last_depth / z, touched)
+        self.last_depth[touched] = z
+        if isinstance(projection, Rays):
+            shrink(margins.near, np.abs(depths / NEAR_PLANE - 1), alive)
+
+
+def shrink(smallest: Float64, values: Float64, where: NDArray[np.bool_]) -> None:
+    """Lower `smallest` to `values` where asked, in place."""
+    np.minimum(smallest, values, out=smallest, where=where)

@@ -1,0 +1,164 @@
+"""From Gaussians and a camera to the energy of each Gaussian at each pixel, by two rules.
+
+`Splats` (energy ``ewa``) is the 2-D splat that vanilla models are trained with; `Rays` (energy ``ray``) is the maximum
+of the 3-D Gaussian along the pixel's ray, GSPure's equation for the ray-Gaussian energy. Both hold the visible
+Gaussians only, front to back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE
+from gspure.model.gaussians import Gaussians
+
+Float64 = NDArray[np.float64]
+Energy = Literal["ewa", "ray"]
+
+
+@dataclass(frozen=True)
+class Projected:
+    """The V visible Gaussians of a view, front to back: by (view z of the centre, row of the model).
+
+    Parameters
+    ----------
+    rows : int array [V]
+        Rows of the model.
+    depths : array [V]
+        View-space z of the centres.
+    opacities : array [V]
+    means : array [V,3]
+        Centres in view space.
+    covs : array [V,3,3]
+        Covariances in view space.
+    means2d : array [V,2]
+        Projected centres in pixels.
+
+    """
+
+    rows: NDArray[np.intp]
+    depths: Float64
+    opacities: Float64
+    means: Float64
+    covs: Float64
+    means2d: Float64
+
+
+@dataclass(frozen=True)
+class Splats(Projected):
+    """Energy ``ewa``: a 2-D Gaussian on the image plane, E = exp(-1/2 d^T Sigma'^-1 d)."""
+
+    covs2d: Float64
+    """Sigma' = J Sigma J^T + dilation, [V,2,2] in square pixels."""
+
+    def evaluate(self, i: int, u: Float64, v: Float64) -> tuple[Float64, Float64]:
+        """Return the i-th Gaussian's energy and depth at the pixel positions (u, v)."""
+        offset = np.stack([u - self.means2d[i, 0], v - self.means2d[i, 1]], axis=-1)
+        power = np.einsum("...a,ab,...b->...", offset, np.linalg.inv(self.covs2d[i]), offset)
+        return np.exp(-0.5 * power), np.full(u.shape, self.depths[i])
+
+
+@dataclass(frozen=True)
+class Rays(Projected):
+    """Energy ``ray``: the Gaussian's maximum along the pixel's ray t r, r = ((u - cx) / fx, (v - cy) / fy, 1).
+
+    In the Gaussian's own axes, divided by its scales, it is a unit ball at p and the ray is t d with d = M r: the
+    closest approach lies at t* = p.d / |d|^2 with the squared distance |p x d|^2 / |d|^2.
+    """
+
+    M: Float64
+    """[V,3,3], view space to the Gaussian's whitened axes: S^-1 R^T."""
+    p: Float64
+    """[V,3], whitened centres M mu."""
+    intrinsics: Float64
+    """[3,3], the camera's."""
+
+    def evaluate(self, i: int, u: Float64, v: Float64) -> tuple[Float64, Float64]:
+        """Return the i-th Gaussian's energy and the depth t* of its maximum at the pixel positions (u, v).
+
+        The energy is 0 where t* lies at or before the near plane.
+        """
+        d = pixel_rays(self.intrinsics, u, v) @ self.M[i].T
+        squared = (d * d).sum(axis=-1)
+        depth = d @ self.p[i] / squared
+        miss = np.cross(self.p[i], d)
+        energy = np.exp(-0.5 * (miss * miss).sum(axis=-1) / squared)
+        return np.where(depth > NEAR_PLANE, energy, 0.0), depth
+
+
+def project(model: Gaussians, camera: Camera, energy: Energy) -> Splats | Rays:
+    """Project a model: drop what lies at or before the near plane, sort the rest front to back."""
+    rotation, translation = camera.viewmat[:3, :3], camera.viewmat[:3, 3]
+    means = model.means.astype(np.float64) @ rotation.T + translation
+    rows = np.flatnonzero(means[:, 2] > NEAR_PLANE)
+    rows = rows[np.argsort(means[rows, 2], kind="stable")]
+    means = means[rows]
+    scales = model.scales[rows].astype(np.float64)
+    axes = rotation @ rotation_matrices(model.quats[rows])  # columns: the Gaussian's axes in view space
+    stretched = axes * scales[:, None, :]
+    u = camera.K[0, 0] * means[:, 0] / means[:, 2] + camera.K[0, 2]
+    v = camera.K[1, 1] * means[:, 1] / means[:, 2] + camera.K[1, 2]
+    shared = Projected(
+        rows=rows,
+        depths=means[:, 2],
+        opacities=model.opacities[rows].astype(np.float64),
+        means=means,
+        covs=stretched @ stretched.transpose(0, 2, 1),
+        means2d=np.stack([u, v], axis=1),
+    )
+    if energy == "ewa":
+        return Splats(**vars(shared), covs2d=splat_covariances(shared.covs, means, camera))
+    M = axes.transpose(0, 2, 1) / scales[:, :, None]
+    return Rays(**vars(shared), M=M, p=np.einsum("kab,kb->ka", M, means), intrinsics=camera.K)
+
+
+def rotation_matrices(quats: NDArray[Any]) -> Float64:
+    """Return the rotations [K,3,3] of quaternions (w, x, y, z) [K,4] of any norm but zero."""
+    quats = np.asarray(quats, np.float64)
+    w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1)
+
+
+def splat_covariances(covs: Float64, means: Float64, camera: Camera) -> Float64:
+    """Return Sigma' = J Sigma J^T + 0.3 I [V,2,2] in square pixels from view-space covariances and centres.
+
+    J is the Jacobian of the perspective projection at the centre, which is first moved into the image's frustum
+    widened by a margin: beyond it the linearization is useless (Zwicker et al. 2001; bounds as in the 3DGS rasterizer).
+    """
+    fx, fy, cx, cy = camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2]
+    z = means[:, 2]
+    x = z * clamped_slope(means[:, 0] / z, fx, cx, camera.width)
+    y = z * clamped_slope(means[:, 1] / z, fy, cy, camera.height)
+    J = np.zeros((len(means), 2, 3))
+    J[:, 0, 0], J[:, 0, 2] = fx / z, -fx * x / z**2
+    J[:, 1, 1], J[:, 1, 2] = fy / z, -fy * y / z**2
+    return J @ covs @ J.transpose(0, 2, 1) + EWA_DILATION * np.eye(2)
+
+
+def clamped_slope(slope: Float64, focal: float, principal: float, size: int) -> Float64:
+    """Clamp x/z (or y/z) to what the image sees, widened at both sides by a share of its half extent."""
+    margin = EWA_FRUSTUM_MARGIN * size / (2 * focal)
+    return np.clip(slope, -principal / focal - margin, (size - principal) / focal + margin)
+
+
+def pixel_rays(intrinsics: Float64, u: Float64, v: Float64) -> Float64:
+    """Return the view-space rays [...,3] through pixel positions (u, v), scaled to z = 1."""
+    x = (u - intrinsics[0, 2]) / intrinsics[0, 0]
+    y = (v - intrinsics[1, 2]) / intrinsics[1, 1]
+    return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+
+def pixel_centres(camera: Camera) -> tuple[Float64, Float64]:
+    """Return the positions (u, v) of all pixel centres, each [H,W]."""
+    u, v = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    return u, v
