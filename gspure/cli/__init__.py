@@ -11,18 +11,15 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from types import ModuleType
 
 from gspure import __version__
 from gspure.errors import InputError
 
-COMMANDS = (
-    "purify",
-    "info",
-    "render",
-    "metrics",
-    "doctor",
-    "cameras",
+MAIN_COMMANDS = ("purify", "render", "metrics", "info", "doctor")
+STAGES = (
     "plant",
+    "cameras",
     "contributions",
     "weights",
     "features",
@@ -36,43 +33,70 @@ COMMANDS = (
     "report",
     "stages",
 )
+COMMANDS = MAIN_COMMANDS + STAGES
 
-
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser with every subcommand."""
-    parser = argparse.ArgumentParser(
-        prog="gspure",
-        description="Measure how robust a 3D Gaussian Splatting watermark is against GSPure and other attacks.",
-        epilog="`gspure COMMAND --help` shows the options and examples of one command; `gspure doctor` checks the set-up.",
-    )
-    parser.add_argument("--version", action="version", version=f"gspure {__version__}")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        module = importlib.import_module(f"gspure.cli.{name}")
-        command = commands.add_parser(
-            name,
-            help=module.HELP,
-            description=module.HELP,
-            epilog="examples:\n" + module.EXAMPLES,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        module.add_arguments(command)
-        command.set_defaults(run=module.run)
-    return parser
+DESCRIPTION = "Measure how robust a 3D Gaussian Splatting watermark is against GSPure and other attacks."
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; bad input gives one line on standard error and exit status 2."""
-    args = build_parser().parse_args(argv)
+    argv = sys.argv[1:] if argv is None else argv
+    parser = _parser_of(argv[0]) if argv and argv[0] in COMMANDS else _parser_of_all()
+    args = parser.parse_args(argv)
     try:
         return int(args.run(args) or 0)
     except InputError as error:
-        print(f"gspure {args.command}: {error}", file=sys.stderr)
-        return 2
+        return _refuse(args.command, str(error))
     except BrokenPipeError:
         # The reader of our output (`| head`) has gone; leave quietly, and keep Python from flushing into it again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except OSError as error:
+        if error.filename is None:
+            raise
+        return _refuse(args.command, f"{error.filename}: {error.strerror}")
     except KeyboardInterrupt:
         print(f"gspure {args.command}: interrupted", file=sys.stderr)
         return 130
+
+
+def _refuse(command: str, reason: str) -> int:
+    print(f"gspure {command}: {reason}", file=sys.stderr)
+    return 2
+
+
+def _parser_of(name: str) -> argparse.ArgumentParser:
+    """Return the parser of one command: a stage of the workflow pays for its own imports only."""
+    module = _module(name)
+    parser = argparse.ArgumentParser(
+        prog=f"gspure {name}",
+        description=module.HELP,
+        epilog="examples:\n" + module.EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("command", help=argparse.SUPPRESS)
+    module.add_arguments(parser)
+    parser.set_defaults(run=module.run)
+    return parser
+
+
+def _parser_of_all() -> argparse.ArgumentParser:
+    """Return the parser that lists the commands, or refuses what is none."""
+    parser = argparse.ArgumentParser(
+        prog="gspure",
+        usage="gspure [-h] [--version] COMMAND ...",
+        description=f"{DESCRIPTION}\n\n{_listed('commands', MAIN_COMMANDS)}\n\n{_listed('stages of the workflow', STAGES)}",
+        epilog="`gspure COMMAND --help` shows options and examples of one command; `gspure doctor` checks the set-up.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"gspure {__version__}")
+    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help=argparse.SUPPRESS)
+    return parser
+
+
+def _listed(title: str, names: Sequence[str]) -> str:
+    return "\n".join([f"{title}:", *(f"  {name:<15}{_module(name).HELP}" for name in names)])
+
+
+def _module(name: str) -> ModuleType:
+    return importlib.import_module(f"gspure.cli.{name}")

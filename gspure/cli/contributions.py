@@ -1,0 +1,47 @@
+"""``gspure contributions``: what every Gaussian contributes to every view."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gspure.cli.options import add_device, add_energy, add_views, read_views
+
+HELP = "compute what every Gaussian contributes to each view (stored per view)"
+EXAMPLES = """\
+  gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --index room.tsv
+  gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --part 1/2 --index 1.tsv
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("--model", type=Path, required=True, help="3DGS .ply")
+    add_views(parser, split="train")
+    parser.add_argument("--stages", type=Path, required=True, metavar="DIR", help="where the per-view files are kept")
+    parser.add_argument(
+        "--part", type=_part, default=(1, 1), metavar="I/N", help="compute only every N-th view, from the I-th on"
+    )
+    parser.add_argument("--index", type=Path, required=True, metavar="TSV", help="index of the views and their files")
+    add_energy(parser, default="ray")
+    add_device(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Compute the absent views of this part, then write its index."""
+    from gspure.contributions import contribute, write_index
+    from gspure.model import read_model
+    from gspure.opencl.device import choose_device
+
+    part, parts = args.part
+    views = read_views(args)[part - 1 :: parts]
+    model = read_model(args.model)
+    stages = contribute(model, views, args.stages, device=choose_device(args.device), energy=args.energy)
+    write_index(args.index, stages)
+
+
+def _part(text: str) -> tuple[int, int]:
+    part, _, parts = text.partition("/")
+    if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise argparse.ArgumentTypeError(f"expected I/N with 1 <= I <= N, found {text!r}")
+    return int(part), int(parts)

@@ -1,0 +1,59 @@
+"""Options and arguments that several commands share."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gspure.errors import InputError
+
+if TYPE_CHECKING:
+    from gspure.cameras import Camera
+
+SPLITS = ("train", "test", "all")
+ENERGIES = ("ewa", "ray")
+
+
+def add_device(parser: argparse.ArgumentParser) -> None:
+    """Add ``--device``."""
+    parser.add_argument(
+        "--device",
+        metavar="NAME|INDEX",
+        help="OpenCL device, by part of its name or by its index in `gspure doctor`; default: $GSPURE_DEVICE, else the "
+        "first on which a trivial program runs",
+    )
+
+
+def add_energy(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add ``--energy``."""
+    parser.add_argument(
+        "--energy",
+        choices=ENERGIES,
+        default=default,
+        help="ewa: 2-D splats, as vanilla models are trained; ray: maximum along the pixel's ray, the paper's equation "
+        "(default: %(default)s)",
+    )
+
+
+def add_views(parser: argparse.ArgumentParser, split: str) -> None:
+    """Add ``--cameras`` and ``--split``."""
+    parser.add_argument("--cameras", type=Path, required=True, metavar="FILE", help="cameras (see `gspure cameras`)")
+    parser.add_argument(
+        "--split",
+        choices=SPLITS,
+        default=split,
+        help="which views: by name, every eighth from the first on is a test view (default: %(default)s)",
+    )
+
+
+def read_views(args: argparse.Namespace) -> list[Camera]:
+    """Read the views that ``--cameras`` and ``--split`` name."""
+    from gspure.cameras import read_cameras, split
+
+    cameras = read_cameras(args.cameras)
+    train, test = split(cameras)
+    views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[args.split]
+    if not views:
+        raise InputError(args.cameras, "cameras", expected=f"at least one {args.split} view", found="none")
+    return views

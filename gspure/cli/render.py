@@ -1,0 +1,52 @@
+"""``gspure render``: images of a model."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gspure.cli.options import add_device, add_energy, add_views, read_views
+
+HELP = "render a model's views to images"
+EXAMPLES = """\
+  gspure render point_cloud.ply --cameras cameras.json --out renders
+  gspure render point_cloud.ply --cameras cameras.json --out renders --split test --npy --background 1 1 1
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("model", type=Path, metavar="MODEL", help="3DGS .ply, or the output folder of a training run")
+    add_views(parser, split="all")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png")
+    parser.add_argument("--npy", action="store_true", help="also write VIEW.npy: float32 [H,W,3], not clipped")
+    parser.add_argument(
+        "--background",
+        type=float,
+        nargs=3,
+        default=(0.0, 0.0, 0.0),
+        metavar=("R", "G", "B"),
+        help="colour behind the model, 0 to 1 (default: black)",
+    )
+    add_energy(parser, default="ewa")
+    add_device(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Render every view."""
+    from gspure.artifacts import save_array
+    from gspure.images import write_image
+    from gspure.model import read_model, require_finite
+    from gspure.opencl.device import choose_device
+    from gspure.progress import track
+    from gspure.renderer import Renderer
+
+    views = read_views(args)
+    model = read_model(args.model)
+    require_finite(model, args.model)
+    renderer = Renderer(model, choose_device(args.device), energy=args.energy)
+    for camera in track(views, "render"):
+        image = renderer.image(camera, background=tuple(args.background))
+        write_image(args.out / f"{camera.name}.png", image)
+        if args.npy:
+            save_array(args.out / f"{camera.name}.npy", image)
