@@ -41,12 +41,13 @@ DESCRIPTION = "Measure how robust a 3D Gaussian Splatting watermark is against G
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; bad input gives one line on standard error and exit status 2."""
     argv = sys.argv[1:] if argv is None else argv
-    parser = _parser_of(argv[0]) if argv and argv[0] in COMMANDS else _parser_of_all()
-    args = parser.parse_args(argv)
+    if not argv or argv[0] not in COMMANDS:
+        _overview().parse_args(argv[:1] or ["--help"])  # exits: help, version, or an error
+    args = _parser(argv[0]).parse_args(argv[1:])
     try:
         return int(args.run(args) or 0)
     except InputError as error:
-        return _refuse(args.command, str(error))
+        return _refuse(argv[0], str(error))
     except BrokenPipeError:
         # The reader of our output (`| head`) has gone; leave quietly, and keep Python from flushing into it again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -54,9 +55,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         if error.filename is None:
             raise
-        return _refuse(args.command, f"{error.filename}: {error.strerror}")
+        return _refuse(argv[0], f"{error.filename}: {error.strerror}")
     except KeyboardInterrupt:
-        print(f"gspure {args.command}: interrupted", file=sys.stderr)
+        print(f"gspure {argv[0]}: interrupted", file=sys.stderr)
         return 130
 
 
@@ -65,7 +66,7 @@ def _refuse(command: str, reason: str) -> int:
     return 2
 
 
-def _parser_of(name: str) -> argparse.ArgumentParser:
+def _parser(name: str) -> argparse.ArgumentParser:
     """Return the parser of one command: a stage of the workflow pays for its own imports only."""
     module = _module(name)
     parser = argparse.ArgumentParser(
@@ -74,18 +75,18 @@ def _parser_of(name: str) -> argparse.ArgumentParser:
         epilog="examples:\n" + module.EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("command", help=argparse.SUPPRESS)
     module.add_arguments(parser)
     parser.set_defaults(run=module.run)
     return parser
 
 
-def _parser_of_all() -> argparse.ArgumentParser:
-    """Return the parser that lists the commands, or refuses what is none."""
+def _overview() -> argparse.ArgumentParser:
+    """Return the parser of a line without a known command: it lists them all."""
+    commands = _listed("commands", MAIN_COMMANDS) + "\n\n" + _listed("stages of the workflow", STAGES)
     parser = argparse.ArgumentParser(
         prog="gspure",
         usage="gspure [-h] [--version] COMMAND ...",
-        description=f"{DESCRIPTION}\n\n{_listed('commands', MAIN_COMMANDS)}\n\n{_listed('stages of the workflow', STAGES)}",
+        description=f"{DESCRIPTION}\n\n{commands}",
         epilog="`gspure COMMAND --help` shows options and examples of one command; `gspure doctor` checks the set-up.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -1,0 +1,71 @@
+"""The workflow's configuration: checked against its schema, defaults filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from gspure.errors import InputError
+
+
+def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) -> dict[str, Any]:
+    """Return a copy of `config` in which every absent setting has its default.
+
+    Parameters
+    ----------
+    config : mapping
+        What the user wrote.
+    schema_file : Path
+        JSON schema (draft 2020-12) as YAML.
+    source : str or Path
+        Where `config` came from, for the error message.
+
+    Raises
+    ------
+    InputError
+        Naming the first setting at fault.
+
+    """
+    import jsonschema
+    import yaml
+
+    schema = yaml.safe_load(schema_file.read_text(encoding="utf-8"))
+    filled = dict(deepcopy(config))
+    errors = _filling_validator(jsonschema.Draft202012Validator)(schema).iter_errors(filled)
+    if error := jsonschema.exceptions.best_match(errors):
+        raise _refusal(error, source)
+    return filled
+
+
+def _filling_validator(base: Any) -> Any:
+    """Extend a validator class: before it looks into an object, it sets the absent properties to their defaults."""
+    from jsonschema.validators import extend
+
+    def fill(validator: Any, properties: Mapping[str, Any], instance: Any, schema: Mapping[str, Any]) -> Iterator[Any]:
+        if validator.is_type(instance, "object"):
+            for name, subschema in properties.items():
+                if "default" in subschema:
+                    instance.setdefault(name, deepcopy(subschema["default"]))
+        yield from base.VALIDATORS["properties"](validator, properties, instance, schema)
+
+    return extend(base, {"properties": fill})  # type: ignore[no-untyped-call]
+
+
+def _refusal(error: Any, source: str | Path) -> InputError:
+    """Tell a schema error in one line."""
+    path = [str(step) for step in error.absolute_path]
+    if error.validator == "additionalProperties":
+        known = list(error.schema.get("properties", ()))
+        unknown = next(key for key in error.instance if key not in known)
+        near = get_close_matches(str(unknown), known, 1)
+        hint = f"did you mean {near[0]}?" if near else None
+        field = ".".join([*path, str(unknown)])
+        return InputError(source, field, expected=f"one of {', '.join(known)}", found="an unknown key", hint=hint)
+    if error.validator == "required":
+        missing = next(name for name in error.validator_value if name not in error.instance)
+        return InputError(source, ".".join([*path, missing]), expected="an entry", found="nothing")
+    expected = f"{error.validator} {error.validator_value}"
+    return InputError(source, ".".join(path) or "config", expected=expected, found=repr(error.instance))
