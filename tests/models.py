@@ -1,0 +1,171 @@
+"""Small sets of Gaussians and cameras that are awkward on purpose, shared by the renderer's tests."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gspure.cameras.camera import Camera, intrinsics
+from gspure.model.gaussians import Gaussians
+
+Case = tuple[Gaussians, Camera]
+
+
+def camera(width=65, height=47, *, focal=60.0, principal=None, viewmat=None, name="view") -> Camera:
+    """A camera at the origin that looks along +z, unless told otherwise."""
+    cx, cy = (width / 2, height / 2) if principal is None else principal
+    return Camera(name, width, height, intrinsics(focal, focal, cx, cy), np.eye(4) if viewmat is None else viewmat)
+
+
+def tilted_camera(width=65, height=47, **settings) -> Camera:
+    """A camera away from the origin and turned about all three axes, roughly towards (0, 0, 5)."""
+    a, b, c = 0.3, -0.2, 0.5
+    x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+    z = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = x @ y @ z
+    viewmat[:3, 3] = [0.0, 0.0, 5.0] - viewmat[:3, :3] @ [0.0, 0.0, 5.0]
+    return camera(width, height, viewmat=viewmat, **settings)
+
+
+def gaussians(*, means, scales, opacities=0.5, quats=(1.0, 0.0, 0.0, 0.0), colors=0.7) -> Gaussians:
+    """Gaussians of degree 0 with these colours; everything broadcasts over the rows of `means`."""
+    means = np.atleast_2d(np.asarray(means, np.float64))
+    count = len(means)
+    scales = np.broadcast_to(np.asarray(scales, np.float64), (count, 3))
+    dc = (np.broadcast_to(np.asarray(colors, np.float64), (count, 3)) - 0.5) / 0.28209479177387814
+    return Gaussians.from_parameters(
+        means=means,
+        quats=np.broadcast_to(np.asarray(quats, np.float64), (count, 4)),
+        scales=scales,
+        opacities=np.broadcast_to(np.asarray(opacities, np.float64), (count,)),
+        sh_coeffs=dc[:, None, :],
+    )
+
+
+def blobs(count: int, seed: int = 0, *, sh_degree: int = 3, size=(0.02, 0.4)) -> Gaussians:
+    """`count` Gaussians before the cameras above: anisotropic, turned, log-uniform in size, of any opacity."""
+    rng = np.random.default_rng(seed)
+    depths = rng.uniform(3.0, 9.0, count)
+    slopes = rng.uniform(-0.6, 0.6, (2, count))
+    sh_coeffs = rng.normal(0.0, 0.15, (count, (sh_degree + 1) ** 2, 3))
+    sh_coeffs[:, 0] = rng.normal(0.0, 1.2, (count, 3))
+    return Gaussians.from_parameters(
+        means=np.stack([slopes[0] * depths, slopes[1] * depths, depths], axis=1),
+        quats=rng.normal(size=(count, 4)) * rng.uniform(0.3, 3.0, (count, 1)),
+        scales=np.exp(rng.uniform(*np.log(size), (count, 3))),
+        opacities=np.clip(rng.beta(0.7, 0.7, count), 1e-4, 1 - 1e-6),
+        sh_coeffs=sh_coeffs,
+    )
+
+
+def joined(*models: Gaussians) -> Gaussians:
+    """All rows, one model after the other."""
+    return Gaussians(np.concatenate([model.table for model in models]))
+
+
+def nothing() -> Case:
+    return blobs(1).subset(np.zeros(1, bool)), camera()
+
+
+def off_screen() -> Case:
+    """Far to the side, each in another direction; some are large enough to reach into the image."""
+    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    means = np.stack([9 * np.cos(angle), 9 * np.sin(angle), np.full(12, 4.0)], axis=1)
+    return gaussians(means=means, scales=np.linspace(0.1, 3.0, 12)[:, None], colors=0.9), camera()
+
+
+def behind() -> Case:
+    """Behind the camera and astride it, with reaches that pass the camera plane."""
+    depths = np.array([-5.0, -0.3, -1e-3, 0.0, 0.1, 0.19, 0.21, 0.5])
+    means = np.stack([np.linspace(-1, 1, 8), np.linspace(0.5, -0.5, 8), depths], axis=1)
+    return gaussians(means=means, scales=0.3, opacities=0.6), camera()
+
+
+def covering() -> Case:
+    """Every Gaussian covers the whole image; faint ones before an opaque one."""
+    means = np.stack([np.linspace(-2, 2, 9), np.linspace(1, -1, 9), np.linspace(3, 20, 9)], axis=1)
+    opacities = np.append(np.linspace(0.02, 0.3, 8), 0.999)
+    return gaussians(
+        means=means, scales=60.0, opacities=opacities, colors=np.linspace(0.1, 0.9, 27).reshape(9, 3)
+    ), camera()
+
+
+def inside() -> Case:
+    """The camera stands inside several ellipsoids, among ordinary Gaussians."""
+    means = [[0.1, 0.0, 0.3], [-0.4, 0.2, 0.8], [0.5, -0.5, 1.5]]
+    quats = [[1.0, 0.2, 0.1, 0.0], [0.7, -0.5, 0.3, 0.2], [0.3, 0.4, 0.5, 0.9]]
+    scales = [[1.0, 0.7, 0.5], [2.0, 0.5, 1.0], [0.4, 3.0, 2.0]]
+    return joined(
+        gaussians(means=means, scales=scales, quats=quats, opacities=0.3), blobs(20, 5, sh_degree=0)
+    ), camera()
+
+
+def needles() -> Case:
+    """One axis a thousand times longer than the others, at all angles, along the line of sight too."""
+    rng = np.random.default_rng(7)
+    means = np.stack([rng.uniform(-1, 1, 40), rng.uniform(-0.7, 0.7, 40), rng.uniform(3, 6, 40)], axis=1)
+    quats = rng.normal(size=(40, 4))
+    quats[0] = [1, 0, 1, 0]  # long axis (x) turned onto the line of sight
+    return gaussians(means=means, quats=quats, scales=[1.5, 0.0015, 0.0015], opacities=0.8), camera()
+
+
+def flakes() -> Case:
+    """Flat discs, some seen edge-on."""
+    rng = np.random.default_rng(8)
+    means = np.stack([rng.uniform(-1, 1, 40), rng.uniform(-0.7, 0.7, 40), rng.uniform(3, 6, 40)], axis=1)
+    quats = rng.normal(size=(40, 4))
+    quats[0] = [1, 0, 1, 0]
+    return gaussians(means=means, quats=quats, scales=[0.3, 0.3, 0.002], opacities=0.8), camera()
+
+
+def subpixel() -> Case:
+    """Standard deviations from 0.01 to 0.5 pixels."""
+    rng = np.random.default_rng(9)
+    means = np.stack([rng.uniform(-2, 2, 200), rng.uniform(-1.5, 1.5, 200), rng.uniform(3, 6, 200)], axis=1)
+    sizes = np.exp(rng.uniform(np.log(0.01), np.log(0.5), 200))
+    return gaussians(means=means, scales=(sizes * means[:, 2] / 60)[:, None], opacities=0.9), camera()
+
+
+def extreme_opacities() -> Case:
+    """Logits so large that the opacity is exactly 0 or 1 in float32, and two either side of the cut-off."""
+    model = blobs(12, 3)
+    logits = np.array([-200.0, -90.0, -20.0, -5.6, -5.5, 0.0, 5.0, 18.0, 90.0, 200.0, 200.0, 90.0])
+    return model.with_columns({"opacity": logits}), camera()
+
+
+def same_depth() -> Case:
+    """One plane of overlapping Gaussians at the same view depth: the row decides the order."""
+    means = np.stack([np.linspace(-0.5, 0.5, 40), np.tile([0.0, 0.1], 20), np.full(40, 4.0)], axis=1)
+    colors = np.random.default_rng(10).uniform(0, 1, (40, 3))
+    return gaussians(means=means, scales=0.3, opacities=0.6, colors=colors), camera()
+
+
+def off_centre() -> Case:
+    """A principal point outside the image, as a crop of a larger photograph has."""
+    return blobs(80, 11), camera(principal=(-14.25, 55.5), focal=75.0)
+
+
+def stacked() -> Case:
+    """A hundred opaque layers: pixels stop early."""
+    means = np.stack([np.zeros(100), np.zeros(100), np.linspace(3, 9, 100)], axis=1)
+    return gaussians(means=means, scales=0.5, opacities=0.95, colors=np.linspace(0, 1, 300).reshape(100, 3)), camera()
+
+
+AWKWARD: dict[str, Callable[[], Case]] = {
+    make.__name__: make
+    for make in (
+        nothing,
+        off_screen,
+        behind,
+        covering,
+        inside,
+        needles,
+        flakes,
+        subpixel,
+        extreme_opacities,
+        same_depth,
+        off_centre,
+        stacked,
+    )
+}
