@@ -16,6 +16,12 @@ from gspure.constants import MAX_SH_DEGREE
 Float32 = NDArray[np.float32]
 Table = NDArray[np.void]
 
+CORE = ("x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
+"""Columns that every model has."""
+
+COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
+"""Columns of the zeroth spherical harmonic; models that colour their Gaussians by a network have none."""
+
 _BLOCK_ROWS = 4096
 
 
@@ -51,13 +57,13 @@ class Gaussians:
     @cached_property
     def quats(self) -> Float32:
         """Rotations [K,4] as stored: quaternions (w, x, y, z), not normalized."""
-        return self.columns(*(f"rot_{i}" for i in range(4)))
+        return self.columns("rot_0", "rot_1", "rot_2", "rot_3")
 
     @cached_property
     def scales(self) -> Float32:
         """Standard deviations [K,3] along the principal axes, world units: exp of the stored values."""
         with np.errstate(over="ignore"):
-            return np.exp(self.columns(*(f"scale_{i}" for i in range(3))))
+            return np.exp(self.columns("scale_0", "scale_1", "scale_2"))
 
     @cached_property
     def opacities(self) -> Float32:
@@ -80,7 +86,7 @@ class Gaussians:
         rest = self.columns_named("f_rest_")
         stored = len(rest) // 3  # per channel, channel-major
         names = [rest[channel * stored + i] for i in range(stored) for channel in range(3)]
-        return self.columns("f_dc_0", "f_dc_1", "f_dc_2", *names).reshape(len(self), 1 + stored, 3)
+        return self.columns(*COLOUR, *names).reshape(len(self), 1 + stored, 3)
 
     def columns_named(self, prefix: str) -> tuple[str, ...]:
         """Return the columns ``<prefix><number>``, ordered by number."""

@@ -1,0 +1,30 @@
+"""A set of 3D Gaussians and its files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gspure.model.finite import require_finite
+from gspure.model.gaussians import Gaussians
+from gspure.model.inria import point_cloud
+from gspure.model.ply import read_ply, write_ply
+
+__all__ = ["Gaussians", "read_model", "require_finite", "write_model"]
+
+
+def read_model(path: Path) -> Gaussians:
+    """Read a model from a 3DGS ``.ply``, or from an INRIA output folder (its newest iteration).
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or if it does not hold a 3DGS model.
+
+    """
+    path = Path(path)
+    return read_ply(point_cloud(path) if path.is_dir() else path)
+
+
+def write_model(path: Path, model: Gaussians) -> None:
+    """Write a model as a binary little-endian 3DGS ``.ply``, whole or not at all."""
+    write_ply(path, model)

@@ -1,0 +1,85 @@
+"""The folder that the INRIA trainer and its descendants leave behind.
+
+::
+
+    <model>/cfg_args                                      the trainer's arguments: "Namespace(k=v, ...)"
+    <model>/cameras.json                                  every camera, test and train
+    <model>/point_cloud/iteration_<N>/point_cloud.ply     the model after N iterations
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from typing import Any
+
+from gspure.errors import InputError
+
+_POINT_CLOUD = "point_cloud.ply"
+
+
+def point_cloud(folder: Path) -> Path:
+    """Return the model file in an INRIA output folder: that of the newest iteration.
+
+    An earlier iteration is chosen by naming its own folder, ``<model>/point_cloud/iteration_7000``.
+    """
+    folder = Path(folder)
+    saved = saved_iterations(folder)
+    if saved:
+        return saved[max(saved)]
+    if (folder / _POINT_CLOUD).is_file():
+        return folder / _POINT_CLOUD
+    raise InputError(
+        folder,
+        "point_cloud",
+        expected="an INRIA output folder with point_cloud/iteration_*/point_cloud.ply",
+        found="no such file" if folder.is_dir() else "no such folder",
+        hint="or name the .ply itself",
+    )
+
+
+def saved_iterations(folder: Path) -> dict[int, Path]:
+    """Return the model files that were saved, by iteration."""
+    saved = {}
+    for file in Path(folder).glob(f"point_cloud/iteration_*/{_POINT_CLOUD}"):
+        number = file.parent.name.removeprefix("iteration_")
+        if number.isdecimal():
+            saved[int(number)] = file
+    return dict(sorted(saved.items()))
+
+
+def cameras_file(folder: Path) -> Path:
+    """Return the folder's cameras.json."""
+    file = Path(folder) / "cameras.json"
+    if not file.is_file():
+        raise InputError(folder, "cameras.json", expected="the trainer's camera file", found="no such file")
+    return file
+
+
+def training_arguments(folder: Path) -> dict[str, Any]:
+    """Return the trainer's arguments from cfg_args; empty where the folder has none.
+
+    The file is a Python expression that the trainer evaluates; here it is only parsed. A value that is no literal, such
+    as ``PosixPath('data')``, is given as its source text.
+    """
+    file = Path(folder) / "cfg_args"
+    if not file.is_file():
+        return {}
+    try:
+        call = ast.parse(file.read_text(encoding="utf-8").strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise InputError(file, "file", expected="Namespace(name=value, ...)", found=_first_line(error)) from None
+    if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Namespace"):
+        raise InputError(file, "file", expected="Namespace(name=value, ...)", found="another expression")
+    return {keyword.arg: _literal(keyword.value) for keyword in call.keywords if keyword.arg}
+
+
+def _literal(node: ast.expr) -> Any:
+    try:
+        return ast.literal_eval(node)
+    except (ValueError, TypeError, RecursionError, MemoryError):
+        return ast.unparse(node)
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error) or type(error).__name__).partition("\n")[0]
