@@ -1,0 +1,177 @@
+"""OpenCL devices: which there are, which of them work, which one to use."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from typing import Final, Literal
+
+import numpy as np
+import pyopencl as cl
+
+from gspure.errors import InputError
+
+DEVICE_VARIABLE: Final = "GSPURE_DEVICE"
+INSTALL_HINT: Final = "`make opencl` in a checkout of gspure, or `sudo apt-get install pocl-opencl-icd`"
+
+_TRIVIAL_KERNEL = """
+kernel void triple(global const float16 *input, global float16 *output) {
+    const size_t i = get_global_id(0);
+    output[i] = 3.0f * input[i] + 1.0f;
+}
+"""
+
+
+@dataclass(frozen=True)
+class Device:
+    """One OpenCL device of this machine.
+
+    Parameters
+    ----------
+    index : int
+        Its place in `list_devices`, stable as long as the installed drivers are.
+    kind : "gpu" or "cpu"
+        Whatever is no GPU counts as a CPU.
+    name, platform, version, driver : str
+        As the driver tells them; `version` is the platform's.
+    cl_device : pyopencl.Device
+
+    """
+
+    index: int
+    kind: Literal["cpu", "gpu"]
+    name: str
+    platform: str
+    version: str
+    driver: str
+    cl_device: cl.Device
+
+    def __str__(self) -> str:
+        return f"{self.index}: {self.name} ({self.platform})"
+
+
+@cache
+def list_devices() -> tuple[Device, ...]:
+    """Return every device of every platform, GPUs first."""
+    found = sorted((d for p in _platforms() for d in _devices(p)), key=lambda d: not d.type & cl.device_type.GPU)
+    return tuple(
+        Device(
+            index=index,
+            kind="gpu" if device.type & cl.device_type.GPU else "cpu",
+            name=device.name.strip(),
+            platform=device.platform.name.strip(),
+            version=device.platform.version.strip(),
+            driver=device.driver_version.strip(),
+            cl_device=device,
+        )
+        for index, device in enumerate(found)
+    )
+
+
+def named(spec: str) -> tuple[Device, ...]:
+    """Return the devices that `spec` means: an index, or a part of a name in any case.
+
+    The names are the device's, the platform's and the platform's version, so "pocl" is a name too.
+
+    Raises
+    ------
+    InputError
+        If it means none.
+
+    """
+    devices = list_devices()
+    if spec.isdecimal():
+        meant = devices[int(spec) :][:1]
+    else:
+        meant = tuple(d for d in devices if spec.casefold() in f"{d.name}\n{d.platform}\n{d.version}".casefold())
+    if not meant:
+        raise InputError(
+            "OpenCL", "device", expected=f"a device {spec!r}", found=_listing(), hint="see `gspure doctor`"
+        )
+    return meant
+
+
+@cache
+def fault(device: Device) -> str | None:
+    """Return why a trivial program does not build and run on `device`; None if it does.
+
+    A driver may kill the process instead of reporting an error; `gspure.opencl.probe` survives that.
+    """
+    numbers = np.arange(64, dtype=np.float32)
+    tripled = np.empty_like(numbers)
+    try:
+        context = cl.Context([device.cl_device])
+        queue = cl.CommandQueue(context)
+        source = cl.Buffer(context, cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR, hostbuf=numbers)
+        target = cl.Buffer(context, cl.mem_flags.WRITE_ONLY, size=tripled.nbytes)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", cl.CompilerWarning)
+            program = cl.Program(context, _TRIVIAL_KERNEL).build(cache_dir=False)
+        cl.Kernel(program, "triple")(queue, (numbers.size // 16,), None, source, target)
+        cl.enqueue_copy(queue, tripled, target)
+    except cl.Error as error:
+        return _first_line(str(error))
+    return None if np.array_equal(tripled, 3 * numbers + 1) else "a trivial kernel gives wrong results"
+
+
+def works(device: Device) -> bool:
+    """Return whether a trivial program builds and runs on `device`, here and now."""
+    return fault(device) is None
+
+
+def choose_device(spec: str | None = None) -> Device:
+    """Return the device to use: the first that works among those meant, GPUs before CPUs.
+
+    Parameters
+    ----------
+    spec : str, optional
+        Index or part of a name (see `named`); by default what the environment variable GSPURE_DEVICE says, else any.
+        A device that was named is never replaced by another.
+
+    Raises
+    ------
+    InputError
+        If no device is meant, or none of them works.
+
+    """
+    spec = spec or os.environ.get(DEVICE_VARIABLE)
+    meant = named(spec) if spec else list_devices()
+    for device in meant:
+        if works(device):
+            return device
+    raise InputError(
+        "OpenCL",
+        "device",
+        expected="a device on which a trivial program builds and runs",
+        found="; ".join(f"{device}: {fault(device)}" for device in meant) or "no device",
+        hint=INSTALL_HINT,
+    )
+
+
+def _platforms() -> list[cl.Platform]:
+    try:
+        platforms: list[cl.Platform] = cl.get_platforms()
+    except cl.Error:  # the loader found no driver
+        return []
+    return platforms
+
+
+def _devices(platform: cl.Platform) -> list[cl.Device]:
+    try:
+        devices: list[cl.Device] = platform.get_devices()
+    except cl.Error:  # a driver without its hardware
+        return []
+    return devices
+
+
+def _listing(devices: Iterable[Device]) -> str:
+    return "; ".join(map(str, devices)) or "no device"
+
+
+def _first_line(message: str) -> str:
+    """Return the line of a driver's message that tells most: its first with "error", else its first."""
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    return next((line for line in lines if "error" in line.casefold()), (lines or ["unknown error"])[0])
