@@ -88,9 +88,7 @@ def named(spec: str) -> tuple[Device, ...]:
     else:
         meant = tuple(d for d in devices if spec.casefold() in f"{d.name}\n{d.platform}\n{d.version}".casefold())
     if not meant:
-        raise InputError(
-            "OpenCL", "device", expected=f"a device {spec!r}", found=_listing(), hint="see `gspure doctor`"
-        )
+        raise InputError("OpenCL", "device", expected=f"a device {spec!r}", found=_listing(devices))
     return meant
 
 
