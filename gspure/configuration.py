@@ -10,6 +10,16 @@ from typing import Any
 
 from gspure.errors import InputError
 
+_EXPECTED = {
+    "type": "type {}",
+    "enum": "one of {}",
+    "pattern": "a name that matches {}",
+    "minimum": "at least {}",
+    "maximum": "at most {}",
+    "exclusiveMinimum": "more than {}",
+}
+"""What a failed schema keyword asks for, in words."""
+
 
 def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) -> dict[str, Any]:
     """Return a copy of `config` in which every absent setting has its default.
@@ -67,5 +77,7 @@ def _refusal(error: Any, source: str | Path) -> InputError:
     if error.validator == "required":
         missing = next(name for name in error.validator_value if name not in error.instance)
         return InputError(source, ".".join([*path, missing]), expected="an entry", found="nothing")
-    expected = f"{error.validator} {error.validator_value}"
+    wanted = error.validator_value
+    listed = ", ".join(wanted) if isinstance(wanted, list) else wanted
+    expected = _EXPECTED.get(error.validator, error.validator + " {}").format(listed)
     return InputError(source, ".".join(path) or "config", expected=expected, found=repr(error.instance))

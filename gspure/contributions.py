@@ -26,6 +26,7 @@ from gspure.cameras import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians, require_finite
 from gspure.opencl.device import Device
+from gspure.opencl.frame import Energy
 from gspure.opencl.program import kernel_digest
 from gspure.progress import say, track
 from gspure.renderer import CONTRIBUTION, Renderer
@@ -46,7 +47,7 @@ class Stage:
 
 
 def contribute(
-    model: Gaussians, cameras: Sequence[Camera], folder: Path, *, device: Device | None = None, energy: str = "ray"
+    model: Gaussians, cameras: Sequence[Camera], folder: Path, *, device: Device | None = None, energy: Energy = "ray"
 ) -> list[Stage]:
     """Make sure that `folder` holds the contributions of `model` to every view, computing only those that are absent.
 
@@ -110,7 +111,7 @@ def rendering_digest() -> str:
 def read_stage(path: Path) -> NDArray[Any]:
     """Read one stage: an array of `gspure.renderer.CONTRIBUTION` over the touched Gaussians, sorted by index."""
     if not Path(path).exists():
-        hint = "stage files were removed; compute them again: snakemake --forcerun contributions"
+        hint = "stage files were removed; compute them again: snakemake --forcerun measure_contributions"
         raise InputError(path, "file", expected="a stage listed by an index", found="nothing", hint=hint)
     return load_array(path, dtype=CONTRIBUTION, shape=(None,))
 

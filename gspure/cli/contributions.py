@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_energy, add_views, read_views
+from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 
 HELP = "compute what every Gaussian contributes to each view (stored per view)"
 EXAMPLES = """\
@@ -31,12 +31,11 @@ def run(args: argparse.Namespace) -> None:
     """Compute the absent views of this part, then write its index."""
     from gspure.contributions import contribute, write_index
     from gspure.model import read_model
-    from gspure.opencl.device import choose_device
 
     part, parts = args.part
     views = read_views(args)[part - 1 :: parts]
     model = read_model(args.model)
-    stages = contribute(model, views, args.stages, device=choose_device(args.device), energy=args.energy)
+    stages = contribute(model, views, args.stages, device=read_device(args), energy=args.energy)
     write_index(args.index, stages)
 
 

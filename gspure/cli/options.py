@@ -10,6 +10,7 @@ from gspure.errors import InputError
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
+    from gspure.opencl.device import Device
 
 SPLITS = ("train", "test", "all")
 ENERGIES = ("ewa", "ray")
@@ -23,6 +24,16 @@ def add_device(parser: argparse.ArgumentParser) -> None:
         help="OpenCL device, by part of its name or by its index in `gspure doctor`; default: $GSPURE_DEVICE, else the "
         "first on which a trivial program runs",
     )
+
+
+def read_device(args: argparse.Namespace) -> Device:
+    """Return the device that ``--device`` means, and say in the log which it is."""
+    from gspure.opencl.device import choose_device
+    from gspure.progress import say
+
+    device = choose_device(args.device)
+    say(f"device {device}")
+    return device
 
 
 def add_energy(parser: argparse.ArgumentParser, default: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_energy, add_views, read_views
+from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 
 HELP = "render a model's views to images"
 EXAMPLES = """\
@@ -37,14 +37,13 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import save_array
     from gspure.images import write_image
     from gspure.model import read_model, require_finite
-    from gspure.opencl.device import choose_device
     from gspure.progress import track
     from gspure.renderer import Renderer
 
     views = read_views(args)
     model = read_model(args.model)
     require_finite(model, args.model)
-    renderer = Renderer(model, choose_device(args.device), energy=args.energy)
+    renderer = Renderer(model, read_device(args), energy=args.energy)
     for camera in track(views, "render"):
         image = renderer.image(camera, background=tuple(args.background))
         write_image(args.out / f"{camera.name}.png", image)

@@ -1,0 +1,37 @@
+# gspure: how robust is a 3D Gaussian Splatting watermark?
+#
+#   snakemake                              the demo: config/config.yaml
+#   snakemake --configfile mine.yaml       your own models: see config/README.md
+
+from pathlib import Path
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+# A configuration of one's own replaces the demo's; it is not laid over it.
+if not config.keys() & {"assets", "planted"}:
+
+    configfile: Path(workflow.basedir) / "config" / "config.yaml"
+
+
+include: "rules/common.smk"
+include: "rules/scenes.smk"
+include: "rules/contributions.smk"
+include: "rules/purify.smk"
+include: "rules/attack.smk"
+include: "rules/evaluate.smk"
+include: "rules/figures.smk"
+include: "rules/report.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        "results/report.html",
+
+
+rule purified:
+    message:
+        "Purified models only"
+    input:
+        expand("results/{asset}/gspure/public/point_cloud.ply", asset=ASSETS),

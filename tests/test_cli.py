@@ -1,0 +1,153 @@
+"""The command line: help, examples, one-line errors."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from gspure import cli
+from gspure.cameras import read_cameras, split, write_cameras
+from gspure.cli import COMMANDS, MAIN_COMMANDS, STAGES, main
+from gspure.cli.contributions import _part
+from gspure.contributions import read_index, read_stage
+from gspure.images import read_image
+from gspure.model import write_model
+from gspure.renderer import Renderer
+from tests.models import blobs, camera
+
+HEAVY = ("numpy", "scipy", "pyopencl", "hdbscan", "pyvista", "matplotlib", "plyfile", "rich", "jinja2", "PIL")
+
+
+def examples(command):
+    """The example lines of a command, remarks in parentheses taken off."""
+    lines = cli._module(command).EXAMPLES.replace("\\\n", " ").splitlines()
+    return [re.split(r"\s{2,}\(", line.strip())[0] for line in lines if line.strip().startswith("gspure ")]
+
+
+@pytest.fixture
+def asset(tmp_path):
+    write_model(tmp_path / "model.ply", blobs(30))
+    write_cameras(tmp_path / "cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
+    return tmp_path
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        f"import sys\nfrom gspure.cli import main\ntry: main(['--help'])\nfinally: print(*sys.modules.keys() & {HEAVY})"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines()[-1] == ""
+
+
+def test_help_lists_main_commands_before_stages(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    listed = re.findall(r"^  ([a-z]+)  +\S", capsys.readouterr().out, flags=re.MULTILINE)
+    assert [name for name in listed if name in COMMANDS] == [*MAIN_COMMANDS, *STAGES]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_shows_examples_that_it_accepts(command):
+    assert examples(command)
+    for example in examples(command):
+        _, named, *arguments = shlex.split(example)
+        assert named == command
+        cli._parser(command).parse_args(arguments)
+
+
+@pytest.mark.parametrize("argv", [["bogus"], ["--bogus"], ["render"]])
+def test_a_wrong_command_line_ends_with_status_2(argv, capsys):
+    with pytest.raises(SystemExit) as leaving:
+        main(argv)
+    assert leaving.value.code == 2
+    assert "usage: gspure" in capsys.readouterr().err
+
+
+def test_bad_input_is_told_in_one_line_with_status_2(asset, capsys):
+    status = main(["render", "missing.ply", "--cameras", str(asset / "cameras.json"), "--out", str(asset / "out")])
+    error = capsys.readouterr().err
+    assert status == 2
+    assert re.fullmatch(r"gspure render: missing\.ply: .*\n", error)
+    assert not (asset / "out").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_told_in_one_line(asset, capsys):
+    command = ["contributions", "--model", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json")]
+    status = main([*command, "--stages", str(asset / "stages"), "--index", str(asset / "model.ply" / "1.tsv")])
+    assert status == 2
+    assert re.search(r"^gspure contributions: .*model\.ply.*: .+\n\Z", capsys.readouterr().err, flags=re.MULTILINE)
+
+
+def test_a_bug_keeps_its_traceback(asset, monkeypatch):
+    monkeypatch.setattr("gspure.cli.render.read_views", lambda args: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        main(["render", "model.ply", "--cameras", "cameras.json", "--out", "out"])
+
+
+def test_an_empty_split_is_refused(tmp_path, capsys):
+    write_cameras(tmp_path / "cameras.json", [camera()])
+    arguments = ["--cameras", str(tmp_path / "cameras.json"), "--split", "train", "--out", "out"]
+    assert main(["render", "model.ply", *arguments]) == 2
+    assert "at least one train view, found none" in capsys.readouterr().err
+
+
+def test_render_names_images_after_views(asset):
+    out = asset / "renders"
+    arguments = ["--cameras", str(asset / "cameras.json"), "--out", str(out), "--split", "test", "--npy"]
+    assert main(["render", str(asset / "model.ply"), *arguments, "--background", "0", "0.5", "1"]) == 0
+    held_out = split(read_cameras(asset / "cameras.json"))[1]
+    names = [view.name for view in held_out]
+    assert sorted(path.name for path in out.iterdir()) == sorted(
+        f"{name}.{kind}" for name in names for kind in ("npy", "png")
+    )
+    floats = np.load(out / f"{names[0]}.npy")
+    assert floats.dtype == np.float32
+    np.testing.assert_array_equal(floats, Renderer(blobs(30)).image(held_out[0], background=(0, 0.5, 1)))
+    np.testing.assert_allclose(read_image(out / f"{names[0]}.png"), np.clip(floats, 0, 1), atol=0.5 / 255 + 1e-6)
+
+
+def test_contributions_of_all_parts_are_those_of_the_renderer(asset):
+    command = ["contributions", "--model", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json")]
+    for part in (1, 2):
+        stages = ["--stages", str(asset / "stages"), "--index", str(asset / f"{part}.tsv")]
+        assert main([*command, *stages, "--part", f"{part}/2"]) == 0
+    train = split(read_cameras(asset / "cameras.json"))[0]
+    listed = read_index(asset / "1.tsv", asset / "2.tsv")
+    assert [stage.view for stage in listed] == [view.name for view in train]
+    renderer = Renderer(blobs(30), energy="ray")
+    for stage, view in zip(listed, train, strict=True):
+        np.testing.assert_array_equal(read_stage(stage.path), renderer.contributions(view))
+
+
+@pytest.mark.parametrize(("text", "part"), [("1/1", (1, 1)), ("3/4", (3, 4))])
+def test_a_part_is_read(text, part):
+    assert _part(text) == part
+
+
+@pytest.mark.parametrize("text", ["0/2", "3/2", "1", "/", "1/0", "-1/2", "a/b", "1/2/3"])
+def test_a_part_outside_the_whole_is_refused(text, capsys):
+    with pytest.raises(SystemExit):
+        main(["contributions", "--model", "m", "--cameras", "c", "--stages", "s", "--index", "i", f"--part={text}"])
+    assert "expected I/N with 1 <= I <= N" in capsys.readouterr().err
+
+
+def test_pruning_stages_deletes_what_no_index_lists_and_says_how_much(asset, capsys):
+    index = asset / "results" / "vanilla" / "bot" / "contributions" / "1-of-1.tsv"
+    command = ["contributions", "--model", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json")]
+    folders = ["--stages", str(asset / "stages"), "--index", str(index)]
+    main([*command, *folders, "--energy", "ewa"])
+    stale = sum(path.stat().st_size for path in (asset / "stages").iterdir())
+    main([*command, *folders, "--energy", "ray"])
+    assert main(["stages", "prune", "--stages", str(asset / "stages"), "--results", str(asset / "results")]) == 0
+    assert f"8 files deleted, {stale} bytes" in capsys.readouterr().out
+    assert all(read_stage(stage.path).size for stage in read_index(index))
+
+
+def test_pruning_stages_without_any_index_is_refused(tmp_path, capsys):
+    assert main(["stages", "prune", "--results", str(tmp_path)]) == 2
+    assert "at least one index" in capsys.readouterr().err

@@ -1,0 +1,114 @@
+"""The configuration: what it accepts, what it fills in, and how it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from gspure import constants
+from gspure.attacks import attacks
+from gspure.cli.options import ENERGIES, SPLITS
+from gspure.clustering.selection import SELECTIONS
+from gspure.configuration import validated
+from gspure.errors import InputError
+from gspure.weights import REDUCTIONS
+
+ROOT = Path(__file__).parents[1]
+SCHEMA_FILE = ROOT / "schemas" / "config.schema.yaml"
+SCHEMA = yaml.safe_load(SCHEMA_FILE.read_text())
+BOT = {"model": "bot.ply", "cameras": "orbit"}
+ASSET = {"assets": {"bot": BOT}}
+
+
+def filled(config):
+    return validated(config, SCHEMA_FILE, "mine.yaml")
+
+
+def settings(schema, path=()):
+    """Every named setting of the schema: (path, subschema)."""
+    for name, subschema in schema.get("properties", {}).items():
+        yield (*path, name), subschema
+        yield from settings(subschema, (*path, name))
+        if isinstance(subschema.get("additionalProperties"), dict):
+            yield from settings(subschema["additionalProperties"], (*path, name, "*"))
+
+
+def test_the_schema_is_valid():
+    Draft202012Validator.check_schema(SCHEMA)
+
+
+@pytest.mark.parametrize(
+    ("path", "subschema"), [pytest.param(*found, id=".".join(found[0])) for found in settings(SCHEMA)]
+)
+def test_every_setting_has_a_description_and_a_default_or_is_required(path, subschema):
+    assert subschema["description"].endswith(".")
+    assert "default" in subschema or path in {("assets", "*", "model"), ("assets", "*", "cameras")} | {
+        ("variants", "*", "attack")
+    }
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "config").glob("*.yaml")), ids=lambda path: path.name)
+def test_every_shipped_configuration_is_valid(file):
+    validated(yaml.safe_load(file.read_text()), SCHEMA_FILE, file)
+
+
+def test_naming_a_model_and_its_cameras_is_enough():
+    config = filled(ASSET)
+    assert config["assets"]["bot"].items() >= BOT.items()
+    assert config["planted"] == {}
+    assert {"watermarked", "gspure"} <= config["variants"].keys()
+
+
+def test_defaults_of_the_method_are_the_constants_of_the_code():
+    method = filled({})["method"]
+    names = ("tau_c", "tau_n", "min_samples", "min_cluster_size", "max_cluster_share")
+    assert {name: method[name] for name in names} == {name: getattr(constants, name.upper()) for name in names}
+
+
+def test_choices_are_those_of_the_code():
+    method = SCHEMA["properties"]["method"]["properties"]
+    assert set(method["selection"]["enum"]) == set(SELECTIONS)
+    assert set(method["reduction"]["enum"]) == set(REDUCTIONS)
+    assert set(method["energy"]["enum"]) == set(ENERGIES)
+    assert set(SCHEMA["properties"]["views"]["properties"]["evaluate"]["enum"]) == set(SPLITS)
+
+
+def test_default_variants_are_known_attacks():
+    assert filled({})["variants"].keys() <= attacks().keys()
+
+
+def test_a_default_is_not_shared_between_two_configurations():
+    filled({})["method"]["tau_c"] = 9
+    assert filled({})["method"]["tau_c"] == constants.TAU_C
+
+
+def test_the_configuration_handed_in_is_left_alone():
+    config = {"method": {}}
+    filled(config)
+    assert config == {"method": {}}
+
+
+@pytest.mark.parametrize(
+    ("config", "line"),
+    [
+        ({"asets": {}}, "asets: expected one of assets, .* found an unknown key .did you mean assets"),
+        ({"method": {"tau": 4}}, "method.tau: expected one of .*tau_c.*unknown key"),
+        ({"assets": {"bot": {"model": "bot.ply"}}}, "assets.bot.cameras: expected an entry, found nothing"),
+        ({"assets": {"a/b": BOT}}, "assets: expected a name that matches .* found 'a/b'"),
+        ({"method": {"selection": "best"}}, "method.selection: expected one of eom_capped, eom, leaf, found 'best'"),
+        ({"method": {"tau_n": 0}}, "method.tau_n: expected more than 0, found 0"),
+        ({"assets": {"bot": {**BOT, "scale": "half"}}}, "assets.bot.scale: .* found 'half'"),
+        ({"views": {"parts": 1.5}}, "views.parts: expected type integer, found 1.5"),
+        ({"variants": {"gspure": {}}}, "variants.watermarked: expected an entry, found nothing"),
+        ({"planted": {"room": {"views": 1}}}, "planted.room.views: expected at least 2, found 1"),
+        ({"method": None}, "method: expected type object, found None"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_wrong_setting_is_refused_in_one_line_that_names_it(config, line):
+    with pytest.raises(InputError, match="^mine.yaml: " + line) as refusal:
+        filled(config)
+    assert "\n" not in str(refusal.value)

@@ -1,0 +1,220 @@
+"""The store of per-view contributions: what is computed again, and what is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure import contributions
+from gspure.cameras import Camera
+from gspure.cameras.camera import intrinsics
+from gspure.contributions import (
+    Stage,
+    contribute,
+    contribution_key,
+    geometry_digest,
+    read_index,
+    read_stage,
+    remove_unlisted,
+    write_index,
+)
+from gspure.errors import InputError
+from gspure.model import Gaussians
+from gspure.renderer import CONTRIBUTION
+
+
+@dataclass
+class CountingRenderer:
+    """Stands for the renderer: remembers which views it was asked for, and can fail at one of them."""
+
+    built: int = 0
+    asked: list[str] = field(default_factory=list)
+    failing_view: str | None = None
+
+    def __call__(self, model, device=None, *, energy):
+        self.built += 1
+        return self
+
+    def contributions(self, camera):
+        if camera.name == self.failing_view:
+            raise KeyboardInterrupt
+        self.asked.append(camera.name)
+        return np.array([(len(camera.name), camera.K[0, 0], 0.5, 3)], CONTRIBUTION)
+
+
+@pytest.fixture
+def renderer(monkeypatch):
+    counting = CountingRenderer()
+    monkeypatch.setattr(contributions, "Renderer", counting)
+    return counting
+
+
+def small_model(count=5):
+    rng = np.random.default_rng(0)
+    return Gaussians.from_parameters(
+        means=rng.normal(size=(count, 3)),
+        quats=np.tile([1.0, 0, 0, 0], (count, 1)),
+        scales=np.full((count, 3), 0.1),
+        opacities=np.full(count, 0.5),
+        sh_coeffs=rng.normal(size=(count, 1, 3)),
+    )
+
+
+def views(count=4):
+    return [Camera(f"view_{i}", 32, 24, intrinsics(30.0, 30.0, 16.0, 12.0), np.eye(4)) for i in range(count)]
+
+
+def moved(camera, by=1e-9):
+    viewmat = camera.viewmat.copy()
+    viewmat[2, 3] += by
+    return replace(camera, viewmat=viewmat)
+
+
+def test_every_view_is_computed_once(tmp_path, renderer):
+    first = contribute(small_model(), views(), tmp_path)
+    again = contribute(small_model(), views(), tmp_path)
+    assert again == first
+    assert renderer.asked == [camera.name for camera in views()]
+
+
+def test_kernels_are_built_once_per_job_and_not_at_all_when_nothing_is_absent(tmp_path, renderer):
+    contribute(small_model(), views(), tmp_path)
+    assert renderer.built == 1
+    contribute(small_model(), views(), tmp_path)
+    assert renderer.built == 1
+
+
+def test_an_edited_camera_recomputes_its_view_alone(tmp_path, renderer):
+    cameras = views()
+    contribute(small_model(), cameras, tmp_path)
+    renderer.asked.clear()
+    contribute(small_model(), [cameras[0], moved(cameras[1]), *cameras[2:]], tmp_path)
+    assert renderer.asked == ["view_1"]
+
+
+def test_a_camera_edited_back_recomputes_nothing(tmp_path, renderer):
+    cameras = views()
+    contribute(small_model(), cameras, tmp_path)
+    contribute(small_model(), [moved(camera) for camera in cameras], tmp_path)
+    renderer.asked.clear()
+    contribute(small_model(), cameras, tmp_path)
+    assert renderer.asked == []
+
+
+@given(number=st.integers(0, 19))
+def test_every_number_of_a_camera_is_in_the_key(number):
+    one, other = (Numbers(np.arange(20.0)) for _ in range(2))
+    other.numbers[number] += 1e-9
+    assert contribution_key("geometry", one, "ray") != contribution_key("geometry", other, "ray")
+
+
+@dataclass
+class Numbers:
+    """Stands for a camera, of which the key reads the numbers alone."""
+
+    numbers: np.ndarray
+
+
+@pytest.mark.parametrize("column", ["x", "rot_3", "scale_1", "opacity"])
+def test_geometry_and_opacity_of_any_gaussian_are_in_the_key(column):
+    model = small_model()
+    edited = model.table[column].copy()
+    edited[-1] = np.nextafter(edited[-1], np.float32(9))
+    assert geometry_digest(model.with_columns({column: edited})) != geometry_digest(model)
+
+
+def test_colour_is_not_in_the_key():
+    model = small_model()
+    assert geometry_digest(model.with_columns({"f_dc_0": np.zeros(len(model))})) == geometry_digest(model)
+
+
+def test_the_energy_and_the_rendering_code_are_in_the_key(monkeypatch):
+    camera = views(1)[0]
+    keys = {contribution_key("geometry", camera, energy) for energy in ("ray", "ewa")}
+    monkeypatch.setattr(contributions, "rendering_digest", lambda: "edited kernels")
+    keys |= {contribution_key("geometry", camera, "ray")}
+    assert len(keys) == 3
+
+
+def test_an_interrupted_job_keeps_its_finished_views_and_the_next_one_computes_the_rest(tmp_path, renderer):
+    renderer.failing_view = "view_2"
+    with pytest.raises(KeyboardInterrupt):
+        contribute(small_model(), views(), tmp_path)
+    assert sorted(path.name.split(".")[0] for path in tmp_path.iterdir()) == ["view_0", "view_1"]
+    renderer.failing_view = None
+    renderer.asked.clear()
+    contribute(small_model(), views(), tmp_path)
+    assert renderer.asked == ["view_2", "view_3"]
+
+
+def test_a_model_with_nan_is_refused_before_anything_is_written(tmp_path, renderer):
+    model = small_model()
+    with pytest.raises(InputError, match="finite"):
+        contribute(model.with_columns({"y": np.full(len(model), np.nan)}), views(), tmp_path / "stages")
+    assert not (tmp_path / "stages").exists()
+
+
+def test_an_index_reads_back_after_the_project_was_moved(tmp_path, renderer):
+    project = tmp_path / "project"
+    stages = contribute(small_model(), views(), project / "stages" / "room")
+    write_index(project / "results" / "contributions" / "1.tsv", stages)
+    project.rename(tmp_path / "moved")
+    found = read_index(tmp_path / "moved" / "results" / "contributions" / "1.tsv")
+    assert [stage.view for stage in found] == [stage.view for stage in stages]
+    assert [read_stage(stage.path)["index"][0] for stage in found] == [len("view_0")] * len(stages)
+
+
+FILE_NAMES = st.text(st.characters(exclude_categories=["Cc", "Cs"], exclude_characters="/"), min_size=1, max_size=20)
+
+
+@given(names=st.sets(FILE_NAMES, max_size=8))
+def test_any_view_name_survives_an_index(tmp_path_factory, names):
+    folder = tmp_path_factory.mktemp("index")
+    stages = [Stage(name, "key", folder / f"{name}.key.npy") for name in sorted(names)]
+    write_index(folder / "1.tsv", stages)
+    assert read_index(folder / "1.tsv") == stages
+
+
+@given(parts=st.integers(1, 7), count=st.integers(0, 12))
+def test_the_order_of_views_does_not_depend_on_how_they_were_dealt_out(tmp_path_factory, parts, count):
+    folder = tmp_path_factory.mktemp("parts")
+    stages = [Stage(f"view_{i:02}", "key", folder / f"view_{i:02}.key.npy") for i in range(count)]
+    indices = [folder / f"{part}.tsv" for part in range(parts)]
+    for part, index in enumerate(indices):
+        write_index(index, stages[part::parts])
+    assert read_index(*reversed(indices)) == stages
+
+
+def test_a_view_in_two_indices_is_refused(tmp_path):
+    for name in ("1.tsv", "2.tsv"):
+        write_index(tmp_path / name, [Stage("view_0", "key", tmp_path / "view_0.key.npy")])
+    with pytest.raises(InputError, match="'view_0' twice"):
+        read_index(tmp_path / "1.tsv", tmp_path / "2.tsv")
+
+
+@pytest.mark.parametrize("text", ["", "view\tpath\n", "view\tkey\tpath\nview_0\tkey\n", "\0"])
+def test_a_file_that_is_no_index_is_refused(tmp_path, text):
+    (tmp_path / "1.tsv").write_text(text)
+    with pytest.raises(InputError, match=r"1\.tsv: columns"):
+        read_index(tmp_path / "1.tsv")
+
+
+def test_a_removed_stage_is_named_with_the_way_to_restore_it(tmp_path, renderer):
+    stages = contribute(small_model(), views(), tmp_path)
+    stages[1].path.unlink()
+    with pytest.raises(InputError, match=rf"{stages[1].path.name}.*--forcerun measure_contributions"):
+        read_stage(stages[1].path)
+
+
+def test_only_stages_that_no_index_lists_are_deleted(tmp_path, renderer):
+    stages = contribute(small_model(), views(4), tmp_path / "stages")
+    stale = contribute(small_model(), [moved(views(1)[0])], tmp_path / "stages")
+    write_index(tmp_path / "1.tsv", stages[:2])
+    write_index(tmp_path / "2.tsv", stages[2:])
+    size = stale[0].path.stat().st_size
+    assert remove_unlisted(tmp_path / "stages", [tmp_path / "1.tsv", tmp_path / "2.tsv"]) == (1, size)
+    assert sorted((tmp_path / "stages").iterdir()) == [stage.path for stage in stages]
