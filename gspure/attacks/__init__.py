@@ -1,0 +1,6 @@
+"""Attacks: pure functions from a public model to an attacked one, the built-in ones and those of other packages."""
+
+from gspure.attacks.attack import Attack, Attacked, Evidence
+from gspure.attacks.registry import attacks, find_attack
+
+__all__ = ["Attack", "Attacked", "Evidence", "attacks", "find_attack"]

@@ -1,0 +1,115 @@
+"""GSPure: the attack on a stored decision, and the whole method on one model in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gspure import __version__, pruning
+from gspure.attacks.attack import Attack, Attacked, Mask, Rng, Weights
+from gspure.cameras.camera import Camera
+from gspure.clustering import Diagnosis, Selection, coincident_points, diagnose, select, spanning_tree
+from gspure.clustering.selection import Labels
+from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
+from gspure.features import features
+from gspure.model.gaussians import Gaussians
+from gspure.progress import say, track
+from gspure.weights import Reduction, accumulate
+
+if TYPE_CHECKING:
+    from gspure.opencl.device import Device
+    from gspure.opencl.frame import Energy
+
+
+def gspure(model: Gaussians, _rng: Rng, prune_mask: Mask) -> Attacked:
+    """Remove the Gaussians that adaptive pruning has decided on (`gspure.pruning.prune_mask`)."""
+    return Attacked(model.subset(~prune_mask), ~prune_mask)
+
+
+ATTACK = Attack("gspure", gspure)
+
+
+@dataclass(frozen=True)
+class Purification:
+    """What `purify` found and did.
+
+    Parameters
+    ----------
+    model : Gaussians
+        The rows that remain, bit-identical, with one comment line more.
+    weights : array [K], float32
+        View-accumulated weights ω_k of the given model.
+    labels : array [K], int32
+        Clusters 0 .. M-1; -1 is noise.
+    pruned : array [K], bool
+        True where removed.
+    diagnosis : Diagnosis
+        The clustering in numbers, with its warnings.
+
+    """
+
+    model: Gaussians
+    weights: Weights
+    labels: Labels
+    pruned: Mask
+    diagnosis: Diagnosis
+
+
+def purify(
+    model: Gaussians,
+    cameras: Sequence[Camera],
+    *,
+    device: Device | None = None,
+    energy: Energy = "ray",
+    reduction: Reduction = "sum",
+    min_samples: int = MIN_SAMPLES,
+    min_cluster_size: int = MIN_CLUSTER_SIZE,
+    selection: Selection = "eom_capped",
+    max_cluster_share: float = MAX_CLUSTER_SHARE,
+    tau_c: float = TAU_C,
+    tau_n: float = TAU_N,
+) -> Purification:
+    """Run GSPure on one model: contributions, weights, features, clusters, pruning (paper, §Methodology).
+
+    Parameters
+    ----------
+    model : Gaussians
+        The public model.
+    cameras : sequence of Camera
+        The N views whose contributions count; they are taken in the order of their names.
+    device : Device, optional
+        Default: the first on which a trivial program runs.
+    energy : {"ray", "ewa"}
+        How a Gaussian meets a pixel: the maximum along its ray (the paper's equation), or the 2-D splat.
+    reduction : {"sum", "max", "mean_touched"}
+        How the pixels of a view become one number.
+    min_samples, min_cluster_size, selection, max_cluster_share
+        See `gspure.clustering`.
+    tau_c, tau_n : float
+        Cluster and noise pruning factors.
+
+    Raises
+    ------
+    InputError
+        If the model or the views are unfit, a setting is out of range, or there is no device.
+
+    """
+    from gspure.renderer import Renderer
+
+    renderer = Renderer(model, device, energy=energy)
+    views = sorted(cameras, key=lambda camera: camera.name)
+    stages = (renderer.contributions(camera) for camera in track(views, "contributions"))
+    weights = accumulate(stages, len(model), reduction)
+    say(f"clustering {len(model)} Gaussians")
+    tree = spanning_tree(features(model.means, model.opacities, weights), min_samples)
+    labels = select(tree, min_cluster_size, selection, max_cluster_share)
+    pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)
+    said = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
+    return Purification(
+        model.subset(~pruned).with_comment(f"gspure {__version__} purified {said} selection={selection}"),
+        weights,
+        labels,
+        pruned,
+        diagnose(labels, weights, tau_c, tau_n, coincident_points(tree)),
+    )

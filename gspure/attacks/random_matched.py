@@ -1,0 +1,16 @@
+"""Control: random pruning of as many Gaussians as GSPure prunes."""
+
+from __future__ import annotations
+
+from gspure.attacks.attack import Attack, Attacked, Mask, Rng
+from gspure.attacks.random_pruning import random_mask
+from gspure.model.gaussians import Gaussians
+
+
+def random_matched(model: Gaussians, rng: Rng, prune_mask: Mask) -> Attacked:
+    """Remove as many random Gaussians as GSPure's mask does."""
+    kept = random_mask(len(model), int(prune_mask.sum()), rng)
+    return Attacked(model.subset(kept), kept)
+
+
+ATTACK = Attack("random_matched", random_matched)

@@ -1,0 +1,36 @@
+"""``gspure cluster``: flat clusters from a spanning tree."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gspure.cli.method_options import add_selection
+
+HELP = "select clusters from a spanning tree"
+EXAMPLES = """\
+  gspure cluster --tree tree.npy --out clusters.npz
+  gspure cluster --tree tree.npy --selection leaf --min-cluster-size 100 --out clusters.npz
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("--tree", type=Path, required=True, metavar="NPY", help="of `gspure tree`")
+    add_selection(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="NPZ", help="labels: int32 [K], -1 is noise")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Select and write the clusters."""
+    import numpy as np
+
+    from gspure.artifacts import load_array, write_provenance
+    from gspure.clustering.selection import select
+    from gspure.clustering.store import Clusters, write_clusters
+    from gspure.clustering.tree import coincident_points
+
+    tree = load_array(args.tree, dtype=np.float64, shape=(None, 3))
+    settings = {name: getattr(args, name) for name in ("min_cluster_size", "selection", "max_cluster_share")}
+    write_clusters(args.out, Clusters(select(tree, **settings), coincident_points(tree)), settings)
+    write_provenance(args.out, inputs={"tree": args.tree}, settings=settings)

@@ -1,0 +1,32 @@
+"""``gspure features``: standardized position, opacity and weight of every Gaussian."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "standardize positions, opacities and weights: features F [K,5]"
+EXAMPLES = """\
+  gspure features --model point_cloud.ply --weights omega.npy --out features.npy
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("--model", type=Path, required=True, help="3DGS .ply")
+    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="of `gspure weights`")
+    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="features: float64 [K,5]")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Compute and write the features."""
+    import numpy as np
+
+    from gspure.artifacts import load_array, save_array, write_provenance
+    from gspure.features import features
+    from gspure.model import read_model
+
+    model = read_model(args.model)
+    weights = load_array(args.weights, dtype=np.float32, shape=(len(model),))
+    save_array(args.out, features(model.means, model.opacities, weights))
+    write_provenance(args.out, inputs={"model": args.model, "weights": args.weights}, settings={})

@@ -1,0 +1,42 @@
+"""``gspure prune``: which Gaussians the method removes, and what the clustering had to do with it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gspure.cli.method_options import add_factors
+
+HELP = "decide which Gaussians to prune, and diagnose the clustering"
+EXAMPLES = """\
+  gspure prune --clusters clusters.npz --weights omega.npy --out prune_mask.npy --diagnosis diagnosis.json
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="of `gspure cluster`")
+    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="of `gspure weights`")
+    add_factors(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="bool [K], true where pruned")
+    parser.add_argument("--diagnosis", type=Path, metavar="JSON", help="also write the diagnosis here")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Write the mask, and say what the clustering did."""
+    import numpy as np
+
+    from gspure.artifacts import load_array, save_array, write_json, write_provenance
+    from gspure.clustering.diagnosis import diagnose
+    from gspure.clustering.store import read_clusters
+    from gspure.pruning import prune_mask
+
+    labels, coincident = read_clusters(args.clusters)
+    weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),))
+    diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident)
+    print("\n".join(diagnosis.lines()))
+    if args.diagnosis:
+        write_json(args.diagnosis, diagnosis.to_json())
+    save_array(args.out, prune_mask(labels, weights, args.tau_c, args.tau_n))
+    inputs = {"clusters": args.clusters, "weights": args.weights}
+    write_provenance(args.out, inputs=inputs, settings={"tau_c": args.tau_c, "tau_n": args.tau_n})

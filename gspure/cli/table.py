@@ -1,0 +1,44 @@
+"""``gspure table``: all variants of all models side by side."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "gather metrics of all variants into one table, with the Score"
+EXAMPLES = """\
+  gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md
+  gspure table --metrics results/planted/room/*/metrics.csv --kept results/planted/room/*/kept.npy \\
+      --truth results/planted/room/key/message.npy --out results.csv --markdown results.md
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument(
+        "--metrics", type=Path, nargs="+", required=True, metavar="CSV", help="files SCHEME/SCENE/VARIANT/metrics.csv"
+    )
+    parser.add_argument(
+        "--kept", type=Path, nargs="*", default=[], metavar="NPY", help="kept rows, below their SCHEME/SCENE/VARIANT"
+    )
+    parser.add_argument(
+        "--truth",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="NPY",
+        help="bool [K], true for Gaussians of the message, below their SCHEME/SCENE",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per variant and target")
+    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="one table per scene, for reading")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Write both tables."""
+    from gspure.artifacts import write_text
+    from gspure.evaluation.outcomes import collect
+    from gspure.evaluation.tables import markdown, write_table
+
+    outcomes = collect(args.metrics, args.kept, args.truth)
+    write_table(args.out, outcomes)
+    write_text(args.markdown, markdown(outcomes))

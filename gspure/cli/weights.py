@@ -1,0 +1,38 @@
+"""``gspure weights``: the average contribution of every Gaussian over the views."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gspure.cli.method_options import add_reduction
+
+HELP = "average the contributions over the views: weights omega [K]"
+EXAMPLES = """\
+  gspure weights --index 1.tsv 2.tsv --model point_cloud.ply --out omega.npy
+  gspure weights --index room.tsv --model point_cloud.ply --reduction max --out omega.npy
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument(
+        "--index", type=Path, nargs="+", required=True, metavar="TSV", help="indices of `gspure contributions`"
+    )
+    parser.add_argument("--model", type=Path, required=True, help="the model they were computed of")
+    add_reduction(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="weights: float32 [K]")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Read the stages of all parts in the order of their views, and average them."""
+    from gspure.artifacts import save_array, write_provenance
+    from gspure.contributions import read_index, read_stage
+    from gspure.model import read_model
+    from gspure.weights import accumulate
+
+    stages = read_index(*args.index)
+    weights = accumulate((read_stage(stage.path) for stage in stages), len(read_model(args.model)), args.reduction)
+    save_array(args.out, weights)
+    inputs = {"model": args.model} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
+    write_provenance(args.out, inputs=inputs, settings={"reduction": args.reduction, "views": len(stages)})

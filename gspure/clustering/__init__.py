@@ -1,0 +1,19 @@
+"""Exact HDBSCAN in two steps: a spanning tree, which is costly, and a selection of clusters from it, which is not."""
+
+from gspure.clustering.diagnosis import Diagnosis, diagnose
+from gspure.clustering.selection import SELECTIONS, Selection, select
+from gspure.clustering.store import Clusters, read_clusters, write_clusters
+from gspure.clustering.tree import coincident_points, spanning_tree
+
+__all__ = [
+    "SELECTIONS",
+    "Clusters",
+    "Diagnosis",
+    "Selection",
+    "coincident_points",
+    "diagnose",
+    "read_clusters",
+    "select",
+    "spanning_tree",
+    "write_clusters",
+]

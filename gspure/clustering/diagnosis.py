@@ -1,0 +1,146 @@
+"""What the clustering did to the decision, and whether it can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
+from gspure.errors import InputError
+from gspure.pruning import Mask, plain_prune_mask, prune_mask
+
+_LARGEST_SHARE_WARNED = 0.5
+_CHANGED_SHARE_WARNED = 0.05
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A clustering and its pruning in numbers; shares are of all Gaussians unless said otherwise.
+
+    Parameters
+    ----------
+    gaussians, clusters : int
+        How many there are.
+    coincident : int
+        Surplus points in piles of equal features (see `gspure.clustering.coincident_points`).
+    largest_share, noise_share : float
+        In the largest cluster; without cluster.
+    pruned_share, pruned_as_cluster, pruned_as_noise : float
+        Pruned altogether; with their cluster; one by one.
+    pruned_weight_share : float
+        Share of the total weight that the pruned ones hold.
+    plain_share : float
+        Pruned by the rule without clustering, ω_k < ω̄/τ_n.
+    changed_share : float
+        One minus the Jaccard index of both pruned sets: what the clustering changes of the decision.
+    changed_share_clustered : float
+        The same among the points that belong to a cluster (the rules agree on noise by construction).
+
+    """
+
+    gaussians: int
+    clusters: int
+    coincident: int
+    largest_share: float
+    noise_share: float
+    pruned_share: float
+    pruned_as_cluster: float
+    pruned_as_noise: float
+    pruned_weight_share: float
+    plain_share: float
+    changed_share: float
+    changed_share_clustered: float
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Reasons to doubt the clustering, one sentence each."""
+        found = []
+        if self.largest_share > _LARGEST_SHARE_WARNED:
+            found.append(
+                f"the largest cluster holds {self.largest_share:.0%} of all Gaussians: the clustering has collapsed; "
+                "try selection eom_capped or leaf"
+            )
+        if not self.clusters:
+            found.append("no cluster was found: every Gaussian is judged alone, by the noise rule")
+        elif self.changed_share < _CHANGED_SHARE_WARNED:
+            found.append(
+                f"clustering changes {self.changed_share:.1%} of the decision: "
+                "the plain rule on the weights does nearly the same"
+            )
+        if self.coincident:
+            found.append(
+                f"{self.coincident} Gaussians have the same features as more than min_samples others: "
+                "such piles are infinitely dense and become clusters of their own"
+            )
+        return tuple(found)
+
+    def lines(self) -> list[str]:
+        """Return the diagnosis as lines of text, warnings last."""
+        table = {
+            "clusters": f"{self.clusters} (largest {self.largest_share:.1%}, noise {self.noise_share:.1%})",
+            "pruned": f"{self.pruned_share:.1%} of {self.gaussians} Gaussians, {self.pruned_weight_share:.2%} of ω",
+            "  with a cluster": f"{self.pruned_as_cluster:.1%}",
+            "  as noise": f"{self.pruned_as_noise:.1%}",
+            "  by plain rule": f"{self.plain_share:.1%} (without clustering)",
+            "changed": f"{self.changed_share:.1%} of the decision, {self.changed_share_clustered:.1%} in clusters",
+        }
+        return [f"{name:<16}  {text}" for name, text in table.items()] + [f"warning: {text}" for text in self.warnings]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the diagnosis as plain numbers and texts."""
+        return {**asdict(self), "warnings": list(self.warnings)}
+
+
+def diagnose(
+    labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C, tau_n: float = TAU_N, coincident: int = 0
+) -> Diagnosis:
+    """Compare the pruning that follows from `labels` with the one that follows from the weights alone.
+
+    Parameters
+    ----------
+    labels : array [K], int
+        Clusters 0 .. M-1; -1 is noise.
+    weights : array [K]
+        View-accumulated weights.
+    tau_c, tau_n : float
+        Pruning factors.
+    coincident : int
+        From `gspure.clustering.coincident_points`.
+
+    Raises
+    ------
+    InputError
+        If there are not as many labels as weights.
+
+    """
+    if len(labels) != len(weights):
+        raise InputError("clustering", "labels", expected=f"{len(weights)}, as many as weights", found=str(len(labels)))
+    pruned = prune_mask(labels, weights, tau_c, tau_n)
+    plain = plain_prune_mask(weights, tau_n)
+    clustered = labels != NOISE_LABEL
+    sizes = np.bincount(labels[clustered])
+    return Diagnosis(
+        gaussians=len(labels),
+        clusters=len(sizes),
+        coincident=coincident,
+        largest_share=_share(sizes.max(initial=0), len(labels)),
+        noise_share=_share((~clustered).sum(), len(labels)),
+        pruned_share=_share(pruned.sum(), len(labels)),
+        pruned_as_cluster=_share((pruned & clustered).sum(), len(labels)),
+        pruned_as_noise=_share((pruned & ~clustered).sum(), len(labels)),
+        pruned_weight_share=_share(weights[pruned].sum(dtype=np.float64), weights.sum(dtype=np.float64)),
+        plain_share=_share(plain.sum(), len(labels)),
+        changed_share=_changed(pruned, plain),
+        changed_share_clustered=_changed(pruned[clustered], plain[clustered]),
+    )
+
+
+def _changed(ours: Mask, theirs: Mask) -> float:
+    return _share((ours ^ theirs).sum(), (ours | theirs).sum())
+
+
+def _share(part: float, whole: float) -> float:
+    return float(part) / float(whole) if whole else 0.0

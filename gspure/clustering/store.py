@@ -1,0 +1,52 @@
+"""The file ``clusters.npz``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+from gspure.artifacts import replacing
+from gspure.clustering.selection import Labels
+from gspure.constants import NOISE_LABEL
+from gspure.errors import InputError
+
+
+class Clusters(NamedTuple):
+    """Labels [K], int32, and the number of coincident points (see `gspure.clustering.coincident_points`)."""
+
+    labels: Labels
+    coincident: int
+
+
+def write_clusters(path: Path, clusters: Clusters, settings: Mapping[str, int | float | str]) -> None:
+    """Write clusters, and the settings that made them, as .npz without pickle, whole or not at all."""
+    entries = {"labels": clusters.labels, "coincident": np.array(clusters.coincident)}
+    entries |= {name: np.array(value) for name, value in settings.items()}
+    with replacing(path) as temporary:
+        np.savez_compressed(temporary, allow_pickle=False, **entries)
+
+
+def read_clusters(path: Path) -> Clusters:
+    """Read clusters.
+
+    Raises
+    ------
+    InputError
+        If the file is not one that `write_clusters` has written.
+
+    """
+    try:
+        with np.load(path, allow_pickle=False) as entries:
+            labels, coincident = entries["labels"], int(entries["coincident"])
+    except FileNotFoundError:
+        raise InputError(path, "file", expected="an existing .npz file", found="nothing") from None
+    except (ValueError, EOFError, OSError, KeyError, AttributeError, TypeError, BadZipFile) as error:
+        raise InputError(path, "file", expected=".npz with labels and coincident", found=str(error)) from None
+    if labels.ndim != 1 or labels.dtype != np.int32 or labels.min(initial=NOISE_LABEL) < NOISE_LABEL:
+        found = f"{labels.dtype} {list(labels.shape)}"
+        raise InputError(path, "labels", expected=f"int32 [any], {NOISE_LABEL} or more", found=found)
+    return Clusters(labels, coincident)

@@ -1,0 +1,1 @@
+"""Evaluation: image metrics, agreement with a known truth, and tables."""

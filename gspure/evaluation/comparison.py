@@ -1,0 +1,127 @@
+"""Two folders of images, compared view by view, and the table ``metrics.csv`` of the result."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gspure.artifacts import write_text
+from gspure.errors import InputError
+from gspure.evaluation.metrics import psnr, ssim
+from gspure.images import read_image
+
+HEADER: Final = ("target", "view", "psnr", "ssim")
+
+
+class ViewMetrics(NamedTuple):
+    """One compared view."""
+
+    target: str
+    """What the image shows: its folder below the compared ones (``scene``, ``message``), or ``.``."""
+
+    view: str
+    psnr: float
+    ssim: float
+
+
+class Pair(NamedTuple):
+    """Two images of the same target and view."""
+
+    target: str
+    view: str
+    reference: Path
+    other: Path
+
+
+def pair_images(reference: Path, other: Path) -> tuple[list[Pair], int]:
+    """Pair the PNG files below two folders by their relative paths.
+
+    Returns
+    -------
+    pairs : list of Pair
+        One per image of `other`, sorted by target and view.
+    surplus : int
+        Images of `reference` without counterpart; a reference may cover more views than were rendered.
+
+    Raises
+    ------
+    InputError
+        If a folder holds no PNG file, or `other` has one that `reference` lacks.
+
+    """
+    ours, theirs = _png_files(reference), _png_files(other)
+    for path in sorted(theirs - ours):
+        raise InputError(reference / path, "file", expected=f"a counterpart of {other / path}", found="nothing")
+    pairs = [Pair(p.parent.as_posix(), p.stem, reference / p, other / p) for p in theirs]
+    return sorted(pairs), len(ours - theirs)
+
+
+def compare(pair: Pair) -> ViewMetrics:
+    """Compare two images.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read, or their sizes differ.
+
+    """
+    a, b = read_image(pair.reference), read_image(pair.other)
+    if a.shape != b.shape:
+        expected = f"{a.shape[1]}x{a.shape[0]}, as {pair.reference}"
+        raise InputError(pair.other, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
+    return ViewMetrics(pair.target, pair.view, psnr(a, b), ssim(a, b))
+
+
+def means(rows: Sequence[ViewMetrics]) -> list[ViewMetrics]:
+    """Return one row per target: the mean over its views, with the view named ``mean``."""
+    found = []
+    for target, group in groupby(sorted(rows), key=lambda row: row.target):
+        views = list(group)
+        psnrs, ssims = [view.psnr for view in views], [view.ssim for view in views]
+        found.append(ViewMetrics(target, "mean", float(np.mean(psnrs)), float(np.mean(ssims))))
+    return found
+
+
+def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
+    """Write ``metrics.csv``: one row per target and view, whole or not at all."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(HEADER)
+    table.writerows((row.target, row.view, f"{row.psnr:.6f}", f"{row.ssim:.8f}") for row in rows)
+    write_text(path, text.getvalue())
+
+
+def read_metrics(path: Path) -> list[ViewMetrics]:
+    """Read ``metrics.csv``, or raise `InputError`."""
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            header, *rows = list(csv.reader(stream)) or [[]]
+        if tuple(header) != HEADER or not rows:
+            raise InputError(path, "header", expected=",".join(HEADER) + " and rows", found=",".join(header))
+        return [ViewMetrics(target, view, float(a), float(b)) for target, view, a, b in rows]
+    except FileNotFoundError:
+        raise InputError(path, "file", expected="a metrics table", found="nothing") from None
+    except (ValueError, csv.Error) as error:  # UnicodeDecodeError is a ValueError
+        raise InputError(path, "rows", expected="a metrics table", found=str(error)) from None
+
+
+def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
+    """Return aligned lines, the means of every target last."""
+    rows = [*rows, *means(rows)]
+    names = [row.view if row.target == "." else f"{row.target}/{row.view}" for row in rows]
+    width = max(map(len, names))
+    lines = [f"{'view':<{width}}  {'PSNR':>8}  {'SSIM':>7}"]
+    return lines + [f"{n:<{width}}  {row.psnr:8.3f}  {row.ssim:7.4f}" for n, row in zip(names, rows, strict=True)]
+
+
+def _png_files(folder: Path) -> set[Path]:
+    files = {path.relative_to(folder) for path in folder.rglob("*.png")}
+    if not files:
+        raise InputError(folder, "folder", expected="PNG files", found="none" if folder.is_dir() else "no such folder")
+    return files

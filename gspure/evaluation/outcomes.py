@@ -1,0 +1,120 @@
+"""What an attack took from the scene, what from the message, and whether it found the right Gaussians."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from gspure.artifacts import load_array
+from gspure.evaluation.comparison import ViewMetrics, means, read_metrics
+from gspure.evaluation.recall import recall
+
+REFERENCE: Final = "watermarked"
+"""The variant that drops are relative to."""
+
+SCENE, MESSAGE = "scene", "message"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One variant of one model: its mean metrics by target, and what is known of its pruning.
+
+    Numbers that are not known are NaN.
+    """
+
+    scheme: str
+    scene: str
+    variant: str
+    targets: Mapping[str, ViewMetrics]
+    views: Mapping[str, int]
+    pruned_share: float = math.nan
+    precision: float = math.nan
+    recall: float = math.nan
+    reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
+    """The same means of the variant `REFERENCE`."""
+
+    def psnr_drop(self, target: str) -> float:
+        r"""Return :math:`\Delta PSNR`: how far the target's PSNR lies below that of the watermarked variant, in dB."""
+        if target not in self.targets or target not in self.reference:
+            return math.nan
+        return _difference(self.reference[target].psnr, self.targets[target].psnr)
+
+    def ssim_drop(self, target: str) -> float:
+        """Return how far the target's SSIM lies below that of the watermarked variant."""
+        if target not in self.targets or target not in self.reference:
+            return math.nan
+        return self.reference[target].ssim - self.targets[target].ssim
+
+    @property
+    def score(self) -> float:
+        r"""The paper's measure of an attack, in dB.
+
+        .. math:: Score = \Delta PSNR_{message} - \Delta PSNR_{scene}
+
+        (paper, §Metrics.)
+        """
+        return self.psnr_drop(MESSAGE) - self.psnr_drop(SCENE)
+
+
+def collect(metrics: Sequence[Path], kept: Sequence[Path] = (), truth: Sequence[Path] = ()) -> list[Outcome]:
+    """Gather the outcomes of all variants.
+
+    Parameters
+    ----------
+    metrics : sequence of Path
+        Files ``.../{scheme}/{scene}/{variant}/metrics.csv``: the folders say whose they are.
+    kept : sequence of Path
+        Masks ``.npy`` bool [K], true where a variant kept the row, anywhere below the variant's folder.
+    truth : sequence of Path
+        Masks ``.npy`` bool [K], true where a row belongs to the message, anywhere below ``{scheme}/{scene}``.
+
+    Returns
+    -------
+    list of Outcome
+        Sorted by scheme and scene, in each the variant `REFERENCE` first, then in the order given.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or two masks of one model have different lengths.
+
+    """
+    found = [_outcome(path, kept, truth) for path in metrics]
+    found.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.variant != REFERENCE))
+    outcomes = []
+    for _, group in groupby(found, key=lambda outcome: (outcome.scheme, outcome.scene)):
+        variants = list(group)
+        reference = variants[0].targets if variants[0].variant == REFERENCE else {}
+        outcomes += [replace(outcome, reference=reference) for outcome in variants]
+    return outcomes
+
+
+def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path]) -> Outcome:
+    rows = read_metrics(path)
+    folder = path.resolve().parent
+    scheme, scene, variant = folder.parts[-3:]
+    targets = {mean.target: mean for mean in means(rows)}
+    views = {target: sum(row.target == target for row in rows) for target in targets}
+    outcome = Outcome(scheme, scene, variant, targets, views)
+    if (kept_file := _below(folder, kept)) is None:
+        return outcome
+    pruned = ~load_array(kept_file, dtype=np.bool_, shape=(None,))
+    outcome = replace(outcome, pruned_share=float(np.mean(pruned)))
+    if (truth_file := _below(folder.parent, truth)) is None:
+        return outcome
+    found = recall(pruned, load_array(truth_file, dtype=np.bool_, shape=(len(pruned),)))
+    return replace(outcome, precision=found.precision, recall=found.recall)
+
+
+def _below(folder: Path, files: Iterable[Path]) -> Path | None:
+    return next((file for file in files if file.resolve().is_relative_to(folder)), None)
+
+
+def _difference(a: float, b: float) -> float:
+    return 0.0 if a == b else a - b  # equal images have infinite PSNR

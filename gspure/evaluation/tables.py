@@ -1,0 +1,80 @@
+"""The tables of all outcomes: a long CSV, and Markdown for reading."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Final
+
+from gspure.artifacts import write_text
+from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
+
+HEADER: Final = (
+    *("scheme", "scene", "variant", "target", "views", "psnr", "ssim"),
+    *("psnr_drop", "ssim_drop", "score", "pruned_share", "precision", "recall"),
+)
+
+LEGEND: Final = f"""\
+PSNR in dB, mean over views. Score = (drop of the message's PSNR) - (drop of the scene's PSNR), relative to
+`{REFERENCE}`: higher means that more of the message is gone for less damage to the scene. Where the truth is known:
+precision is the share of the pruned Gaussians that belong to the message, recall the share of the message that is
+pruned."""
+
+
+def write_table(path: Path, outcomes: Sequence[Outcome]) -> None:
+    """Write one CSV row per scheme, scene, variant and target; unknown numbers are empty."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(HEADER)
+    for o in outcomes:
+        for target in _ordered(o.targets):
+            mean = o.targets[target]
+            drops = (mean.psnr, mean.ssim, o.psnr_drop(target), o.ssim_drop(target))
+            numbers = map(_plain, (*drops, o.score, o.pruned_share, o.precision, o.recall))
+            table.writerow([o.scheme, o.scene, o.variant, target, o.views[target], *numbers])
+    write_text(path, text.getvalue())
+
+
+def markdown(outcomes: Sequence[Outcome]) -> str:
+    """Return one Markdown table per scheme and scene, and what its columns mean."""
+    lines: list[str] = []
+    for (scheme, scene), group in groupby(outcomes, key=lambda o: (o.scheme, o.scene)):
+        variants = list(group)
+        targets = _ordered({target for o in variants for target in o.targets})
+        columns = [f"{name} {target}" for target in targets for name in ("PSNR", "SSIM")]
+        columns = ["variant", *columns, "Score", "pruned", "precision", "recall"]
+        lines += [f"### {scheme} / {scene}", "", _row(columns), _row(["---"] + ["---:"] * (len(columns) - 1))]
+        lines += [_row(_cells(o, targets)) for o in variants]
+        lines += [""]
+    return "\n".join([*lines, LEGEND, ""])
+
+
+def _cells(o: Outcome, targets: Sequence[str]) -> list[str]:
+    cells = [o.variant]
+    for target in targets:
+        mean = o.targets.get(target)
+        cells += [f"{mean.psnr:.2f}", f"{mean.ssim:.4f}"] if mean else ["", ""]
+    shares = [_percent(o.pruned_share), _percent(o.precision), _percent(o.recall)]
+    return [*cells, "" if math.isnan(o.score) else f"{o.score:.2f}", *shares]
+
+
+def _row(cells: Iterable[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _ordered(targets: Iterable[str]) -> list[str]:
+    return sorted(
+        targets, key=lambda target: ((SCENE, MESSAGE).index(target) if target in (SCENE, MESSAGE) else 2, target)
+    )
+
+
+def _percent(share: float) -> str:
+    return "" if math.isnan(share) else f"{share:.1%}"
+
+
+def _plain(number: float) -> str:
+    return "" if math.isnan(number) else f"{number:.6g}"

@@ -1,0 +1,112 @@
+"""The decision which Gaussians go: clusters as a whole, noise points one by one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
+from gspure.errors import InputError
+
+Mask = NDArray[np.bool_]
+
+
+def mean_weight(weights: NDArray[Any]) -> float:
+    r"""Return the global average weight.
+
+    .. math:: \bar\omega = \frac{1}{K} \sum_{i=1}^{K} \omega_i
+
+    Parameters
+    ----------
+    weights : array [K]
+        View-accumulated weights; K = 0 gives 0.
+
+    """
+    return float(np.mean(weights, dtype=np.float64)) if len(weights) else 0.0
+
+
+def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:
+    r"""Return the mean weight of every cluster.
+
+    .. math:: \tilde\Omega(C_i) = \frac{1}{|C_i|} \sum_{k \in C_i} \omega_k
+
+    (paper, §Geometrically Accurate Feature Clustering.)
+
+    Parameters
+    ----------
+    labels : array [K], int
+        Clusters 0 .. M-1, none of them empty; -1 is noise.
+    weights : array [K]
+        View-accumulated weights.
+
+    Returns
+    -------
+    array [M], float64
+
+    """
+    clustered = labels != NOISE_LABEL
+    total = np.bincount(labels[clustered], weights=np.asarray(weights, np.float64)[clustered])
+    return total / np.bincount(labels[clustered])
+
+
+def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C, tau_n: float = TAU_N) -> Mask:
+    r"""Return which Gaussians adaptive pruning removes.
+
+    .. math::
+        \mathrm{Prune}(G_k) = \begin{cases}
+        \mathbb{I}(\tilde\Omega(C_i) < \bar\omega / \tau_c) & G_k \in C_i \\
+        \mathbb{I}(\omega_k < \bar\omega / \tau_n) & G_k \in \mathcal{N}
+        \end{cases}
+
+    (paper, §Adaptive Pruning.)
+
+    Parameters
+    ----------
+    labels : array [K], int
+        Clusters 0 .. M-1; -1 is noise.
+    weights : array [K]
+        View-accumulated weights.
+    tau_c, tau_n : float
+        Cluster and noise pruning factors, > 0; larger ones prune less.
+
+    Returns
+    -------
+    array [K], bool
+        True where the Gaussian is pruned.
+
+    """
+    weights = np.asarray(weights, np.float64)
+    decisive = weights.copy()
+    clustered = labels != NOISE_LABEL
+    decisive[clustered] = cluster_weights(labels, weights)[labels[clustered]]
+    mean = mean_weight(weights)
+    return decisive < np.where(clustered, mean / _factor("tau_c", tau_c), mean / _factor("tau_n", tau_n))
+
+
+def plain_prune_mask(weights: NDArray[Any], tau: float = TAU_N) -> Mask:
+    r"""Return which Gaussians the rule without clustering removes: the control of every comparison.
+
+    .. math:: \mathbb{I}(\omega_k < \bar\omega / \tau)
+
+    Parameters
+    ----------
+    weights : array [K]
+        View-accumulated weights.
+    tau : float
+        Pruning factor, > 0.
+
+    Returns
+    -------
+    array [K], bool
+        True where the Gaussian is pruned.
+
+    """
+    return np.asarray(weights, np.float64) < mean_weight(weights) / _factor("tau", tau)
+
+
+def _factor(name: str, tau: float) -> float:
+    if not (np.isfinite(tau) and tau > 0):
+        raise InputError("pruning", name, expected="a number above 0", found=repr(tau))
+    return tau

@@ -1,0 +1,86 @@
+"""View-accumulated weights: what each Gaussian contributes to the public renderings, averaged over the views."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.errors import InputError
+
+Reduction = Literal["sum", "max", "mean_touched"]
+REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
+
+
+def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[np.float64]:
+    r"""Return ω_{k,v} of the Gaussians touched in one view.
+
+    .. math:: \omega_{k,v} = \alpha_k E(G_k, o_v, r_v) \prod_{j<k} (1 - \alpha_j E(G_j, o_v, r_v))
+
+    (paper, §View-Aware Gaussian Weight Accumulation.) The equation is that of one ray and the paper does not say how
+    the pixels of a view are reduced, so the reduction is a setting. `sum` is what an atomic addition in a rasterizer
+    yields; `max` takes the largest pixel; `mean_touched` divides the sum by the number of touched pixels.
+
+    Parameters
+    ----------
+    stage : structured array [T]
+        The view's contributions: ``index`` u4, ``sum`` f4, ``max`` f4, ``pixels`` u4, one row per touched Gaussian.
+    reduction : {"sum", "max", "mean_touched"}
+        How the pixels become one number.
+
+    """
+    if reduction == "sum":
+        return np.asarray(stage["sum"], np.float64)
+    if reduction == "max":
+        return np.asarray(stage["max"], np.float64)
+    if reduction == "mean_touched":
+        return np.asarray(stage["sum"].astype(np.float64) / stage["pixels"])
+    raise InputError("weights", "reduction", expected=f"one of {', '.join(REDUCTIONS)}", found=repr(reduction))
+
+
+def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction = "sum") -> NDArray[np.float32]:
+    r"""Return the view-accumulated weights ω_k.
+
+    .. math:: \omega_k = \frac{1}{N} \sum_{v=1}^{N} \omega_{k,v}
+
+    (paper, §View-Aware Gaussian Weight Accumulation.) N counts every view, also those in which a Gaussian is not seen
+    and contributes zero. Views are added one after the other in the order given, in float64: the same views in the
+    same order give the same bits, however they were divided into parts.
+
+    Parameters
+    ----------
+    stages : iterable of structured arrays
+        One array of contributions per view (see `view_weights`); read one at a time.
+    count : int
+        Number K of Gaussians.
+    reduction : {"sum", "max", "mean_touched"}
+        How the pixels of a view become one number.
+
+    Returns
+    -------
+    array [K], float32
+
+    Raises
+    ------
+    InputError
+        If there is no view, or one names a row that the model does not have.
+
+    """
+    total = np.zeros(count, np.float64)
+    views = 0
+    for views, stage in enumerate(stages, start=1):
+        rows = stage["index"]
+        if len(rows) and int(rows.max()) >= count:
+            raise InputError(
+                f"view {views}",
+                "index",
+                expected=f"rows below the model's {count}",
+                found=f"row {rows.max()}",
+                hint="these contributions are of another model",
+            )
+        total[rows] += view_weights(stage, reduction)
+    if not views:
+        raise InputError("contributions", "views", expected="at least one", found="none")
+    return (total / views).astype(np.float32)
