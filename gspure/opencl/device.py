@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import Final, Literal
@@ -88,7 +87,10 @@ def named(spec: str) -> tuple[Device, ...]:
     else:
         meant = tuple(d for d in devices if spec.casefold() in f"{d.name}\n{d.platform}\n{d.version}".casefold())
     if not meant:
-        raise InputError("OpenCL", "device", expected=f"a device {spec!r}", found=_listing(devices))
+        found = "; ".join(map(str, devices)) or "no device"
+        raise InputError(
+            "OpenCL", "device", expected=f"one that {spec!r} means", found=found, hint=None if devices else INSTALL_HINT
+        )
     return meant
 
 
@@ -163,10 +165,6 @@ def _devices(platform: cl.Platform) -> list[cl.Device]:
     except cl.Error:  # a driver without its hardware
         return []
     return devices
-
-
-def _listing(devices: Iterable[Device]) -> str:
-    return "; ".join(map(str, devices)) or "no device"
 
 
 def _first_line(message: str) -> str:
