@@ -66,7 +66,7 @@ def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:
 
 
 def split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
-    """Return (train, test): with cameras sorted by name, every eighth from the first on is a test view (3DGS --eval)."""
+    """Return (train, test): sorted by name, every eighth camera from the first on is a test view (3DGS --eval)."""
     ordered = sorted(cameras, key=lambda camera: camera.name)
     test = ordered[::TEST_EVERY]
     train = [camera for i, camera in enumerate(ordered) if i % TEST_EVERY]

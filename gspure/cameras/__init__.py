@@ -1,0 +1,23 @@
+"""Cameras: where views stand and how they project; read from every common format, or generated."""
+
+from gspure.cameras.camera import Camera, intrinsics, split
+from gspure.cameras.colmap import read_points
+from gspure.cameras.inria import write_cameras
+from gspure.cameras.orbit import bounding_sphere, orbit_cameras, shell_cameras
+from gspure.cameras.photographs import require_images
+from gspure.cameras.reading import read_cameras
+from gspure.cameras.scale import scaled
+
+__all__ = [
+    "Camera",
+    "bounding_sphere",
+    "intrinsics",
+    "orbit_cameras",
+    "read_cameras",
+    "read_points",
+    "require_images",
+    "scaled",
+    "shell_cameras",
+    "split",
+    "write_cameras",
+]

@@ -1,0 +1,110 @@
+"""COLMAP sparse models: cameras, images and points3D, binary or text.
+
+A pinhole's axes are COLMAP's already, and so is its pixel convention: the centre of the first pixel lies at (0.5, 0.5).
+PINHOLE and SIMPLE_PINHOLE are read, and SIMPLE_RADIAL where its distortion is exactly zero; the renderer knows no
+distortion, so other cameras are refused.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from gspure.cameras import colmap_binary, colmap_text
+from gspure.cameras.camera import Camera, Float64, intrinsics
+from gspure.cameras.colmap_records import UNDISTORT_HINT, Lens, Points, Pose
+from gspure.cameras.entry import Entry
+from gspure.cameras.naming import distinct, view_name
+from gspure.errors import InputError
+
+_FORMATS = {".bin": colmap_binary, ".txt": colmap_text}
+
+
+def find_sparse(folder: Path) -> Path | None:
+    """Return the folder that holds cameras.bin or cameras.txt: `folder` itself, its ``sparse/0`` or its ``sparse``."""
+    places = (folder, folder / "sparse" / "0", folder / "sparse")
+    return next((place for place in places if any((place / f"cameras{s}").is_file() for s in _FORMATS)), None)
+
+
+def read_colmap(folder: Path) -> list[Camera]:
+    """Read the cameras of a sparse model, in the order of its images file.
+
+    Parameters
+    ----------
+    folder : Path
+        The project's root, its ``sparse/0``, or the folder of the files. Photographs are looked for in the nearest
+        ``images`` folder at or above the files.
+
+    Raises
+    ------
+    InputError
+        A file is missing, truncated or malformed, or a camera is distorted.
+
+    """
+    cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
+    lenses = {lens.camera_id: lens for lens in _FORMATS[cameras_file.suffix].lenses(cameras_file)}
+    projections = {camera_id: _projection(cameras_file, lens) for camera_id, lens in lenses.items()}
+    photographs = _photograph_folder(images_file.parent)
+    cameras = []
+    for pose in _FORMATS[images_file.suffix].poses(images_file):
+        if pose.camera_id not in projections:
+            where, found = f"image {pose.image_id}.camera_id", str(pose.camera_id)
+            raise InputError(images_file, where, expected=f"a camera of {cameras_file.name}", found=found)
+        cameras.append(_camera(images_file, pose, projections[pose.camera_id], photographs))
+    return distinct(cameras, images_file)
+
+
+def read_points(folder: Path) -> Points:
+    """Read the sparse point cloud: xyz [P,3] in world units and 8-bit rgb [P,3]."""
+    path = _file(folder, "points3D")
+    points: Points = _FORMATS[path.suffix].points(path)
+    return points
+
+
+def _file(folder: Path, stem: str) -> Path:
+    sparse = find_sparse(folder) or folder
+    for suffix in _FORMATS:
+        if (path := sparse / f"{stem}{suffix}").is_file():
+            return path
+    raise InputError(sparse, stem, expected=f"{stem}.bin or {stem}.txt of a COLMAP sparse model", found="neither")
+
+
+def _photograph_folder(sparse: Path) -> Path | None:
+    places = (sparse.absolute(), *sparse.absolute().parents[:2])
+    return next((place / "images" for place in places if (place / "images").is_dir()), None)
+
+
+def _projection(source: Path, lens: Lens) -> tuple[int, int, Float64]:
+    entry = Entry(source, f"camera {lens.camera_id}", {"width": lens.width, "height": lens.height, **lens.parameters})
+    if "k" in entry and entry.number("k") != 0:
+        raise entry.refusal("k", expected="no distortion", found=str(entry.number("k")), hint=UNDISTORT_HINT)
+    fx, fy = (entry.positive("f" if "f" in entry else key) for key in ("fx", "fy"))
+    K = intrinsics(fx, fy, entry.number("cx"), entry.number("cy"))
+    return entry.pixels("width"), entry.pixels("height"), K
+
+
+def _camera(source: Path, pose: Pose, projection: tuple[int, int, Float64], photographs: Path | None) -> Camera:
+    values = {"name": pose.name, "quaternion": list(pose.quat), "translation": list(pose.translation)}
+    entry = Entry(source, f"image {pose.image_id}", values)
+    quat = entry.array("quaternion", (4,))
+    if not np.linalg.norm(quat) > 0:
+        raise entry.refusal("quaternion", expected="a rotation", found="0 0 0 0")
+    width, height, K = projection
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = _rotation(quat / np.linalg.norm(quat))
+    viewmat[:3, 3] = entry.array("translation", (3,))
+    image = photographs / pose.name if photographs else None
+    return Camera(view_name(entry, "name"), width, height, K, viewmat, image)
+
+
+def _rotation(quat: Float64) -> Float64:
+    """Return the rotation matrix of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = quat
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,74 @@
+"""What a COLMAP sparse model holds, and which of its camera models are pinholes.
+
+Source: https://colmap.github.io/format.html and https://colmap.github.io/cameras.html.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.errors import InputError
+
+MODEL_NAMES = (
+    "SIMPLE_PINHOLE",
+    "PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "OPENCV",
+    "OPENCV_FISHEYE",
+    "FULL_OPENCV",
+    "FOV",
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+    "THIN_PRISM_FISHEYE",
+    "RAD_TAN_THIN_PRISM_FISHEYE",
+)
+"""Camera models by their number in the binary format."""
+
+UNDISTORT_HINT = (
+    "undistort first: colmap image_undistorter --image_path PHOTOS --input_path SPARSE --output_path UNDISTORTED"
+)
+
+_PARAMETERS = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k"),
+}
+
+
+class Lens(NamedTuple):
+    """One line of cameras.txt: the intrinsics that several images may share."""
+
+    camera_id: int
+    width: int
+    height: int
+    parameters: dict[str, float]
+
+
+class Pose(NamedTuple):
+    """The first of an image's two lines in images.txt: `quat` (w, x, y, z) and `translation` map world to camera."""
+
+    image_id: int
+    quat: tuple[float, ...]
+    translation: tuple[float, ...]
+    camera_id: int
+    name: str
+
+
+class Points(NamedTuple):
+    """The sparse point cloud: positions [P,3] in world units and 8-bit colours [P,3]."""
+
+    xyz: NDArray[np.float64]
+    rgb: NDArray[np.uint8]
+
+
+def parameter_names(source: Path, camera_id: int, model: str) -> tuple[str, ...]:
+    """Return the names of a pinhole model's parameters; a model with distortion is refused."""
+    if model not in _PARAMETERS:
+        expected = "PINHOLE or SIMPLE_PINHOLE"
+        raise InputError(source, f"camera {camera_id}.model", expected=expected, found=model, hint=UNDISTORT_HINT)
+    return _PARAMETERS[model]

@@ -1,0 +1,116 @@
+"""A record of named values, checked as they are read."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.errors import InputError
+
+Float64 = NDArray[np.float64]
+
+_MAX_SIDE = 65535  # pixels; far above any photograph, far below what would exhaust memory by accident
+_RIGID_TOLERANCE = 1e-3  # admits rotations printed with four digits, not scaled, sheared or mirrored ones
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One object of a camera file: every reader method returns a checked value or raises `InputError` naming it.
+
+    Parameters
+    ----------
+    source : Path or str
+        The file, or what else the values came from.
+    where : str
+        Place of the object in the file, such as ``[3]`` or ``camera 1``; empty for the whole file.
+    values : mapping
+        The raw values by key.
+
+    """
+
+    source: Path | str
+    where: str
+    values: Mapping[str, Any]
+
+    @staticmethod
+    def of(source: Path | str, where: str, value: Any) -> Entry:
+        """Return `value` as an entry, if it is an object at all."""
+        if not isinstance(value, Mapping):
+            raise InputError(source, where or "file", expected="an object", found=_shown(value))
+        return Entry(source, where, value)
+
+    def refusal(self, key: str, *, expected: str, found: str, hint: str | None = None) -> InputError:
+        """Return the error that names one key of this entry."""
+        field = f"{self.where}.{key}" if self.where else key
+        return InputError(self.source, field, expected=expected, found=found, hint=hint)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.values
+
+    def raw(self, key: str, expected: str) -> Any:
+        """Return the unchecked value of a key that must be there."""
+        if key not in self.values:
+            raise self.refusal(key, expected=expected, found="nothing")
+        return self.values[key]
+
+    def text(self, key: str) -> str:
+        """Return a string."""
+        value = self.raw(key, "a text")
+        if not isinstance(value, str):
+            raise self.refusal(key, expected="a text", found=_shown(value))
+        return value
+
+    def number(self, key: str) -> float:
+        """Return a finite number."""
+        value = self.raw(key, "a number")
+        if not _is_finite(value):
+            raise self.refusal(key, expected="a finite number", found=_shown(value))
+        return float(value)
+
+    def positive(self, key: str) -> float:
+        """Return a finite number above zero."""
+        value = self.raw(key, "a positive number")
+        if not _is_finite(value) or float(value) <= 0:
+            raise self.refusal(key, expected="a positive number", found=_shown(value))
+        return float(value)
+
+    def pixels(self, key: str) -> int:
+        """Return the length of an image's side."""
+        expected = f"a whole number of pixels from 1 to {_MAX_SIDE}"
+        value = self.raw(key, expected)
+        if not _is_finite(value) or not 1 <= value <= _MAX_SIDE or value != int(value):
+            raise self.refusal(key, expected=expected, found=_shown(value))
+        return int(value)
+
+    def array(self, key: str, *shapes: tuple[int, ...]) -> Float64:
+        """Return finite numbers nested in one of the given shapes."""
+        expected = "finite numbers " + " or ".join(str(list(shape)) for shape in shapes)
+        value = self.raw(key, expected)
+        array = np.array(value, dtype=object)
+        if array.shape not in shapes or not all(map(_is_finite, array.flat)):
+            raise self.refusal(key, expected=expected, found=_shown(value))
+        return array.astype(np.float64)
+
+    def rotation(self, key: str, matrix: Float64) -> Float64:
+        """Return `matrix` [3,3], which was read under `key`, if it is a rotation."""
+        error = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+        if error > _RIGID_TOLERANCE or np.linalg.det(matrix) < 0:
+            found = f"|R R^T - 1| = {error:.3g}, det R = {np.linalg.det(matrix):.3g}"
+            raise self.refusal(key, expected="a rotation without scale, shear or mirroring", found=found)
+        return matrix
+
+
+def _is_finite(value: Any) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and -sys.float_info.max <= value <= sys.float_info.max
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,81 @@
+"""cameras.json as 3DGS training writes it into its output folder, and our superset of it.
+
+A list of objects with ``id``, ``img_name``, ``width``, ``height``, ``position`` (camera centre), ``rotation`` (camera
+to world, by rows), ``fx`` and ``fy`` in pixels of that size. Such a file has its principal point in the image centre
+and knows no photographs. Three optional keys of ours lift that: ``cx`` and ``cy`` (pixels), written where the principal
+point is elsewhere, and ``image``, the photograph's path relative to the file's folder. Programs that read the original
+format read ours.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gspure.artifacts import write_text
+from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.entry import Entry
+from gspure.cameras.naming import distinct, view_name
+
+
+def parse(source: Path, content: list[Any]) -> list[Camera]:
+    """Return the cameras of a parsed cameras.json, in its order; `source` is the file it came from.
+
+    Raises
+    ------
+    InputError
+        A key is missing or of the wrong type, a size or focal length is not positive, a rotation not rigid, or a name
+        not unique.
+
+    """
+    return distinct(
+        [_camera(Entry.of(source, f"[{i}]", value), source.parent) for i, value in enumerate(content)], source
+    )
+
+
+def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
+    """Write cameras as cameras.json, one view per line, with every digit of their float64 values."""
+    distinct(cameras, path)
+    lines = (json.dumps(_record(i, camera, path)) for i, camera in enumerate(cameras))
+    write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
+
+
+def _camera(entry: Entry, folder: Path) -> Camera:
+    width, height = entry.pixels("width"), entry.pixels("height")
+    cx = entry.number("cx") if "cx" in entry else width / 2
+    cy = entry.number("cy") if "cy" in entry else height / 2
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = entry.rotation("rotation", entry.array("rotation", (3, 3))).T
+    viewmat[:3, 3] = -viewmat[:3, :3] @ entry.array("position", (3,))
+    return Camera(
+        name=view_name(entry, "img_name"),
+        width=width,
+        height=height,
+        K=intrinsics(entry.positive("fx"), entry.positive("fy"), cx, cy),
+        viewmat=viewmat,
+        image=folder / entry.text("image") if "image" in entry else None,
+    )
+
+
+def _record(index: int, camera: Camera, path: Path) -> dict[str, Any]:
+    fx, fy, cx, cy = (float(camera.K[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    record: dict[str, Any] = {
+        "id": index,
+        "img_name": camera.name,
+        "width": camera.width,
+        "height": camera.height,
+        "position": camera.centre.tolist(),
+        "rotation": camera.viewmat[:3, :3].T.tolist(),
+        "fx": fx,
+        "fy": fy,
+    }
+    if (cx, cy) != (camera.width / 2, camera.height / 2):
+        record |= {"cx": cx, "cy": cy}
+    if camera.image is not None:
+        record["image"] = os.path.relpath(camera.image.absolute(), path.parent.resolve())
+    return record

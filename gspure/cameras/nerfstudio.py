@@ -1,0 +1,95 @@
+"""transforms.json, in the dialects of nerfstudio (also Instant NGP's) and of the Blender scenes of NeRF.
+
+Both list ``frames`` with a ``transform_matrix``, camera to world, in OpenGL axes (x right, y up, z backward), which
+become COLMAP's by negating y and z. nerfstudio gives ``fl_x fl_y cx cy w h`` per file or per frame; Blender gives
+``camera_angle_x`` (radians, over the image's width); without ``w`` and ``h``, the size is that of the image file.
+
+The world is the file's own. ``applied_transform`` tells how nerfstudio made it from COLMAP's world; it is not undone,
+as a model trained from this file lives in the file's world. For a model in COLMAP's world, read the COLMAP folder.
+
+Source: https://docs.nerf.studio/quickstart/data_conventions.html.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gspure.cameras.camera import Camera, Float64, intrinsics
+from gspure.cameras.entry import Entry
+from gspure.cameras.naming import distinct, view_name
+from gspure.cameras.photographs import photograph_size
+
+_PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
+_DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+_HINT = "undistort the photographs first, for example with colmap image_undistorter"
+_OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
+
+
+def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
+    """Return the cameras of a parsed transforms.json, in its order; `source` is the file it came from.
+
+    Raises
+    ------
+    InputError
+        A key is missing or of the wrong type, a camera is distorted, a matrix not rigid, or a name not unique.
+
+    """
+    entry = Entry.of(source, "", content)
+    frames = entry.raw("frames", "a list")
+    if not isinstance(frames, list):
+        raise entry.refusal("frames", expected="a list", found=type(frames).__name__)
+    shared = {key: value for key, value in content.items() if key != "frames"}
+    entries = [Entry.of(source, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
+    return distinct([_camera(Entry(source, e.where, {**shared, **e.values}), source.parent) for e in entries], source)
+
+
+def _camera(entry: Entry, folder: Path) -> Camera:
+    _refuse_distortion(entry)
+    image = folder / entry.text("file_path")
+    if not image.suffix:
+        image = image.with_suffix(".png")  # Blender scenes leave it out
+    width, height = (entry.pixels("w"), entry.pixels("h")) if "w" in entry else photograph_size(image)
+    fx = _focal(entry, "x", width)
+    fy = _focal(entry, "y", height) if "fl_y" in entry or "camera_angle_y" in entry else fx
+    cx = entry.number("cx") if "cx" in entry else width / 2
+    cy = entry.number("cy") if "cy" in entry else height / 2
+    return Camera(
+        name=view_name(entry, "file_path"),
+        width=width,
+        height=height,
+        K=intrinsics(fx, fy, cx, cy),
+        viewmat=_viewmat(entry),
+        image=image,
+    )
+
+
+def _refuse_distortion(entry: Entry) -> None:
+    model = entry.values.get("camera_model", "PINHOLE")
+    if model not in _PINHOLES:
+        raise entry.refusal("camera_model", expected="a pinhole camera", found=str(model), hint=_HINT)
+    for key in _DISTORTION:
+        if key in entry and entry.number(key) != 0:
+            raise entry.refusal(key, expected="no distortion", found=str(entry.number(key)), hint=_HINT)
+
+
+def _focal(entry: Entry, axis: str, length: int) -> float:
+    """Return the focal length in pixels, given directly or by the angle that the image spans."""
+    if f"fl_{axis}" in entry or f"camera_angle_{axis}" not in entry:
+        return entry.positive(f"fl_{axis}")
+    angle = entry.positive(f"camera_angle_{axis}")
+    if angle >= math.pi:
+        raise entry.refusal(f"camera_angle_{axis}", expected="less than pi radians", found=str(angle))
+    return length / 2 / math.tan(angle / 2)
+
+
+def _viewmat(entry: Entry) -> Float64:
+    pose = entry.array("transform_matrix", (4, 4), (3, 4))
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = _OPENGL_TO_COLMAP @ entry.rotation("transform_matrix", pose[:3, :3]).T
+    viewmat[:3, 3] = -viewmat[:3, :3] @ pose[:3, 3]
+    return viewmat

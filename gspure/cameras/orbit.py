@@ -1,0 +1,171 @@
+"""Generated views, for models that come without cameras."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera, Float64, intrinsics
+from gspure.cameras.entry import Entry
+from gspure.constants import NEAR_PLANE
+from gspure.errors import InputError
+
+Floats = NDArray[np.floating[Any]]
+
+_FRAMED = 0.95
+"""Share of the model's opacity that is to be in view; the rest may be floaters."""
+
+_GOLDEN_ANGLE = 180 * (3 - math.sqrt(5))  # degrees
+
+
+def orbit_cameras(
+    means: Floats,
+    opacities: Floats,
+    *,
+    count: int = 24,
+    width: int = 640,
+    height: int = 480,
+    fov_degrees: float = 50.0,
+    up: Sequence[float] = (0.0, -1.0, 0.0),
+    elevations: Sequence[float] = (15.0, 45.0, -20.0),
+) -> list[Camera]:
+    """Return views on rings around a model, at the distance from which it fills them.
+
+    Consecutive views alternate between the rings, so that every eighth one (the test split) also comes from all sides.
+
+    Parameters
+    ----------
+    means, opacities : arrays [K,3] and [K]
+        The model; `bounding_sphere` says how it is framed.
+    count : int
+        Number of views.
+    width, height : int
+        Image size in pixels.
+    fov_degrees : float
+        Horizontal field of view.
+    up : sequence of 3 floats
+        Which way is up in the world. The default, -y, suits models trained from COLMAP data, where y points down;
+        models from nerfstudio, Blender and most scanners have (0, 0, 1).
+    elevations : sequence of float
+        Degrees above the horizon, one per ring.
+
+    Raises
+    ------
+    InputError
+        The model has no finite row, or a setting is out of range.
+
+    """
+    placements = [(elevations[i % len(elevations)], 360.0 * i / count, 1.0) for i in range(count)]
+    return _views("orbit", means, opacities, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
+
+
+def shell_cameras(
+    means: Floats,
+    opacities: Floats,
+    *,
+    count: int = 48,
+    width: int = 640,
+    height: int = 480,
+    fov_degrees: float = 50.0,
+    up: Sequence[float] = (0.0, -1.0, 0.0),
+    radii: Sequence[float] = (0.6, 1.0, 1.6),
+) -> list[Camera]:
+    """Return views from all directions, from below too, on spherical shells around a model.
+
+    The directions are a Fibonacci spiral; consecutive views alternate between the shells. The parameters are those of
+    `orbit_cameras`, except for `radii`: those of the shells, as multiples of the distance from which the model fills a
+    view.
+    """
+    sines = ((2 * i + 1) / count - 1 for i in range(count))
+    placements = [
+        (math.degrees(math.asin(sine)), i * _GOLDEN_ANGLE, radii[i % len(radii)]) for i, sine in enumerate(sines)
+    ]
+    return _views("shell", means, opacities, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
+
+
+def bounding_sphere(means: Floats, opacities: Floats) -> tuple[Float64, float]:
+    """Return centre [3] and radius of the sphere that holds most of a model's opacity.
+
+    The centre is that of the box between the opacity-weighted 5 % and 95 % quantiles of each coordinate, the radius the
+    weighted 95 % quantile of the distances to it: a few far floaters move neither. Rows that are not finite are passed
+    over. A single point gets radius 1, as nothing tells its scale.
+    """
+    points, weights = np.asarray(means, np.float64), np.asarray(opacities, np.float64)
+    finite = np.isfinite(points).all(axis=1) & np.isfinite(weights)
+    points, weights = points[finite], weights[finite]
+    if len(points) == 0:
+        raise InputError("model", "Gaussians", expected="at least one finite row", found="none")
+    low, high = ([_quantile(axis, weights, q) for axis in points.T] for q in (1 - _FRAMED, _FRAMED))
+    centre = (np.array(low) + np.array(high)) / 2
+    radius = _quantile(np.linalg.norm(points - centre, axis=1), weights, _FRAMED)
+    return centre, radius or 1.0
+
+
+def _quantile(values: Float64, weights: Float64, q: float) -> float:
+    order = np.argsort(values, kind="stable")
+    share = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(share, q * share[-1])]])
+
+
+def _views(
+    kind: str,
+    means: Floats,
+    opacities: Floats,
+    placements: Sequence[tuple[float, float, float]],
+    *,
+    width: int,
+    height: int,
+    fov_degrees: float,
+    up: Sequence[float],
+) -> list[Camera]:
+    """Place one view at each (elevation, azimuth, radius); angles in degrees, radius 1 fills the view."""
+    values = {"width": width, "height": height, "fov_degrees": fov_degrees, "up": up}
+    settings = Entry(f"{kind} views", "", values)
+    if not placements:
+        raise settings.refusal("count", expected="at least one view", found="none")
+    size = settings.pixels("width"), settings.pixels("height")
+    fov = settings.positive("fov_degrees")
+    if fov >= 180:
+        raise settings.refusal("fov_degrees", expected="less than 180", found=str(fov))
+    focal = size[0] / 2 / math.tan(math.radians(fov) / 2)
+    K = intrinsics(focal, focal, size[0] / 2, size[1] / 2)
+    centre, radius = bounding_sphere(means, opacities)
+    filling = radius / math.sin(math.atan(min(size) / 2 / focal))
+    nearest = 1.25 * radius + NEAR_PLANE  # small models: neither the sphere nor what sticks out may be clipped
+    frame = _frame(settings)
+    return [
+        Camera(
+            f"{kind}_{i:03d}", *size, K, _looking_at(centre, frame, elevation, azimuth, max(filling * shell, nearest))
+        )
+        for i, (elevation, azimuth, shell) in enumerate(placements)
+    ]
+
+
+def _frame(settings: Entry) -> Float64:
+    """Return the world axes front, right-hand side and up [3,3]; the front is -z, or -y where z is up."""
+    up = settings.array("up", (3,))
+    if not np.linalg.norm(up) > 0:
+        raise settings.refusal("up", expected="a direction", found="0 0 0")
+    up /= np.linalg.norm(up)
+    towards = np.array([0.0, 0.0, -1.0] if abs(up[2]) < 0.9 else [0.0, -1.0, 0.0])
+    front = towards - (towards @ up) * up
+    front /= np.linalg.norm(front)
+    return np.stack([front, np.cross(up, front), up])
+
+
+def _looking_at(centre: Float64, frame: Float64, elevation: float, azimuth: float, distance: float) -> Float64:
+    """Return the view matrix of a camera that looks at `centre`; its axes are well defined at the poles too."""
+    front, side, up = frame
+    a, e = math.radians(azimuth), math.radians(elevation)
+    horizontal = math.cos(a) * front + math.sin(a) * side
+    backward = math.cos(e) * horizontal + math.sin(e) * up
+    right = math.cos(a) * side - math.sin(a) * front
+    down = math.sin(e) * horizontal - math.cos(e) * up
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = np.stack([right, down, -backward])
+    viewmat[:3, 3] = -viewmat[:3, :3] @ (centre + distance * backward)
+    return viewmat

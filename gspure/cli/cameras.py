@@ -1,0 +1,115 @@
+"""``gspure cameras``: views from any source, as one canonical cameras.json."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gspure.errors import InputError
+
+if TYPE_CHECKING:
+    from gspure.cameras import Camera
+
+HELP = "read cameras of any format, or generate views, and write cameras.json"
+EXAMPLES = """\
+  gspure cameras scene/sparse/0 --out cameras.json                    (COLMAP; at most 1600 pixels wide, as 3DGS trains)
+  gspure cameras scene/transforms.json --out cameras.json --scale 1/4
+  gspure cameras output/bicycle --out cameras.json --scale native     (a training run's own cameras.json)
+  gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 0 1
+  gspure cameras shells --model point_cloud.ply --out cameras.json    (from all directions, near and far)
+"""
+
+_GENERATED = ("orbit", "shells")
+_SETTINGS = ("count", "width", "height", "fov_degrees", "up")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument(
+        "source",
+        metavar="SOURCE",
+        help="cameras.json, transforms.json (nerfstudio, Blender), or a folder with one of them or a COLMAP sparse "
+        "model; or `orbit` or `shells` to generate views around --model",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the cameras.json to write")
+    parser.add_argument(
+        "--scale",
+        metavar="RULE",
+        help="image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, 3DGS's own rule; generated "
+        "views keep --width and --height)",
+    )
+    parser.add_argument(
+        "--require-images", action="store_true", help="refuse views without a photograph of at least their size"
+    )
+    views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")
+    views.add_argument("--model", type=Path, metavar="MODEL", help="the model that the views look at")
+    views.add_argument("--count", type=int, metavar="N", help="number of views (default: orbit 24, shells 48)")
+    views.add_argument("--width", type=int, metavar="PX", help="image width (default: 640)")
+    views.add_argument("--height", type=int, metavar="PX", help="image height (default: 480)")
+    views.add_argument(
+        "--fov", type=float, dest="fov_degrees", metavar="DEGREES", help="horizontal field of view (default: 50)"
+    )
+    views.add_argument(
+        "--up",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="the world's up direction (default: 0 -1 0, as models from COLMAP; often 0 0 1 for others)",
+    )
+
+
+def run(args: argparse.Namespace) -> None:
+    """Collect the views, scale them, write them and show what they are."""
+    from gspure.cameras import require_images, scaled, write_cameras
+    from gspure.cameras.scale import TRAINING_RULE
+
+    generated = args.source in _GENERATED
+    cameras = _generate(args) if generated else _read(args)
+    cameras = scaled(cameras, args.scale or ("native" if generated else TRAINING_RULE))
+    if args.require_images:
+        require_images(cameras, args.source)
+    write_cameras(args.out, cameras)
+    print("\n".join(_table(cameras)))
+
+
+def _read(args: argparse.Namespace) -> list[Camera]:
+    from gspure.cameras import read_cameras
+
+    if given := [name for name in ("model", *_SETTINGS) if getattr(args, name) is not None]:
+        raise InputError(args.source, "source", expected="orbit or shells", found=f"a camera file and --{given[0]}")
+    return read_cameras(Path(args.source))
+
+
+def _generate(args: argparse.Namespace) -> list[Camera]:
+    from gspure.cameras import orbit_cameras, shell_cameras
+    from gspure.model import read_model
+
+    if args.model is None:
+        raise InputError(args.source, "--model", expected="the model to look at", found="nothing")
+    settings: dict[str, Any] = {name: value for name in _SETTINGS if (value := getattr(args, name)) is not None}
+    model = read_model(args.model)
+    generate = orbit_cameras if args.source == "orbit" else shell_cameras
+    return generate(model.means, model.opacities, **settings)
+
+
+def _table(cameras: Sequence[Camera]) -> Iterable[str]:
+    """Yield a heading and one line per image size and focal length."""
+    from gspure.cameras import split
+
+    tests = {camera.name for camera in split(cameras)[1]}
+    yield f"{'views':>6}{'train':>7}{'test':>6}  {'size':<11}{'focal':>8}{'fov':>7}{'photographs':>13}"
+    for (width, height, focal), group in groupby(sorted(cameras, key=_optics), key=_optics):
+        views = list(group)
+        test = sum(view.name in tests for view in views)
+        fov = math.degrees(2 * math.atan(width / 2 / focal))
+        photographs = sum(view.image is not None for view in views)
+        numbers = f"{len(views):>6}{len(views) - test:>7}{test:>6}"
+        yield f"{numbers}  {f'{width}x{height}':<11}{focal:>8.1f}{fov:>6.1f}°{photographs:>13}"
+
+
+def _optics(camera: Camera) -> tuple[int, int, float]:
+    return camera.width, camera.height, float(camera.K[0, 0])

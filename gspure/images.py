@@ -1,0 +1,66 @@
+"""Images on disk: 8-bit files to float arrays and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import replacing
+from gspure.errors import InputError
+
+Float32 = NDArray[np.float32]
+
+
+def read_image(path: Path, size: tuple[int, int] | None = None) -> Float32:
+    """Read an image as float32 [H,W,3] in 0..1.
+
+    Grey images get three equal channels. Transparent ones stand on black, the renderer's default background. An
+    orientation noted in the file's EXIF data is not applied, as camera poses belong to the pixels as stored.
+
+    Parameters
+    ----------
+    path : Path
+        Any 8-bit image that Pillow reads.
+    size : (int, int), optional
+        Width and height wanted. A larger image is reduced by Pillow's antialiased bicubic filter before it becomes
+        float, which is what 3DGS compares with; a smaller one is refused, since enlarging invents detail.
+
+    Raises
+    ------
+    InputError
+        The file is missing, unreadable, not 8-bit, or smaller than `size`.
+
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            if image.mode in {"I", "F"} or image.mode.startswith("I;"):
+                raise InputError(path, "pixels", expected="8 bits per channel", found=f"mode {image.mode}")
+            pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")
+    except FileNotFoundError:
+        raise InputError(path, "file", expected="an existing image", found="nothing") from None
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(path, "file", expected="an image", found=str(error)) from None
+    if pixels.mode == "RGBA":
+        pixels = Image.alpha_composite(Image.new("RGBA", pixels.size, (0, 0, 0, 255)), pixels).convert("RGB")
+    if size is not None and pixels.size != size:
+        if pixels.width < size[0] or pixels.height < size[1]:
+            found = f"{pixels.width}x{pixels.height}"
+            raise InputError(path, "size", expected=f"at least {size[0]}x{size[1]}", found=found)
+        pixels = pixels.resize(size, Image.Resampling.BICUBIC)
+    return np.asarray(pixels, np.float32) / np.float32(255)
+
+
+def write_image(path: Path, array: NDArray[np.floating]) -> None:
+    """Write an array [H,W,3] as an 8-bit PNG, whole or not at all.
+
+    Values are clipped to 0..1 and rounded to the nearest of 256 levels, a half upwards.
+    """
+    from PIL import Image
+
+    levels = np.floor(np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
+    with replacing(path) as temporary:
+        Image.fromarray(levels).save(temporary, format="PNG")
