@@ -1,0 +1,100 @@
+"""One OpenCL device at work: its context and queue, its built kernels, its reusable buffers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Literal
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from gspure.opencl.program import Defines, build_options, kernel_source
+
+Style = Literal["cpu", "gpu"]
+LANES = {"cpu": 16, "gpu": 1}
+
+
+class Engine:
+    """Context, queue, kernels and buffers of one device.
+
+    Parameters
+    ----------
+    device : pyopencl.Device
+        Where to run.
+    style : "cpu" or "gpu", optional
+        Which of the two kernel styles; by default the one that suits the device's type.
+
+    """
+
+    def __init__(self, device: cl.Device, style: Style | None = None) -> None:
+        self.device = device
+        self.style: Style = style or ("cpu" if device.type & cl.device_type.CPU else "gpu")
+        self.context = cl.Context([device])
+        self.queue = cl.CommandQueue(self.context)
+        # On a device that shares the host's memory, mapping such a buffer costs nothing.
+        self._flags = cl.mem_flags.READ_WRITE | (cl.mem_flags.ALLOC_HOST_PTR if device.host_unified_memory else 0)
+        self._buffers: dict[str, cl.Buffer] = {}
+        self._kernels: dict[tuple[Any, ...], dict[str, cl.Kernel]] = {}
+
+    def kernel(self, name: str, *sources: str, **defines: int) -> cl.Kernel:
+        """Return kernel `name` of the program made of `sources` (built once, then kept)."""
+        defines = {"LANES": LANES[self.style], **defines}
+        key = (sources, tuple(sorted(defines.items())))
+        if key not in self._kernels:
+            program = self._build(sources, defines)
+            self._kernels[key] = {kernel.function_name: kernel for kernel in program.all_kernels()}
+        return self._kernels[key][name]
+
+    def _build(self, sources: tuple[str, ...], defines: Defines) -> cl.Program:
+        return cl.Program(self.context, kernel_source(*sources)).build(options=build_options(defines))
+
+    def run(self, kernel: cl.Kernel, items: int, *args: Any, group: int | None = None) -> None:
+        """Enqueue `kernel` over `items` work-items, in groups of `group` (rounded up to whole groups)."""
+        group = group or (1 if self.style == "cpu" else 64)
+        kernel(self.queue, (-(-items // group) * group,), (group,), *args)
+
+    def buffer(self, name: str, nbytes: int) -> cl.Buffer:
+        """Return the buffer kept under `name`, grown to at least `nbytes`; its contents do not survive growing."""
+        kept = self._buffers.get(name)
+        if kept is None or kept.size < nbytes:
+            if kept is not None:
+                kept.release()
+            self._buffers[name] = kept = self.allocate(nbytes)
+        return kept
+
+    def allocate(self, nbytes: int) -> cl.Buffer:
+        """Return a new buffer of at least `nbytes`."""
+        return cl.Buffer(self.context, self._flags, max(nbytes, 64))
+
+    def upload(self, name: str, array: NDArray[Any]) -> cl.Buffer:
+        """Copy `array` into the buffer kept under `name`."""
+        buffer = self.buffer(name, array.nbytes)
+        if array.nbytes:
+            cl.enqueue_copy(self.queue, buffer, np.ascontiguousarray(array))
+        return buffer
+
+    def clear(self, buffer: cl.Buffer, nbytes: int) -> None:
+        """Set the first `nbytes` of `buffer` to zero."""
+        if nbytes:
+            cl.enqueue_fill_buffer(self.queue, buffer, np.uint32(0), 0, nbytes)
+
+    @contextmanager
+    def mapped(
+        self, buffer: cl.Buffer, shape: tuple[int, ...], dtype: Any, *, write: bool = False
+    ) -> Iterator[NDArray[Any]]:
+        """Yield the head of `buffer` as a host array, valid inside the block only."""
+        flags = cl.map_flags.WRITE if write else cl.map_flags.READ
+        array, _ = cl.enqueue_map_buffer(self.queue, buffer, flags, 0, shape, dtype)
+        try:
+            yield array
+        finally:
+            array.base.release(self.queue)
+
+    def read(self, buffer: cl.Buffer, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+        """Return a copy of the head of `buffer`."""
+        array = np.empty(shape, dtype)
+        if array.nbytes:
+            cl.enqueue_copy(self.queue, array, buffer)
+        return array

@@ -1,0 +1,44 @@
+"""The depth order of what a view shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+
+from gspure.opencl.counting import chunks, first_places
+from gspure.opencl.engine import Engine
+from gspure.opencl.projection import Projected
+
+_RADIX_BITS = 11
+_PASSES = 3  # 33 bits for 32-bit keys
+
+
+@dataclass(frozen=True)
+class DepthOrder:
+    """The `visible` rows from front to back; equal depths in row order."""
+
+    rows: cl.Buffer
+    visible: int
+
+
+def sort_by_depth(engine: Engine, projected: Projected) -> DepthOrder:
+    """Sort the visible Gaussians by (depth, row) (ordering.cl)."""
+    visible = projected.count
+    parts = chunks(engine, visible)
+    histogram = engine.buffer("histogram", 4 * parts << _RADIX_BITS)
+    keys, rows = projected.depth_keys, projected.depth_keys  # the first pass reads no rows
+    count_digits, scatter_digits = (
+        engine.kernel(name, "layout", "ordering", RADIX_BITS=_RADIX_BITS, RAY=0, CHANNELS=0)
+        for name in ("count_digits", "scatter_digits")
+    )
+    for digit in range(_PASSES):
+        shape = (np.uint32(visible), np.uint32(parts), np.uint32(digit * _RADIX_BITS))
+        sorted_keys = engine.buffer(f"sorted_keys_{digit % 2}", 4 * projected.count)
+        sorted_rows = engine.buffer(f"sorted_rows_{digit % 2}", 4 * projected.count)
+        engine.run(count_digits, parts, *shape, keys, histogram)
+        digit_starts, visible = first_places(engine, "digit_starts", histogram, parts, 1 << _RADIX_BITS)
+        engine.run(scatter_digits, parts, *shape, keys, rows, histogram, digit_starts, sorted_keys, sorted_rows)
+        keys, rows = sorted_keys, sorted_rows
+    return DepthOrder(rows, visible)

@@ -1,0 +1,61 @@
+"""Kernel sources: where they are, what they are built with, and their digest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from gspure import constants
+from gspure.artifacts import digest
+
+Defines = Mapping[str, int]
+
+RENDERER_CONSTANTS = {
+    name: getattr(constants, name)
+    for name in (
+        "TILE",
+        "NEAR_PLANE",
+        "ALPHA_MIN",
+        "ALPHA_MAX",
+        "TRANSMITTANCE_MIN",
+        "EWA_DILATION",
+        "EWA_FRUSTUM_MARGIN",
+        "MEDIAN_TRANSMITTANCE",
+    )
+} | {"LOG2_ALPHA_MIN": math.log2(constants.ALPHA_MIN)}
+
+# Never -cl-fast-relaxed-math: it breaks exp2_polynomial (vector.cl).
+BUILD_OPTIONS = ("-cl-std=CL1.2",)
+
+
+@cache
+def kernel_folder() -> Path:
+    """Return the folder of the .cl files: inside an installed package, beside it in a checkout or an editable install."""
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package / "kernels_cl", package.parent / "kernels_cl"):
+        if folder.is_dir():
+            return folder
+    raise FileNotFoundError(f"the OpenCL sources (kernels_cl) are missing beside {package}")
+
+
+def kernel_source(*names: str) -> str:
+    """Return the named .cl files, concatenated in this order."""
+    return "\n".join((kernel_folder() / f"{name}.cl").read_text(encoding="utf-8") for name in names)
+
+
+def build_options(defines: Defines) -> list[str]:
+    """Return compiler options: the renderer's constants and `defines` as -D."""
+    numbers = [f"-D{name}={_literal(value)}" for name, value in RENDERER_CONSTANTS.items()]
+    return [*BUILD_OPTIONS, *numbers, *(f"-D{name}={value}" for name, value in sorted(defines.items()))]
+
+
+def kernel_digest() -> str:
+    """Return a digest of all kernel sources, constants and build options: it changes when a rendering could."""
+    names = sorted(path.stem for path in kernel_folder().glob("*.cl"))
+    return digest(*names, kernel_source(*names), " ".join(build_options({})))
+
+
+def _literal(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value!r}f"

@@ -1,0 +1,128 @@
+"""The one entry to the device: images, feature maps, contributions and depths of a model's views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.errors import InputError
+from gspure.model.gaussians import Gaussians
+from gspure.opencl.binning import bands, bin_tiles
+from gspure.opencl.blending import Canvas, blend_band, prepare_canvas
+from gspure.opencl.device import Device, choose_device
+from gspure.opencl.engine import Engine, Style
+from gspure.opencl.frame import Energy, Pass
+from gspure.opencl.ordering import sort_by_depth
+from gspure.opencl.parameters import upload_features, upload_geometry, upload_sh_coeffs
+from gspure.opencl.projection import project
+
+Float32 = NDArray[np.float32]
+
+CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
+"""One touched Gaussian of one view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""
+
+ENTRY_BUDGET = 1 << 26
+"""Most tile entries held at a time; at 20 bytes an entry, 1.3 GB. Larger frames are rendered in bands, to the same bits."""
+
+
+class Renderer:
+    """Renders views of one model on one OpenCL device.
+
+    Gaussians are blended front to back by (view depth of the centre, row), with the rules of `gspure.constants`. Every
+    result is the same to the last bit from run to run, for any number of threads and any memory budget.
+
+    Parameters
+    ----------
+    model : Gaussians
+        K Gaussians; uploaded once.
+    device : Device, optional
+        By default the one that `gspure.opencl.device.choose_device` picks.
+    energy : "ewa" or "ray"
+        How a Gaussian falls off: as a 2-D splat with dilation, which vanilla models are trained with, or by its maximum
+        along the pixel's ray (paper, Eq. E).
+    style : "cpu" or "gpu", optional
+        Kernel style; by default the one that suits the device.
+    entry_budget : int
+        Most tile entries held at a time.
+
+    """
+
+    def __init__(
+        self,
+        model: Gaussians,
+        device: Device | None = None,
+        *,
+        energy: Energy = "ewa",
+        style: Style | None = None,
+        entry_budget: int = ENTRY_BUDGET,
+    ) -> None:
+        self.model = model
+        self.energy: Energy = energy
+        self._entry_budget = entry_budget
+        self._engine = Engine((device or choose_device()).cl_device, style)
+        self._geometry = upload_geometry(self._engine, model)
+        self._sh_coeffs = upload_sh_coeffs(self._engine, model) if model.sh_degree >= 0 else None
+
+    def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
+        """Return the colour image [H,W,3]: non-negative, not clipped above.
+
+        Raises
+        ------
+        InputError
+            If the model holds no colour (no ``f_dc`` columns).
+
+        """
+        if self._sh_coeffs is None:
+            raise InputError("model", "f_dc_0", expected="spherical-harmonic colour", found="none")
+        frame = Pass(self.energy, channels=3, sh_degree=self.model.sh_degree)
+        canvas = self._render(frame, camera, self._sh_coeffs, background)
+        return self._engine.read(canvas.image, (camera.height, camera.width, 3), np.float32)
+
+    def feature_map(self, camera: Camera, features: Float32, background: Sequence[float] | None = None) -> Float32:
+        """Return the blended `features` [K,C] of a view: [H,W,C]. `background` [C] is zero by default."""
+        channels = features.shape[1]
+        frame = Pass(self.energy, channels=channels)
+        background = [0.0] * channels if background is None else background
+        canvas = self._render(frame, camera, upload_features(self._engine, features), background)
+        return self._engine.read(canvas.image, (camera.height, camera.width, channels), np.float32)
+
+    def contributions(self, camera: Camera) -> NDArray[np.void]:
+        """Return omega_{k,v} (paper, Eq. for omega): what each touched Gaussian gives to the view, as `CONTRIBUTION`.
+
+        Rows are ordered by index; Gaussians that touch no pixel are left out.
+        """
+        canvas = self._render(Pass(self.energy, contributions=True), camera)
+        count = len(self.model)
+        pixels = self._engine.read(canvas.pixels, (count,), np.uint32)
+        touched = np.flatnonzero(pixels)
+        found = np.empty(len(touched), CONTRIBUTION)
+        found["index"] = touched
+        found["pixels"] = pixels[touched]
+        found["sum"] = self._engine.read(canvas.sums, (count,), np.float32)[touched]
+        found["max"] = self._engine.read(canvas.maxima, (count,), np.float32)[touched]
+        return found
+
+    def transmittance(self, camera: Camera) -> Float32:
+        """Return what is left of the background in each pixel [H,W], 0 to 1."""
+        canvas = self._render(Pass(self.energy), camera)
+        return self._engine.read(canvas.transmittance, (camera.height, camera.width), np.float32)
+
+    def depth(self, camera: Camera) -> Float32:
+        """Return the median depth [H,W] along the view axis; infinite where half the light passes."""
+        canvas = self._render(Pass(self.energy, median_depth=True), camera)
+        return self._engine.read(canvas.median_depth, (camera.height, camera.width), np.float32)
+
+    def _render(
+        self, frame: Pass, camera: Camera, channels: object | None = None, background: Sequence[float] = (0.0,)
+    ) -> Canvas:
+        engine, count = self._engine, len(self.model)
+        projected = project(engine, frame, camera, count, self._geometry, channels)
+        order = sort_by_depth(engine, projected)
+        canvas = prepare_canvas(engine, frame, camera, count)
+        for band in bands(engine, projected, order, camera, self._entry_budget):
+            lists = bin_tiles(engine, projected, order, camera, band)
+            blend_band(engine, frame, camera, projected, order, lists, np.asarray(background, np.float32), canvas)
+        return canvas

@@ -1,0 +1,169 @@
+// Front-to-back blending, cpu style: one work-item per tile, a row of 16 pixels per float16, no barriers.
+//
+// The tile's list is walked in chunks of CHUNK entries. A chunk's splats are staged in private memory together with the
+// blocks of four rows that each one touches. Then block after block: the state of its four rows stays in registers
+// while the chunk goes by. Blocks whose pixels are all finished are left out of later chunks.
+
+#define CHUNK 64
+#define ROWS 4  // rows of a block
+#define BLOCKS (TILE / ROWS)
+
+inline float sum16(float16 v) {
+    float8 a = v.lo + v.hi;
+    float4 b = a.lo + a.hi;
+    float2 c = b.lo + b.hi;
+    return c.x + c.y;
+}
+
+inline float max16(float16 v) {
+    float8 a = MAX(v.lo, v.hi);
+    float4 b = MAX(a.lo, a.hi);
+    float2 c = MAX(b.lo, b.hi);
+    return MAX(c.x, c.y);
+}
+
+// Bits of the row blocks that a splat's row interval meets in the tile whose first row centre is at `top`.
+inline uint blocks_touched(float centre, float extent, float top) {
+    float first = max(ceil(centre - extent - FOOTPRINT_MARGIN - top), 0.0f);
+    float last = min(floor(centre + extent + FOOTPRINT_MARGIN - top), TILE - 1.0f);
+    if (first > last) return 0;
+    return (2u << ((uint)last / ROWS)) - (1u << ((uint)first / ROWS));
+}
+
+__kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void blend_tiles(int width, int height, int tiles_x, int first_tile, __global const float *splats,
+                 __global const uint *entries, __global const uint *slots, __global const uint *tile_starts,
+                 __constant const float *background, __global float *image, __global float *transmittance,
+                 __global float *median_depth, __global float *partials) {
+    int tile = get_global_id(0);
+    uint begin = tile_starts[tile], end = tile_starts[tile + 1];
+    int left = (first_tile + tile) % tiles_x * TILE, top = (first_tile + tile) / tiles_x * TILE;
+    const float16 column = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) + (left + 0.5f);
+
+    float16 T[TILE];
+    int rows = min(TILE, height - top);
+    // Pixels outside the image start finished.
+    float16 fresh = column < (float16)width ? (float16)1.0f : (float16)-1.0f;
+    for (int r = 0; r < TILE; r++) T[r] = r < rows ? fresh : (float16)-1.0f;
+#if CHANNELS > 0
+    float16 channels[TILE * CHANNELS];
+    for (int i = 0; i < TILE * CHANNELS; i++) channels[i] = (float16)0.0f;
+#endif
+#if MEDIAN_DEPTH
+    float16 depths[TILE];
+    for (int r = 0; r < TILE; r++) depths[r] = (float16)INFINITY;
+#endif
+
+    float staged[CHUNK * SPLAT];
+    uint touched[CHUNK];
+#if CONTRIBUTIONS
+    float16 sums[CHUNK], maxima[CHUNK];
+    int16 pixels[CHUNK];
+#endif
+    uint live = (1u << ((rows + ROWS - 1) / ROWS)) - 1;
+    uint next = begin;
+    while (next < end && live) {
+        uint count = min((uint)CHUNK, end - next);
+        for (uint j = 0; j < count; j++) {
+            __global const float *s = splats + (size_t)SPLAT * entries[next + j];
+            for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, s), i, staged + SPLAT * j);
+            touched[j] = blocks_touched(staged[SPLAT * j + SPLAT_ROW_CENTRE], staged[SPLAT * j + SPLAT_ROW_EXTENT], top + 0.5f);
+#if CONTRIBUTIONS
+            sums[j] = maxima[j] = (float16)0.0f;
+            pixels[j] = (int16)0;
+#endif
+        }
+        for (int b = 0; b < BLOCKS; b++) {
+            if (!(live >> b & 1)) continue;
+            float16 t[ROWS];
+#if CHANNELS > 0
+            float16 c[ROWS * CHANNELS];
+#endif
+#pragma unroll
+            for (int r = 0; r < ROWS; r++) {
+                t[r] = T[ROWS * b + r];
+#if CHANNELS > 0
+#pragma unroll
+                for (int i = 0; i < CHANNELS; i++) c[r * CHANNELS + i] = channels[(ROWS * b + r) * CHANNELS + i];
+#endif
+            }
+            for (uint j = 0; j < count; j++) {
+                if (!(touched[j] >> b & 1)) continue;
+                const float *s = staged + SPLAT * j;
+                float16 dx = column - s[SPLAT_U];
+                float dy = (top + ROWS * b + 0.5f) - s[SPLAT_V];
+#pragma unroll
+                for (int r = 0; r < ROWS; r++) {
+                    float16 depth;
+#if MEDIAN_DEPTH
+                    float16 before = t[r];
+#endif
+                    float16 weight = blend(log2_alpha(dx, (float16)(dy + r), s, &depth), &t[r]);
+#if CHANNELS > 0
+#pragma unroll
+                    for (int i = 0; i < CHANNELS; i++)
+                        c[r * CHANNELS + i] = weight * s[SPLAT_CHANNELS + i] + c[r * CHANNELS + i];
+#endif
+#if CONTRIBUTIONS
+                    sums[j] += weight;
+                    maxima[j] = MAX(maxima[j], weight);
+                    pixels[j] -= weight > (float16)0.0f;
+#endif
+#if MEDIAN_DEPTH
+                    int16 crosses = (fabs(before) > (float16)MEDIAN_TRANSMITTANCE) &
+                                    (fabs(t[r]) <= (float16)MEDIAN_TRANSMITTANCE);
+                    depths[ROWS * b + r] = crosses ? depth : depths[ROWS * b + r];
+#endif
+                }
+            }
+            float16 most = t[0];
+#pragma unroll
+            for (int r = 0; r < ROWS; r++) {
+                most = MAX(most, t[r]);
+                T[ROWS * b + r] = t[r];
+#if CHANNELS > 0
+#pragma unroll
+                for (int i = 0; i < CHANNELS; i++) channels[(ROWS * b + r) * CHANNELS + i] = c[r * CHANNELS + i];
+#endif
+            }
+            if (!any(most > (float16)0.0f)) live &= ~(1u << b);
+        }
+#if CONTRIBUTIONS
+        for (uint j = 0; j < count; j++) {
+            __global float *partial = partials + (size_t)3 * slots[next + j];
+            partial[0] = sum16(sums[j]);
+            partial[1] = max16(maxima[j]);
+            partial[2] = as_float((uint)sum16(convert_float16(pixels[j])));
+        }
+#endif
+        next += count;
+    }
+#if CONTRIBUTIONS
+    for (; next < end; next++) {  // entries behind the point where every pixel had finished
+        __global float *partial = partials + (size_t)3 * slots[next];
+        partial[0] = partial[1] = partial[2] = 0.0f;
+    }
+#endif
+
+    int columns = min(TILE, width - left);
+    for (int r = 0; r < rows; r++) {
+        size_t pixel = (size_t)(top + r) * width + left;
+        union {
+            float16 v;
+            float f[16];
+        } lane;
+        float16 rest = fabs(T[r]);
+#if CHANNELS > 0
+        for (int i = 0; i < CHANNELS; i++) {
+            lane.v = channels[r * CHANNELS + i] + rest * background[i];
+            for (int x = 0; x < columns; x++) image[(pixel + x) * CHANNELS + i] = lane.f[x];
+        }
+#endif
+        lane.v = rest;
+        for (int x = 0; x < columns; x++) transmittance[pixel + x] = lane.f[x];
+#if MEDIAN_DEPTH
+        lane.v = depths[r];
+        for (int x = 0; x < columns; x++) median_depth[pixel + x] = lane.f[x];
+#endif
+    }
+}

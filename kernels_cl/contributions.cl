@@ -1,0 +1,23 @@
+// Sums over a Gaussian's slots: what it gave to all tiles of a band, added to what it gave to earlier bands.
+//
+// Slots of one Gaussian are contiguous and in tile order, so the sum runs left to right over the whole image, with the
+// same rounding for any number of bands and threads.
+
+__kernel void sum_slots(uint visible, __global const uint *order, __global const uint *slot_starts,
+                        __global const float *partials, __global float *sums, __global float *maxima,
+                        __global uint *pixels) {
+    uint rank = get_global_id(0);
+    if (rank >= visible) return;
+    uint row = order[rank];
+    float sum = sums[row], maximum = maxima[row];
+    uint touched = pixels[row];
+    for (uint slot = slot_starts[rank]; slot < slot_starts[rank + 1]; slot++) {
+        __global const float *partial = partials + (size_t)3 * slot;
+        sum += partial[0];
+        maximum = max(maximum, partial[1]);
+        touched += as_uint(partial[2]);
+    }
+    sums[row] = sum;
+    maxima[row] = maximum;
+    pixels[row] = touched;
+}

@@ -1,0 +1,57 @@
+// Records that pass between the kernels of one frame.
+//
+// A *splat* is what a pixel needs of a Gaussian: SPLAT floats (a multiple of 16, one cache line or more), indexed by the
+// Gaussian's row. With d = pixel - (U, V), in pixels:
+//   ewa:  log2 alpha = LOG2_OPACITY + XX dx^2 + XY dx dy + YY dy^2
+//   ray:  log2 alpha = LOG2_OPACITY + (XX dx^2 + XY dx dy + YY dy^2) / N,
+//         N = 1 + 2 (LX dx + LY dy) + MXX dx^2 + 2 MXY dx dy + MYY dy^2 = |direction|^2 relative to the centre's ray
+// ROW_CENTRE, ROW_EXTENT bound the pixel rows it touches. Channels (colour or features) follow.
+//
+// A *footprint* is what tiles need: an ellipse {d : d' S^-1 d <= 1} around (X, Y) that holds every pixel with
+// alpha >= ALPHA_MIN, and its tile rectangle. SXX = INFINITY marks a footprint that is no ellipse (the Gaussian reaches
+// behind the camera): it covers its whole rectangle.
+
+#define SPLAT_U 0
+#define SPLAT_V 1
+#define SPLAT_XX 2
+#define SPLAT_XY 3
+#define SPLAT_YY 4
+#define SPLAT_LOG2_OPACITY 5
+#define SPLAT_DEPTH 6
+#define SPLAT_ROW_CENTRE 7
+#define SPLAT_ROW_EXTENT 8
+#if RAY
+#define SPLAT_LX 9
+#define SPLAT_LY 10
+#define SPLAT_MXX 11
+#define SPLAT_MXY 12
+#define SPLAT_MYY 13
+#define SPLAT_REACHES_NEAR 14  // not 0: the ellipsoid alpha >= ALPHA_MIN reaches the near plane
+#define SPLAT_CHANNELS 15
+#else
+#define SPLAT_CHANNELS 9
+#endif
+#define SPLAT ((SPLAT_CHANNELS + CHANNELS + 15) / 16 * 16)
+
+#define FOOTPRINT 8
+#define FOOTPRINT_X 0
+#define FOOTPRINT_Y 1
+#define FOOTPRINT_SXX 2
+#define FOOTPRINT_SXY 3
+#define FOOTPRINT_SYY 4
+#define FOOTPRINT_TILES_X 5  // first | last << 16, both inclusive
+#define FOOTPRINT_TILES_Y 6
+
+// Depth key of a Gaussian that is not drawn; positive floats order as their bits do.
+#define NOT_VISIBLE 0xffffffffu
+
+// Pixel centres lie at +0.5; footprints are widened by this many pixels against rounding.
+#define FOOTPRINT_MARGIN 0.02f
+
+// Camera numbers, in the order of gspure.cameras.Camera.numbers and then the camera's centre.
+#define CAMERA_FX camera[2]
+#define CAMERA_FY camera[3]
+#define CAMERA_CX camera[4]
+#define CAMERA_CY camera[5]
+#define CAMERA_VIEW(row, column) camera[6 + 4 * (row) + (column)]
+#define CAMERA_CENTRE(axis) camera[18 + (axis)]

@@ -1,0 +1,218 @@
+// Projection: Gaussians -> splats, footprints and depth keys of one view.
+//
+// Per Gaussian: move the centre into view space; drop it at z <= NEAR_PLANE or opacity < ALPHA_MIN; rotate the principal
+// axes into view space; derive the quadratic form of the chosen energy and the ellipse that bounds alpha >= ALPHA_MIN;
+// drop it if that touches no pixel centre; shade it; store.
+
+#define GEOMETRY 11  // means 3, quats 4, scales 3, opacity 1
+#define MEAN(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, axis, row)
+#define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 3 + axis, row)
+#define SCALE(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 7 + axis, row)
+#define OPACITY LOAD_ATTRIBUTE(geometry, GEOMETRY, 10, row)
+#define HALF_LOG2E 0.72134752f
+#define TWO_LN2 1.38629436f
+
+typedef struct {
+    V x, y, sxx, sxy, syy;  // {d : d' S^-1 d <= 1} around (x, y)
+    I unbounded;            // mask: no ellipse
+} Ellipse;
+
+// Unit principal axes of the Gaussians in view space: axes[3 * a + i] is component i of axis a.
+inline void view_axes(__constant const float *camera, __global const float *geometry, uint row, V *axes) {
+    V w = QUAT(0), x = QUAT(1), y = QUAT(2), z = QUAT(3);
+    V s = 2.0f / (w * w + x * x + y * y + z * z);
+    V world[9] = {1.0f - s * (y * y + z * z), s * (x * y + w * z),        s * (x * z - w * y),
+                  s * (x * y - w * z),        1.0f - s * (x * x + z * z), s * (y * z + w * x),
+                  s * (x * z + w * y),        s * (y * z - w * x),        1.0f - s * (x * x + y * y)};
+#pragma unroll
+    for (int a = 0; a < 3; a++)
+#pragma unroll
+        for (int i = 0; i < 3; i++)
+            axes[3 * a + i] = CAMERA_VIEW(i, 0) * world[3 * a] + CAMERA_VIEW(i, 1) * world[3 * a + 1] +
+                              CAMERA_VIEW(i, 2) * world[3 * a + 2];
+}
+
+#if RAY
+// The maximum of a Gaussian along a pixel's ray (paper, Eq. E; GOF's stable form). With axes q_a, scales s_a, the ray
+// direction in the Gaussian's own frame is linear in the pixel: direction_a = q_a . r / s_a, and
+//   E = exp(-1/2 |p x direction|^2 / |direction|^2),   p_a = q_a . mean / s_a.
+// At the projected centre the cross product vanishes, so it is a pure quadratic form in d. Scales enter relative to the
+// smallest one (w_a = s_min / s_a <= 1), which cancels in the quotient and cannot overflow.
+inline Ellipse ray_form(__constant const float *camera, const V *mean, const V *scale, const V *axes, V level, V *splat) {
+    V smallest = MIN(MIN(scale[0], scale[1]), scale[2]);
+    V p[3], gx[3], gy[3];
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+        V w = smallest / scale[a];
+        p[a] = w * (axes[3 * a] * mean[0] + axes[3 * a + 1] * mean[1] + axes[3 * a + 2] * mean[2]);
+        gx[a] = w * axes[3 * a] * (1.0f / CAMERA_FX);
+        gy[a] = w * axes[3 * a + 1] * (1.0f / CAMERA_FY);
+    }
+    V z = mean[2];
+    V centre = z * z / (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);  // 1 / |direction|^2 at the centre
+    V cx[3], cy[3];                                                // p x gx, p x gy
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+        int b = (a + 1) % 3, c = (a + 2) % 3;
+        cx[a] = p[b] * gx[c] - p[c] * gx[b];
+        cy[a] = p[b] * gy[c] - p[c] * gy[b];
+    }
+    V form = -HALF_LOG2E * centre / (smallest * smallest);
+    splat[SPLAT_XX] = form * (cx[0] * cx[0] + cx[1] * cx[1] + cx[2] * cx[2]);
+    splat[SPLAT_XY] = 2.0f * form * (cx[0] * cy[0] + cx[1] * cy[1] + cx[2] * cy[2]);
+    splat[SPLAT_YY] = form * (cy[0] * cy[0] + cy[1] * cy[1] + cy[2] * cy[2]);
+    splat[SPLAT_LX] = centre * (p[0] * gx[0] + p[1] * gx[1] + p[2] * gx[2]) / z;
+    splat[SPLAT_LY] = centre * (p[0] * gy[0] + p[1] * gy[1] + p[2] * gy[2]) / z;
+    splat[SPLAT_MXX] = centre * (gx[0] * gx[0] + gx[1] * gx[1] + gx[2] * gx[2]);
+    splat[SPLAT_MXY] = centre * (gx[0] * gy[0] + gx[1] * gy[1] + gx[2] * gy[2]);
+    splat[SPLAT_MYY] = centre * (gy[0] * gy[0] + gy[1] * gy[1] + gy[2] * gy[2]);
+
+    // Outline of the ellipsoid (x - mean)' Sigma^-1 (x - mean) = t^2: the dual conic t^2 Sigma - mean mean', projected.
+    V t2 = TWO_LN2 * level;
+    V xx = (V)0.0f, xy = (V)0.0f, yy = (V)0.0f, xz = (V)0.0f, yz = (V)0.0f, zz = (V)0.0f;
+    V fxx = (V)0.0f, fxy = (V)0.0f, fyy = (V)0.0f;  // variances of (z x - mean_x z) and (z y - mean_y z)
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+        V ax = scale[a] * axes[3 * a], ay = scale[a] * axes[3 * a + 1], az = scale[a] * axes[3 * a + 2];
+        V ux = z * ax - mean[0] * az, uy = z * ay - mean[1] * az;
+        xx += ax * ax, xy += ax * ay, yy += ay * ay, xz += ax * az, yz += ay * az, zz += az * az;
+        fxx += ux * ux, fxy += ux * uy, fyy += uy * uy;
+    }
+    splat[SPLAT_REACHES_NEAR] = z - sqrt(t2 * zz) > (V)(1.001f * NEAR_PLANE) ? (V)0.0f : (V)1.0f;
+    V depth = z * z - t2 * zz;  // > 0 exactly when the ellipsoid lies wholly in front of the camera
+    V i = 1.0f / depth, s = t2 * i * i;
+    Ellipse e;
+    e.unbounded = depth <= 1e-4f * z * z;
+    e.x = CAMERA_FX * (mean[0] * z - t2 * xz) * i + CAMERA_CX;
+    e.y = CAMERA_FY * (mean[1] * z - t2 * yz) * i + CAMERA_CY;
+    e.sxx = CAMERA_FX * CAMERA_FX * s * (fxx - t2 * (xx * zz - xz * xz));
+    e.sxy = CAMERA_FX * CAMERA_FY * s * (fxy - t2 * (xy * zz - xz * yz));
+    e.syy = CAMERA_FY * CAMERA_FY * s * (fyy - t2 * (yy * zz - yz * yz));
+    return e;
+}
+#else
+// EWA splatting: Sigma' = J Sigma J' + dilation (paper, Preliminaries; J with the reference rasterizer's clamp).
+inline Ellipse ewa_form(__constant const float *camera, int width, int height, const V *mean, const V *scale,
+                        const V *axes, V level, V *splat, I *visible) {
+    float fx = CAMERA_FX, fy = CAMERA_FY;
+    float margin_x = EWA_FRUSTUM_MARGIN * 0.5f * width / fx, margin_y = EWA_FRUSTUM_MARGIN * 0.5f * height / fy;
+    V iz = 1.0f / mean[2];
+    V x = mean[0] * iz, y = mean[1] * iz;
+    V low_x = (V)(-CAMERA_CX / fx - margin_x), high_x = (V)((width - CAMERA_CX) / fx + margin_x);
+    V low_y = (V)(-CAMERA_CY / fy - margin_y), high_y = (V)((height - CAMERA_CY) / fy + margin_y);
+    V jx = MIN(MAX(x, low_x), high_x), jy = MIN(MAX(y, low_y), high_y);
+    V xx = (V)EWA_DILATION, xy = (V)0.0f, yy = (V)EWA_DILATION;
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+        V s = scale[a] * iz;
+        V ux = fx * s * (axes[3 * a] - jx * axes[3 * a + 2]);
+        V uy = fy * s * (axes[3 * a + 1] - jy * axes[3 * a + 2]);
+        xx += ux * ux, xy += ux * uy, yy += uy * uy;
+    }
+    V determinant = xx * yy - xy * xy;
+    *visible &= MASK(determinant > (V)0.0f);
+    V form = -HALF_LOG2E / determinant;
+    splat[SPLAT_XX] = form * yy;
+    splat[SPLAT_XY] = -2.0f * form * xy;
+    splat[SPLAT_YY] = form * xx;
+    Ellipse e;
+    V t2 = TWO_LN2 * level;
+    e.unbounded = (I)0;
+    e.x = splat[SPLAT_U];
+    e.y = splat[SPLAT_V];
+    e.sxx = t2 * xx;
+    e.sxy = t2 * xy;
+    e.syy = t2 * yy;
+    return e;
+}
+#endif
+
+// First | last << 16 of the tiles whose pixel centres meet [centre - extent, centre + extent]; clears `visible` if none.
+inline U tile_range(V centre, V extent, int pixels, I *visible) {
+    V low = MAX(centre - extent - (0.5f + FOOTPRINT_MARGIN), (V)-1.0f);
+    V high = MIN(centre + extent - (0.5f - FOOTPRINT_MARGIN), (V)(pixels - 1));
+    low = MIN(low, (V)pixels);
+    high = MAX(high, (V)-1.0f);
+    I first = MAX(TO_INT(ceil(low)), (I)0), last = TO_INT(floor(high));
+    *visible &= MASK(first <= last);
+    return AS_UINT(first / TILE) | (AS_UINT(MAX(last, (I)0) / TILE) << 16);
+}
+
+__kernel void project(uint count, int width, int height, __constant const float *camera,
+                      __global const float *geometry,
+                      __global const float *channels,  // SH coefficients if SH_DEGREE >= 0, else CHANNELS features
+                      __global float *splats, __global float *footprints, __global uint *depth_keys) {
+    uint row = get_global_id(0) * LANES;
+    if (row >= count) return;
+
+    V world[3] = {MEAN(0), MEAN(1), MEAN(2)}, mean[3];
+#pragma unroll
+    for (int i = 0; i < 3; i++)
+        mean[i] = CAMERA_VIEW(i, 0) * world[0] + CAMERA_VIEW(i, 1) * world[1] + CAMERA_VIEW(i, 2) * world[2] +
+                  CAMERA_VIEW(i, 3);
+    V opacity = OPACITY;
+    I visible = MASK(mean[2] > (V)NEAR_PLANE) & MASK(opacity >= (V)ALPHA_MIN);
+
+    union {
+        V v[SPLAT];
+        float f[SPLAT * LANES];
+    } splat;
+    union {
+        V v[FOOTPRINT];
+        float f[FOOTPRINT * LANES];
+    } footprint;
+    if (ANY(visible)) {
+        V axes[9], scale[3] = {SCALE(0), SCALE(1), SCALE(2)};
+        view_axes(camera, geometry, row, axes);
+        V log2_opacity = log2(opacity);
+        V level = log2_opacity - (V)LOG2_ALPHA_MIN;  // alpha >= ALPHA_MIN exactly while the quadratic form >= -level
+        splat.v[SPLAT_U] = CAMERA_FX * mean[0] / mean[2] + CAMERA_CX;
+        splat.v[SPLAT_V] = CAMERA_FY * mean[1] / mean[2] + CAMERA_CY;
+        splat.v[SPLAT_LOG2_OPACITY] = log2_opacity;
+        splat.v[SPLAT_DEPTH] = mean[2];
+#if RAY
+        Ellipse e = ray_form(camera, mean, scale, axes, level, splat.v);
+#else
+        Ellipse e = ewa_form(camera, width, height, mean, scale, axes, level, splat.v, &visible);
+#endif
+        e.sxx = MAX(e.sxx, (V)1e-12f);
+        e.syy = MAX(e.syy, (V)1e-12f);
+        V extent_x = e.unbounded ? (V)INFINITY : sqrt(e.sxx), extent_y = e.unbounded ? (V)INFINITY : sqrt(e.syy);
+        V x = e.unbounded ? (V)0.0f : e.x, y = e.unbounded ? (V)0.0f : e.y;
+        splat.v[SPLAT_ROW_CENTRE] = y;
+        splat.v[SPLAT_ROW_EXTENT] = extent_y;
+        footprint.v[FOOTPRINT_X] = x;
+        footprint.v[FOOTPRINT_Y] = y;
+        footprint.v[FOOTPRINT_SXX] = e.unbounded ? (V)INFINITY : e.sxx;
+        footprint.v[FOOTPRINT_SXY] = e.sxy;
+        footprint.v[FOOTPRINT_SYY] = e.syy;
+        footprint.v[FOOTPRINT_TILES_X] = AS_FLOAT(tile_range(x, extent_x, width, &visible));
+        footprint.v[FOOTPRINT_TILES_Y] = AS_FLOAT(tile_range(y, extent_y, height, &visible));
+    }
+#if CHANNELS > 0
+    if (ANY(visible)) {
+#if SH_DEGREE >= 0
+        V x = world[0] - CAMERA_CENTRE(0), y = world[1] - CAMERA_CENTRE(1), z = world[2] - CAMERA_CENTRE(2);
+        V inverse = 1.0f / sqrt(x * x + y * y + z * z);
+        sh_colour(channels, row, x * inverse, y * inverse, z * inverse, splat.v + SPLAT_CHANNELS);
+#else
+        for (int c = 0; c < CHANNELS; c++)
+            splat.v[SPLAT_CHANNELS + c] = LOAD_ATTRIBUTE(channels, CHANNELS, c, row);
+#endif
+    }
+#endif
+
+    union {
+        U v;
+        uint u[LANES];
+    } key;
+    key.v = visible ? AS_UINT(mean[2]) : (U)NOT_VISIBLE;
+    for (uint lane = 0; lane < LANES && row + lane < count; lane++) {
+        depth_keys[row + lane] = key.u[lane];
+        if (key.u[lane] == NOT_VISIBLE) continue;
+        __global float *s = splats + (size_t)SPLAT * (row + lane);
+        for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splat.f[i * LANES + lane];
+        __global float *f = footprints + (size_t)FOOTPRINT * (row + lane);
+        for (int i = 0; i <= FOOTPRINT_TILES_Y; i++) f[i] = footprint.f[i * LANES + lane];
+    }
+}
