@@ -11,12 +11,14 @@ from gspure.artifacts import digest
 _PACKAGE = Path(__file__).parent
 
 
-def code_digest(module: str) -> str:
-    """Return a digest of the source of `module` and of all modules of this package that it imports, at any depth.
+def code_digest(*modules: str) -> str:
+    """Return a digest of the source of `modules` and of all modules of this package that they import, at any depth.
 
     Imports inside functions count too. The package's own ``__init__`` does not: it only names the public functions.
+    Modules of other packages are passed over.
     """
-    reached, waiting = {module}, [module]
+    waiting = [module for module in modules if module.startswith("gspure.")]
+    reached = set(waiting)
     while waiting:
         found = _imports(waiting.pop()) - reached
         reached |= found
