@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
-from typing import Any
 
 from gspure.errors import InputError
+
+Argument = str | float | bool | int | None
 
 _POINT_CLOUD = "point_cloud.ply"
 
@@ -56,11 +57,11 @@ def cameras_file(folder: Path) -> Path:
     return file
 
 
-def training_arguments(folder: Path) -> dict[str, Any]:
+def training_arguments(folder: Path) -> dict[str, Argument]:
     """Return the trainer's arguments from cfg_args; empty where the folder has none.
 
-    The file is a Python expression that the trainer evaluates; here it is only parsed. A value that is no literal, such
-    as ``PosixPath('data')``, is given as its source text.
+    The file is a Python expression that the trainer evaluates; here it is only parsed. A value other than a string, a
+    number, a truth value or None, such as ``PosixPath('data')``, is given as its source text.
     """
     file = Path(folder) / "cfg_args"
     if not file.is_file():
@@ -68,18 +69,16 @@ def training_arguments(folder: Path) -> dict[str, Any]:
     try:
         call = ast.parse(file.read_text(encoding="utf-8").strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise InputError(file, "file", expected="Namespace(name=value, ...)", found=_first_line(error)) from None
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise InputError(file, "file", expected="Namespace(name=value, ...)", found=reason) from None
     if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Namespace"):
         raise InputError(file, "file", expected="Namespace(name=value, ...)", found="another expression")
-    return {keyword.arg: _literal(keyword.value) for keyword in call.keywords if keyword.arg}
+    return {keyword.arg: _argument(keyword.value) for keyword in call.keywords if keyword.arg}
 
 
-def _literal(node: ast.expr) -> Any:
+def _argument(node: ast.expr) -> Argument:
     try:
-        return ast.literal_eval(node)
+        value = ast.literal_eval(node)
     except (ValueError, TypeError, RecursionError, MemoryError):
-        return ast.unparse(node)
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error) or type(error).__name__).partition("\n")[0]
+        value = ...
+    return value if isinstance(value, Argument) else ast.unparse(node)

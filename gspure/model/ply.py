@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Iterable
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +111,7 @@ def _check_properties(path: Path, vertex: PlyElement) -> None:
             raise InputError(path, name, expected="a float32 property", found=str(kinds[name]))
 
 
-def _required(path: Path, names: Iterable[str]) -> tuple[str, ...]:
+def _required(path: Path, names: Collection[str]) -> tuple[str, ...]:
     """Return the properties that these `names` must include: the core, and all of the colour if any of it is there."""
     count = len(columns_named(names, "f_rest_"))
     counts = [sh_columns(degree) for degree in range(MAX_SH_DEGREE + 1)]
@@ -125,23 +125,30 @@ def _required(path: Path, names: Iterable[str]) -> tuple[str, ...]:
 def _map_rows(path: Path, vertex: PlyElement, offset: int, byte_order: str) -> Table:
     """Map the rows of a binary file; those of a big-endian one are swapped into memory."""
     stored = vertex.dtype(byte_order)
-    there = (path.stat().st_size - offset) // stored.itemsize
-    if there < vertex.count:
-        raise InputError(path, "element vertex", expected=f"{vertex.count} rows", found=f"{there} whole rows")
+    _check_size(path, vertex, offset, stored.itemsize)
     rows = np.memmap(path, stored, "r", offset, vertex.count).view(np.ndarray)
     return rows.astype(vertex.dtype("<"), copy=False)
 
 
 def _parse_rows(path: Path, vertex: PlyElement, offset: int) -> Table:
-    """Parse the rows of an ASCII file; memory grows with what is read, not with what the header claims."""
+    """Parse the rows of an ASCII file."""
+    _check_size(path, vertex, offset - 1, 2 * len(vertex.properties))  # a digit and what ends it, but for the last one
     with path.open("rb") as stream, warnings.catch_warnings(), np.errstate(over="ignore"):
         warnings.simplefilter("ignore")  # numpy warns where there is no row; that is told below
         stream.seek(offset)
         text = io.TextIOWrapper(stream, encoding="ascii")
         try:
+            # numpy's parser, since it is several times faster than plyfile's.
             rows = np.loadtxt(text, vertex.dtype("<"), comments=None, max_rows=vertex.count, ndmin=1)
         except ValueError as error:
             raise InputError(path, "element vertex", expected="one number per property", found=str(error)) from None
     if len(rows) < vertex.count:
         raise InputError(path, "element vertex", expected=f"{vertex.count} rows", found=f"{len(rows)} rows")
     return rows
+
+
+def _check_size(path: Path, vertex: PlyElement, offset: int, row_bytes: int) -> None:
+    """Refuse a file that is too short for the rows that its header claims, before they are allocated."""
+    room = (path.stat().st_size - offset) // row_bytes
+    if room < vertex.count:
+        raise InputError(path, "element vertex", expected=f"{vertex.count} rows", found=f"room for {room}")

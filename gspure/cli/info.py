@@ -1,0 +1,106 @@
+"""``gspure info``: what a model file holds."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gspure.model.summary import Summary
+
+HELP = "show what a model holds: counts, extents, quantiles, bad rows, the scheme it looks like"
+EXAMPLES = """\
+  gspure info point_cloud.ply
+  gspure info output/bicycle                                   (a training run's folder: its newest iteration)
+  gspure info output/bicycle/point_cloud/iteration_7000
+  gspure info point_cloud.ply --json
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("model", type=Path, metavar="MODEL", help="3DGS .ply, or the output folder of a training run")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Print the summary of one model."""
+    from gspure.model.inria import point_cloud, training_arguments
+    from gspure.model.ply import read_ply
+    from gspure.model.summary import summarize
+
+    folder = args.model.is_dir()
+    file = point_cloud(args.model) if folder else args.model
+    training = training_arguments(args.model) if folder else {}
+    model = read_ply(file)
+    summary = summarize(model)
+    if args.json:
+        print(json.dumps(as_json(file, summary, model.comments, training), indent=2))
+    else:
+        print("\n".join(as_text(file, summary, model.comments, training)))
+
+
+def as_json(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> dict[str, Any]:
+    """Return the summary as a JSON object."""
+    from gspure.model.summary import LEVELS
+
+    columns = {name: {"rows": rows, "first": first} for name, (rows, first) in summary.non_finite_columns.items()}
+    return {
+        "file": str(file),
+        **asdict(summary),
+        "signature": summary.signature.name.lower(),
+        "quantile_levels": LEVELS,
+        "non_finite_columns": columns,
+        "comments": list(comments),
+        "training": training,
+    }
+
+
+def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> list[str]:
+    """Return the summary as aligned lines."""
+    colour = f"SH degree {summary.sh_degree}" if summary.sh_degree >= 0 else "no spherical harmonics"
+    size = f"{file.stat().st_size / 1e6:,.1f} MB"
+    return [
+        str(file),
+        f"  {summary.gaussians:,} Gaussians, {colour}, {len(summary.columns)} properties, {size}",
+        f"  {summary.signature.title}",
+        *([f"  further properties: {_series(summary.further_columns)}"] if summary.further_columns else []),
+        "",
+        *_quantile_table(summary),
+        "",
+        *_row_counts(summary),
+        *([""] if comments or training else []),
+        *(f"  comment: {comment}" for comment in comments),
+        *(f"  trained with {name} = {value}" for name, value in sorted(training.items())),
+    ]
+
+
+def _quantile_table(summary: Summary) -> Iterable[str]:
+    yield _table_row("", ["min", "5 %", "25 %", "median", "75 %", "95 %", "max"])
+    for name, values in summary.quantiles.items():
+        yield _table_row(name.replace("_", " "), [f"{value:.4g}" for value in values] or ["not one finite value"])
+
+
+def _table_row(name: str, cells: Sequence[str]) -> str:
+    return f"  {name:<18}" + "".join(f"{cell:>11}" for cell in cells)
+
+
+def _row_counts(summary: Summary) -> Iterable[str]:
+    where = (f"{name} in {rows:,}, first {first}" for name, (rows, first) in summary.non_finite_columns.items())
+    yield f"  {'non-finite rows':<18}{summary.non_finite_rows:>11,}   {'; '.join(where)}".rstrip()
+    yield f"  {'zero quaternions':<18}{summary.zero_quaternion_rows:>11,}"
+    yield f"  {'repeated positions':<18}{summary.repeated_position_rows:>11,}"
+
+
+def _series(names: Iterable[str]) -> str:
+    """Return the names in one line, a run such as semantic_0 to semantic_15 as ``semantic_0..15``."""
+    runs = []
+    for stem, run in groupby(names, key=lambda name: name.rstrip("0123456789")):
+        first, *rest = run
+        runs.append(f"{first}..{rest[-1].removeprefix(stem)}" if rest else first)
+    return " ".join(runs)

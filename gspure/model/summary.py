@@ -1,0 +1,97 @@
+"""What a model holds, in numbers: the content of ``gspure info``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.model.finite import non_finite_rows
+from gspure.model.gaussians import COLOUR, CORE, Gaussians
+from gspure.model.signature import Signature
+
+LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+"""Quantile levels: extremes, the middle 90 %, quartiles and median."""
+
+_NORMALS = ("nx", "ny", "nz")
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A model in numbers.
+
+    Parameters
+    ----------
+    gaussians : int
+        Rows.
+    sh_degree : int
+        Degree of the spherical harmonics; -1 where there is no colour.
+    signature : Signature
+        The kind of model, told by its columns.
+    columns, further_columns : tuple of str
+        All columns in the file's order, and those that vanilla models do not have.
+    quantiles : dict of str to tuple of float
+        At `LEVELS`, over the finite values: x, y, z (world units), opacity (0 to 1), largest_scale and smallest_scale
+        (of each Gaussian's three standard deviations, world units). Empty where no value is finite.
+    non_finite_rows : int
+        Rows with an infinity or a not-a-number in any column.
+    non_finite_columns : dict of str to (int, int)
+        For each column that has any: in how many rows, and the first of them.
+    zero_quaternion_rows : int
+        Rows whose rotation is (0, 0, 0, 0).
+    repeated_position_rows : int
+        Rows whose centre is exactly that of an earlier row.
+
+    """
+
+    gaussians: int
+    sh_degree: int
+    signature: Signature
+    columns: tuple[str, ...]
+    further_columns: tuple[str, ...]
+    quantiles: dict[str, tuple[float, ...]]
+    non_finite_rows: int
+    non_finite_columns: dict[str, tuple[int, int]]
+    zero_quaternion_rows: int
+    repeated_position_rows: int
+
+
+def summarize(model: Gaussians) -> Summary:
+    """Return `model` in numbers."""
+    columns = model.table.dtype.names or ()
+    vanilla = {*CORE, *COLOUR, *_NORMALS, *model.columns_named("f_rest_")}
+    non_finite = non_finite_rows(model, columns)
+    return Summary(
+        gaussians=len(model),
+        sh_degree=model.sh_degree,
+        signature=Signature.of(columns),
+        columns=columns,
+        further_columns=tuple(name for name in columns if name not in vanilla),
+        quantiles={name: _quantiles(values) for name, values in _quantities(model).items()},
+        non_finite_rows=len(set().union(*(rows.tolist() for rows in non_finite.values()))),
+        non_finite_columns={name: (len(rows), int(rows[0])) for name, rows in non_finite.items()},
+        zero_quaternion_rows=int(np.count_nonzero(~model.quats.any(axis=1))),
+        repeated_position_rows=_repeated(model.means),
+    )
+
+
+def _quantities(model: Gaussians) -> dict[str, NDArray[np.float32]]:
+    return {
+        **dict(zip("xyz", model.means.T, strict=True)),
+        "opacity": model.opacities,
+        "largest_scale": model.scales.max(axis=1),
+        "smallest_scale": model.scales.min(axis=1),
+    }
+
+
+def _quantiles(values: NDArray[np.float32]) -> tuple[float, ...]:
+    finite = values[np.isfinite(values)]
+    return tuple(np.quantile(finite, LEVELS).tolist()) if len(finite) else ()
+
+
+def _repeated(means: NDArray[np.float32]) -> int:
+    finite = means[np.isfinite(means).all(axis=1)] + np.float32(0)  # -0 becomes 0: equal numbers, equal bits
+    rows: NDArray[Any] = finite.view("V12")
+    return len(rows) - len(np.unique(rows))

@@ -1,0 +1,126 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.errors import InputError
+from gspure.model import Gaussians, require_finite
+from gspure.model.finite import non_finite_rows
+from gspure.model.signature import Signature
+from tests.models import blobs
+
+
+def table_of(columns, rows=3):
+    """A float32 table whose entry in row r, column c is 100 r + c."""
+    table = np.empty(rows, [(name, "<f4") for name in columns])
+    for c, name in enumerate(columns):
+        table[name] = 100 * np.arange(rows) + c
+    return table
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_f_rest_is_channel_major(degree):
+    per_channel = (degree + 1) ** 2 - 1
+    columns = [f"f_rest_{i}" for i in range(3 * per_channel)] + ["f_dc_0", "f_dc_1", "f_dc_2"]
+    model = Gaussians(table_of(columns))
+    assert model.sh_degree == degree
+    assert model.sh_coeffs.shape == (3, per_channel + 1, 3)
+    for channel in range(3):
+        np.testing.assert_array_equal(model.sh_coeffs[:, 0, channel], model.table[f"f_dc_{channel}"])
+        for j in range(1, per_channel + 1):
+            stored = model.table[f"f_rest_{channel * per_channel + j - 1}"]
+            np.testing.assert_array_equal(model.sh_coeffs[:, j, channel], stored)
+
+
+def test_a_model_without_colour_has_degree_minus_one_and_no_coefficients():
+    model = Gaussians(table_of(["x", "y", "z", "semantic_0"]))
+    assert model.sh_degree == -1
+    assert model.sh_coeffs.shape == (3, 0, 3)
+
+
+def test_an_empty_model_has_empty_arrays_of_the_right_shapes():
+    model = blobs(5).subset(np.zeros(5, bool))
+    shapes = [a.shape for a in (model.means, model.quats, model.scales, model.opacities, model.sh_coeffs)]
+    assert shapes == [(0, 3), (0, 4), (0, 3), (0,), (0, 16, 3)]
+
+
+@given(seed=st.integers(0, 100), degree=st.integers(0, 3))
+def test_parameters_survive_being_stored(seed, degree):
+    rng = np.random.default_rng(seed)
+    given_parameters = {
+        "means": rng.normal(size=(7, 3)),
+        "quats": rng.normal(size=(7, 4)),
+        "scales": rng.lognormal(-4, 2, (7, 3)),
+        "opacities": rng.uniform(1e-6, 1 - 1e-6, 7),
+        "sh_coeffs": rng.normal(size=(7, (degree + 1) ** 2, 3)),
+    }
+    model = Gaussians.from_parameters(**given_parameters)
+    assert model.sh_degree == degree
+    for name, value in given_parameters.items():
+        # scales and opacities pass through a float32 logarithm of size up to 14: 14 * 6e-8 relative
+        np.testing.assert_allclose(getattr(model, name), value, rtol=2e-6)
+
+
+def test_opacities_saturate_without_warning():
+    model = blobs(3).with_columns({"opacity": np.array([-1e30, 0.0, 1e30])})
+    np.testing.assert_array_equal(model.opacities, np.float32([0.0, 0.5, 1.0]))
+
+
+def test_numbered_columns_come_in_the_order_of_their_numbers():
+    model = Gaussians(table_of(["f_10", "f_9", "f_1", "f_x", "af_2", "f_"]))
+    assert model.columns_named("f_") == ("f_1", "f_9", "f_10")
+
+
+@given(rows=st.sampled_from([0, 1, 4095, 4096, 4097, 9000]))
+def test_columns_are_gathered_whole_and_in_the_order_asked_for(rows):
+    model = Gaussians(table_of(["a", "b", "c"], rows))
+    expected = np.stack([model.table["c"], model.table["a"]], axis=1)
+    np.testing.assert_array_equal(model.columns("c", "a"), expected)
+
+
+@given(keep=st.lists(st.booleans(), min_size=20, max_size=20))
+def test_a_row_subset_is_bit_identical_to_its_rows(keep):
+    dtype = blobs(1).table.dtype
+    model = Gaussians(np.frombuffer(np.random.default_rng(1).bytes(20 * dtype.itemsize), dtype))
+    expected = b"".join(model.table[i].tobytes() for i in np.flatnonzero(keep))
+    assert model.subset(np.array(keep)).table.tobytes() == expected
+
+
+def test_with_columns_leaves_the_original_and_the_other_columns_alone():
+    model = blobs(4)
+    before = model.table.tobytes()
+    changed = model.with_columns({"opacity": np.arange(4)})
+    assert model.table.tobytes() == before
+    np.testing.assert_array_equal(changed.table["opacity"], np.arange(4))
+    others = [name for name in model.table.dtype.names if name != "opacity"]
+    assert changed.columns(*others).tobytes() == model.columns(*others).tobytes()
+
+
+@pytest.mark.parametrize("name", ["x", "opacity", "rot_3", "f_dc_1", "f_rest_44"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_number_that_is_not_finite_is_refused_by_property_count_and_row(name, value):
+    column = np.ones(5000)
+    column[[4100, 4200]] = value
+    with pytest.raises(InputError, match="infinity or not-a-number in 2 of 5000 rows, first in row 4100") as caught:
+        require_finite(blobs(5000).with_columns({name: column}), "model.ply")
+    assert (caught.value.source, caught.value.field) == ("model.ply", name)
+
+
+def test_columns_that_are_not_rendered_may_hold_anything():
+    model = blobs(3).with_columns({"nx": np.full(3, np.nan)})
+    require_finite(model, "model.ply")
+    assert non_finite_rows(model, model.table.dtype.names)["nx"].tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("columns", "signature"),
+    [
+        (["x", "f_dc_0"], Signature.VANILLA),
+        (["x", "opacity", "semantic_0", "semantic_1"], Signature.GS_HIDER),
+        (["x", "f_offset_0", "f_anchor_feat_0", "opacity"], Signature.SCAFFOLD_GS),
+        (["x", "f_dc_0", "filter_3D"], Signature.GOF),
+        (["x", "opacity"], Signature.UNKNOWN),
+    ],
+)
+def test_a_scheme_is_recognized_by_its_columns(columns, signature):
+    assert Signature.of(columns) is signature

@@ -1,0 +1,111 @@
+import json
+
+import numpy as np
+import pytest
+
+from gspure.cli import main
+from gspure.model import Gaussians, write_model
+from gspure.model.summary import LEVELS, summarize
+from tests.models import blobs
+
+
+def report(capsys, *arguments):
+    assert main(["info", *map(str, arguments)]) == 0
+    return capsys.readouterr().out
+
+
+@pytest.fixture
+def damaged(tmp_path):
+    """A file of 6 Gaussians: rows 1 and 4 hold no numbers, row 2 no rotation, row 5 stands where row 3 does."""
+    table = blobs(6).table
+    table["x"][[1, 4]] = np.nan
+    table["opacity"][4] = np.inf
+    for i in range(4):
+        table[f"rot_{i}"][2] = 0
+    for name in "xyz":
+        table[name][5] = table[name][3]
+    write_model(tmp_path / "damaged.ply", Gaussians(table))
+    return tmp_path / "damaged.ply"
+
+
+def test_the_numbers_of_a_model_are_summarized():
+    model = blobs(501)
+    summary = summarize(model)
+    assert (summary.gaussians, summary.sh_degree, summary.signature.name) == (501, 3, "VANILLA")
+    assert (summary.non_finite_rows, summary.zero_quaternion_rows, summary.repeated_position_rows) == (0, 0, 0)
+    assert summary.further_columns == ()
+    expected = {
+        "x": model.means[:, 0],
+        "opacity": model.opacities,
+        "largest_scale": model.scales.max(axis=1),
+        "smallest_scale": model.scales.min(axis=1),
+    }
+    for name, values in expected.items():
+        np.testing.assert_allclose(
+            summary.quantiles[name], np.sort(values)[[round(500 * q) for q in LEVELS]], rtol=1e-6
+        )
+
+
+def test_equal_positions_are_counted_however_zero_is_signed():
+    means = np.array([[0.0, 1, 2], [-0.0, 1, 2], [0, 1, 3], [0, 1, 2]])
+    table = blobs(4).with_columns(dict(zip("xyz", means.T, strict=True)))
+    assert summarize(table).repeated_position_rows == 2
+
+
+def test_bad_rows_are_counted_and_named_as_json(capsys, damaged):
+    found = json.loads(report(capsys, damaged, "--json"))
+    assert found["non_finite_rows"] == 2
+    assert found["non_finite_columns"] == {"x": {"rows": 2, "first": 1}, "opacity": {"rows": 1, "first": 4}}
+    assert found["zero_quaternion_rows"] == 1
+    assert found["repeated_position_rows"] == 1
+    assert (found["gaussians"], found["sh_degree"], found["signature"]) == (6, 3, "vanilla")
+    assert np.isfinite(found["quantiles"]["x"]).all()
+
+
+def test_bad_rows_are_counted_and_named_as_text(capsys, damaged):
+    text = report(capsys, damaged)
+    assert "6 Gaussians, SH degree 3, 62 properties" in text
+    assert "non-finite rows             2   x in 2, first 1; opacity in 1, first 4" in text
+
+
+def test_columns_of_the_quantile_table_are_aligned(capsys, damaged):
+    table = report(capsys, damaged).split("\n\n")[1].splitlines()
+    assert len({len(line) for line in table}) == 1
+
+
+def test_quantiles_of_a_column_without_one_finite_value_are_absent(capsys, tmp_path):
+    write_model(tmp_path / "m.ply", blobs(2).with_columns({"x": np.full(2, np.nan)}))
+    assert json.loads(report(capsys, tmp_path / "m.ply", "--json"))["quantiles"]["x"] == []
+    assert "not one finite value" in report(capsys, tmp_path / "m.ply")
+
+
+def test_further_properties_are_shown_as_series(capsys, tmp_path):
+    extras = {f"semantic_{i}": np.zeros(3) for i in range(16)} | {"tag": np.zeros(3)}
+    table = blobs(3, sh_degree=0).table
+    columns = [name for name in table.dtype.names if not name.startswith("f_")]
+    hider = np.empty(3, [(name, "<f4") for name in (*columns, *extras)])
+    for name in columns:
+        hider[name] = table[name]
+    for name, column in extras.items():
+        hider[name] = column
+    write_model(tmp_path / "m.ply", Gaussians(hider))
+    text = report(capsys, tmp_path / "m.ply")
+    assert "GS-Hider" in text
+    assert "no spherical harmonics" in text
+    assert "further properties: semantic_0..15 tag\n" in text
+
+
+def test_a_training_folder_is_shown_with_its_arguments(capsys, tmp_path):
+    write_model(tmp_path / "point_cloud/iteration_30000/point_cloud.ply", blobs(2).with_comment("made by hand"))
+    (tmp_path / "cfg_args").write_text("Namespace(sh_degree=3, eval=True)")
+    text = report(capsys, tmp_path)
+    assert text.startswith(str(tmp_path / "point_cloud/iteration_30000/point_cloud.ply"))
+    assert "  comment: made by hand\n  trained with eval = True\n  trained with sh_degree = 3\n" in text
+
+
+def test_a_file_that_is_no_model_gives_one_line_and_status_2(capsys, tmp_path):
+    (tmp_path / "m.ply").write_bytes(b"solid")
+    assert main(["info", str(tmp_path / "m.ply")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "m.ply: header: expected the header of a PLY, found" in error

@@ -1,0 +1,88 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.errors import InputError
+from gspure.model import read_model, write_model
+from gspure.model.inria import cameras_file, point_cloud, saved_iterations, training_arguments
+from tests.models import blobs
+
+CFG_ARGS = (
+    r"Namespace(sh_degree=3, source_path='C:\\data\\bicycle', images='images', resolution=-1, white_background=False)"
+)
+
+
+@pytest.fixture
+def trained(tmp_path):
+    """An output folder with models of 7 and 9 Gaussians after 7000 and 30000 iterations."""
+    for iteration, count in ((7000, 7), (30000, 9)):
+        write_model(tmp_path / f"point_cloud/iteration_{iteration}/point_cloud.ply", blobs(count))
+    (tmp_path / "cfg_args").write_text(CFG_ARGS)
+    (tmp_path / "cameras.json").write_text("[]")
+    return tmp_path
+
+
+def test_the_newest_iteration_by_number_is_read(trained):
+    assert list(saved_iterations(trained)) == [7000, 30000]
+    assert len(read_model(trained)) == 9
+
+
+def test_an_earlier_iteration_is_read_by_naming_its_folder(trained):
+    assert len(read_model(trained / "point_cloud" / "iteration_7000")) == 7
+
+
+def test_an_iteration_that_was_not_saved_whole_is_passed_over(trained):
+    (trained / "point_cloud" / "iteration_40000").mkdir()
+    (trained / "point_cloud" / "iteration_best").mkdir()
+    assert point_cloud(trained) == trained / "point_cloud" / "iteration_30000" / "point_cloud.ply"
+
+
+def test_a_folder_without_a_model_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"point_cloud: expected .*iteration_.*found no such file"):
+        read_model(tmp_path)
+
+
+def test_the_cameras_stand_beside_the_model(trained):
+    assert cameras_file(trained) == trained / "cameras.json"
+    (trained / "cameras.json").unlink()
+    with pytest.raises(InputError, match=r"cameras\.json: expected"):
+        cameras_file(trained)
+
+
+def test_training_arguments_are_read(trained):
+    assert training_arguments(trained) == {
+        "sh_degree": 3,
+        "source_path": r"C:\data\bicycle",
+        "images": "images",
+        "resolution": -1,
+        "white_background": False,
+    }
+
+
+def test_a_folder_without_cfg_args_has_no_training_arguments(tmp_path):
+    assert training_arguments(tmp_path) == {}
+
+
+def test_cfg_args_is_never_evaluated(trained):
+    (trained / "cfg_args").write_text(f"Namespace(a=open({str(trained / 'made')!r}, 'w'), b=PosixPath('x'), c=[1, 2])")
+    arguments = training_arguments(trained)
+    assert not (trained / "made").exists()
+    assert arguments == {"a": f"open({str(trained / 'made')!r}, 'w')", "b": "PosixPath('x')", "c": "[1, 2]"}
+
+
+@pytest.mark.parametrize("text", ["", "sh_degree=3", "{'sh_degree': 3}", "dict(sh_degree=3)", "Namespace(", "(" * 5000])
+def test_another_text_in_cfg_args_is_refused(trained, text):
+    (trained / "cfg_args").write_text(text)
+    with pytest.raises(InputError, match=r"expected Namespace\(name=value, \.\.\.\)") as caught:
+        training_arguments(trained)
+    assert caught.value.source == str(trained / "cfg_args")
+
+
+@given(content=st.one_of(st.binary(), st.text().map(str.encode), st.text().map(lambda t: f"Namespace(a={t})".encode())))
+def test_no_cfg_args_breaks_the_reader(tmp_path_factory, content):
+    folder = tmp_path_factory.mktemp("fuzz")
+    (folder / "cfg_args").write_bytes(content)
+    try:
+        training_arguments(folder)
+    except InputError as error:
+        assert "\n" not in str(error)  # noqa: PT017
