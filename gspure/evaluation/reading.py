@@ -1,0 +1,64 @@
+"""The long table of outcomes, read back."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+
+from gspure.errors import InputError
+from gspure.evaluation.comparison import ViewMetrics
+from gspure.evaluation.outcomes import REFERENCE, Outcome
+from gspure.evaluation.tables import HEADER
+
+Row = dict[str, str]
+
+
+def read_table(path: Path) -> list[Outcome]:
+    """Return the outcomes of a table that `gspure.evaluation.tables.write_table` has written, in its order.
+
+    Raises
+    ------
+    InputError
+        If the file is not such a table.
+
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            table = csv.DictReader(stream, strict=True)
+            if tuple(table.fieldnames or ()) != HEADER:
+                raise InputError(path, "header", expected=",".join(HEADER), found=",".join(table.fieldnames or ()))
+            variants = [list(rows) for _, rows in groupby(table, key=lambda row: (*_asset(row), row["variant"]))]
+        outcomes = [_outcome(rows) for rows in variants]
+    except FileNotFoundError:
+        raise InputError(path, "file", expected="a table of outcomes", found="nothing") from None
+    except (ValueError, TypeError, csv.Error) as error:  # UnicodeDecodeError is a ValueError; missing cells are None
+        raise InputError(path, "rows", expected="a table of outcomes", found=str(error)) from None
+    references = {(o.scheme, o.scene): o.targets for o in outcomes if o.variant == REFERENCE}
+    return [replace(o, reference=references.get((o.scheme, o.scene), {})) for o in outcomes]
+
+
+def _asset(row: Row) -> tuple[str, str]:
+    return row["scheme"], row["scene"]
+
+
+def _outcome(rows: list[Row]) -> Outcome:
+    targets = {
+        row["target"]: ViewMetrics(row["target"], "mean", float(row["psnr"]), float(row["ssim"])) for row in rows
+    }
+    first = rows[0]
+    return Outcome(
+        *_asset(first),
+        first["variant"],
+        targets,
+        {row["target"]: int(row["views"]) for row in rows},
+        pruned_share=_number(first["pruned_share"]),
+        precision=_number(first["precision"]),
+        recall=_number(first["recall"]),
+    )
+
+
+def _number(cell: str) -> float:
+    return float(cell) if cell else math.nan

@@ -1,0 +1,1 @@
+"""Figures and the report: numpy in, files out. Only here are pyvista and matplotlib known."""

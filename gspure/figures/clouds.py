@@ -1,0 +1,143 @@
+"""What a point-cloud figure shows: points, a colour and scalars for each, and the legend that explains them.
+
+The three clouds of the method are those of the paper's figures of point clouds: by cluster, by the rank of the weight
+that decides about a Gaussian (low ranks are pruned first), and kept against pruned. All of it is plain arrays; how they
+become a picture or a file is left to `portrait` and `export`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.constants import NOISE_LABEL
+from gspure.figures import style
+from gspure.pruning import cluster_weights
+
+_TINT = 0.5  # share of white in the colours of clusters that are too small for one of their own
+
+Legend = tuple[tuple[tuple[str, str], ...], ...]
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """A coloured point cloud.
+
+    Parameters
+    ----------
+    points : float32 array [N,3]
+        World coordinates.
+    colours : uint8 array [N,3]
+        sRGB.
+    scalars : mapping of str to array [N]
+        The data behind the colours, for export.
+    legend : rows of (label, colour)
+        What the colours mean; empty where they are a scale.
+    scale : str
+        Label of the scale from the lowest to the highest rank; empty where the colours are categories.
+
+    """
+
+    points: NDArray[np.float32]
+    colours: NDArray[np.uint8]
+    scalars: Mapping[str, NDArray[np.generic]]
+    legend: Legend = ()
+    scale: str = ""
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def subset(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Cloud:
+        """Return the points in `rows` (indices or a mask [N]), under the legend of all."""
+        scalars = {name: values[rows] for name, values in self.scalars.items()}
+        return replace(self, points=self.points[rows], colours=self.colours[rows], scalars=scalars)
+
+
+def cluster_cloud(means: NDArray[np.float32], labels: NDArray[np.int32]) -> Cloud:
+    """Colour each Gaussian by its cluster: the largest have a colour each, smaller ones share tints, noise is grey.
+
+    Parameters
+    ----------
+    means : float32 array [K,3]
+    labels : int32 array [K]
+        Cluster of each Gaussian, -1 for noise.
+
+    """
+    own = len(style.CLUSTERS)
+    palette = [style.rgb(c) for c in (*style.CLUSTERS, *(style.tint(c, _TINT) for c in style.CLUSTERS), style.NOISE)]
+    sizes = np.bincount(labels[labels != NOISE_LABEL])
+    place = np.empty(len(sizes) + 1, np.intp)  # in the palette, by label; the noise label -1 is the last entry
+    largest_first = np.argsort(-sizes, kind="stable")
+    order = np.arange(len(sizes))
+    place[largest_first] = np.where(order < own, order, own + order % own)
+    place[NOISE_LABEL] = -1
+    return Cloud(means, np.array(palette)[place[labels]], {"cluster": labels}, _cluster_legend(sizes, len(labels)))
+
+
+def _cluster_legend(sizes: NDArray[np.intp], total: int) -> Legend:
+    sizes = np.sort(sizes)[::-1]
+    own = len(style.CLUSTERS)
+    first = tuple((f"{n / total:.1%}", colour) for n, colour in zip(sizes, style.CLUSTERS, strict=False))
+    second = [(f"noise: {1 - sizes.sum() / max(total, 1):.1%}", style.NOISE)]
+    if len(sizes) > own:
+        rest = f"{len(sizes) - own} smaller clusters (tints): {sizes[own:].sum() / total:.1%}"
+        second.insert(0, (rest, style.tint(style.CLUSTERS[0], _TINT)))
+    return (first, tuple(second)) if first else (tuple(second),)
+
+
+def rank_cloud(means: NDArray[np.float32], labels: NDArray[np.int32], weights: NDArray[np.float32]) -> Cloud:
+    """Colour each Gaussian by the rank of the weight that decides about it.
+
+    That is the mean weight of its cluster, or its own weight if it is noise (paper, §Adaptive Pruning). The rank is the
+    share of Gaussians that go before it, equal weights sharing their mean rank: 0 is pruned first, 1 last.
+
+    Parameters
+    ----------
+    means : float32 array [K,3]
+    labels : int32 array [K]
+    weights : float32 array [K]
+        View-accumulated weights.
+
+    """
+    deciding = _deciding_weights(labels, weights)
+    _, tie, count = np.unique(deciding, return_inverse=True, return_counts=True)
+    first = np.cumsum(count) - count
+    rank = (first + (count - 1) / 2)[tie] / max(len(means) - 1, 1)
+    scalars = {"rank": rank.astype(np.float32), "weight": weights, "deciding_weight": deciding.astype(np.float32)}
+    return Cloud(means, _colour_map(rank), scalars, scale="rank of the mean weight")
+
+
+def _deciding_weights(labels: NDArray[np.int32], weights: NDArray[np.float32]) -> NDArray[np.float64]:
+    deciding = weights.astype(np.float64)
+    clustered = labels != NOISE_LABEL
+    deciding[clustered] = cluster_weights(labels, weights)[labels[clustered]]
+    return deciding
+
+
+def _colour_map(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    from matplotlib import colormaps
+
+    colours: NDArray[np.uint8] = colormaps[style.RANKS](values, bytes=True)[:, :3]
+    return colours
+
+
+def kept_cloud(means: NDArray[np.float32], pruned: NDArray[np.bool_]) -> Cloud:
+    """Colour each Gaussian by whether it is pruned (bool [K], true where it is)."""
+    return _two_kinds(means, pruned, "pruned", ("kept", style.KEPT), ("pruned", style.PRUNED))
+
+
+def truth_cloud(means: NDArray[np.float32], carries_message: NDArray[np.bool_]) -> Cloud:
+    """Colour each Gaussian by whether it carries the message (bool [K]), where that is known."""
+    return _two_kinds(means, carries_message, "message", ("scene", style.KEPT), ("message", style.MESSAGE))
+
+
+def _two_kinds(
+    means: NDArray[np.float32], mask: NDArray[np.bool_], scalar: str, false: tuple[str, str], true: tuple[str, str]
+) -> Cloud:
+    colours = np.array([style.rgb(false[1]), style.rgb(true[1])])[mask.astype(np.intp)]
+    share = float(mask.mean()) if len(mask) else 0.0
+    row = ((f"{false[0]}: {1 - share:.1%}", false[1]), (f"{true[0]}: {share:.1%}", true[1]))
+    return Cloud(means, colours, {scalar: mask.astype(np.uint8)}, (row,))

@@ -1,0 +1,65 @@
+"""Images side by side: the same views in several renderings, each labelled with its PSNR."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.evaluation.metrics import psnr
+from gspure.figures import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Image = NDArray[np.float32]
+
+GAIN: Final = 5
+"""Factor by which differences are brightened."""
+
+
+def write_panels(
+    path: Path, columns: Mapping[str, Mapping[str, Image]], views: Sequence[str], *, difference: bool
+) -> None:
+    """Write rows of views and columns of renderings as a PNG, as wide as a page.
+
+    Parameters
+    ----------
+    path : Path
+        PNG to write.
+    columns : mapping of title to (mapping of view to float32 array [H,W,3])
+        At least one. The first is the reference, with which the others are compared.
+    views : sequence of str
+        Views to show, one row each; every column has them.
+    difference : bool
+        Whether to add a column with `GAIN` times the absolute difference between the last column and the first.
+
+    """
+    titles, renderings = list(columns), list(columns.values())
+    reference, last = renderings[0], renderings[-1]
+    if difference:
+        titles.append(f"|difference| × {GAIN}")
+    width = style.PAGE / len(titles)
+    height, breadth = np.shape(reference[views[0]])[:2]
+    rows = len(views) * (width * height / breadth + 0.14)
+    with style.page(path, style.PAGE, rows + 0.2) as figure:
+        grid = figure.subplots(len(views), len(titles), squeeze=False)
+        for axes, title in zip(grid[0], titles, strict=True):
+            axes.set_title(title, pad=3)
+        for view, row in zip(views, grid, strict=True):
+            for axes, rendering in zip(row, renderings, strict=False):
+                label = view if rendering is reference else f"{psnr(reference[view], rendering[view]):.2f} dB"
+                _show(axes, rendering[view], label)
+            if difference:
+                _show(row[-1], GAIN * np.abs(last[view] - reference[view]), "")
+
+
+def _show(axes: Axes, image: Image, label: str) -> None:
+    axes.imshow(np.clip(image, 0, 1))
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.spines[:].set_visible(False)
+    axes.set_xlabel(label, labelpad=2)

@@ -1,0 +1,90 @@
+"""A picture of a point cloud: dots by pyvista, or by numpy where OpenGL does not work, under eye-dome lighting.
+
+Both draw the same dots from the same camera onto white; those of pyvista are lit as little balls.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.figures import zbuffer
+from gspure.figures.clouds import Cloud
+from gspure.figures.eyedome import eye_dome
+from gspure.figures.probe import prefer_egl
+from gspure.figures.viewpoint import in_view, project
+
+_SMOOTHING: Final = 2  # the picture is drawn at this multiple of its size and averaged
+
+
+def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> NDArray[np.uint8]:
+    """Return a picture of a cloud, uint8 [H,W,3] on white.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    camera : Camera
+        With square pixels (see `gspure.figures.viewpoint.fitted`); its size is the picture's.
+    opengl : bool
+        Whether to draw with pyvista. Without a working OpenGL that ends the process, so ask
+        `gspure.figures.probe.gl_problem` first.
+
+    """
+    cloud = cloud.subset(in_view(cloud.points, camera))
+    if len(cloud) == 0:
+        return np.full((camera.height, camera.width, 3), 255, np.uint8)
+    fine = camera.resized(camera.width * _SMOOTHING, camera.height * _SMOOTHING)
+    size = dot_size(len(cloud), fine)
+    image, depth = (_draw_balls if opengl else zbuffer.draw)(cloud, fine, size)
+    image = eye_dome(image, depth, radius=max(size, fine.width // 200))
+    blocks = image.reshape(camera.height, _SMOOTHING, camera.width, _SMOOTHING, 3)
+    smooth: NDArray[np.uint8] = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    return smooth
+
+
+def dot_size(count: int, camera: Camera) -> int:
+    """Return the diameter in pixels at which `count` dots, spread over the image, would just about close it."""
+    return int(np.clip(1.5 * np.sqrt(camera.width * camera.height / count), 2, camera.width / 150))
+
+
+def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Do what `zbuffer.draw` does, with pyvista."""
+    prefer_egl()
+    import pyvista as pv
+
+    plotter = pv.Plotter(off_screen=True, window_size=(camera.width, camera.height), lighting="light kit")
+    try:
+        plotter.set_background("white")
+        plotter.add_mesh(
+            pv.PolyData(cloud.points.astype(np.float32)),
+            scalars=cloud.colours,
+            rgb=True,
+            style="points",
+            point_size=size,
+            render_points_as_spheres=True,
+            ambient=0.3,
+            diffuse=0.75,
+        )
+        _aim(plotter.camera, camera)
+        depth = project(cloud.points, camera)[1]
+        plotter.camera.clipping_range = (depth.min() * 0.99, depth.max() * 1.01)
+        plotter.show(auto_close=False)
+        image: NDArray[np.uint8] = plotter.screenshot(return_img=True)
+        nearest = -plotter.get_image_depth(fill_value=-np.inf).astype(np.float32)
+    finally:
+        plotter.close()
+    return image, nearest
+
+
+def _aim(vtk_camera: Any, camera: Camera) -> None:
+    """Give VTK's camera the pose and the intrinsics of ours."""
+    _, down, forward = camera.viewmat[:3, :3]
+    vtk_camera.position = camera.centre
+    vtk_camera.focal_point = camera.centre + forward
+    vtk_camera.up = -down
+    vtk_camera.view_angle = np.degrees(2 * np.arctan(camera.height / (2 * camera.K[1, 1])))
+    offset = 2 * camera.K[:2, 2] / (camera.width, camera.height) - 1
+    vtk_camera.SetWindowCenter(-offset[0], offset[1])

@@ -1,0 +1,99 @@
+"""The look that all figures share: sizes, type, colours, and how a page becomes a PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLUMN: Final = 3.4
+"""Width of a figure in one column of a two-column paper, inches."""
+
+PAGE: Final = 7.0
+"""Width of a figure across both columns, inches."""
+
+DPI: Final = 400
+
+INK: Final = "#222222"
+FAINT: Final = "#8a8a8a"
+
+# Colour-blind safe throughout. A thing keeps its colour in every figure: what goes is vermilion, the message is wine.
+KEPT: Final = "#9fb4c7"
+PRUNED: Final = "#d55e00"  # Okabe and Ito's vermilion
+SCENE: Final = "#4d7ea8"
+MESSAGE: Final = "#aa3377"  # Tol's bright purple
+NOISE: Final = "#c4c4c4"
+RANKS: Final = "viridis"
+
+CLUSTERS: Final = (
+    "#332288",
+    "#88ccee",
+    "#117733",
+    "#ddcc77",
+    "#cc6677",
+    "#44aa99",
+    "#aa4499",
+    "#999933",
+    "#882255",
+)
+"""Paul Tol's muted scheme, ordered so that neighbours in the list differ in lightness."""
+
+_RC: Final[dict[str, Any]] = {
+    "font.family": "DejaVu Sans",  # ships with matplotlib: the same letters on every machine
+    "font.size": 7,
+    "mathtext.fontset": "dejavusans",
+    "text.color": INK,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "xtick.labelsize": 6.5,
+    "ytick.labelsize": 6.5,
+    "legend.frameon": False,
+    "legend.fontsize": 6.5,
+    "legend.handletextpad": 0.3,
+    "legend.handlelength": 1.2,
+    "legend.columnspacing": 0.9,
+    "figure.constrained_layout.h_pad": 0.02,
+    "figure.constrained_layout.w_pad": 0.02,
+}
+
+
+@contextmanager
+def page(path: Path, width: float, height: float, layout: str = "constrained") -> Iterator[Figure]:
+    """Yield an empty figure of this size in inches; when the block ends well, it becomes the PNG at `path`."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_RC):
+        figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="white")
+        yield figure
+        with replacing(path) as temporary:
+            # Without the Software entry the bytes do not change with matplotlib's version string.
+            figure.savefig(temporary, metadata={"Software": None})
+
+
+def rgb(colour: str) -> NDArray[np.uint8]:
+    """Return a ``#rrggbb`` colour as uint8 [3]."""
+    return np.frombuffer(bytes.fromhex(colour.removeprefix("#")), np.uint8)
+
+
+def tint(colour: str, share: float) -> str:
+    """Return `colour` mixed with this share of white."""
+    mixed = np.rint(rgb(colour) * (1 - share) + 255 * share).astype(np.uint8)
+    return "#" + mixed.tobytes().hex()

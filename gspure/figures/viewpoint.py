@@ -1,0 +1,147 @@
+"""Where a point cloud is looked at from, and which of its points are worth drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera, intrinsics
+
+Float64 = NDArray[np.float64]
+
+MAX_POINTS = 2_000_000
+"""A cloud with more points than this is thinned, always to the same points."""
+
+_BULK = (0.02, 0.98)  # quantiles that bound the bulk of the points, by which floaters are told
+_MARGIN = 1.04  # of an overview, times the extent of what it frames
+_TALLEST, _FLATTEST = 0.8, 0.45  # height over width of an overview
+_FIELD_OF_VIEW = np.radians(35.0)
+_ELEVATION = np.radians(25.0)
+_AZIMUTH = np.radians(30.0)
+_UP = (0.0, -1.0, 0.0)  # COLMAP's y points down, and a 3DGS model lives in COLMAP's world
+
+
+def thinned(count: int) -> NDArray[np.intp]:
+    """Return the sorted rows to draw out of `count`: all, or `MAX_POINTS` of them drawn with a fixed seed."""
+    if count <= MAX_POINTS:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, MAX_POINTS, replace=False))
+
+
+def upward(cameras: Sequence[Camera]) -> Float64:
+    """Return the direction [3] that people would call up: that of the cameras on average, or COLMAP's -y."""
+    up = -np.sum([camera.viewmat[1, :3] for camera in cameras], axis=0) if cameras else np.array(_UP)
+    length = float(np.linalg.norm(up))
+    return up / length if length > 1e-6 * max(len(cameras), 1) else np.array(_UP)
+
+
+def choose(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
+    """Return a view for pictures of the whole cloud: from outside if the cameras stand round it, else one of them.
+
+    Among cameras inside the cloud (of a room, of an open landscape) it is the first by name that sees the most of it.
+
+    Parameters
+    ----------
+    means : array [K,3]
+        At least one row.
+    cameras : sequence of Camera
+        The model's views; none is fine.
+
+    """
+    centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
+    low, high = np.quantile(means, _BULK, axis=0)
+    within = ((centres > low) & (centres < high)).all(axis=1)
+    if within.sum() * 2 <= len(cameras):
+        return overview(means, upward(cameras))
+    return max(sorted(cameras, key=lambda camera: camera.name), key=lambda camera: len(in_view(means, camera)))
+
+
+def level_axes(up: NDArray[np.floating]) -> Float64:
+    """Return a right-handed basis [3,3] as rows (right, up, back) for a world whose up direction is `up`."""
+    helper = np.eye(3)[np.argmin(np.abs(up))]
+    back = np.cross(helper, up)
+    back /= np.linalg.norm(back)
+    return np.stack([np.cross(up, back), up, back])
+
+
+def overview(means: NDArray[np.floating], up: NDArray[np.floating]) -> Camera:
+    """Return a camera outside the cloud that frames all of it but floaters, seen from above at an angle.
+
+    Parameters
+    ----------
+    means : array [K,3]
+        At least one row.
+    up : array [3]
+        Unit vector.
+
+    """
+    right, up, back = level_axes(up)
+    side = np.cos(_AZIMUTH) * back + np.sin(_AZIMUTH) * right
+    towards_eye = np.cos(_ELEVATION) * side + np.sin(_ELEVATION) * up
+    x = np.cross(up, towards_eye)
+    x /= np.linalg.norm(x)
+    R = np.stack([x, -np.cross(towards_eye, x), -towards_eye])  # rows: image right, image down, forward
+    local = means[_without_floaters(means)] @ R.T
+
+    # A point is inside the image where |x - x0| <= t (z - z0), and likewise in y; t is the half extent at z - z0 = 1.
+    t = np.tan(_FIELD_OF_VIEW / 2)
+    low = (-local[:, :2] - t * local[:, 2:]).max(axis=0)
+    high = (local[:, :2] - t * local[:, 2:]).max(axis=0)
+    distance = max(float(((high + low) / (2 * t)).max()), 0)
+    eye = np.append((high - low) / 2, -distance)
+    slopes = (local[:, :2] - eye[:2]) / np.maximum(local[:, 2:] - eye[2], 1e-9)
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = R
+    viewmat[:3, 3] = -eye
+    return _framing(slopes, viewmat)
+
+
+def _framing(slopes: Float64, viewmat: Float64) -> Camera:
+    """Return the camera in which directions with these slopes (x / z, y / z) just fill an image of a handy shape."""
+    low, high = slopes.min(axis=0), slopes.max(axis=0)
+    width, height = np.maximum((high - low) * _MARGIN, 1e-3)
+    width = max(width, height / _TALLEST)
+    height = max(height, width * _FLATTEST)
+    focal = 1000 / width
+    rows = round(focal * height)
+    cx, cy = np.array([500, rows / 2]) - focal * (low + high) / 2
+    return Camera("overview", 1000, rows, intrinsics(focal, focal, cx, cy), viewmat)
+
+
+def _without_floaters(means: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Return which rows lie in the box round the bulk of the points, widened on every side by half its extent."""
+    low, high = np.quantile(means, _BULK, axis=0)
+    slack = (high - low) / 2
+    inside: NDArray[np.bool_] = ((means >= low - slack) & (means <= high + slack)).all(axis=1)
+    return inside
+
+
+def project(means: NDArray[np.floating], camera: Camera) -> tuple[Float64, Float64]:
+    """Return pixel coordinates [K,2] and depths [K] of points; pixels are NaN at or behind the camera's plane."""
+    local = means @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
+    depth = local[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = np.where(depth[:, None] > 0, (local @ camera.K.T)[:, :2] / depth[:, None], np.nan)
+    return pixels, depth
+
+
+def in_view(means: NDArray[np.floating], camera: Camera) -> NDArray[np.intp]:
+    """Return the rows that a picture from `camera` shows, without floaters far before or behind all others.
+
+    Stray points would else spread the depth range, and with it the shading of depth, over empty space.
+    """
+    pixels, depth = project(means, camera)
+    with np.errstate(invalid="ignore"):
+        inside = (depth > 0) & ((pixels >= 0) & (pixels < (camera.width, camera.height))).all(axis=1)
+    if inside.any():
+        nearest, farthest = np.quantile(depth[inside], _BULK)
+        inside &= (depth >= nearest / 2) & (depth <= farthest * 2)
+    return np.flatnonzero(inside)
+
+
+def fitted(camera: Camera, width: int) -> Camera:
+    """Return the same view in an image of this width, with square pixels."""
+    height = round(width * (camera.height / camera.K[1, 1]) / (camera.width / camera.K[0, 0]))
+    return camera.resized(width, max(height, 1))

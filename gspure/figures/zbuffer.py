@@ -1,0 +1,46 @@
+"""Dots drawn by numpy alone, for machines without OpenGL."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.figures.clouds import Cloud
+from gspure.figures.viewpoint import project
+
+_PIXELS_AT_ONCE: Final = 4_000_000
+
+
+def draw(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Draw a cloud as dots of `size` pixels across on white; the nearest wins.
+
+    Parameters
+    ----------
+    cloud : Cloud
+        Every point in view (see `gspure.figures.viewpoint.in_view`).
+    camera : Camera
+    size : int
+
+    Returns
+    -------
+    uint8 array [H,W,3], float32 array [H,W]
+        Colour, and depth along the view (inf beside the dots).
+
+    """
+    pixels, depth = project(cloud.points, camera)
+    shape = (camera.height + 2 * size, camera.width + 2 * size)  # dots at the border hang over the edge
+    image = np.full((*shape, 3), 255, np.uint8)
+    nearest = np.full(shape, np.inf, np.float32)
+    grid = np.indices((size, size)).reshape(2, -1).T
+    dot = grid[((grid - (size - 1) / 2) ** 2).sum(axis=1) <= size**2 / 4]
+    far_to_near = np.argsort(-depth, kind="stable")
+    for rows in np.array_split(far_to_near, len(depth) * len(dot) // _PIXELS_AT_ONCE + 1):
+        corner = np.rint(pixels[rows, ::-1] - size / 2).astype(np.intp) + size
+        y, x = (corner[:, None] + dot).reshape(-1, 2).T
+        image[y, x] = np.repeat(cloud.colours[rows], len(dot), axis=0)  # the last write stays
+        nearest[y, x] = np.repeat(depth[rows], len(dot))
+    inner = slice(size, -size)
+    return image[inner, inner], nearest[inner, inner]
