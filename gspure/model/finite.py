@@ -35,4 +35,4 @@ def require_finite(model: Gaussians, source: str | Path) -> None:
     colour = (*COLOUR, *model.columns_named("f_rest_")) if model.sh_degree >= 0 else ()
     for name, rows in non_finite_rows(model, (*CORE, *colour)).items():
         found = f"infinity or not-a-number in {len(rows)} of {len(model)} rows, first in row {rows[0]}"
-        raise InputError(source, name, expected="finite numbers", found=found, hint="`gspure info` counts them in every column")
+        raise InputError(source, name, expected="finite numbers", found=found, hint="`gspure info` counts them all")
