@@ -4,20 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from gspure.opencl.program import Defines, build_options, kernel_source
+from gspure.opencl.program import build_options, kernel_source
 
 Style = Literal["cpu", "gpu"]
 LANES = {"cpu": 16, "gpu": 1}
 
 
+@cache
+def _context(device: cl.Device) -> cl.Context:
+    return cl.Context([device])
+
+
+@cache
+def _program(context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[str, int], ...]) -> cl.Program:
+    return cl.Program(context, kernel_source(*sources)).build(options=build_options(dict(defines)))
+
+
 class Engine:
-    """Context, queue, kernels and buffers of one device.
+    """Queue, kernels and buffers of one device; programs are built once per process and shared.
 
     Parameters
     ----------
@@ -31,7 +42,7 @@ class Engine:
     def __init__(self, device: cl.Device, style: Style | None = None) -> None:
         self.device = device
         self.style: Style = style or ("cpu" if device.type & cl.device_type.CPU else "gpu")
-        self.context = cl.Context([device])
+        self.context = _context(device)
         self.queue = cl.CommandQueue(self.context)
         # On a device that shares the host's memory, mapping such a buffer costs nothing.
         self._flags = cl.mem_flags.READ_WRITE | (cl.mem_flags.ALLOC_HOST_PTR if device.host_unified_memory else 0)
@@ -43,12 +54,9 @@ class Engine:
         defines = {"LANES": LANES[self.style], **defines}
         key = (sources, tuple(sorted(defines.items())))
         if key not in self._kernels:
-            program = self._build(sources, defines)
+            program = _program(self.context, *key)
             self._kernels[key] = {kernel.function_name: kernel for kernel in program.all_kernels()}
         return self._kernels[key][name]
-
-    def _build(self, sources: tuple[str, ...], defines: Defines) -> cl.Program:
-        return cl.Program(self.context, kernel_source(*sources)).build(options=build_options(defines))
 
     def run(self, kernel: cl.Kernel, items: int, *args: Any, group: int | None = None) -> None:
         """Enqueue `kernel` over `items` work-items, in groups of `group` (rounded up to whole groups)."""
