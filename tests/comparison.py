@@ -1,0 +1,84 @@
+"""Two-tier comparison of a rendering with the reference.
+
+The rules of blending have steps: the cut-off at alpha = 1/255, the stop at T < 1e-4, the order of two depths. Close to
+a step, float32 may decide otherwise than float64 and differ by a finite, known amount. So pixels away from every step
+must agree tightly, in the mean, in a high quantile and at worst; pixels in the band around a step may differ by what
+flips can do, and they must be few. A maximum norm alone would either miss errors or fail at random.
+
+`tight` scales all of it: the rounding errors that the case at hand admits, as a share of the spread of the values.
+"""
+
+import numpy as np
+
+FLIP = 0.02
+"""What a few flips at the cut-off (1/255 each) or one at the stop (0.01) move a pixel, relative to the spread."""
+
+DEPTH_ROUNDING = 2e-5
+"""Relative rounding of view depths, which decide the order and the near plane."""
+
+MOST_IN_BAND = 0.05
+"""Largest share of pixels that may lie on a step, besides two pixels of a tiny image."""
+
+
+def may_flip(margins, tight):
+    """Pixels where an alpha or a transmittance may fall to a step's other side."""
+    return np.minimum(margins.alpha, margins.stop) < 50 * tight
+
+
+def may_swap(margins):
+    """Pixels where two Gaussians may come in the other order, or one fall to the near plane's other side.
+
+    Equal depths are no risk: the row decides.
+    """
+    return ((margins.order > 0) & (margins.order < DEPTH_ROUNDING)) | (margins.near < DEPTH_ROUNDING)
+
+
+def assert_pixels_agree(actual, expected, margins, *, spread=1.0, tight=5e-6):
+    """Compare pixels [H,W] or [H,W,C]; `spread` is the largest minus the smallest value that is blended."""
+    assert actual.shape == expected.shape
+    assert np.isfinite(actual).all()
+    error = np.abs(actual - expected).reshape(*margins.alpha.shape, -1).max(axis=2, initial=0.0) / spread
+    flips, swaps = may_flip(margins, tight), may_swap(margins)
+    assert_tight(error[~(flips | swaps)], tight)
+    assert (error[~swaps] < max(FLIP, 20 * tight)).all(), f"largest error at a step {error[~swaps].max():.2e}"
+    assert_few(flips | swaps)
+
+
+def assert_depths_agree(actual, expected, margins, *, tight=5e-6):
+    """Compare median depths [H,W]: a flip may pick another Gaussian, so pixels in the band are only counted."""
+    assert actual.shape == expected.shape
+    steady = ~(may_flip(margins, tight) | may_swap(margins) | (margins.median < 50 * tight))
+    assert np.array_equal(np.isinf(actual[steady]), np.isinf(expected[steady])), "a median depth or none"
+    finite = steady & np.isfinite(expected)
+    assert_tight(np.abs(actual[finite] / expected[finite] - 1), tight)
+    assert_few(~steady)
+
+
+def assert_contributions_agree(actual, reference, *, tight=5e-6):
+    """Compare stored contributions with the reference's sums, maxima and pixel counts of all K Gaussians."""
+    assert (np.diff(actual["index"].astype(np.int64)) > 0).all(), "indices in order, none twice"
+    assert (actual["pixels"] > 0).all(), "only touched Gaussians"
+    dense = np.zeros(len(reference.sums), actual.dtype)
+    dense[actual["index"]] = actual
+    touched = np.maximum(reference.pixels, 1)
+    for error in (
+        np.abs(dense["sum"] - reference.sums) / touched,
+        np.abs(dense["max"] - reference.maxima),
+    ):
+        assert error.sum() <= tight * error.size
+        assert (error < max(FLIP, 20 * tight)).all()
+    flipped = np.abs(dense["pixels"].astype(np.int64) - reference.pixels)
+    assert flipped.sum() <= 1 + 50 * tight * reference.pixels.sum(), f"{flipped.sum()} touched pixels differ"
+
+
+def assert_tight(errors, tight):
+    """Bound the mean, the 99 % quantile and the maximum."""
+    if errors.size:
+        mean, high, worst = errors.mean(), np.quantile(errors, 0.99), errors.max()
+        assert (mean < tight / 5) & (high < tight) & (worst < 20 * tight), f"{mean:.2e}, {high:.2e}, {worst:.2e}"
+
+
+def assert_few(on_a_step):
+    """Bound the share of pixels that the tight comparison leaves out."""
+    count = np.count_nonzero(on_a_step)
+    assert count <= 2 + MOST_IN_BAND * on_a_step.size, f"{count} of {on_a_step.size} pixels on a step"

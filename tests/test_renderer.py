@@ -1,0 +1,249 @@
+"""The renderer against the reference, and its invariants, on every OpenCL device at hand, in both kernel styles."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gspure.constants import NEAR_PLANE
+from gspure.errors import InputError
+from gspure.reference.blending import render
+from gspure.renderer import CONTRIBUTION, Renderer
+from tests.comparison import assert_contributions_agree, assert_depths_agree, assert_pixels_agree
+from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
+
+ROUNDING = {("needles", "ewa"): 2e-5, ("needles", "ray"): 2e-3}
+"""Tolerances of cases that float32 cannot hold better: exponents that are small differences of large squares."""
+
+
+def assert_all_agree(renderer, view, *, tight=5e-6, background=(0.1, 0.5, 0.9)):
+    """Compare every product of `renderer` with the reference."""
+    model, energy = renderer.model, renderer.energy
+    expected = render(model, view, energy, background=background)
+    spread = max(expected.channels.max(), 1.0)
+    assert_pixels_agree(
+        renderer.image(view, background), expected.channels, expected.margins, spread=spread, tight=tight
+    )
+    assert_pixels_agree(renderer.transmittance(view), expected.transmittance, expected.margins, tight=tight)
+    assert_depths_agree(renderer.depth(view), expected.depth, expected.margins, tight=tight)
+    assert_contributions_agree(renderer.contributions(view), expected, tight=tight)
+
+
+def everything(renderer, view):
+    """Every product of a view, to be compared bit by bit."""
+    features = np.random.default_rng(0).normal(size=(len(renderer.model), 5)).astype(np.float32)
+    return [
+        renderer.image(view),
+        renderer.feature_map(view, features),
+        renderer.transmittance(view),
+        renderer.depth(view),
+        renderer.contributions(view),
+    ]
+
+
+def assert_same_bits(first, second):
+    for a, b in zip(first, second, strict=True):
+        assert a.dtype == b.dtype
+        assert a.tobytes() == b.tobytes()
+
+
+# --- agreement with the reference -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", AWKWARD)
+def test_awkward_models_agree_with_the_reference(device, style, energy, case):
+    model, view = AWKWARD[case]()
+    tight = ROUNDING.get((case, energy), 5e-6)
+    assert_all_agree(Renderer(model, device, energy=energy, style=style), view, tight=tight)
+
+
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 257])
+def test_any_number_of_gaussians_agrees(device, style, energy, count):
+    assert_all_agree(Renderer(blobs(count, count), device, energy=energy, style=style), tilted_camera(33, 31))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (15, 17), (16, 16), (17, 15), (33, 31), (65, 47)], ids="{0[0]}x{0[1]}".format)
+def test_any_image_size_agrees(device, style, energy, size):
+    """One short of a tile, a tile, and one more, in both directions."""
+    assert_all_agree(Renderer(blobs(120, 1), device, energy=energy, style=style), tilted_camera(*size))
+
+
+@pytest.mark.parametrize("sh_degree", [0, 1, 2, 3])
+def test_any_degree_of_spherical_harmonics_agrees(device, style, sh_degree):
+    model, view = blobs(60, 2, sh_degree=sh_degree), tilted_camera(33, 31)
+    expected = render(model, view, "ewa")
+    image = Renderer(model, device, style=style).image(view)
+    assert_pixels_agree(image, expected.channels, expected.margins, spread=expected.channels.max())
+
+
+@pytest.mark.parametrize("channels", [1, 3, 16, 17])
+def test_any_number_of_channels_agrees_with_a_background_for_each(device, style, energy, channels):
+    rng = np.random.default_rng(channels)
+    model, view = blobs(60, 3, sh_degree=0), camera(33, 31)
+    features = rng.normal(size=(60, channels)).astype(np.float32)
+    background = rng.normal(size=channels)
+    expected = render(model, view, energy, features, background)
+    feature_map = Renderer(model, device, energy=energy, style=style).feature_map(view, features, background)
+    spread = max(np.ptp(features), np.ptp(background))
+    assert_pixels_agree(feature_map, expected.channels, expected.margins, spread=spread)
+
+
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    seed=st.integers(0, 2**31),
+    count=st.integers(1, 80),
+    size=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    largest=st.floats(0.05, 3.0),
+    focal=st.floats(10.0, 200.0),
+)
+def test_random_scenes_agree(device, style, energy, seed, count, size, largest, focal):
+    model = blobs(count, seed, sh_degree=0, size=(0.02, largest))
+    assert_all_agree(Renderer(model, device, energy=energy, style=style), tilted_camera(*size, focal=focal), tight=2e-5)
+
+
+# --- culling ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_near_plane_belongs_to_what_is_culled(device, style, energy):
+    near = np.float32(NEAR_PLANE)
+    depths = np.array([np.nextafter(near, np.float32(0)), near, np.nextafter(near, np.float32(1))])
+    means = np.stack([np.zeros(3), np.zeros(3), depths], axis=1)
+    renderer = Renderer(gaussians(means=means, scales=0.01), device, energy=energy, style=style)
+    assert renderer.contributions(camera(17, 17))["index"].tolist() == [2]
+
+
+def test_a_gaussian_fainter_than_the_cut_off_is_not_drawn(device, style, energy):
+    model = gaussians(means=[[0, 0, 4], [0, 0, 5]], scales=1.0, opacities=[0.999 / 255, 1.001 / 255])
+    contributions = Renderer(model, device, energy=energy, style=style).contributions(camera(17, 17))
+    assert contributions["index"].tolist() == [1]
+
+
+def test_nothing_in_sight_leaves_the_background(device, style, energy):
+    model = gaussians(means=[[0, 0, -4], [900, 0, 4]], scales=0.1)
+    renderer, view = Renderer(model, device, energy=energy, style=style), camera(17, 5)
+    assert (renderer.image(view, (0.25, 0.5, 0.75)) == np.float32([0.25, 0.5, 0.75])).all()
+    assert (renderer.transmittance(view) == 1).all()
+    assert np.isinf(renderer.depth(view)).all()
+    assert renderer.contributions(view).shape == (0,)
+    assert renderer.contributions(view).dtype == CONTRIBUTION
+
+
+# --- invariants -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", AWKWARD)
+def test_weights_and_transmittance_add_up_to_one(device, style, energy, case):
+    model, view = AWKWARD[case]()
+    renderer = Renderer(model, device, energy=energy, style=style)
+    transmittance = renderer.transmittance(view).astype(np.float64)
+    weights = renderer.feature_map(view, np.ones((len(model), 1), np.float32))[..., 0]
+    np.testing.assert_allclose(weights + transmittance, 1.0, atol=5e-6)
+    contributions = renderer.contributions(view)
+    total = contributions["sum"].sum(dtype=np.float64)
+    np.testing.assert_allclose(total, (1 - transmittance).sum(), rtol=2e-6, atol=1e-5)
+    assert (contributions["max"] <= contributions["sum"] * (1 + 1e-6) + 1e-6).all()
+    assert (contributions["sum"] <= contributions["max"] * contributions["pixels"] * (1 + 1e-6) + 1e-5).all()
+    assert (contributions["pixels"] <= view.width * view.height).all()
+
+
+def test_both_styles_agree(device, energy):
+    model, view = blobs(200, 5), tilted_camera()
+    cpu, gpu = (everything(Renderer(model, device, energy=energy, style=style), view) for style in ("cpu", "gpu"))
+    for a, b in zip(cpu[:3], gpu[:3], strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-6 * max(np.ptp(a), 1))
+    assert np.array_equal(cpu[4]["index"], gpu[4]["index"])
+    np.testing.assert_allclose(cpu[4]["sum"], gpu[4]["sum"], rtol=1e-5, atol=1e-4)
+
+
+def test_rows_behind_or_too_faint_leave_no_trace(device, style, energy):
+    """Interspersed rows that are not drawn change no bit of what is."""
+    model, view = blobs(40, 6, sh_degree=0), camera(33, 31)
+    unseen = gaussians(means=np.tile([[0.0, 0, -4], [0, 0, 4]], (20, 1)), scales=1.0, opacities=0.5 / 255)
+    mixed = joined(unseen, model).subset(np.ones(80, bool))
+    interleaved = type(model)(mixed.table.reshape(2, 40).T.ravel())
+    alone, among = (Renderer(m, device, energy=energy, style=style) for m in (model, interleaved))
+    assert_same_bits([alone.image(view), alone.depth(view)], [among.image(view), among.depth(view)])
+    found, expected = among.contributions(view), alone.contributions(view)
+    assert np.array_equal(found["index"], 2 * expected["index"] + 1)
+    for name in ("sum", "max", "pixels"):
+        assert_same_bits([found[name]], [expected[name]])
+
+
+# --- determinism ------------------------------------------------------------------------------------------------------
+
+
+def test_a_second_run_gives_the_same_bits(device, style, energy):
+    model, view = blobs(257, 7), tilted_camera()
+    first, second = (Renderer(model, device, energy=energy, style=style) for _ in range(2))
+    expected = everything(first, view)
+    assert_same_bits(everything(second, view), expected)
+    assert_same_bits(everything(first, view), expected)
+
+
+def test_bands_give_the_same_bits(device, style, energy):
+    model, view = blobs(257, 8), tilted_camera(65, 97)
+    whole = everything(Renderer(model, device, energy=energy, style=style), view)
+    for budget in (1, 600):
+        banded = Renderer(model, device, energy=energy, style=style, entry_budget=budget)
+        assert_same_bits(everything(banded, view), whole)
+
+
+def test_earlier_views_leave_no_trace(device, style, energy):
+    """Buffers are kept between views of any size and kind."""
+    model = blobs(80, 9)
+    small, large = tilted_camera(17, 15), camera(65, 47)
+    used = Renderer(model, device, energy=energy, style=style)
+    for view in (large, small, large):
+        assert_same_bits(everything(used, view), everything(Renderer(model, device, energy=energy, style=style), view))
+
+
+HASH_IN_ANOTHER_PROCESS = """
+import hashlib
+from gspure.renderer import Renderer
+from tests.models import blobs, tilted_camera
+from tests.test_renderer import everything
+for energy in ("ewa", "ray"):
+    arrays = everything(Renderer(blobs(257, 10), energy=energy), tilted_camera(65, 47))
+    print(hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest())
+"""
+
+
+def test_the_number_of_threads_does_not_matter(device):
+    """On PoCL, whose threads an environment variable sets."""
+    if "Portable Computing Language" not in device.platform:
+        pytest.skip("not PoCL")
+    hashes = [
+        subprocess.run(
+            [sys.executable, "-c", HASH_IN_ANOTHER_PROCESS],
+            env={**os.environ, "POCL_MAX_PTHREAD_COUNT": threads},
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for threads in ("1", "2")
+    ]
+    assert len(hashes[0].split()) == 2
+    assert hashes[0] == hashes[1]
+
+
+# --- refusals ---------------------------------------------------------------------------------------------------------
+
+
+def test_an_image_needs_colours(device):
+    table = blobs(3).table
+    bare = table[[name for name in table.dtype.names if not name.startswith("f_")]]
+    renderer = Renderer(type(blobs(1))(bare), device)
+    assert renderer.transmittance(camera(8, 8)).shape == (8, 8)
+    with pytest.raises(InputError, match="f_dc_0"):
+        renderer.image(camera(8, 8))
+
+
+@pytest.mark.parametrize(("rows", "background"), [(2, None), (4, None), (3, [0.0, 0.0])])
+def test_features_of_another_shape_are_refused(device, rows, background):
+    renderer = Renderer(blobs(3), device)
+    with pytest.raises(ValueError, match=r"features|background"):
+        renderer.feature_map(camera(8, 8), np.ones((rows, 5), np.float32), background)
