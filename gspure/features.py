@@ -20,7 +20,7 @@ def standardize(columns: NDArray[Any]) -> NDArray[np.float64]:
     Parameters
     ----------
     columns : array [K,C]
-        Finite values.
+        Finite values in the range of float32.
 
     """
     columns = np.asarray(columns, np.float64)

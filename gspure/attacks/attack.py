@@ -101,6 +101,8 @@ class Attack:
         for name in settings.keys() - self.settings.keys():
             known = ", ".join(self.settings) or "none (it has no settings)"
             raise InputError(f"attack {self.name}", "setting", expected=f"one of {known}", found=name)
+        if seed < 0:
+            raise InputError(f"attack {self.name}", "seed", expected="at least 0", found=str(seed))
         given = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
         attacked = self.function(model, np.random.default_rng(seed), **given, **settings)
         if attacked.kept.shape != (len(model),) or np.count_nonzero(attacked.kept) != len(attacked.model):

@@ -40,7 +40,7 @@ def read_clusters(path: Path) -> Clusters:
 
     """
     try:
-        with np.load(path, allow_pickle=False) as entries:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as entries:  # closed even if it is no zip
             labels, coincident = entries["labels"], int(entries["coincident"])
     except FileNotFoundError:
         raise InputError(path, "file", expected="an existing .npz file", found="nothing") from None

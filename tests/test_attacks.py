@@ -1,0 +1,243 @@
+"""Attacks: pure, seeded, behind one protocol."""
+
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.attacks import Attack, Attacked, Evidence, attacks, find_attack, registry
+from gspure.errors import InputError
+from gspure.model import Gaussians
+
+COUNT = 40
+ALTERING = {"feature_scaling", "gaussian_noise"}
+
+
+def model(count: int = COUNT, seed: int = 0, extra: str | None = None) -> Gaussians:
+    rng = np.random.default_rng(seed)
+    return Gaussians.from_parameters(
+        means=rng.normal(size=(count, 3)),
+        quats=rng.normal(size=(count, 4)),
+        scales=rng.uniform(0.01, 1, (count, 3)),
+        opacities=rng.uniform(0.01, 0.99, count),
+        sh_coeffs=rng.normal(size=(count, 4, 3)),
+        extras={f"{extra}{i}": rng.normal(size=count) for i in range(2)} if extra else None,
+    )
+
+
+def evidence(count: int = COUNT) -> Evidence:
+    rng = np.random.default_rng(1)
+    weights = rng.lognormal(0, 2, count).astype(np.float32)
+    return Evidence(weights, weights < 1)
+
+
+def changed(before: Gaussians, after: Gaussians) -> set[str]:
+    return {name for name in before.table.dtype.names if (before.table[name] != after.table[name]).any()}
+
+
+def test_built_in_attacks() -> None:
+    assert list(attacks())[:7] == [
+        "watermarked",
+        "gspure",
+        "random_pruning",
+        "feature_scaling",
+        "gaussian_noise",
+        "plain_weight",
+        "random_matched",
+    ]
+
+
+@pytest.mark.parametrize("name", attacks())
+def test_same_seed_same_bytes(name: str) -> None:
+    one, other = (find_attack(name).apply(model(), evidence(), seed=3) for _ in range(2))
+    assert one.model.table.tobytes() == other.model.table.tobytes()
+    assert one.model.comments == other.model.comments
+
+
+@pytest.mark.parametrize("name", ["random_pruning", "gaussian_noise", "random_matched"])
+def test_another_seed_gives_something_else(name: str) -> None:
+    one, other = (find_attack(name).apply(model(), evidence(), seed=seed) for seed in (0, 1))
+    assert one.model.table.tobytes() != other.model.table.tobytes()
+
+
+@pytest.mark.parametrize("name", attacks())
+def test_the_given_model_is_left_alone(name: str) -> None:
+    given_model = model()
+    before = given_model.table.tobytes()
+    find_attack(name).apply(given_model, evidence())
+    assert given_model.table.tobytes() == before
+
+
+@pytest.mark.parametrize("name", sorted(set(attacks()) - ALTERING))
+def test_kept_rows_are_bit_identical_and_in_order(name: str) -> None:
+    attacked = find_attack(name).apply(model(), evidence())
+    assert attacked.model.table.tobytes() == model().table[attacked.kept].tobytes()
+
+
+@pytest.mark.parametrize("name", sorted(set(attacks()) - {"watermarked"}))
+def test_attacked_models_carry_one_line_of_provenance(name: str) -> None:
+    attack = find_attack(name)
+    (comment,) = attack.apply(model(), evidence(), seed=5).model.comments
+    assert f" attack {name} " in comment
+    assert comment.endswith("seed=5")
+    assert all(f"{setting}={value}" in comment for setting, value in attack.settings.items())
+
+
+def test_watermarked_is_the_model_itself() -> None:
+    given_model = model()
+    attacked = find_attack("watermarked").apply(given_model, Evidence())
+    assert attacked.model is given_model
+    assert attacked.kept.all()
+
+
+@given(st.floats(0, 1), st.integers(0, 9))
+def test_random_pruning_removes_exactly_the_fraction(fraction: float, seed: int) -> None:
+    attacked = find_attack("random_pruning").apply(model(), Evidence(), seed=seed, fraction=fraction)
+    assert (~attacked.kept).sum() == round(fraction * COUNT)
+
+
+def test_random_matched_removes_as_many_as_gspure_but_others() -> None:
+    ours = find_attack("gspure").apply(model(), evidence())
+    matched = find_attack("random_matched").apply(model(), evidence())
+    assert len(matched.model) == len(ours.model)
+    assert (matched.kept != ours.kept).any()
+
+
+def test_gspure_removes_what_the_mask_says() -> None:
+    found = evidence()
+    np.testing.assert_array_equal(find_attack("gspure").apply(model(), found).kept, ~found.prune_mask)
+
+
+def test_plain_weight_removes_what_lies_below_the_mean_over_tau() -> None:
+    weights = np.array([1.0, 2.0, 9.0], np.float32)  # mean 4
+    attacked = find_attack("plain_weight").apply(model(3), Evidence(weights), tau=2.5)
+    assert attacked.kept.tolist() == [False, True, True]
+
+
+def test_feature_scaling_scales_colour_and_nothing_else() -> None:
+    after = find_attack("feature_scaling").apply(model(), Evidence(), factor=1.5).model
+    assert changed(model(), after) == {*(f"f_dc_{i}" for i in range(3)), *(f"f_rest_{i}" for i in range(9))}
+    np.testing.assert_array_equal(after.sh_coeffs, model().sh_coeffs * np.float32(1.5))
+
+
+def test_feature_scaling_of_opacity_scales_the_activated_one_and_stays_below_one() -> None:
+    after = find_attack("feature_scaling").apply(model(), Evidence(), factor=2.0, attributes="opacity").model
+    assert changed(model(), after) == {"opacity"}
+    np.testing.assert_allclose(after.opacities, np.minimum(2 * model().opacities, 1), rtol=1e-5)
+    assert np.isfinite(after.table["opacity"]).all()
+
+
+def test_scaling_by_zero_leaves_opacities_finite() -> None:
+    after = find_attack("feature_scaling").apply(model(), Evidence(), factor=0.0, attributes="colour,opacity").model
+    assert not after.sh_coeffs.any()
+    assert np.isfinite(after.table["opacity"]).all()
+
+
+@pytest.mark.parametrize("name", sorted(ALTERING))
+@pytest.mark.parametrize("extra", ["semantic_", "f_anchor_feat_"])
+def test_attacks_on_colour_act_on_the_features_of_models_that_store_those(name: str, extra: str) -> None:
+    before = model(extra=extra)
+    assert changed(before, find_attack(name).apply(before, Evidence()).model) == {f"{extra}0", f"{extra}1"}
+
+
+def test_gaussian_noise_has_the_given_deviation_and_is_independent() -> None:
+    before = model(20_000)
+    after = find_attack("gaussian_noise").apply(before, Evidence(), sigma=0.05).model
+    noise = (after.sh_coeffs - before.sh_coeffs).reshape(20_000, -1)
+    assert changed(before, after) == {*(f"f_dc_{i}" for i in range(3)), *(f"f_rest_{i}" for i in range(9))}
+    np.testing.assert_allclose(noise.std(axis=0), 0.05, rtol=0.03)
+    np.testing.assert_allclose(noise.mean(axis=0), 0, atol=0.002)
+    np.testing.assert_allclose(np.corrcoef(noise.T), np.eye(12), atol=0.04)
+
+
+def test_noise_of_opacity_is_added_to_the_logit() -> None:
+    after = find_attack("gaussian_noise").apply(model(), Evidence(), attributes="opacity").model
+    assert changed(model(), after) == {"opacity"}
+
+
+def test_a_model_without_colour_is_refused_by_attacks_on_colour() -> None:
+    table = model().table[["x", "y", "z", "opacity"]]
+    with pytest.raises(InputError, match=r"colour: expected columns f_dc_\*"):
+        find_attack("feature_scaling").apply(Gaussians(table), Evidence())
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "message"),
+    [
+        ("random_pruning", {"fraction": 1.5}, "fraction: expected 0 to 1, found 1.5"),
+        ("random_pruning", {"ratio": 0.5}, "setting: expected one of fraction, found ratio"),
+        ("watermarked", {"ratio": 0.5}, "setting: expected one of none"),
+        ("feature_scaling", {"factor": float("nan")}, "factor: expected a number of at least 0"),
+        ("feature_scaling", {"attributes": "color"}, "attributes: expected one or more of colour,opacity"),
+        ("gaussian_noise", {"sigma": -1.0}, "sigma: expected a number of at least 0"),
+        ("plain_weight", {"tau": 0.0}, "tau: expected a number above 0"),
+        ("random_pruning", {"seed": -1}, "seed: expected at least 0, found -1"),
+    ],
+)
+def test_bad_settings_are_refused_in_one_line(name: str, settings: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        find_attack(name).apply(model(), evidence(), **settings)
+
+
+@pytest.mark.parametrize("name", ["gspure", "plain_weight", "random_matched"])
+def test_missing_evidence_is_refused(name: str) -> None:
+    (needed,) = find_attack(name).needs
+    with pytest.raises(InputError, match=f"attack {name}: {needed}: expected an array, found nothing"):
+        find_attack(name).apply(model(), Evidence())
+
+
+def test_evidence_of_another_model_is_refused() -> None:
+    with pytest.raises(InputError, match=r"weights: expected \[40\], one per Gaussian, found \[39\]"):
+        find_attack("plain_weight").apply(model(), evidence(COUNT - 1))
+
+
+def test_an_attack_that_miscounts_its_rows_is_refused() -> None:
+    wrong = Attack("wrong", lambda model, rng: Attacked(model.subset(np.arange(COUNT) < 3), np.ones(COUNT, bool)))
+    with pytest.raises(InputError, match=r"kept: expected a mask over 40 rows that keeps 3, found 40 of \[40\]"):
+        wrong.apply(model(), Evidence())
+
+
+def test_unknown_attack_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(InputError, match=r"expected one of watermarked, gspure, .*, found 'prune'"):
+        find_attack("prune")
+
+
+def half(model: Gaussians, _rng: np.random.Generator, weights: np.ndarray, *, upper: int = 1) -> Attacked:
+    kept = (weights > np.median(weights)) == bool(upper)
+    return Attacked(model.subset(kept), kept)
+
+
+HALF = Attack("half", half)
+TAKEN = Attack("gspure", half)
+GREEDY = Attack("greedy", lambda model, rng, key: Attacked(model, key))
+
+
+def offer(monkeypatch: pytest.MonkeyPatch, target: str) -> None:
+    entry = EntryPoint("theirs", f"{__name__}:{target}" if ":" not in target else target, registry.GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group == registry.GROUP else [])
+
+
+def test_a_plug_in_is_found_by_its_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    offer(monkeypatch, "HALF")
+    attack = find_attack("half")
+    assert attack.needs == {"weights"}
+    assert attack.settings == {"upper": 1}
+    assert len(attack.apply(model(), evidence()).model) == COUNT // 2
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        ("no_such_module:ATTACK", "expected an importable attack, found ModuleNotFoundError"),
+        ("MISSING", "expected an importable attack, found AttributeError"),
+        ("half", "expected a gspure.attacks.Attack, found function"),
+        ("TAKEN", "name: expected a name not in use, found 'gspure'"),
+        ("GREEDY", "needs: expected of prune_mask, weights, found key"),
+    ],
+)
+def test_a_bad_plug_in_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch, target: str, message: str) -> None:
+    offer(monkeypatch, target)
+    with pytest.raises(InputError, match=r"unknown package \(entry point 'theirs' of gspure.attacks\): .*" + message):
+        attacks()

@@ -1,0 +1,266 @@
+"""Exact HDBSCAN in two steps, and its diagnosis."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gspure.clustering import (
+    SELECTIONS,
+    Clusters,
+    coincident_points,
+    diagnose,
+    read_clusters,
+    select,
+    spanning_tree,
+    write_clusters,
+)
+from gspure.errors import InputError
+from gspure.evaluation.recall import adjusted_rand_index
+
+
+def heavy_tailed(seed: int, count: int, columns: int = 5) -> np.ndarray:
+    """Points as the features are: surfaces, far outliers, an opacity of two humps, a lognormal weight."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(0, 1, (count, columns))
+    points[: count // 3] *= 0.05
+    points[: count // 10, :3] *= rng.pareto(1.5, (count // 10, 1)) * 20
+    points[:, -1] = rng.lognormal(0, 2, count)
+    return points
+
+
+def blobs(*centres: float, each: int = 100, scattered: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(1)
+    tight = [rng.normal(centre, 0.05, (each, 3)) for centre in centres]
+    return np.concatenate([*tight, rng.uniform(-3, max(centres) + 3, (scattered, 3))])
+
+
+def reachability(points: np.ndarray, min_samples: int) -> np.ndarray:
+    """The definition, in O(K^2)."""
+    distances = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    core = np.sort(distances, axis=1)[:, min_samples]  # the point itself comes first
+    return np.maximum(distances, np.maximum(core[:, None], core[None]))
+
+
+def prim(distances: np.ndarray) -> np.ndarray:
+    """Edge lengths of a minimum spanning tree, in O(K^2)."""
+    nearest, outside, lengths = distances[0].copy(), np.ones(len(distances), bool), []
+    outside[0] = False
+    for _ in range(len(distances) - 1):
+        point = np.flatnonzero(outside)[np.argmin(nearest[outside])]
+        lengths.append(nearest[point])
+        outside[point] = False
+        nearest = np.minimum(nearest, distances[point])
+    return np.sort(lengths)
+
+
+def is_spanning_tree(tree: np.ndarray, count: int) -> bool:
+    parent = list(range(count))
+
+    def root(point: int) -> int:
+        while parent[point] != point:
+            point = parent[point]
+        return point
+
+    for a, b in tree[:, :2].astype(int):
+        if root(a) == root(b):
+            return False
+        parent[root(a)] = root(b)
+    return len(tree) == count - 1
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 10**6), st.integers(2, 120), st.integers(1, 15), st.booleans())
+def test_tree_is_a_minimum_spanning_tree_by_brute_force(seed: int, count: int, min_samples: int, rounded: bool) -> None:
+    points = heavy_tailed(seed, count)
+    points = points.round() if rounded else points  # many ties and duplicates
+    tree = spanning_tree(points, min_samples)
+    assert is_spanning_tree(tree, count)
+    distances = reachability(points, min(min_samples, count - 1))
+    np.testing.assert_allclose(tree[:, 2], prim(distances), rtol=1e-9, atol=1e-12)
+    a, b = tree[:, :2].astype(int).T
+    np.testing.assert_allclose(tree[:, 2], distances[a, b], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("min_samples", [1, 10, 40])
+def test_tree_equals_that_of_hdbscans_own_core_distances_to_the_bit(min_samples: int) -> None:
+    from hdbscan._hdbscan_boruvka import KDTreeBoruvkaAlgorithm
+    from sklearn.neighbors import KDTree
+
+    points = heavy_tailed(3, 3000)
+    theirs = KDTreeBoruvkaAlgorithm(KDTree(points), min_samples, approx_min_span_tree=False, n_jobs=1).spanning_tree()
+    np.testing.assert_array_equal(spanning_tree(points, min_samples)[:, 2], np.sort(theirs[:, 2]))
+
+
+@pytest.mark.parametrize("selection", ["eom", "leaf"])
+def test_clusters_equal_those_of_the_public_hdbscan(selection: str) -> None:
+    import hdbscan
+
+    points = np.concatenate([heavy_tailed(4, 2500), blobs(20, 22, 40)[:, [0, 1, 2, 0, 1]]])
+    public = hdbscan.HDBSCAN(
+        min_cluster_size=25,
+        min_samples=10,
+        cluster_selection_method=selection,
+        algorithm="boruvka_kdtree",
+        approx_min_span_tree=False,
+        core_dist_n_jobs=1,
+    ).fit_predict(points)
+    ours = select(spanning_tree(points, 10), 25, selection)
+    assert ours.max() == public.max() > 3
+    assert (
+        adjusted_rand_index(ours, public) > 0.995
+    )  # a point or two differ: edges of equal length are ordered otherwise
+
+
+def test_edges_are_in_one_order_whatever_the_algorithm_does() -> None:
+    tree = spanning_tree(heavy_tailed(5, 400).round(1), 5)
+    assert (tree[:, 0] < tree[:, 1]).all()
+    keys = [tuple(edge) for edge in tree[:, [2, 0, 1]]]
+    assert keys == sorted(keys)
+
+
+@pytest.mark.parametrize("selection", SELECTIONS)
+def test_separate_groups_become_clusters_and_scattered_points_noise(selection: str) -> None:
+    labels = select(spanning_tree(blobs(0, 5, 9, scattered=60), 10), 30, selection, max_cluster_share=0.5)
+    assert labels.dtype == np.int32
+    groups = [set(labels[i : i + 100].tolist()) - {-1} for i in (0, 100, 200)]
+    assert sorted(group.pop() for group in groups if len(group) == 1) == [0, 1, 2]
+    assert (labels[300:] == -1).mean() > 0.5
+
+
+def test_excess_of_mass_keeps_a_group_together_that_leaf_and_a_cap_split() -> None:
+    points = np.concatenate([blobs(*(0.15 * np.arange(8)), each=60), blobs(90.0, each=60)])
+    tree = spanning_tree(points, 5)
+    whole, capped, leaves = (select(tree, 30, selection, 0.2) for selection in ("eom", "eom_capped", "leaf"))
+    assert np.bincount(whole[whole >= 0]).max() > 0.8 * len(points)
+    assert np.bincount(capped[capped >= 0]).max() <= 0.2 * len(points)
+    assert capped.max() > whole.max()
+    assert leaves.max() > whole.max()
+
+
+def test_a_cap_below_twice_the_smallest_cluster_does_not_forbid_clusters() -> None:
+    assert select(spanning_tree(blobs(0, 5, 9), 10), 60, "eom_capped", max_cluster_share=0.01).max() == 2
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 9, 19])
+@pytest.mark.parametrize("selection", SELECTIONS)
+def test_too_few_points_for_two_clusters_are_noise(count: int, selection: str) -> None:
+    tree = spanning_tree(heavy_tailed(6, count), 10)
+    assert tree.shape == (count - 1, 3)
+    assert select(tree, 10, selection).tolist() == [-1] * count
+
+
+@pytest.mark.parametrize("selection", SELECTIONS)
+def test_a_scene_that_never_splits_is_noise(selection: str) -> None:
+    line = np.cumsum(1.1 ** np.arange(60))[:, None]  # gaps that only grow: one point leaves at a time
+    assert (select(spanning_tree(line, 1), 10, selection) == -1).all()
+
+
+@pytest.mark.parametrize("selection", SELECTIONS)
+def test_piles_of_equal_points_are_counted_and_survive_clustering(selection: str) -> None:
+    points = np.concatenate([heavy_tailed(7, 300), np.zeros((40, 5)), np.full((40, 5), 0.5), np.full((4, 5), 3.0)])
+    tree = spanning_tree(points, 10)
+    assert coincident_points(tree) == 39 + 39  # the pile of four is smaller than min_samples
+    labels = select(tree, 20, selection, max_cluster_share=0.5)
+    assert len(set(labels[300:340].tolist())) == 1
+    assert labels[300] != labels[340]
+
+
+def test_no_points_are_refused() -> None:
+    with pytest.raises(InputError, match="at least one Gaussian"):
+        spanning_tree(np.zeros((0, 5)))
+
+
+def test_points_that_are_not_finite_are_refused() -> None:
+    with pytest.raises(InputError, match="finite"):
+        spanning_tree(np.array([[0.0], [np.nan]]))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("min_cluster_size", {"min_cluster_size": 1}),
+        ("selection", {"selection": "root"}),
+        ("max_cluster_share", {"max_cluster_share": 0.0}),
+        ("max_cluster_share", {"max_cluster_share": 1.5}),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(name: str, change: dict) -> None:
+    with pytest.raises(InputError, match=name):
+        select(spanning_tree(blobs(0, 5)), **change)
+
+
+def test_min_samples_below_one_is_refused() -> None:
+    with pytest.raises(InputError, match="min_samples"):
+        spanning_tree(blobs(0, 5), 0)
+
+
+def test_cluster_file_round_trip_is_exact_and_reproducible(tmp_path: Path) -> None:
+    labels = np.array([0, -1, 1, 1], np.int32)
+    for name in ("a.npz", "b.npz"):
+        write_clusters(tmp_path / name, Clusters(labels, 3), {"min_cluster_size": 50, "selection": "leaf"})
+    found = read_clusters(tmp_path / "a.npz")
+    assert found.labels.tolist() == labels.tolist()
+    assert found.labels.dtype == np.int32
+    assert found.coincident == 3
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 cut off"])
+def test_a_broken_cluster_file_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "clusters.npz").write_bytes(content)
+    with pytest.raises(InputError, match=r"clusters\.npz: file: expected \.npz with labels"):
+        read_clusters(tmp_path / "clusters.npz")
+
+
+def test_labels_of_another_type_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "clusters.npz", labels=np.zeros(3), coincident=0)
+    with pytest.raises(InputError, match=r"labels: expected int32 .*, found float64 \[3\]"):
+        read_clusters(tmp_path / "clusters.npz")
+
+
+def test_pickled_objects_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "clusters.npz", labels=np.array([{}], dtype=object), coincident=0)
+    with pytest.raises(InputError, match="allow_pickle=False"):
+        read_clusters(tmp_path / "clusters.npz")
+
+
+def test_diagnosis_tells_what_the_clustering_did() -> None:
+    labels = np.array([0, 0, 0, 0, 1, 1, -1, -1, -1, -1], np.int32)
+    weights = np.array([1, 1, 1, 9, 20, 28, 1, 1, 9, 9], np.float32)  # mean 8; the first cluster's mean 3
+    found = diagnose(labels, weights, tau_c=2, tau_n=2)
+    assert (found.gaussians, found.clusters) == (10, 2)
+    assert (found.largest_share, found.noise_share) == (0.4, 0.4)
+    assert (found.pruned_share, found.pruned_as_cluster, found.pruned_as_noise) == (0.6, 0.4, 0.2)
+    assert found.pruned_weight_share == pytest.approx(14 / 80)
+    assert found.plain_share == 0.5
+    assert found.changed_share == pytest.approx(1 / 6)
+    assert found.changed_share_clustered == 0.25
+    assert found.warnings == ()
+
+
+def test_diagnosis_warns_of_a_collapsed_clustering() -> None:
+    found = diagnose(np.array([0] * 6 + [1] * 2, np.int32), np.ones(8))
+    assert "largest cluster holds 75%" in found.warnings[0]
+
+
+def test_diagnosis_warns_of_a_clustering_without_effect() -> None:
+    labels = np.array([0] * 4 + [1] * 4 + [-1] * 2, np.int32)
+    assert "changes 0.0% of the decision" in diagnose(labels, np.array([0.0] * 4 + [9.0] * 6)).warnings[0]
+
+
+def test_diagnosis_warns_of_no_clusters_and_of_piles() -> None:
+    found = diagnose(np.full(3, -1, np.int32), np.ones(3), coincident=2)
+    assert [text.split(":")[0] for text in found.warnings] == [
+        "no cluster was found",
+        "2 Gaussians have the same features as more than min_samples others",
+    ]
+    assert found.lines()[-1] == f"warning: {found.warnings[-1]}"
+    assert found.to_json()["warnings"] == list(found.warnings)
+
+
+def test_diagnosis_refuses_labels_of_another_model() -> None:
+    with pytest.raises(InputError, match="expected 3, as many as weights, found 2"):
+        diagnose(np.zeros(2, np.int32), np.ones(3))

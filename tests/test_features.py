@@ -1,0 +1,56 @@
+"""Standardized features."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gspure.errors import InputError
+from gspure.features import features, standardize
+
+COLUMNS = hnp.arrays(np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-1e3, 1e3, width=32))
+
+
+def test_equation_of_features_concatenates_position_opacity_and_weight_each_standardized() -> None:
+    rng = np.random.default_rng(0)
+    means, opacities, weights = rng.normal(5, 3, (40, 3)), rng.uniform(0, 1, 40), rng.lognormal(0, 2, 40)
+    found = features(means, opacities, weights)
+    assert found.shape == (40, 5)
+    assert found.dtype == np.float64
+    for column, raw in enumerate([*means.T, opacities, weights]):
+        np.testing.assert_allclose(found[:, column], (raw - raw.mean()) / raw.std(), rtol=1e-12, atol=1e-12)
+
+
+@given(COLUMNS)
+def test_columns_have_mean_zero_and_deviation_one_or_are_constant_zero(columns: np.ndarray) -> None:
+    found = standardize(columns)
+    np.testing.assert_allclose(found.mean(axis=0), 0, atol=1e-9)
+    varies = columns.min(axis=0) != columns.max(axis=0)
+    assert not found[:, ~varies].any()
+    wide = np.ptp(columns, axis=0) > 1e-6  # below, the deviation itself is rounding
+    np.testing.assert_allclose(found[:, wide].std(axis=0), 1, rtol=1e-9)
+
+
+@given(COLUMNS, st.sampled_from([2.0, 0.5, 8.0]))
+def test_features_do_not_depend_on_the_unit(columns: np.ndarray, scale: float) -> None:
+    np.testing.assert_array_equal(standardize(columns * scale), standardize(columns))
+
+
+def test_constant_column_becomes_zero_even_where_its_mean_is_rounded() -> None:
+    columns = np.full((7, 1), 0.1)
+    assert columns.std() > 0  # what a guard on the deviation would fall for
+    assert not standardize(columns).any()
+
+
+def test_rows_that_are_not_finite_are_refused_with_their_number() -> None:
+    means = np.zeros((6, 3))
+    means[2, 1], means[4, 0] = np.nan, np.inf
+    with pytest.raises(
+        InputError, match="features: x, y: expected finite values, found 2 bad rows, the first is row 2"
+    ):
+        features(means, np.full(6, 0.5), np.ones(6))
+
+
+def test_one_gaussian_has_zero_features() -> None:
+    assert features(np.ones((1, 3)), np.ones(1), np.ones(1)).tolist() == [[0.0] * 5]

@@ -1,0 +1,214 @@
+"""PSNR, SSIM, folders of images, and agreement with a known truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.evaluation.comparison import ViewMetrics, means, pair_images, read_metrics, write_metrics
+from gspure.evaluation.metrics import gaussian_window, psnr, ssim
+from gspure.evaluation.recall import adjusted_rand_index, recall
+from gspure.images import read_image, write_image
+
+IMAGES = hnp.arrays(np.uint8, st.tuples(st.integers(1, 16), st.integers(1, 16), st.just(3))).map(lambda a: a / 255.0)
+
+
+def image(seed: int, height: int = 40, width: int = 50) -> np.ndarray:
+    """Bytes over 255, as read from PNG: smooth, with some noise."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:height, :width] / 10
+    smooth = np.stack([np.sin(x + seed), np.cos(y), np.sin(x * y / 3)], axis=-1) / 2 + 0.5
+    return np.round(255 * np.clip(smooth + rng.normal(0, 0.1, smooth.shape), 0, 1)) / 255
+
+
+def ssim_by_the_definition(a: np.ndarray, b: np.ndarray) -> float:
+    """One window after the other, zeros beyond the border."""
+    offsets = np.arange(11) - 5
+    window = np.exp(-(offsets[:, None] ** 2 + offsets[None] ** 2) / (2 * 1.5**2))
+    window /= window.sum()
+    found = []
+    for c in range(3):
+        x, y = np.pad(a[..., c], 5), np.pad(b[..., c], 5)
+        for i in range(a.shape[0]):
+            for j in range(a.shape[1]):
+                p, q = x[i : i + 11, j : j + 11], y[i : i + 11, j : j + 11]
+                mp, mq = (window * p).sum(), (window * q).sum()
+                vp, vq = (window * p * p).sum() - mp**2, (window * q * q).sum() - mq**2
+                cov = (window * p * q).sum() - mp * mq
+                found.append((2 * mp * mq + 1e-4) * (2 * cov + 9e-4) / ((mp**2 + mq**2 + 1e-4) * (vp + vq + 9e-4)))
+    return float(np.mean(found))
+
+
+def test_equation_of_psnr_is_over_all_pixels_and_channels_at_once() -> None:
+    a, b = np.zeros((1, 2, 3)), np.zeros((1, 2, 3))
+    b[0, 0, 0] = 0.6  # mean square error 0.06; a mean over three channels would be infinite
+    assert psnr(a, b) == pytest.approx(-10 * np.log10(0.06))
+
+
+def test_psnr_of_one_grey_level_is_that_of_eight_bit_images() -> None:
+    assert psnr(np.zeros((4, 4, 3)), np.full((4, 4, 3), 1 / 255)) == pytest.approx(48.1308, abs=1e-4)
+
+
+def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
+    assert psnr(image(0), image(0)) == np.inf
+    assert ssim(image(0), image(0)) == pytest.approx(1.0)
+
+
+def test_equation_of_ssim_by_a_double_loop() -> None:
+    a, b = image(1, 17, 13), image(2, 17, 13)
+    assert ssim(a, b) == pytest.approx(ssim_by_the_definition(a, b), abs=1e-12)
+
+
+def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:
+    from skimage.metrics import structural_similarity
+
+    a, b = image(3), image(4)
+    # Framed by zeros wider than the window, scikit-image meets zeros beyond the border as 3DGS's SSIM does.
+    framed_a, framed_b = (np.pad(x, ((11, 11), (11, 11), (0, 0))) for x in (a, b))
+    _, theirs = structural_similarity(
+        framed_a,
+        framed_b,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+        data_range=1.0,
+        channel_axis=-1,
+        full=True,
+    )
+    assert ssim(a, b) == pytest.approx(theirs[11:-11, 11:-11].mean(), abs=1e-12)
+
+
+@settings(deadline=None)
+@given(IMAGES, st.integers(0, 2**32 - 1))
+def test_metrics_are_symmetric_and_ssim_is_at_most_one(a: np.ndarray, seed: int) -> None:
+    b = np.random.default_rng(seed).integers(0, 256, a.shape) / 255
+    assert psnr(a, b) == psnr(b, a)
+    assert ssim(a, b) == pytest.approx(ssim(b, a), abs=1e-12)
+    assert -1 - 1e-9 <= ssim(a, b) <= 1 + 1e-9
+
+
+def test_more_noise_lowers_both() -> None:
+    noise = np.random.default_rng(0).normal(size=(40, 50, 3))
+    levels = [np.clip(image(5) + s * noise, 0, 1) for s in (0.01, 0.05, 0.2)]
+    for metric in (psnr, ssim):
+        found = [metric(image(5), level) for level in levels]
+        assert found == sorted(found, reverse=True)
+
+
+def test_window_is_eleven_wide_normalized_and_of_the_given_deviation() -> None:
+    window = gaussian_window()
+    assert window.shape == (11,)
+    assert window.sum() == pytest.approx(1)
+    assert window[5] / window[4] == pytest.approx(np.exp(1 / (2 * 1.5**2)))
+
+
+def folders(tmp_path: Path, *targets: str) -> tuple[Path, Path]:
+    for target in targets:
+        for seed, name in enumerate(("001", "002")):
+            write_image(tmp_path / "a" / target / f"{name}.png", image(seed, 20, 30))
+            write_image(tmp_path / "b" / target / f"{name}.png", image(seed + 7, 20, 30))
+    return tmp_path / "a", tmp_path / "b"
+
+
+def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = folders(tmp_path, "scene", "message")
+    assert main(["metrics", str(a), str(b), "--out", str(tmp_path / "metrics.csv")]) == 0
+    rows = read_metrics(tmp_path / "metrics.csv")
+    assert [(row.target, row.view) for row in rows] == [
+        ("message", "001"),
+        ("message", "002"),
+        ("scene", "001"),
+        ("scene", "002"),
+    ]
+    one, other = read_image(a / "scene" / "002.png"), read_image(b / "scene" / "002.png")
+    assert rows[3].psnr == pytest.approx(psnr(one, other), abs=1e-6)
+    assert rows[3].ssim == pytest.approx(ssim(one, other), abs=1e-8)
+    last = capsys.readouterr().out.splitlines()[-1].split()
+    assert last[0] == "scene/mean"
+    assert float(last[1]) == pytest.approx(np.mean([row.psnr for row in rows[2:]]), abs=1e-3)
+
+
+def test_flat_folders_are_compared_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = folders(tmp_path, "")
+    assert main(["metrics", str(a), str(b)]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["view", "001", "002", "mean"]
+
+
+def test_a_reference_may_hold_more_views_which_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = folders(tmp_path, "scene")
+    (b / "scene" / "001.png").unlink()
+    assert main(["metrics", str(a), str(b)]) == 0
+    assert "1 images of" in capsys.readouterr().err
+
+
+def test_an_image_without_reference_is_refused(tmp_path: Path) -> None:
+    a, b = folders(tmp_path, "scene")
+    (a / "scene" / "002.png").unlink()
+    with pytest.raises(InputError, match=r"a/scene/002\.png: file: expected a counterpart of .*b/scene/002\.png"):
+        pair_images(a, b)
+
+
+def test_images_of_different_sizes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = folders(tmp_path, "scene")
+    write_image(b / "scene" / "002.png", image(0, 20, 31))
+    assert main(["metrics", str(a), str(b), "--out", str(tmp_path / "metrics.csv")]) == 2
+    assert "size: expected 30x20, as " in capsys.readouterr().err
+    assert not (tmp_path / "metrics.csv").exists()
+
+
+@pytest.mark.parametrize("empty", [True, False])
+def test_a_folder_without_images_is_refused(tmp_path: Path, empty: bool) -> None:
+    a, _ = folders(tmp_path, "scene")
+    if empty:
+        (tmp_path / "none").mkdir()
+    with pytest.raises(InputError, match="expected PNG files, found " + ("none" if empty else "no such folder")):
+        pair_images(a, tmp_path / "none")
+
+
+def test_metrics_table_round_trip_keeps_infinite_psnr(tmp_path: Path) -> None:
+    rows = [ViewMetrics("scene", "1,5", float("inf"), 1.0), ViewMetrics("scene", "2", 31.25, 0.5)]
+    write_metrics(tmp_path / "metrics.csv", rows)
+    assert read_metrics(tmp_path / "metrics.csv") == rows
+    assert means(rows) == [ViewMetrics("scene", "mean", float("inf"), 0.75)]
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "target,view,psnr,ssim\n", "target,view,psnr,ssim\nscene,1,x,2\n"])
+def test_a_broken_metrics_table_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "metrics.csv").write_text(text)
+    with pytest.raises(InputError, match=r"metrics\.csv: (header|rows): expected"):
+        read_metrics(tmp_path / "metrics.csv")
+
+
+def test_precision_and_recall() -> None:
+    pruned, truth = np.array([1, 1, 1, 1, 0, 0], bool), np.array([1, 0, 0, 0, 1, 0], bool)
+    assert recall(pruned, truth) == (0.25, 0.5)
+
+
+def test_precision_of_nothing_pruned_is_unknown() -> None:
+    found = recall(np.zeros(3, bool), np.array([1, 0, 0], bool))
+    assert np.isnan(found.precision)
+    assert found.recall == 0
+
+
+def test_masks_of_different_models_are_refused() -> None:
+    with pytest.raises(InputError, match=r"length: expected \[3\], found \[4\]"):
+        recall(np.zeros(3, bool), np.zeros(4, bool))
+
+
+@given(st.integers(0, 60).flatmap(lambda n: st.tuples(*[hnp.arrays(np.int32, n, elements=st.integers(-1, 4))] * 2)))
+def test_adjusted_rand_index_is_that_of_scikit_learn(labels: tuple[np.ndarray, np.ndarray]) -> None:
+    from sklearn.metrics import adjusted_rand_score
+
+    assert adjusted_rand_index(*labels) == pytest.approx(adjusted_rand_score(*labels), abs=1e-12)
+
+
+def test_adjusted_rand_index_ignores_names_and_is_zero_on_average_for_random_groups() -> None:
+    rng = np.random.default_rng(0)
+    assert adjusted_rand_index(np.array([0, 0, 1, -1]), np.array([5, 5, 2, 0])) == 1.0
+    random = [adjusted_rand_index(rng.integers(0, 5, 200), rng.integers(0, 5, 200)) for _ in range(200)]
+    assert abs(np.mean(random)) < 0.005

@@ -1,0 +1,95 @@
+"""Adaptive pruning."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gspure.errors import InputError
+from gspure.pruning import cluster_weights, mean_weight, plain_prune_mask, prune_mask
+
+WEIGHTS = hnp.arrays(np.float32, 20, elements=st.floats(0, 1e6, width=32))
+LABELS = hnp.arrays(np.int32, 20, elements=st.integers(-1, 3)).map(
+    lambda labels: np.where(labels < 0, -1, np.unique(labels, return_inverse=True)[1] - (labels.min() < 0)).astype(
+        np.int32
+    )
+)
+FACTORS = st.floats(0.1, 100)
+
+
+def test_equation_of_the_mean_weight() -> None:
+    assert mean_weight(np.array([1.0, 2.0, 6.0])) == 3.0
+
+
+def test_equation_of_cluster_weights() -> None:
+    labels = np.array([0, 1, -1, 1, 0, 1])
+    assert cluster_weights(labels, np.array([1.0, 2.0, 100.0, 3.0, 5.0, 4.0])).tolist() == [3.0, 3.0]
+
+
+def test_equation_of_pruning_judges_clusters_by_their_mean_and_noise_by_itself() -> None:
+    #                  light cluster  heavy cluster  noise
+    labels = np.array([0, 0, 0, 1, 1, -1, -1], np.int32)
+    weights = np.array([0.0, 0.0, 3.0, 0.0, 12.0, 1.0, 5.0])  # mean 3
+    assert prune_mask(labels, weights, tau_c=2, tau_n=2).tolist() == [True, True, True, False, False, True, False]
+
+
+def test_each_factor_governs_its_own_kind() -> None:
+    labels, weights = np.array([0, 0, -1, 1, 1]), np.array([1.0, 1.0, 1.0, 11.0, 11.0])  # mean 5
+    assert prune_mask(labels, weights, tau_c=4, tau_n=6).tolist() == [True, True, False, False, False]
+    assert prune_mask(labels, weights, tau_c=6, tau_n=4).tolist() == [False, False, True, False, False]
+
+
+def test_a_weight_equal_to_the_threshold_is_kept() -> None:
+    assert plain_prune_mask(np.array([1.0, 3.0]), tau=2).tolist() == [False, False]
+
+
+@given(WEIGHTS, FACTORS)
+def test_without_clusters_pruning_is_the_plain_rule(weights: np.ndarray, tau: float) -> None:
+    noise = np.full(20, -1, np.int32)
+    np.testing.assert_array_equal(prune_mask(noise, weights, 1.0, tau), plain_prune_mask(weights, tau))
+
+
+@given(LABELS, WEIGHTS, FACTORS, FACTORS)
+def test_a_cluster_goes_or_stays_as_a_whole(
+    labels: np.ndarray, weights: np.ndarray, tau_c: float, tau_n: float
+) -> None:
+    pruned = prune_mask(labels, weights, tau_c, tau_n)
+    for cluster in range(labels.max() + 1):
+        assert len(set(pruned[labels == cluster].tolist())) == 1
+
+
+@given(LABELS, WEIGHTS, FACTORS, FACTORS, st.floats(1, 10))
+def test_larger_factors_prune_no_more(
+    labels: np.ndarray, weights: np.ndarray, tau_c: float, tau_n: float, more: float
+) -> None:
+    assert not (
+        prune_mask(labels, weights, tau_c * more, tau_n * more) & ~prune_mask(labels, weights, tau_c, tau_n)
+    ).any()
+
+
+@given(LABELS, WEIGHTS, st.floats(1.01, 100), st.floats(1.01, 100))
+def test_something_always_remains(labels: np.ndarray, weights: np.ndarray, tau_c: float, tau_n: float) -> None:
+    assert not prune_mask(labels, weights, tau_c, tau_n).all()
+
+
+@given(LABELS, WEIGHTS, st.sampled_from([0.25, 2.0, 1024.0]))
+def test_the_unit_of_the_weights_does_not_matter(labels: np.ndarray, weights: np.ndarray, scale: float) -> None:
+    weights = weights.astype(np.float64)
+    np.testing.assert_array_equal(prune_mask(labels, weights * scale), prune_mask(labels, weights))
+
+
+def test_weights_that_are_all_zero_prune_nothing() -> None:
+    assert not prune_mask(np.array([0, 0, -1]), np.zeros(3)).any()
+
+
+def test_no_gaussians_give_an_empty_mask() -> None:
+    assert prune_mask(np.zeros(0, np.int32), np.zeros(0)).shape == (0,)
+
+
+@pytest.mark.parametrize("tau", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_factor_that_is_no_positive_number_is_refused(tau: float) -> None:
+    with pytest.raises(InputError, match="tau_c: expected a number above 0"):
+        prune_mask(np.zeros(2, np.int32), np.ones(2), tau, 4.0)
+    with pytest.raises(InputError, match="tau: expected a number above 0"):
+        plain_prune_mask(np.ones(2), tau)

@@ -1,0 +1,122 @@
+"""Tables over schemes, scenes and variants."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.evaluation.comparison import ViewMetrics, write_metrics
+from gspure.evaluation.outcomes import collect
+from gspure.evaluation.tables import markdown, write_table
+
+ROWS = {  # scene PSNR, message PSNR of two views
+    "watermarked": ((30.0, 26.0), (25.0, 23.0)),
+    "gspure": ((29.0, 25.0), (11.0, 9.0)),
+    "gaussian_noise": ((27.0, 23.0), (24.0, 22.0)),
+}
+
+
+def results(tmp_path: Path, scene: str = "room") -> tuple[list[Path], list[Path], Path]:
+    folder = tmp_path / "planted" / scene
+    truth = np.array([True, True, False, False, False])
+    kept = {"watermarked": [1, 1, 1, 1, 1], "gspure": [0, 1, 0, 1, 1], "gaussian_noise": [1, 1, 1, 1, 1]}
+    metrics, masks = [], []
+    for variant, (scene_psnr, message_psnr) in reversed(ROWS.items()):
+        rows = [ViewMetrics("scene", str(i), psnr, 0.9) for i, psnr in enumerate(scene_psnr)]
+        rows += [ViewMetrics("message", str(i), psnr, 0.8) for i, psnr in enumerate(message_psnr)]
+        metrics.append(folder / variant / "metrics.csv")
+        write_metrics(metrics[-1], rows)
+        masks.append(folder / variant / "public" / "kept.npy")
+        masks[-1].parent.mkdir()
+        np.save(masks[-1], np.array(kept[variant], bool))
+    (folder / "key").mkdir()
+    np.save(folder / "key" / "message.npy", truth)
+    return metrics, masks, folder / "key" / "message.npy"
+
+
+def test_equation_of_the_score_is_message_drop_minus_scene_drop(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    scores = {outcome.variant: outcome.score for outcome in collect(metrics)}
+    assert scores == {"watermarked": 0.0, "gspure": 14.0 - 1.0, "gaussian_noise": 1.0 - 3.0}
+
+
+def test_reference_comes_first_then_the_order_given(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    assert [outcome.variant for outcome in collect(metrics)] == ["watermarked", "gaussian_noise", "gspure"]
+
+
+def test_precision_and_recall_come_from_the_masks_below_the_same_folders(tmp_path: Path) -> None:
+    metrics, masks, truth = results(tmp_path)
+    other_metrics, other_masks, _ = results(tmp_path, "vault")
+    outcomes = collect(metrics + other_metrics, masks + other_masks, [truth])
+    found = {(o.scene, o.variant): (o.pruned_share, o.precision, o.recall) for o in outcomes}
+    assert found["room", "gspure"] == (0.4, 0.5, 0.5)
+    assert found["vault", "gspure"][0] == 0.4
+    assert np.isnan(found["vault", "gspure"][1:]).all()
+
+
+def test_without_reference_variant_there_is_no_score(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    (outcome,) = collect([path for path in metrics if "gspure" in path.parts])
+    assert np.isnan(outcome.score)
+    assert outcome.targets["scene"].psnr == 27.0
+
+
+def test_equal_images_drop_by_nothing(tmp_path: Path) -> None:
+    for variant, value in (("watermarked", np.inf), ("gspure", np.inf), ("gaussian_noise", 30.0)):
+        write_metrics(tmp_path / "vanilla" / "own" / variant / "metrics.csv", [ViewMetrics("scene", "1", value, 1.0)])
+    reference, noise, ours = collect(sorted(tmp_path.rglob("metrics.csv")))
+    assert [o.psnr_drop("scene") for o in (reference, ours, noise)] == [0.0, 0.0, np.inf]
+    assert np.isnan(noise.score)  # there is no message
+
+
+def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -> None:
+    metrics, masks, truth = results(tmp_path)
+    out, text = tmp_path / "results.csv", tmp_path / "results.md"
+    arguments = ["--metrics", *metrics, "--kept", *masks, "--truth", truth, "--out", out, "--markdown", text]
+    assert main(["table", *map(str, arguments)]) == 0
+    rows = list(csv.DictReader(out.read_text().splitlines()))
+    assert len(rows) == 6
+    ours = next(row for row in rows if (row["variant"], row["target"]) == ("gspure", "message"))
+    assert ours == {
+        "scheme": "planted",
+        "scene": "room",
+        "variant": "gspure",
+        "target": "message",
+        "views": "2",
+        "psnr": "10",
+        "ssim": "0.8",
+        "psnr_drop": "14",
+        "ssim_drop": "0",
+        "score": "13",
+        "pruned_share": "0.4",
+        "precision": "0.5",
+        "recall": "0.5",
+    }
+    lines = text.read_text().splitlines()
+    assert lines[0] == "### planted / room"
+    assert "| gspure | 27.00 | 0.9000 | 10.00 | 0.8000 | 13.00 | 40.0% | 50.0% | 50.0% |" in lines
+    assert "| gaussian_noise | 25.00 | 0.9000 | 23.00 | 0.8000 | -2.00 | 0.0% |  | 0.0% |" in lines
+
+
+def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    outcomes = collect(metrics[:1])
+    write_table(tmp_path / "t.csv", outcomes)
+    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9,,,,,,")
+    assert "nan" not in markdown(outcomes)
+
+
+def test_masks_of_different_models_are_refused(tmp_path: Path) -> None:
+    metrics, masks, truth = results(tmp_path)
+    np.save(truth, np.zeros(6, bool))
+    with pytest.raises(InputError, match=r"message\.npy: array: expected bool \[5\], found bool \[6\]"):
+        collect(metrics, masks, [truth])
+
+
+def test_a_missing_table_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected a metrics table, found nothing"):
+        collect([tmp_path / "a" / "b" / "c" / "metrics.csv"])
