@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
-from gspure.opencl.binning import bands, bin_tiles
+from gspure.opencl.binning import bands, bin_tiles, gather_footprints
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
@@ -83,7 +83,9 @@ class Renderer:
 
     def feature_map(self, camera: Camera, features: Float32, background: Sequence[float] | None = None) -> Float32:
         """Return the blended `features` [K,C] of a view: [H,W,C]. `background` [C] is zero by default."""
-        channels = features.shape[1]
+        count, channels = features.shape
+        if count != len(self.model):
+            raise ValueError(f"features are of {count} Gaussians, the model has {len(self.model)}")
         frame = Pass(self.energy, channels=channels)
         background = [0.0] * channels if background is None else background
         canvas = self._render(frame, camera, upload_features(self._engine, features), background)
@@ -119,10 +121,13 @@ class Renderer:
         self, frame: Pass, camera: Camera, channels: object | None = None, background: Sequence[float] = (0.0,)
     ) -> Canvas:
         engine, count = self._engine, len(self.model)
+        if len(background) != max(frame.channels, 1):
+            raise ValueError(f"background has {len(background)} values for {frame.channels} channels")
         projected = project(engine, frame, camera, count, self._geometry, channels)
         order = sort_by_depth(engine, projected)
         canvas = prepare_canvas(engine, frame, camera, count)
-        for band in bands(engine, projected, order, camera, self._entry_budget):
-            lists = bin_tiles(engine, projected, order, camera, band)
+        footprints = gather_footprints(engine, projected, order)
+        for band in bands(engine, footprints, order, camera, self._entry_budget):
+            lists = bin_tiles(engine, footprints, order, camera, band)
             blend_band(engine, frame, camera, projected, order, lists, np.asarray(background, np.float32), canvas)
         return canvas

@@ -2,11 +2,14 @@
 //
 // The visible Gaussians were sorted by depth once; a stable counting sort by tile keeps that order inside every list.
 // The depth order is cut into `chunks` contiguous parts, one work-item each:
-//   count_tiles    histogram of its part per tile, and the number of tiles of each Gaussian
-//   scan_chunks    per tile: exclusive sums over the chunks, and the tile's total (counting.cl)
-//   (host)         prefix sums: first entry of each tile, first slot of each Gaussian
-//   scatter_tiles  write the entries: which Gaussian, and the slot that keeps its partial sums in Gaussian order
-// Both passes walk the same tiles, so every entry has one place whatever the number of threads.
+//   gather_footprints  footprints in depth order (once per frame)
+//   bound_entries      how many entries a chunk can have at most: the area of its tile rectangles
+//   (host)             prefix sums: where each chunk's entries begin
+//   emit_entries       walk the tiles of each Gaussian: its row and tile per entry, and the histogram of tiles
+//   scan_chunks        (counting.cl), then prefix sums over the tiles on the host
+//   scatter_entries    move the entries to their tiles' lists
+// An entry's place of emission is its *slot*: slots of one Gaussian are contiguous, in tile order. Every entry has one
+// slot and one place whatever the number of threads.
 
 typedef struct {
     float x, y, slope, width2, inverse_syy, extent_y, y_extreme;
@@ -50,50 +53,67 @@ inline int2 row_span(const Footprint *p, int ty) {
     return (int2)(max(p->first, first), min(p->last, last / TILE) + 1);
 }
 
-__kernel void count_tiles(uint visible, uint chunks, int tiles_x, int band_first, int band_last,
-                          __global const uint *order, __global const float *footprints,
-                          __global float *ordered_footprints, __global uint *counts, __global uint *histogram) {
-    uint chunk = get_global_id(0);
-    if (chunk >= chunks) return;
-    uint size = (visible + chunks - 1) / chunks, begin = min(chunk * size, visible), end = min(begin + size, visible);
+#define CHUNK_OF_VISIBLE                                        \
+    uint chunk = get_global_id(0);                              \
+    if (chunk >= chunks) return;                                \
+    uint chunk_size = (visible + chunks - 1) / chunks;          \
+    uint begin = min(chunk * chunk_size, visible), end = min(begin + chunk_size, visible);
+
+__kernel void gather_footprints(uint visible, uint chunks, __global const uint *order,
+                                __global const float *footprints, __global float *ordered_footprints) {
+    CHUNK_OF_VISIBLE
+    for (uint rank = begin; rank < end; rank++) vstore8(vload8(order[rank], footprints), rank, ordered_footprints);
+}
+
+__kernel void bound_entries(uint visible, uint chunks, int band_first, int band_last,
+                            __global const float *ordered_footprints, __global uint *bounds) {
+    CHUNK_OF_VISIBLE
+    uint area = 0;
+    for (uint rank = begin; rank < end; rank++) {
+        __global const float *f = ordered_footprints + (size_t)FOOTPRINT * rank;
+        uint columns = as_uint(f[FOOTPRINT_TILES_X]), rows = as_uint(f[FOOTPRINT_TILES_Y]);
+        int top = max((int)(rows & 0xffff), band_first), bottom = min((int)(rows >> 16), band_last);
+        area += ((columns >> 16) - (columns & 0xffff) + 1) * max(bottom - top + 1, 0);
+    }
+    bounds[chunk] = area;
+}
+
+__kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_first, int band_last,
+                           __global const uint *order, __global const float *ordered_footprints,
+                           __global const uint *chunk_starts, __global uint *chunk_ends, __global uint *emitted_tiles,
+                           __global uint *emitted_rows, __global uint2 *slot_ranges, __global uint *histogram) {
+    CHUNK_OF_VISIBLE
     uint band_tiles = (band_last - band_first + 1) * tiles_x;
     __global uint *h = histogram + (size_t)chunk * band_tiles;
     for (uint tile = 0; tile < band_tiles; tile++) h[tile] = 0;
-    // A loop of its own, so that its cache misses overlap; the branches below would serialize them.
-    for (uint rank = begin; rank < end; rank++) vstore8(vload8(order[rank], footprints), rank, ordered_footprints);
+    uint slot = chunk_starts[chunk];
     for (uint rank = begin; rank < end; rank++) {
         Footprint footprint = load_footprint(vload8(rank, ordered_footprints), band_first, band_last);
-        uint count = 0;
-        for (int ty = footprint.top; ty <= footprint.bottom; ty++) {
-            int2 span = row_span(&footprint, ty);
-            __global uint *row = h + (ty - band_first) * tiles_x;
-            for (int tx = span.x; tx < span.y; tx++) row[tx]++;
-            count += max(span.y - span.x, 0);
-        }
-        counts[rank] = count;
-    }
-}
-
-__kernel void scatter_tiles(uint visible, uint chunks, int tiles_x, int band_first, int band_last,
-                            __global const uint *order, __global const float *ordered_footprints,
-                            __global uint *histogram, __global const uint *tile_starts,
-                            __global const uint *slot_starts, __global uint *entries, __global uint *slots) {
-    uint chunk = get_global_id(0);
-    if (chunk >= chunks) return;
-    uint size = (visible + chunks - 1) / chunks, begin = min(chunk * size, visible), end = min(begin + size, visible);
-    uint band_tiles = (band_last - band_first + 1) * tiles_x;
-    __global uint *h = histogram + (size_t)chunk * band_tiles;
-    for (uint rank = begin; rank < end; rank++) {
-        Footprint footprint = load_footprint(vload8(rank, ordered_footprints), band_first, band_last);
-        uint row = order[rank], slot = slot_starts[rank];
+        uint row = order[rank], first_slot = slot;
         for (int ty = footprint.top; ty <= footprint.bottom; ty++) {
             int2 span = row_span(&footprint, ty);
             uint tile = (ty - band_first) * tiles_x + span.x;
-            for (int tx = span.x; tx < span.y; tx++, tile++) {
-                uint entry = tile_starts[tile] + h[tile]++;
-                entries[entry] = row;
-                slots[entry] = slot++;
+            for (int tx = span.x; tx < span.y; tx++, tile++, slot++) {
+                h[tile]++;
+                emitted_tiles[slot] = tile;
+                emitted_rows[slot] = row;
             }
         }
+        slot_ranges[rank] = (uint2)(first_slot, slot);
+    }
+    chunk_ends[chunk] = slot;
+}
+
+__kernel void scatter_entries(uint chunks, uint band_tiles, __global const uint *chunk_starts,
+                              __global const uint *chunk_ends, __global const uint *emitted_tiles,
+                              __global const uint *emitted_rows, __global uint *histogram,
+                              __global const uint *tile_starts, __global uint *entries, __global uint *slots) {
+    uint chunk = get_global_id(0);
+    if (chunk >= chunks) return;
+    __global uint *h = histogram + (size_t)chunk * band_tiles;
+    for (uint slot = chunk_starts[chunk]; slot < chunk_ends[chunk]; slot++) {
+        uint tile = emitted_tiles[slot], place = tile_starts[tile] + h[tile]++;
+        entries[place] = emitted_rows[slot];
+        slots[place] = slot;
     }
 }

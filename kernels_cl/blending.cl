@@ -4,16 +4,16 @@
 // Transmittance carries its own end: once the next Gaussian would bring T below TRANSMITTANCE_MIN, T's sign bit is set.
 // A negative T takes no more weight, and |T| is the pixel's final transmittance. No branch is needed.
 
-// log2 alpha of a splat at offset (dx, dy) from its centre; below LOG2_ALPHA_MIN where it does not touch the pixel.
+// log2 alpha of a splat at offset (dx, dy) from its centre, below LOG2_ALPHA_MIN where it does not touch the pixel; and
+// the depth at which the ray meets it.
 #if RAY
 inline V log2_alpha(V dx, V dy, const float *s, V *depth) {
     V linear = s[SPLAT_LX] * dx + s[SPLAT_LY] * dy;
     V norm = (1.0f + 2.0f * linear) + (s[SPLAT_MXX] * dx * dx + dy * (2.0f * s[SPLAT_MXY] * dx + s[SPLAT_MYY] * dy));
     V inverse = 1.0f / norm;
-    *depth = s[SPLAT_DEPTH] * (1.0f + linear) * inverse;  // t*, where the ray meets the Gaussian's maximum
     V form = s[SPLAT_XX] * dx * dx + dy * (s[SPLAT_XY] * dx + s[SPLAT_YY] * dy);
     V exponent = form * inverse + s[SPLAT_LOG2_OPACITY];
-    if (!s[SPLAT_REACHES_NEAR]) return exponent;  // the usual case: no ray meets it before the near plane
+    *depth = s[SPLAT_DEPTH] * (1.0f + linear) * inverse;  // t*, where the Gaussian's maximum along the ray lies
     return *depth > (V)NEAR_PLANE ? exponent : (V)-1000.0f;
 }
 #else

@@ -3,7 +3,7 @@
 // Slots of one Gaussian are contiguous and in tile order, so the sum runs left to right over the whole image, with the
 // same rounding for any number of bands and threads.
 
-__kernel void sum_slots(uint visible, __global const uint *order, __global const uint *slot_starts,
+__kernel void sum_slots(uint visible, __global const uint *order, __global const uint2 *slot_ranges,
                         __global const float *partials, __global float *sums, __global float *maxima,
                         __global uint *pixels) {
     uint rank = get_global_id(0);
@@ -11,7 +11,7 @@ __kernel void sum_slots(uint visible, __global const uint *order, __global const
     uint row = order[rank];
     float sum = sums[row], maximum = maxima[row];
     uint touched = pixels[row];
-    for (uint slot = slot_starts[rank]; slot < slot_starts[rank + 1]; slot++) {
+    for (uint slot = slot_ranges[rank].x; slot < slot_ranges[rank].y; slot++) {
         __global const float *partial = partials + (size_t)3 * slot;
         sum += partial[0];
         maximum = max(maximum, partial[1]);

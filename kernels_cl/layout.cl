@@ -26,8 +26,7 @@
 #define SPLAT_MXX 11
 #define SPLAT_MXY 12
 #define SPLAT_MYY 13
-#define SPLAT_REACHES_NEAR 14  // not 0: the ellipsoid alpha >= ALPHA_MIN reaches the near plane
-#define SPLAT_CHANNELS 15
+#define SPLAT_CHANNELS 14
 #else
 #define SPLAT_CHANNELS 9
 #endif

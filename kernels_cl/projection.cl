@@ -78,7 +78,6 @@ inline Ellipse ray_form(__constant const float *camera, const V *mean, const V *
         xx += ax * ax, xy += ax * ay, yy += ay * ay, xz += ax * az, yz += ay * az, zz += az * az;
         fxx += ux * ux, fxy += ux * uy, fyy += uy * uy;
     }
-    splat[SPLAT_REACHES_NEAR] = z - sqrt(t2 * zz) > (V)(1.001f * NEAR_PLANE) ? (V)0.0f : (V)1.0f;
     V depth = z * z - t2 * zz;  // > 0 exactly when the ellipsoid lies wholly in front of the camera
     V i = 1.0f / depth, s = t2 * i * i;
     Ellipse e;

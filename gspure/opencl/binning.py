@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,14 +26,18 @@ class Band:
 
 @dataclass(frozen=True)
 class TileLists:
-    """Entries of a band, tile by tile in depth order, and their slots, Gaussian by Gaussian in tile order."""
+    """Lists of a band: `entries` (rows) and `slots`, tile by tile in depth order from `tile_starts` on.
+
+    A slot is one of `capacity` places in which an entry's partial sums are kept; `slot_ranges` [visible][2] holds those
+    of each Gaussian, in depth order.
+    """
 
     band: Band
     entries: cl.Buffer
     slots: cl.Buffer
     tile_starts: cl.Buffer
-    slot_starts: cl.Buffer
-    count: int
+    slot_ranges: cl.Buffer
+    capacity: int
 
 
 def tile_grid(camera: Camera) -> tuple[int, int]:
@@ -42,52 +45,80 @@ def tile_grid(camera: Camera) -> tuple[int, int]:
     return -(-camera.width // TILE), -(-camera.height // TILE)
 
 
-def bands(engine: Engine, projected: Projected, order: DepthOrder, camera: Camera, entry_budget: int) -> Iterator[Band]:
-    """Split the tile rows so that no band can hold more than `entry_budget` entries, unless a single row does.
+def gather_footprints(engine: Engine, projected: Projected, order: DepthOrder) -> cl.Buffer:
+    """Return the footprints of the visible Gaussians in depth order."""
+    ordered = engine.buffer("ordered_footprints", 4 * FOOTPRINT_FLOATS * order.visible)
+    parts = chunks(engine, order.visible)
+    kernel = _kernel(engine, "gather_footprints")
+    engine.run(kernel, parts, np.uint32(order.visible), np.uint32(parts), order.rows, projected.footprints, ordered)
+    return ordered
 
-    The bound of a Gaussian is its tile rectangle.
-    """
-    columns, rows = tile_grid(camera)
-    if order.visible * columns * rows <= entry_budget:
-        yield Band(0, rows - 1)
-        return
-    row_bounds = _entries_per_row(engine, projected, order, rows)
-    first, held = 0, 0
-    for row in range(rows):
-        if held and held + row_bounds[row] > entry_budget:
-            yield Band(first, row - 1)
+
+def bands(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: Camera, entry_budget: int) -> list[Band]:
+    """Split the tile rows so that no band can hold more than `entry_budget` entries, unless a single row does."""
+    _, rows = tile_grid(camera)
+    whole = Band(0, rows - 1)
+    _, most = _chunk_starts(engine, footprints, order, whole)
+    if most <= entry_budget:
+        return [whole]
+    found, first, held = [], 0, 0
+    for row, bound in enumerate(_entries_per_row(engine, footprints, order, rows)):
+        if held and held + bound > entry_budget:
+            found.append(Band(first, row - 1))
             first, held = row, 0
-        held += int(row_bounds[row])
-    yield Band(first, rows - 1)
+        held += int(bound)
+    return [*found, Band(first, rows - 1)]
 
 
-def _entries_per_row(engine: Engine, projected: Projected, order: DepthOrder, rows: int) -> NDArray[np.int64]:
-    """Return an upper bound of the entries of each tile row, from the tile rectangles."""
-    visible = engine.read(order.rows, (order.visible,), np.uint32)
-    with engine.mapped(projected.footprints, (projected.count, FOOTPRINT_FLOATS), np.uint32) as footprints:
-        rectangles = footprints[visible, 5:7]
-    first, last = rectangles & 0xFFFF, rectangles >> 16
-    widths = last[:, 0] - first[:, 0] + 1
-    begun = np.bincount(first[:, 1], widths, rows + 1)
-    ended = np.bincount(last[:, 1] + 1, widths, rows + 1)
-    return np.cumsum(begun - ended).astype(np.int64)[:rows]
-
-
-def bin_tiles(engine: Engine, projected: Projected, order: DepthOrder, camera: Camera, band: Band) -> TileLists:
+def bin_tiles(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: Camera, band: Band) -> TileLists:
     """Build the tile lists of one band (binning.cl)."""
     columns, _ = tile_grid(camera)
     tiles = (band.last - band.first + 1) * columns
     visible, parts = order.visible, chunks(engine, order.visible)
-    ordered = engine.buffer("ordered_footprints", 4 * FOOTPRINT_FLOATS * visible)
-    counts = engine.buffer("counts", 4 * visible)
+    chunk_starts, capacity = _chunk_starts(engine, footprints, order, band)
+    chunk_ends = engine.buffer("chunk_ends", 4 * parts)
+    slot_ranges = engine.buffer("slot_ranges", 8 * visible)
     histogram = engine.buffer("histogram", 4 * parts * tiles)
-    shape = (np.uint32(visible), np.uint32(parts), np.int32(columns), np.int32(band.first), np.int32(band.last))
-    count_tiles, scatter_tiles = (
-        engine.kernel(name, "layout", "binning", RAY=0, CHANNELS=0) for name in ("count_tiles", "scatter_tiles")
+    emitted_tiles, emitted_rows, entries, slots = (
+        engine.buffer(name, 4 * capacity) for name in ("emitted_tiles", "emitted_rows", "entries", "slots")
     )
-    engine.run(count_tiles, parts, *shape, order.rows, projected.footprints, ordered, counts, histogram)
-    tile_starts, count = first_places(engine, "tile_starts", histogram, parts, tiles)
-    slot_starts, _ = prefix_sums(engine, "slot_starts", counts, visible)
-    entries, slots = engine.buffer("entries", 4 * count), engine.buffer("slots", 4 * count)
-    engine.run(scatter_tiles, parts, *shape, order.rows, ordered, histogram, tile_starts, slot_starts, entries, slots)
-    return TileLists(band, entries, slots, tile_starts, slot_starts, count)
+    engine.run(
+        _kernel(engine, "emit_entries"),
+        parts,
+        *(np.uint32(visible), np.uint32(parts), np.int32(columns), np.int32(band.first), np.int32(band.last)),
+        *(order.rows, footprints, chunk_starts, chunk_ends, emitted_tiles, emitted_rows, slot_ranges, histogram),
+    )
+    tile_starts, _ = first_places(engine, "tile_starts", histogram, parts, tiles)
+    engine.run(
+        _kernel(engine, "scatter_entries"),
+        parts,
+        *(np.uint32(parts), np.uint32(tiles), chunk_starts, chunk_ends, emitted_tiles, emitted_rows),
+        *(histogram, tile_starts, entries, slots),
+    )
+    return TileLists(band, entries, slots, tile_starts, slot_ranges, capacity)
+
+
+def _kernel(engine: Engine, name: str) -> cl.Kernel:
+    return engine.kernel(name, "layout", "binning", RAY=0, CHANNELS=0)
+
+
+def _chunk_starts(engine: Engine, footprints: cl.Buffer, order: DepthOrder, band: Band) -> tuple[cl.Buffer, int]:
+    """Return (first slot of each chunk, number of slots): bounds by the tile rectangles."""
+    parts = chunks(engine, order.visible)
+    bounds = engine.buffer("bounds", 4 * parts)
+    engine.run(
+        _kernel(engine, "bound_entries"),
+        parts,
+        *(np.uint32(order.visible), np.uint32(parts), np.int32(band.first), np.int32(band.last), footprints, bounds),
+    )
+    return prefix_sums(engine, "chunk_starts", bounds, parts)
+
+
+def _entries_per_row(engine: Engine, footprints: cl.Buffer, order: DepthOrder, rows: int) -> NDArray[np.int64]:
+    """Return an upper bound of the entries of each tile row, from the tile rectangles."""
+    with engine.mapped(footprints, (order.visible, FOOTPRINT_FLOATS), np.uint32) as words:
+        first, last = words[:, 5:7] & 0xFFFF, words[:, 5:7] >> 16
+    widths = last[:, 0] - first[:, 0] + 1
+    begun = np.bincount(first[:, 1], widths, rows + 1)
+    ended = np.bincount(last[:, 1] + 1, widths, rows + 1)
+    return np.cumsum(begun - ended).astype(np.int64)[:rows]

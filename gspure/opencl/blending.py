@@ -59,7 +59,7 @@ def blend_band(
     """Blend one band of tiles into `canvas` (blending_cpu.cl, blending_gpu.cl; contributions.cl)."""
     columns, _ = tile_grid(camera)
     tiles = (lists.band.last - lists.band.first + 1) * columns
-    partials = engine.buffer("partials", 12 * lists.count * frame.contributions)
+    partials = engine.buffer("partials", 12 * lists.capacity * frame.contributions)
     gpu = engine.style == "gpu"
     kernel = engine.kernel(
         "blend_tiles",
@@ -101,7 +101,7 @@ def _sum_slots(engine: Engine, order: DepthOrder, lists: TileLists, partials: cl
             order.visible,
             np.uint32(order.visible),
             order.rows,
-            lists.slot_starts,
+            lists.slot_ranges,
             partials,
             canvas.sums,
             canvas.maxima,
