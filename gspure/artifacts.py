@@ -50,7 +50,7 @@ def read_json(path: Path) -> Any:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(path, "file", expected="an existing JSON file", found="nothing") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # unreadable, malformed, a number too long, nested too deep
         raise InputError(path, "file", expected="JSON", found=str(error)) from None
 
 

@@ -59,6 +59,9 @@ def read_points(folder: Path) -> Points:
     """Read the sparse point cloud: xyz [P,3] in world units and 8-bit rgb [P,3]."""
     path = _file(folder, "points3D")
     points: Points = _FORMATS[path.suffix].points(path)
+    if bad := np.flatnonzero(~np.isfinite(points.xyz).all(axis=1)).tolist():
+        found = " ".join(map(str, points.xyz[bad[0]].tolist()))
+        raise InputError(path, f"point {bad[0]}", expected="finite coordinates", found=found)
     return points
 
 
@@ -89,7 +92,7 @@ def _camera(source: Path, pose: Pose, projection: tuple[int, int, Float64], phot
     entry = Entry(source, f"image {pose.image_id}", values)
     quat = entry.array("quaternion", (4,))
     if not np.linalg.norm(quat) > 0:
-        raise entry.refusal("quaternion", expected="a rotation", found="0 0 0 0")
+        raise entry.refusal("quaternion", expected="a rotation", found=" ".join(map(str, pose.quat)))
     width, height, K = projection
     viewmat = np.eye(4)
     viewmat[:3, :3] = _rotation(quat / np.linalg.norm(quat))

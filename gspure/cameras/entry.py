@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,7 @@ from gspure.errors import InputError
 Float64 = NDArray[np.float64]
 
 _MAX_SIDE = 65535  # pixels; far above any photograph, far below what would exhaust memory by accident
+_LARGEST = 1e100  # squares and cubes of what is read stay finite
 _RIGID_TOLERANCE = 1e-3  # admits rotations printed with four digits, not scaled, sheared or mirrored ones
 
 
@@ -42,7 +43,7 @@ class Entry:
     def of(source: Path | str, where: str, value: Any) -> Entry:
         """Return `value` as an entry, if it is an object at all."""
         if not isinstance(value, Mapping):
-            raise InputError(source, where or "file", expected="an object", found=_shown(value))
+            raise InputError(source, where or "file", expected="an object", found=reprlib.repr(value))
         return Entry(source, where, value)
 
     def refusal(self, key: str, *, expected: str, found: str, hint: str | None = None) -> InputError:
@@ -63,21 +64,21 @@ class Entry:
         """Return a string."""
         value = self.raw(key, "a text")
         if not isinstance(value, str):
-            raise self.refusal(key, expected="a text", found=_shown(value))
+            raise self.refusal(key, expected="a text", found=reprlib.repr(value))
         return value
 
     def number(self, key: str) -> float:
         """Return a finite number."""
         value = self.raw(key, "a number")
         if not _is_finite(value):
-            raise self.refusal(key, expected="a finite number", found=_shown(value))
+            raise self.refusal(key, expected="a finite number", found=reprlib.repr(value))
         return float(value)
 
     def positive(self, key: str) -> float:
         """Return a finite number above zero."""
         value = self.raw(key, "a positive number")
         if not _is_finite(value) or float(value) <= 0:
-            raise self.refusal(key, expected="a positive number", found=_shown(value))
+            raise self.refusal(key, expected="a positive number", found=reprlib.repr(value))
         return float(value)
 
     def pixels(self, key: str) -> int:
@@ -85,7 +86,7 @@ class Entry:
         expected = f"a whole number of pixels from 1 to {_MAX_SIDE}"
         value = self.raw(key, expected)
         if not _is_finite(value) or not 1 <= value <= _MAX_SIDE or value != int(value):
-            raise self.refusal(key, expected=expected, found=_shown(value))
+            raise self.refusal(key, expected=expected, found=reprlib.repr(value))
         return int(value)
 
     def array(self, key: str, *shapes: tuple[int, ...]) -> Float64:
@@ -94,7 +95,7 @@ class Entry:
         value = self.raw(key, expected)
         array = np.array(value, dtype=object)
         if array.shape not in shapes or not all(map(_is_finite, array.flat)):
-            raise self.refusal(key, expected=expected, found=_shown(value))
+            raise self.refusal(key, expected=expected, found=reprlib.repr(value))
         return array.astype(np.float64)
 
     def rotation(self, key: str, matrix: Float64) -> Float64:
@@ -108,9 +109,4 @@ class Entry:
 
 def _is_finite(value: Any) -> bool:
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and -sys.float_info.max <= value <= sys.float_info.max
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return number and -_LARGEST <= value <= _LARGEST

@@ -69,9 +69,9 @@ def _camera(entry: Entry, folder: Path) -> Camera:
 
 
 def _refuse_distortion(entry: Entry) -> None:
-    model = entry.values.get("camera_model", "PINHOLE")
+    model = entry.text("camera_model") if "camera_model" in entry else "PINHOLE"
     if model not in _PINHOLES:
-        raise entry.refusal("camera_model", expected="a pinhole camera", found=str(model), hint=_HINT)
+        raise entry.refusal("camera_model", expected="a pinhole camera", found=model, hint=_HINT)
     for key in _DISTORTION:
         if key in entry and entry.number(key) != 0:
             raise entry.refusal(key, expected="no distortion", found=str(entry.number(key)), hint=_HINT)

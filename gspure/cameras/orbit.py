@@ -137,12 +137,12 @@ def _views(
     filling = radius / math.sin(math.atan(min(size) / 2 / focal))
     nearest = 1.25 * radius + NEAR_PLANE  # small models: neither the sphere nor what sticks out may be clipped
     frame = _frame(settings)
-    return [
-        Camera(
-            f"{kind}_{i:03d}", *size, K, _looking_at(centre, frame, elevation, azimuth, max(filling * shell, nearest))
-        )
-        for i, (elevation, azimuth, shell) in enumerate(placements)
-    ]
+    digits = max(3, len(str(len(placements) - 1)))
+    cameras = []
+    for i, (elevation, azimuth, shell) in enumerate(placements):
+        viewmat = _looking_at(centre, frame, elevation, azimuth, max(filling * shell, nearest))
+        cameras.append(Camera(f"{kind}_{i:0{digits}d}", *size, K, viewmat))
+    return cameras
 
 
 def _frame(settings: Entry) -> Float64:

@@ -1,0 +1,42 @@
+"""Cameras and points for the tests of the camera formats."""
+
+import numpy as np
+from hypothesis import strategies as st
+
+from gspure.cameras import Camera, intrinsics
+
+
+def rotation_from(quat):
+    """Rotation of a quaternion (w, x, y, z) of any norm, by Rodrigues' formula."""
+    quat = np.asarray(quat, float) / np.linalg.norm(quat)
+    angle, sine = 2 * np.arccos(np.clip(quat[0], -1, 1)), np.linalg.norm(quat[1:])
+    if sine == 0:
+        return np.eye(3)
+    x, y, z = quat[1:] / sine
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def project(camera, points):
+    """Pixel coordinates [P,2] and depths [P] of world points."""
+    view = points @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
+    return view[:, :2] / view[:, 2:] * np.diag(camera.K)[:2] + camera.K[:2, 2], view[:, 2]
+
+
+def numbers(low, high):
+    return st.floats(low, high, allow_nan=False, allow_infinity=False)
+
+
+quats = st.tuples(*[numbers(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1)
+
+
+@st.composite
+def cameras(draw, name="view"):
+    width, height = draw(st.integers(1, 9000)), draw(st.integers(1, 9000))
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = rotation_from(draw(quats))
+    viewmat[:3, 3] = draw(st.tuples(*[numbers(-1e3, 1e3)] * 3))
+    centred = draw(st.booleans())
+    centre = (width / 2, height / 2) if centred else draw(st.tuples(numbers(-50, 9000), numbers(-50, 9000)))
+    K = intrinsics(draw(numbers(1, 1e4)), draw(numbers(1, 1e4)), *centre)
+    return Camera(name, width, height, K, viewmat)

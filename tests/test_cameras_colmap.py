@@ -1,0 +1,205 @@
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gspure.cameras import read_cameras, read_points
+from gspure.errors import InputError
+from tests.camera_cases import project, rotation_from
+
+MODEL_IDS = {"SIMPLE_PINHOLE": 0, "PINHOLE": 1, "SIMPLE_RADIAL": 2, "OPENCV": 4}
+LENSES = [
+    (7, "PINHOLE", 640, 480, (500.0, 510.0, 321.5, 239.0)),
+    (3, "SIMPLE_PINHOLE", 320, 240, (250.0, 160.0, 120.0)),
+]
+POSES = [
+    (12, (0.9, -0.1, 0.3, 0.2), (0.5, -1.0, 4.0), 7, "left/0001.jpg", [(1.0, 2.0, 5), (3.0, 4.0, -1)]),
+    (4, (-0.2, 0.7, 0.1, 0.6), (1.0, 2.0, 3.0), 3, "right/0001.jpg", []),
+]
+POINTS = [(5, (0.1, 0.2, 0.3), (255, 128, 0), 0.5, [(12, 0)]), (9, (-4.0, 5.0, 6.0), (1, 2, 3), 0.1, [(12, 1), (4, 0)])]
+
+
+def binary(lenses=LENSES, poses=POSES, points=POINTS):
+    """The three files' bytes, packed field by field as COLMAP documents them."""
+    cameras = struct.pack("<Q", len(lenses))
+    for camera_id, model, width, height, parameters in lenses:
+        cameras += struct.pack("<iiQQ", camera_id, MODEL_IDS[model], width, height)
+        cameras += struct.pack(f"<{len(parameters)}d", *parameters)
+    images = struct.pack("<Q", len(poses))
+    for image_id, quat, translation, camera_id, name, points_2d in poses:
+        images += struct.pack("<i4d3di", image_id, *quat, *translation, camera_id) + name.encode() + b"\0"
+        images += struct.pack("<Q", len(points_2d)) + b"".join(struct.pack("<ddq", *point) for point in points_2d)
+    cloud = struct.pack("<Q", len(points))
+    for point_id, xyz, rgb, error, track in points:
+        cloud += struct.pack("<Q3d3Bd", point_id, *xyz, *rgb, error) + struct.pack("<Q", len(track))
+        cloud += b"".join(struct.pack("<ii", *element) for element in track)
+    return {"cameras.bin": cameras, "images.bin": images, "points3D.bin": cloud}
+
+
+def text(lenses=LENSES, poses=POSES, points=POINTS):
+    cameras = ["# Camera list", *(" ".join(map(str, [*lens[:4], *lens[4]])) for lens in lenses)]
+    images = ["# Image list with two lines of data per image:"]
+    for image_id, quat, translation, camera_id, name, points_2d in poses:
+        images.append(" ".join(map(str, [image_id, *quat, *translation, camera_id, name])))
+        images.append(" ".join(f"{x} {y} {i}" for x, y, i in points_2d))
+    cloud = ["# 3D point list"]
+    cloud += [" ".join(map(str, [i, *xyz, *rgb, error, *np.ravel(track)])) for i, xyz, rgb, error, track in points]
+    files = {"cameras.txt": cameras, "images.txt": images, "points3D.txt": cloud}
+    return {name: ("\n".join(lines) + "\n").encode() for name, lines in files.items()}
+
+
+def written(folder, files):
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    return folder
+
+
+@pytest.mark.parametrize("files", [binary(), text()], ids=["binary", "text"])
+def test_cameras_are_read_as_stored_in_the_images_order(tmp_path, files):
+    cameras = read_cameras(written(tmp_path, files))
+    assert [camera.name for camera in cameras] == ["left_0001", "right_0001"]
+    assert [(camera.width, camera.height) for camera in cameras] == [(640, 480), (320, 240)]
+    assert cameras[0].K.tolist() == [[500, 0, 321.5], [0, 510, 239], [0, 0, 1]]
+    assert cameras[1].K.tolist() == [[250, 0, 160], [0, 250, 120], [0, 0, 1]]
+    for camera, (_, quat, translation, *_rest) in zip(cameras, POSES, strict=True):
+        assert camera.viewmat[:3, :3] == pytest.approx(rotation_from(quat), abs=1e-14)
+        assert camera.viewmat[:3, 3].tolist() == list(translation)
+        assert camera.image is None
+
+
+@pytest.mark.parametrize("files", [binary(), text()], ids=["binary", "text"])
+def test_points_are_read_with_their_colours(tmp_path, files):
+    xyz, rgb = read_points(written(tmp_path, files))
+    assert xyz.tolist() == [list(point[1]) for point in POINTS]
+    assert rgb.tolist() == [list(point[2]) for point in POINTS]
+
+
+def test_text_and_binary_agree_on_every_digit(tmp_path):
+    ours = read_cameras(written(tmp_path / "bin", binary()))
+    theirs = read_cameras(written(tmp_path / "txt", text()))
+    assert [a.numbers.tolist() for a in ours] == [b.numbers.tolist() for b in theirs]
+
+
+def test_a_point_lands_where_the_pinhole_equation_says(tmp_path):
+    camera = read_cameras(written(tmp_path, binary()))[0]
+    point = np.array([0.3, -0.4, 2.0])
+    x, y, z = rotation_from(POSES[0][1]) @ point + POSES[0][2]
+    pixel, depth = project(camera, point[None])
+    assert pixel[0] == pytest.approx([500 * x / z + 321.5, 510 * y / z + 239])
+    assert depth[0] == pytest.approx(z)
+
+
+@pytest.mark.parametrize("place", ["", "sparse", "sparse/0"])
+def test_the_model_and_its_photographs_are_found_from_root_or_model_folder(tmp_path, place):
+    model = written(tmp_path / "scene" / place, binary())
+    (tmp_path / "scene" / "images").mkdir()
+    for folder in (tmp_path / "scene", model):
+        assert read_cameras(folder)[0].image == tmp_path / "scene" / "images" / "left" / "0001.jpg"
+
+
+def test_photographs_are_found_from_inside_the_model_folder(tmp_path, monkeypatch):
+    (tmp_path / "images").mkdir()
+    monkeypatch.chdir(written(tmp_path / "sparse" / "0", binary()))
+    assert read_cameras(Path())[0].image == tmp_path / "images" / "left" / "0001.jpg"
+
+
+@pytest.mark.parametrize("write", [binary, text])
+def test_a_distorted_camera_is_refused_and_the_way_out_named(tmp_path, write):
+    lenses = [(7, "OPENCV", 640, 480, (500.0, 510.0, 320.0, 240.0, 0.1, 0.0, 0.0, 0.0)), LENSES[1]]
+    with pytest.raises(InputError, match=r"camera 7\.model: .* found OPENCV \(undistort.*colmap image_undistorter"):
+        read_cameras(written(tmp_path, write(lenses=lenses)))
+
+
+@pytest.mark.parametrize("write", [binary, text])
+def test_simple_radial_is_read_only_without_distortion(tmp_path, write):
+    def lenses(k):
+        return [(7, "SIMPLE_RADIAL", 640, 480, (500.0, 320.0, 240.0, k)), LENSES[1]]
+
+    assert read_cameras(written(tmp_path / "zero", write(lenses=lenses(0.0))))[0].K[0, 0] == 500
+    with pytest.raises(InputError, match=r"camera 7\.k: expected no distortion, found 1e-06 .*image_undistorter"):
+        read_cameras(written(tmp_path / "some", write(lenses=lenses(1e-6))))
+
+
+@pytest.mark.parametrize("write", [binary, text])
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"lenses": [(7, "PINHOLE", 640, 480, (0.0, 1.0, 1.0, 1.0)), LENSES[1]]}, r"cameras\.\w+: camera 7\.fx: "),
+        ({"lenses": [(7, "PINHOLE", 640, 0, (1.0, 1.0, 1.0, 1.0)), LENSES[1]]}, r"cameras\.\w+: camera 7\.height: "),
+        ({"lenses": [(7, "PINHOLE", 640, 9, (1.0, 1.0, np.nan, 1.0)), LENSES[1]]}, r"cameras\.\w+: camera 7\.cx: "),
+        ({"lenses": LENSES[:1]}, r"images\.\w+: image 4\.camera_id: expected a camera of cameras\.\w+, found 3"),
+        ({"poses": [(1, (0, 0, 0, 0), (0, 0, 0), 7, "a.jpg", [])]}, r"images\.\w+: image 1\.quaternion: "),
+        ({"poses": [(1, (1, 0, 0, 0), (0, np.inf, 0), 7, "a.jpg", [])]}, r"images\.\w+: image 1\.translation: "),
+        ({"poses": []}, r"images\.\w+: views: expected at least one, found none"),
+        ({"poses": [POSES[0], POSES[0]]}, r"images\.\w+: view names: expected each name once"),
+    ],
+)
+def test_a_bad_value_is_refused_by_file_and_field(tmp_path, write, parts, message):
+    with pytest.raises(InputError, match=message):
+        read_cameras(written(tmp_path, write(**parts)))
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_a_truncated_binary_file_is_refused(tmp_path, data):
+    name = data.draw(st.sampled_from(["cameras.bin", "images.bin", "points3D.bin"]))
+    files = binary()
+    files[name] = files[name][: data.draw(st.integers(0, len(files[name]) - 1))]
+    folder = written(tmp_path, files)
+    with pytest.raises(InputError, match=f"{name}: "):
+        read_points(folder) if name == "points3D.bin" else read_cameras(folder)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_a_damaged_file_gives_cameras_or_a_refusal_and_nothing_else(tmp_path, data):
+    files = data.draw(st.sampled_from([binary(), text()]))
+    name = data.draw(st.sampled_from(sorted(files)))
+    content = bytearray(files[name])
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    folder = written(tmp_path / name, files | {name: bytes(content)})
+    for read in (read_cameras, read_points):
+        try:
+            read(folder)
+        except InputError as error:
+            assert "\n" not in str(error)  # noqa: PT017
+
+
+@pytest.mark.parametrize("name", ["cameras.bin", "images.bin", "points3D.bin"])
+def test_a_count_beyond_the_files_size_is_refused_before_anything_is_allocated(tmp_path, name):
+    files = binary()
+    folder = written(tmp_path, files | {name: struct.pack("<Q", 2**62) + files[name][8:]})
+    with pytest.raises(InputError, match=rf"{name}: byte 8: .*found {2**62}"):
+        read_points(folder) if name == "points3D.bin" else read_cameras(folder)
+
+
+@pytest.mark.parametrize("write", [binary, text])
+def test_a_point_that_is_not_finite_is_refused(tmp_path, write):
+    points = [POINTS[0], (9, (np.nan, 5.0, 6.0), (1, 2, 3), 0.1, [])]
+    with pytest.raises(InputError, match=r"points3D\.\w+: point 1: expected finite coordinates, found nan 5.0 6.0"):
+        read_points(written(tmp_path, write(points=points)))
+
+
+def test_bytes_after_the_last_record_are_refused(tmp_path):
+    files = binary()
+    with pytest.raises(InputError, match="expected the end of the file, found 3 more bytes"):
+        read_cameras(written(tmp_path, files | {"images.bin": files["images.bin"] + b"abc"}))
+
+
+def test_a_text_file_that_lost_its_empty_lines_is_refused_instead_of_losing_views(tmp_path):
+    files = text(poses=[(i, (1, 0, 0, 0), (0, 0, 0), 7, f"{i}.jpg", []) for i in range(4)])
+    packed = b"\n".join(line for line in files["images.txt"].splitlines() if line) + b"\n"
+    with pytest.raises(InputError, match=r"images\.txt: line 3: "):
+        read_cameras(written(tmp_path, files | {"images.txt": packed}))
+
+
+def test_a_folder_without_images_file_is_refused(tmp_path):
+    files = binary()
+    del files["images.bin"]
+    with pytest.raises(InputError, match=r"images: expected images\.bin or images\.txt"):
+        read_cameras(written(tmp_path, files))

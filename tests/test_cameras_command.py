@@ -1,0 +1,76 @@
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gspure.cameras import Camera, intrinsics, read_cameras, write_cameras
+from gspure.cli import main
+from gspure.model import write_model
+from tests.models import blobs
+
+
+@pytest.fixture
+def source(tmp_path):
+    path = tmp_path / "source.json"
+    views = [
+        Camera(name, 3200, 1800, intrinsics(3000, 3000, 1600, 900), np.eye(4), tmp_path / f"{name}.png")
+        for name in "cab"
+    ]
+    write_cameras(path, views)
+    return path
+
+
+def test_views_are_scaled_written_in_order_and_summarized(tmp_path, source, capsys):
+    assert main(["cameras", str(source), "--out", str(tmp_path / "out" / "cameras.json")]) == 0
+    cameras = read_cameras(tmp_path / "out" / "cameras.json")
+    assert [camera.name for camera in cameras] == ["c", "a", "b"]
+    assert {(camera.width, camera.height, camera.K[0, 0]) for camera in cameras} == {(1600, 900, 1500.0)}
+    assert capsys.readouterr().out.splitlines()[1].split() == ["3", "2", "1", "1600x900", "1500.0", "56.1°", "3"]
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path, source):
+    for name in ("one.json", "two.json"):
+        assert main(["cameras", str(source), "--out", str(tmp_path / name), "--scale", "1/4"]) == 0
+    assert (tmp_path / "one.json").read_bytes() == (tmp_path / "two.json").read_bytes()
+    assert read_cameras(tmp_path / "one.json")[0].width == 800
+
+
+@pytest.mark.parametrize("kind", ["orbit", "shells"])
+def test_views_are_generated_around_a_model(tmp_path, kind):
+    model, out = tmp_path / "model.ply", tmp_path / "cameras.json"
+    write_model(model, blobs(50))
+    options = ["--count", "5", "--width", "2000", "--height", "90", "--fov", "60", "--up", "0", "0", "1"]
+    assert main(["cameras", kind, "--model", str(model), "--out", str(out), *options]) == 0
+    cameras = read_cameras(out)
+    assert [(camera.width, camera.height) for camera in cameras] == [(2000, 90)] * 5
+    assert cameras[0].viewmat[:3, :3] @ [0, 0, 1] == pytest.approx([0, *(cameras[0].viewmat[1:3, 2])], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["orbit"], "orbit: --model: expected the model to look at, found nothing"),
+        (["SOURCE", "--count", "4"], "source: expected orbit or shells, found a camera file and --count"),
+        (["SOURCE", "--scale", "4"], "scale rule: value: expected native, 1/N or Wpx (such as 1600px), found '4'"),
+        (["SOURCE", "--require-images"], "c.image: expected an existing photograph"),
+        (["nowhere.json"], "nowhere.json: file: expected an existing JSON file"),
+    ],
+)
+def test_bad_input_gives_one_line_and_writes_nothing(tmp_path, source, capsys, options, message):
+    out = tmp_path / "out.json"
+    arguments = [str(source) if option == "SOURCE" else option for option in options]
+    assert main(["cameras", *arguments, "--out", str(out)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not out.exists()
+
+
+def test_required_photographs_are_compared_with_the_scaled_views(tmp_path, source):
+    for name in "abc":
+        Image.new("RGB", (800, 450)).save(tmp_path / f"{name}.png")
+    arguments = ["cameras", str(source), "--out", str(tmp_path / "out.json"), "--require-images", "--scale"]
+    assert main([*arguments, "native"]) == 2
+    assert main([*arguments, "1/4"]) == 0
+    assert json.loads((tmp_path / "out.json").read_text())[0]["image"] == "c.png"

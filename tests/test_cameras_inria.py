@@ -1,0 +1,134 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from gspure.cameras import Camera, intrinsics, read_cameras, write_cameras
+from gspure.errors import InputError
+from tests.camera_cases import cameras
+
+VIEW = {
+    "id": 0,
+    "img_name": "a",
+    "width": 64,
+    "height": 48,
+    "position": [1.0, 2.0, 3.0],
+    "rotation": [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+    "fy": 41.0,
+    "fx": 40.0,
+}
+
+
+def written(folder, *views):
+    path = folder / "cameras.json"
+    path.write_text(json.dumps(views))
+    return path
+
+
+def test_position_is_the_centre_and_rotation_maps_camera_to_world(tmp_path):
+    (camera,) = read_cameras(written(tmp_path, VIEW))
+    assert camera.centre == pytest.approx([1, 2, 3])
+    forward_in_world = np.array(VIEW["rotation"]) @ [0, 0, 1]
+    assert camera.viewmat[:3, :3] @ forward_in_world == pytest.approx([0, 0, 1])
+    assert camera.K.tolist() == intrinsics(40, 41, 32, 24).tolist()
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(cameras())
+def test_a_written_camera_is_read_back_to_the_last_digit(tmp_path, camera):
+    write_cameras(tmp_path / "cameras.json", [camera])
+    (back,) = read_cameras(tmp_path / "cameras.json")
+    assert (back.name, back.width, back.height) == (camera.name, camera.width, camera.height)
+    assert back.K.tolist() == camera.K.tolist()
+    assert back.viewmat[:3, :3].tolist() == camera.viewmat[:3, :3].tolist()
+    length = np.linalg.norm(camera.viewmat[:3, 3])
+    assert np.abs(back.viewmat[:3, 3] - camera.viewmat[:3, 3]).max() <= 8 * np.finfo(float).eps * length
+
+
+def test_a_plain_file_stays_plain_and_the_order_is_kept(tmp_path):
+    path = written(tmp_path, VIEW | {"img_name": "b"}, VIEW)
+    write_cameras(tmp_path / "again.json", read_cameras(path))
+    again = json.loads((tmp_path / "again.json").read_text())
+    assert [view["img_name"] for view in again] == ["b", "a"]
+    assert [set(view) for view in again] == [set(VIEW)] * 2
+
+
+def test_a_principal_point_off_the_centre_is_kept(tmp_path):
+    (camera,) = read_cameras(written(tmp_path, VIEW | {"cx": 30.5, "cy": 25.0}))
+    assert camera.K[0, 2] == 30.5
+    assert camera.K[1, 2] == 25.0
+
+
+def test_photographs_are_found_from_wherever_the_file_is_written(tmp_path, monkeypatch):
+    photo = tmp_path / "photos" / "a.jpg"
+    camera = Camera("a", 4, 3, intrinsics(4, 4, 2, 1.5), np.eye(4), photo)
+    write_cameras(tmp_path / "results" / "scene" / "cameras.json", [camera])
+    assert str(tmp_path) not in (tmp_path / "results" / "scene" / "cameras.json").read_text()
+    monkeypatch.chdir(tmp_path / "results")
+    (back,) = read_cameras(Path("scene/cameras.json"))
+    assert back.image is not None
+    assert back.image.resolve() == photo.resolve()
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"fx": 0}, "[1].fx"),
+        ({"fx": -3.0}, "[1].fx"),
+        ({"fy": float("nan")}, "[1].fy"),
+        ({"fy": 10**400}, "[1].fy"),
+        ({"fx": True}, "[1].fx"),
+        ({"width": 0}, "[1].width"),
+        ({"width": 10.5}, "[1].width"),
+        ({"height": 10**9}, "[1].height"),
+        ({"height": "48"}, "[1].height"),
+        ({"position": [1, 2]}, "[1].position"),
+        ({"position": [1, 2, None]}, "[1].position"),
+        ({"position": {"x": 1}}, "[1].position"),
+        ({"rotation": [[1, 0, 0], [0, 1], [0, 0, 1]]}, "[1].rotation"),
+        ({"rotation": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]}, "[1].rotation"),
+        ({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "[1].rotation"),
+        ({"img_name": 7}, "[1].img_name"),
+        ({"img_name": ".."}, "[1].img_name"),
+        ({"img_name": "a\tb"}, "[1].img_name"),
+        ({"cx": float("inf")}, "[1].cx"),
+        ({"image": 3}, "[1].image"),
+    ],
+)
+def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
+    path = written(tmp_path, VIEW, VIEW | {"img_name": "b"} | change)
+    with pytest.raises(InputError) as caught:
+        read_cameras(path)
+    assert caught.value.source == str(path)
+    assert caught.value.field == field
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("key", ["img_name", "width", "height", "position", "rotation", "fx", "fy"])
+def test_a_missing_key_is_named(tmp_path, key):
+    path = written(tmp_path, {k: v for k, v in VIEW.items() if k != key})
+    with pytest.raises(InputError, match=rf"\[0\]\.{key}: .* found nothing"):
+        read_cameras(path)
+
+
+def test_a_name_that_occurs_twice_is_refused_on_reading_and_on_writing(tmp_path):
+    with pytest.raises(InputError, match=r"each name once, found 'a' for both view 0 and view 1"):
+        read_cameras(written(tmp_path, VIEW, VIEW | {"img_name": "a.jpg"}))
+    (camera,) = read_cameras(written(tmp_path, VIEW))
+    with pytest.raises(InputError, match="each name once"):
+        write_cameras(tmp_path / "twice.json", [camera, replace(camera, width=5)])
+    assert not (tmp_path / "twice.json").exists()
+
+
+def test_a_name_never_leaves_its_folder(tmp_path):
+    (camera,) = read_cameras(written(tmp_path, VIEW | {"img_name": "../../etc\\a.b.JPG"}))
+    assert camera.name == "etc_a.b"
+
+
+@pytest.mark.parametrize("content", [[], ["text"], [[1]]])
+def test_a_list_without_cameras_is_refused(tmp_path, content):
+    with pytest.raises(InputError):
+        read_cameras(written(tmp_path, *content))

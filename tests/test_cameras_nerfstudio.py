@@ -1,0 +1,131 @@
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from PIL import Image
+
+from gspure.cameras import read_cameras
+from gspure.cameras.nerfstudio import parse
+from gspure.errors import InputError
+from tests.camera_cases import numbers, project, quats, rotation_from
+
+POSE = [[1.0, 0, 0, 0.5], [0, 1.0, 0, -2.0], [0, 0, 1.0, 4.0], [0, 0, 0, 1]]
+SHARED = {"camera_model": "OPENCV", "fl_x": 500.0, "fl_y": 510.0, "cx": 321.5, "cy": 239.0, "w": 640, "h": 480}
+SHARED |= {"k1": 0.0, "k2": 0, "p1": 0.0, "p2": 0.0, "applied_transform": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]]}
+FRAME = {"file_path": "images/frame_00001.png", "transform_matrix": POSE}
+
+
+def written(folder, content, name="transforms.json"):
+    path = folder / name
+    path.write_text(json.dumps(content))
+    return path
+
+
+def test_a_nerfstudio_file_is_read_with_its_intrinsics_and_photographs(tmp_path):
+    (camera,) = read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME]}))
+    assert camera.name == "frame_00001"
+    assert (camera.width, camera.height) == (640, 480)
+    assert camera.K.tolist() == [[500, 0, 321.5], [0, 510, 239], [0, 0, 1]]
+    assert camera.image == tmp_path / "images" / "frame_00001.png"
+
+
+def test_intrinsics_of_a_frame_win_over_those_of_the_file(tmp_path):
+    frames = [FRAME | {"fl_x": 300, "w": 320.0}, FRAME | {"file_path": "images/b.png"}]
+    first, second = read_cameras(written(tmp_path, {**SHARED, "frames": frames}))
+    assert (first.K[0, 0], first.width) == (300, 320)
+    assert (second.K[0, 0], second.width) == (500, 640)
+
+
+@given(quats, numbers(-5, 5), numbers(-5, 5), numbers(0.1, 5))
+def test_the_camera_looks_along_minus_z_with_y_up(tmp_path_factory, quat, x, y, depth):
+    rotation, position = rotation_from(quat), np.array([3.0, -1.0, 2.0])
+    matrix = np.column_stack([rotation, position]).tolist()
+    (camera,) = parse(tmp_path_factory.getbasetemp(), {**SHARED, "frames": [FRAME | {"transform_matrix": matrix}]})
+    point = rotation @ [x, y, -depth] + position
+    pixel, z = project(camera, point[None])
+    assert z[0] == pytest.approx(depth)
+    assert pixel[0] == pytest.approx([321.5 + 500 * x / depth, 239 - 510 * y / depth], abs=1e-8)
+    assert camera.centre == pytest.approx(position)
+
+
+def test_a_blender_file_takes_its_size_from_the_image_and_its_focal_length_from_the_angle(tmp_path):
+    (tmp_path / "train").mkdir()
+    Image.new("RGBA", (80, 60)).save(tmp_path / "train" / "r_0.png")
+    content = {"camera_angle_x": 0.7, "frames": [{"file_path": "./train/r_0", "transform_matrix": POSE}]}
+    written(tmp_path, content, "transforms_train.json")
+    (camera,) = read_cameras(tmp_path)
+    assert camera.name == "train_r_0"
+    assert (camera.width, camera.height) == (80, 60)
+    assert camera.K[0, 0] == camera.K[1, 1] == pytest.approx(40 / math.tan(0.35))
+    assert camera.K[:2, 2].tolist() == [40, 30]
+    assert camera.image == tmp_path / "train" / "r_0.png"
+
+
+def test_a_blender_file_without_size_and_image_names_the_image(tmp_path):
+    content = {"camera_angle_x": 0.7, "frames": [{"file_path": "./train/r_0", "transform_matrix": POSE}]}
+    with pytest.raises(InputError, match=r"train/r_0\.png: file: expected an existing image"):
+        read_cameras(written(tmp_path, content))
+
+
+def test_the_view_is_not_moved_by_applied_transform(tmp_path):
+    (camera,) = read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME]}))
+    assert camera.centre.tolist() == [0.5, -2.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"k1": 0.01}, r"frames[0].k1"),
+        ({"p2": -1e-9}, r"frames[0].p2"),
+        ({"camera_model": "OPENCV_FISHEYE"}, "frames[0].camera_model"),
+    ],
+)
+def test_a_distorted_camera_is_refused_and_the_way_out_named(tmp_path, change, field):
+    with pytest.raises(InputError, match="colmap image_undistorter") as caught:
+        read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME | change]}))
+    assert caught.value.field == field
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"fl_x": 0}, "fl_x"),
+        ({"fl_y": "wide"}, "fl_y"),
+        ({"w": -1}, "w"),
+        ({"h": 1.5}, "h"),
+        ({"k1": None}, "k1"),
+        ({"camera_model": ["OPENCV"]}, "camera_model"),
+        ({"file_path": None}, "file_path"),
+        ({"file_path": "images/.png"}, "file_path"),
+        ({"transform_matrix": [[1, 0], [0, 1]]}, "transform_matrix"),
+        ({"transform_matrix": (2 * np.eye(4)).tolist()}, "transform_matrix"),
+        ({"transform_matrix": np.diag([1.0, 1, -1, 1]).tolist()}, "transform_matrix"),
+        ({"transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, math.nan]]}, "transform_matrix"),
+    ],
+)
+def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
+    path = written(tmp_path, {**SHARED, "frames": [FRAME | change]})
+    with pytest.raises(InputError) as caught:
+        read_cameras(path)
+    assert caught.value.source == str(path)
+    assert caught.value.field == f"frames[0].{field}"
+
+
+@pytest.mark.parametrize(
+    ("content", "field"),
+    [
+        ({**SHARED, "frames": {}}, "frames"),
+        ({**SHARED, "frames": []}, "views"),
+        ({**SHARED, "frames": [3]}, "frames[0]"),
+        ({**SHARED, "frames": [FRAME, FRAME]}, "view names"),
+        ({"w": 4, "h": 3, "frames": [FRAME]}, "frames[0].fl_x"),
+        ({"w": 4, "camera_angle_x": 1.0, "frames": [FRAME]}, "frames[0].h"),
+        ({"w": 4, "h": 3, "camera_angle_x": 3.2, "frames": [FRAME]}, "frames[0].camera_angle_x"),
+    ],
+)
+def test_a_file_without_usable_frames_is_refused(tmp_path, content, field):
+    with pytest.raises(InputError) as caught:
+        read_cameras(written(tmp_path, content))
+    assert caught.value.field == field

@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.cameras import bounding_sphere, orbit_cameras, shell_cameras, split
+from gspure.constants import NEAR_PLANE
+from gspure.errors import InputError
+from tests.camera_cases import numbers, project
+
+RANDOM = np.random.default_rng(1)
+BALL = RANDOM.normal(size=(4000, 3))
+BALL *= (RANDOM.random(4000) ** (1 / 3) / np.linalg.norm(BALL, axis=1))[:, None]
+OPAQUE = np.ones(len(BALL))
+UPS = st.tuples(*[numbers(-1, 1)] * 3).filter(lambda up: np.linalg.norm(up) > 0.1)
+
+
+@pytest.mark.parametrize("generate", [orbit_cameras, shell_cameras])
+@given(up=UPS, radius=numbers(0.01, 100), x=numbers(-50, 50))
+def test_every_view_looks_at_the_model_upright(generate, up, radius, x):
+    means = radius * BALL[:200] + [x, 0, 1]
+    centre, _ = bounding_sphere(means, OPAQUE[:200])
+    for camera in generate(means, OPAQUE[:200], count=9, up=up):
+        rotation = camera.viewmat[:3, :3]
+        assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-12)
+        assert np.linalg.det(rotation) == pytest.approx(1)
+        assert project(camera, centre[None])[0][0] == pytest.approx([320, 240], abs=1e-6)
+        right, down = rotation[0], rotation[1]
+        assert right @ up == pytest.approx(0, abs=1e-12)
+        assert down @ up <= 1e-12
+
+
+def test_a_ball_fills_the_height_of_every_orbit_view():
+    for camera in orbit_cameras(BALL, OPAQUE):
+        pixels, depths = project(camera, BALL)
+        inside = (depths > NEAR_PLANE) & (pixels >= 0).all(axis=1) & (pixels <= [640, 480]).all(axis=1)
+        assert inside.mean() > 0.98
+        assert np.ptp(pixels[:, 1]) > 0.9 * 480
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_few_far_floaters_move_the_views_little(seed):
+    random = np.random.default_rng(seed)
+    floaters = random.normal(size=(40, 3)) * 1e4
+    centre, radius = bounding_sphere(BALL, OPAQUE)
+    disturbed, grown = bounding_sphere(np.concatenate([BALL, floaters]), np.ones(len(BALL) + 40))
+    assert np.linalg.norm(disturbed - centre) < 0.05 * radius
+    assert grown == pytest.approx(radius, rel=0.05)
+
+
+def test_transparent_gaussians_do_not_count():
+    veil = RANDOM.normal(size=(4000, 3)) * 10
+    centre, radius = bounding_sphere(np.concatenate([BALL, veil]), np.concatenate([OPAQUE, np.full(4000, 1e-4)]))
+    assert (centre, radius) == (pytest.approx([0, 0, 0], abs=0.05), pytest.approx(0.98, abs=0.03))
+
+
+def test_rows_that_are_not_finite_are_passed_over():
+    means = np.concatenate([BALL, [[np.nan, 0, 0], [0, np.inf, 0], [5e3, 0, 0]]])
+    opacities = np.concatenate([OPAQUE, [1, 1, np.nan]])
+    assert bounding_sphere(means, opacities)[1] == bounding_sphere(BALL, OPAQUE)[1]
+
+
+@pytest.mark.parametrize("means", [np.zeros((0, 3)), np.full((3, 3), np.nan)])
+def test_a_model_without_a_finite_row_is_refused(means):
+    with pytest.raises(InputError, match="at least one finite row"):
+        orbit_cameras(means, np.ones(len(means)))
+
+
+def test_a_single_point_is_looked_at_from_a_distance():
+    (camera,) = orbit_cameras(np.ones((1, 3)), np.ones(1), count=1)
+    pixel, depth = project(camera, np.ones((1, 3)))
+    assert pixel[0] == pytest.approx([320, 240])
+    assert depth[0] > NEAR_PLANE
+
+
+@pytest.mark.parametrize("generate", [orbit_cameras, shell_cameras])
+def test_no_gaussian_of_a_tiny_model_falls_before_the_near_plane(generate):
+    for camera in generate(0.02 * BALL, OPAQUE):
+        assert project(camera, 0.02 * BALL)[1].min() > NEAR_PLANE
+
+
+def test_views_are_the_same_every_time_and_sorted_as_made():
+    first, second = (orbit_cameras(BALL, OPAQUE, count=30) for _ in range(2))
+    assert [c.numbers.tolist() for c in first] == [c.numbers.tolist() for c in second]
+    names = [c.name for c in orbit_cameras(BALL, OPAQUE, count=1001)]
+    assert names == sorted(set(names))
+
+
+def test_the_default_views_train_and_test_from_all_sides_and_heights():
+    for cameras in split(orbit_cameras(BALL, OPAQUE)):
+        directions = np.array([c.centre / np.linalg.norm(c.centre) for c in cameras])
+        assert np.linalg.norm(directions[:, [0, 2]].mean(axis=0)) < 0.2
+        assert len(set(directions[:, 1].round(1))) == 3
+
+
+def test_shells_surround_the_model_at_their_radii():
+    cameras = shell_cameras(BALL, OPAQUE, count=90, radii=(1, 2))
+    distances = np.array([np.linalg.norm(c.centre - bounding_sphere(BALL, OPAQUE)[0]) for c in cameras])
+    assert distances[1::2] == pytest.approx(2 * distances[::2])
+    directions = np.array([c.centre for c in cameras]) / distances[:, None]
+    assert (directions @ directions.T - 2 * np.eye(90)).max(axis=1).min() > np.cos(np.radians(25))
+    for axis in (*np.eye(3), *-np.eye(3)):
+        assert (directions @ axis).max() > np.cos(np.radians(20))
+
+
+@pytest.mark.parametrize(
+    ("setting", "field"),
+    [
+        ({"count": 0}, "count"),
+        ({"count": -3}, "count"),
+        ({"width": 0}, "width"),
+        ({"height": 2.5}, "height"),
+        ({"fov_degrees": 0}, "fov_degrees"),
+        ({"fov_degrees": 180}, "fov_degrees"),
+        ({"up": (0, 0, 0)}, "up"),
+        ({"up": (0, np.nan, 0)}, "up"),
+    ],
+)
+def test_a_setting_out_of_range_is_refused_by_name(setting, field):
+    for generate in (orbit_cameras, shell_cameras):
+        with pytest.raises(InputError) as caught:
+            generate(BALL, OPAQUE, **setting)
+        assert caught.value.field == field

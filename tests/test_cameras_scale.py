@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.cameras import Camera, intrinsics, scaled
+from gspure.errors import InputError
+from tests.camera_cases import cameras, project
+
+
+def view(width, height):
+    return Camera("view", width, height, intrinsics(1000, 1010, width / 2, height / 2), np.eye(4))
+
+
+def size(width, height, rule):
+    (camera,) = scaled([view(width, height)], rule)
+    return camera.width, camera.height
+
+
+def test_native_keeps_the_files_size():
+    assert size(5187, 3361, "native") == (5187, 3361)
+
+
+def test_a_fraction_rounds_and_sends_halves_to_the_even_number():
+    assert size(5187, 3361, "1/4") == (1297, 840)
+    assert size(989, 743, "1/2") == (494, 372)
+    assert size(3, 2, "1/8") == (1, 1)
+
+
+def test_a_width_caps_the_view_and_cuts_its_height():
+    assert size(3958, 2968, "1600px") == (1600, 1199)
+    assert size(1600, 1199, "1600px") == (1600, 1199)
+    assert size(989, 742, "1600px") == (989, 742)
+    assert size(9000, 1, "1600px") == (1600, 1)
+
+
+@given(cameras(), st.sampled_from(["native", "1/2", "1/7", "100px", "1600px"]))
+def test_every_point_keeps_its_place_in_the_picture(camera, rule):
+    (small,) = scaled([camera], rule)
+    point = camera.centre + camera.viewmat[:3, :3].T @ [0.3, -0.2, 1.0]
+    before, after = (project(c, point[None])[0][0] for c in (camera, small))
+    assert after / [small.width, small.height] == pytest.approx(before / [camera.width, camera.height], rel=1e-6)
+
+
+@pytest.mark.parametrize("rule", ["", "0", "4", "1/0", "1/-2", "1/2.5", "0px", "1600", "1600 px", "2/3", "native "])
+def test_any_other_rule_is_refused(rule):
+    with pytest.raises(InputError, match="expected native, 1/N or Wpx"):
+        scaled([view(4, 3)], rule)
