@@ -31,7 +31,7 @@ rule all:
 
 
 rule purified:
+    input:
+        expand("results/{model}/gspure/public/point_cloud.ply", model=MODELS),
     message:
         "Purified models only"
-    input:
-        expand("results/{asset}/gspure/public/point_cloud.ply", asset=ASSETS),

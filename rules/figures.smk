@@ -1,0 +1,101 @@
+def panel_columns(wildcards):
+    """The folders of images beside each other in a panel, by title: the reference, then before and after."""
+    renders = f"results/{wildcards.scheme}/{wildcards.scene}/{{variant}}/renders/{wildcards.target}"
+    columns = {variant: renders.format(variant=variant) for variant in ("watermarked", "gspure")}
+    if wildcards.scheme == "planted":
+        columns = {"truth": f"results/planted/{wildcards.scene}/truth/{wildcards.target}", **columns}
+    return columns
+
+
+def truth_of(scheme, scene):
+    """The mask of the Gaussians that carry the message, where it is known."""
+    return [f"results/planted/{scene}/key/carriers.npy"] if scheme == "planted" else []
+
+
+rule draw_model:
+    input:
+        model=public_model,
+        weights="results/{scheme}/{scene}/omega.npy",
+        clusters="results/{scheme}/{scene}/clusters.npz",
+        mask="results/{scheme}/{scene}/prune_mask.npy",
+        cameras="results/{scheme}/{scene}/cameras.json",
+        truth=lambda wildcards: truth_of(**wildcards),
+    output:
+        figures=report(
+            directory("results/{scheme}/{scene}/figures/model"),
+            patterns=["{name}.png"],
+            caption="../report/model.rst",
+            category="{scheme}/{scene}",
+            subcategory="Model",
+        ),
+    log:
+        "results/logs/{scheme}/{scene}/figures/model.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/figures/model.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.figures"),
+        factors=options(config["method"], "tau_c", "tau_n"),
+        truth=lambda wildcards, input: options(input, "truth") if input.truth else "",
+    message:
+        "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        "python -m gspure figures model --model {input.model:q} --weights {input.weights:q} --clusters {input.clusters:q}"
+        " --prune-mask {input.mask:q} --cameras {input.cameras:q} {params.truth} {params.factors}"
+        " --out {output.figures:q} > {log:q} 2>&1"
+
+
+rule draw_panels:
+    input:
+        columns=lambda wildcards: panel_columns(wildcards).values(),
+    output:
+        figure=report(
+            "results/{scheme}/{scene}/figures/{target}.png",
+            caption="../report/panels.rst",
+            category="{scheme}/{scene}",
+            subcategory="Images",
+        ),
+    log:
+        "results/logs/{scheme}/{scene}/figures/{target}.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/figures/{target}.tsv"
+    wildcard_constraints:
+        target="scene|message",
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.figures"),
+        columns=lambda wildcards: shlex.join(
+            word for title, folder in panel_columns(wildcards).items() for word in ("--column", f"{title}={folder}")
+        ),
+    message:
+        "Drawing the {wildcards.target} of {wildcards.scheme}/{wildcards.scene} before and after"
+    shell:
+        "python -m gspure figures panels {params.columns} --difference --out {output.figure:q} > {log:q} 2>&1"
+
+
+rule draw_outcomes:
+    input:
+        table="results/tables/results.csv",
+    output:
+        figure=report(
+            "results/{scheme}/{scene}/figures/outcomes.png",
+            caption="../report/outcomes.rst",
+            category="{scheme}/{scene}",
+            subcategory="Outcomes",
+        ),
+    log:
+        "results/logs/{scheme}/{scene}/figures/outcomes.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/figures/outcomes.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.figures"),
+        asset="{scheme}/{scene}",
+    message:
+        "Drawing the outcomes of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        "python -m gspure figures outcomes --table {input.table:q} --asset {params.asset:q} --out {output.figure:q}"
+        " > {log:q} 2>&1"

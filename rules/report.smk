@@ -1,0 +1,43 @@
+from gspure.artifacts import file_digest
+from gspure.figures.report import TEMPLATE
+
+
+def figure_files():
+    """All figures, in the order in which the page shows them; those of a model are files of one folder."""
+    files = []
+    for scheme, scenes in SCHEMES.items():
+        names = ["outcomes", *TARGETS[scheme], *(f"model/{name}" for name in ("kept", "clusters", "ranks", "weights"))]
+        names += ["model/truth"] if scheme == "planted" else []
+        files += [f"results/{scheme}/{scene}/figures/{name}.png" for scene in scenes for name in names]
+    return files
+
+
+rule write_report:
+    input:
+        table="results/tables/results.csv",
+        clouds=expand("results/{model}/figures/model", model=MODELS),
+        figures=[path for path in figure_files() if "/model/" not in path],
+        diagnoses=expand("results/{model}/diagnosis.json", model=MODELS),
+        artifacts=expand(
+            "results/{model}/{artifact}",
+            model=MODELS,
+            artifact=["omega.npy", "features.npy", "tree.npy", "clusters.npz", "prune_mask.npy"],
+        ),
+    output:
+        page=report("results/report.html", caption="../report/page.rst", category="Report"),
+    log:
+        "results/logs/report.log",
+    benchmark:
+        "results/benchmarks/report.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.report"),
+        template=file_digest(TEMPLATE),
+        figures=figure_files(),
+        provenance=lambda wildcards, input: [f"{path}.json" for path in input.artifacts],
+    message:
+        "Writing the report"
+    shell:
+        "python -m gspure report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q}"
+        " --provenance {params.provenance:q} --out {output.page:q} > {log:q} 2>&1"

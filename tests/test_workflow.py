@@ -1,0 +1,311 @@
+"""What the workflow runs again after a change, and what it does not."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from gspure.cameras import read_cameras, split, write_cameras
+from gspure.model import write_model
+from tests.models import blobs, tilted_camera
+
+pytestmark = pytest.mark.workflow
+
+ROOT = Path(__file__).parents[1]
+WORKFLOW = ("gspure", "kernels_cl", "rules", "schemas", "config", "profiles", "envs", "report", "Snakefile")
+BOT = Path("results/vanilla/bot")
+OMEGA = str(BOT / "omega.npy")
+TABLE = "results/tables/results.csv"
+CONFIG = {
+    "assets": {"bot": {"model": "bot.ply", "cameras": "views.json"}},
+    "method": {"min_samples": 3, "min_cluster_size": 5},
+    "variants": {"watermarked": {}, "gspure": {}, "random_matched": {}},
+}
+SLOW_WRITES = (
+    "import os, time\nreplace = os.replace\nos.replace = lambda *a, **k: (time.sleep(0.2), replace(*a, **k))[1]\n"
+)
+
+
+@dataclass(frozen=True)
+class Project:
+    """A user's folder, and the checkout of the workflow that is run in it."""
+
+    folder: Path
+    checkout: Path
+
+    def command(self, *arguments):
+        return [
+            sys.executable,
+            "-m",
+            "snakemake",
+            *arguments,
+            "--cores",
+            "2",
+            "--snakefile",
+            self.checkout / "Snakefile",
+        ]
+
+    def environment(self, *python_path):
+        return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [*python_path, self.checkout]))}
+
+    def run(self, *arguments, status=0):
+        """Run the workflow; returns what it printed."""
+        done = subprocess.run(
+            [*self.command(*arguments), "--configfile", "config.yaml"],
+            cwd=self.folder,
+            env=self.environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == status, done.stdout
+        return done.stdout
+
+    def configure(self, config):
+        (self.folder / "config.yaml").write_text(yaml.safe_dump(config))
+
+    def stages(self):
+        """The stored views: when each was written, by file name."""
+        return {
+            path.name: path.stat().st_mtime_ns for path in self.folder.glob("stages/vanilla/bot/contributions/*.npy")
+        }
+
+    def omega(self):
+        return (self.folder / OMEGA).read_bytes()
+
+    def copy(self, folder):
+        shutil.copytree(self.folder, folder)
+        return Project(folder, self.checkout)
+
+    def with_own_checkout(self, folder):
+        """The same project, run by a checkout that may be edited."""
+        shutil.copytree(self.checkout, folder)
+        return Project(self.folder, folder)
+
+
+def rules_run(output):
+    return Counter(re.findall(r"Finished jobid: \d+ \(Rule: (\w+)\)", output))
+
+
+def computed(before, after):
+    """The views that were computed between two looks at the stages; none of the others was written again."""
+    assert all(after[name] == written for name, written in before.items())
+    return sorted(name.split(".")[0] for name in after.keys() - before.keys())
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("checkout")
+    for name in WORKFLOW:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(source, folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def started(tmp_path_factory, checkout):
+    """A project in which nothing has been run."""
+    folder = tmp_path_factory.mktemp("started")
+    write_model(folder / "bot.ply", blobs(300, sh_degree=0))
+    cameras = [tilted_camera(32, 24, name=f"view_{i}", focal=24.0 + i) for i in range(9)]
+    write_cameras(folder / "views.json", cameras)
+    project = Project(folder, checkout)
+    project.configure(CONFIG)
+    return project
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, started):
+    """A project in which every variant has been evaluated."""
+    project = started.copy(tmp_path_factory.mktemp("finished") / "project")
+    project.run(TABLE)
+    return project
+
+
+@pytest.fixture
+def project(tmp_path, finished):
+    return finished.copy(tmp_path / "project")
+
+
+def edit_cameras(project, edit):
+    """Let `edit` change the list of cameras in the user's file."""
+    path = project.folder / "views.json"
+    cameras = json.loads(path.read_text())
+    edit(cameras)
+    path.write_text(json.dumps(cameras))
+
+
+def test_nothing_changed_nothing_to_be_done(project):
+    assert "Nothing to be done" in project.run(TABLE)
+
+
+def test_one_camera_edited_one_view_recomputed(project):
+    before = project.stages()
+    edit_cameras(project, lambda cameras: cameras[3]["position"].__setitem__(0, 0.125))
+    project.run(OMEGA)
+    assert computed(before, project.stages()) == ["view_3"]
+
+
+def test_a_view_added_one_view_computed(project):
+    before = project.stages()
+    edit_cameras(project, lambda cameras: cameras.append({**cameras[1], "id": 9, "img_name": "view_9", "fx": 21.0}))
+    project.run(OMEGA)
+    assert computed(before, project.stages()) == ["view_9"]
+
+
+def test_a_kernel_edited_every_view_recomputed(tmp_path, project):
+    project = project.with_own_checkout(tmp_path / "checkout")
+    assert "Nothing to be done" in project.run(TABLE)
+    before = project.stages()
+    with next((project.checkout / "kernels_cl").glob("contributions*.cl")).open("a") as kernel:
+        kernel.write("// edited\n")
+    project.run(OMEGA)
+    assert len(computed(before, project.stages())) == len(before) == 7
+
+
+AFTER_PRUNING = {
+    "decide_pruning": 1,
+    "attack_model": 2,
+    "render_target": 2,
+    "compare_renders": 2,
+    "tabulate_metrics": 1,
+}
+"""Of the three variants, the watermarked one does not depend on the pruning."""
+
+
+def test_tau_changed_only_pruning_and_after(project):
+    project.configure({**CONFIG, "method": {**CONFIG["method"], "tau_n": 1.0}})
+    before = (project.folder / BOT / "prune_mask.npy").read_bytes()
+    assert rules_run(project.run(TABLE)) == AFTER_PRUNING
+    assert (project.folder / BOT / "prune_mask.npy").read_bytes() != before
+
+
+def test_the_code_of_pruning_edited_only_pruning_and_after(tmp_path, project):
+    project = project.with_own_checkout(tmp_path / "checkout")
+    with (project.checkout / "gspure" / "cli" / "prune.py").open("a") as module:
+        module.write("# edited\n")
+    assert rules_run(project.run(TABLE)) == AFTER_PRUNING
+
+
+def test_a_variant_added_only_that_variant_made(project):
+    project.configure(
+        {**CONFIG, "variants": {**CONFIG["variants"], "half": {"attack": "random_pruning", "fraction": 0.5}}}
+    )
+    expected = {"attack_model": 1, "render_target": 1, "compare_renders": 1, "tabulate_metrics": 1}
+    assert rules_run(project.run(TABLE)) == expected
+    assert np.load(project.folder / BOT / "half" / "kept.npy").mean() == 0.5
+
+
+def test_colours_changed_no_view_recomputed(project):
+    before = project.stages()
+    model = blobs(300, sh_degree=0)
+    write_model(project.folder / "bot.ply", model.with_columns({"f_dc_0": model.table["f_dc_0"] + 1}))
+    assert rules_run(project.run(OMEGA))["measure_contributions"] == 1
+    assert computed(before, project.stages()) == []
+
+
+def test_a_killed_run_continues_with_what_is_missing_and_ends_with_the_same_bytes(tmp_path, started, finished):
+    project = started.copy(tmp_path / "project")
+    (tmp_path / "slow").mkdir()
+    (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_WRITES)
+    victim = subprocess.Popen(
+        [*project.command(OMEGA), "--configfile", "config.yaml"],
+        cwd=project.folder,
+        env=project.environment(tmp_path / "slow"),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 60
+    while len(whole := {name for name in project.stages() if not name.startswith(".")}) < 2:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    os.killpg(victim.pid, signal.SIGKILL)
+    victim.wait()
+    before = {name: written for name, written in project.stages().items() if not name.startswith(".")}
+    assert whole <= before.keys()
+    assert len(before) < 7
+
+    assert "--unlock" in project.run(OMEGA, status=1)
+    project.run("--unlock")
+    project.run(OMEGA)
+    after = {name: written for name, written in project.stages().items() if not name.startswith(".")}
+    assert len(computed(before, after)) == 7 - len(before)
+    assert project.omega() == finished.omega()
+
+
+def test_the_number_of_parts_changes_no_byte_and_computes_no_view(tmp_path, started):
+    project = started.copy(tmp_path / "project")
+    project.run(OMEGA, "--set-scatter", "views=2")
+    in_two, before = project.omega(), project.stages()
+    assert rules_run(project.run(OMEGA, "--set-scatter", "views=4"))["measure_contributions"] == 4
+    assert computed(before, project.stages()) == []
+    assert project.omega() == in_two
+
+
+def test_a_stage_deleted_by_hand_is_reported_and_restored(project):
+    removed = next(project.folder.glob("stages/vanilla/bot/contributions/view_5.*.npy"))
+    content = removed.read_bytes()
+    removed.unlink()
+    assert "--forcerun measure_contributions" in project.run(OMEGA, "--forcerun", "accumulate_weights", status=1)
+    before = project.stages()
+    project.run(OMEGA, "--forcerun", "measure_contributions")
+    assert computed(before, project.stages()) == ["view_5"]
+    assert removed.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("config", "line"),
+    [
+        ({"asets": {}}, "gspure: config.yaml: asets: expected one of .* .did you mean assets"),
+        ({**CONFIG, "assets": {}}, "gspure: config.yaml: assets: expected at least one model, found none"),
+        (
+            {"assets": {"bot": {"model": "no.ply", "cameras": "orbit"}}},
+            "gspure: config.yaml: assets.bot.model: .* no.ply",
+        ),
+        ({**CONFIG, "variants": {"watermarked": {}, "gspur": {}}}, "gspure: .*: expected one of .*gspure"),
+        (
+            {**CONFIG, "variants": {"watermarked": {}, "random_pruning": {"share": 1}}},
+            "gspure: config.yaml: variants.random_pruning.share: expected one of fraction, found an unknown key",
+        ),
+    ],
+    ids=lambda value: "" if isinstance(value, dict) else value[:40],
+)
+def test_a_wrong_configuration_is_refused_in_one_line(tmp_path, started, config, line):
+    project = started.copy(tmp_path / "project")
+    project.configure(config)
+    output = project.run("--dry-run", status=1).strip().splitlines()
+    assert re.match(line, output[-1])
+    assert "Traceback" not in "".join(output)
+    assert not (project.folder / "results").exists()
+
+
+def test_the_renders_are_the_views_to_evaluate(finished):
+    views = split(read_cameras(finished.folder / "views.json"))[1]
+    rendered = finished.folder / BOT / "gspure" / "renders" / "scene"
+    assert sorted(path.stem for path in rendered.iterdir()) == [view.name for view in views]
+
+
+@pytest.mark.parametrize(
+    "tool", [["-m", "snakemake", "--lint"], ["-m", "snakefmt", "--check", "Snakefile", "rules"]], ids=str
+)
+def test_the_workflow_is_clean(tool):
+    check = subprocess.run([sys.executable, *tool], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert check.returncode == 0, check.stdout + check.stderr
