@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# Unpack Debian packages, and all that they need and this machine lacks, into a folder of one's own, without root.
+# The libraries are told where their neighbours are, so that they load without LD_LIBRARY_PATH.
+# usage: setup/apt_unpack.sh FOLDER PACKAGE...     (FOLDER appears when all is done; apt's words go to standard error)
+set -eu
+command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || exit 1
+folder=$(realpath -m "$1")
+shift
+partial=$folder.partial
+rm -rf "$partial"
+trap 'rm -rf "$partial"' EXIT
+mkdir -p "$partial"/apt/{lists,archives}/partial "$partial/root"
+
+echo "setup: no root here, unpacking the Debian packages $*"
+apt=(apt-get -q -y -o Debug::NoLocking=1 -o Dir::Cache="$partial/apt" -o Dir::State::Lists="$partial/apt/lists")
+{
+  "${apt[@]}" update
+  "${apt[@]}" install --download-only --no-install-recommends "$@" patchelf
+} >&2
+for package in "$partial"/apt/archives/*.deb; do
+  dpkg-deb -x "$package" "$partial/root"
+done
+
+libraries=$(cd "$partial/root" && ls -d usr/lib/*-linux-gnu* | head -n 1)
+patchelf=$(command -v patchelf || echo "$partial/root/usr/bin/patchelf")
+find "$partial/root/$libraries" "$partial"/root/usr/lib/llvm-* -name '*.so*' -type f |
+  while read -r library; do
+    # Some are text for the linker and need no path.
+    "$patchelf" --force-rpath --set-rpath "$folder/$libraries" "$library" >&2 || true
+  done
+rm -rf "$folder"
+mv "$partial/root" "$folder"
