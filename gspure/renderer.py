@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +12,13 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.binning import bands, bin_tiles, gather_footprints
-from gspure.opencl.blending import Canvas, blend_band, prepare_canvas
+from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Energy, Pass
 from gspure.opencl.ordering import sort_by_depth
-from gspure.opencl.parameters import upload_features, upload_geometry, upload_sh_coeffs
 from gspure.opencl.projection import project
+from gspure.opencl.storage import store, upload_features, upload_sh_coeffs
 
 Float32 = NDArray[np.float32]
 
@@ -25,7 +26,7 @@ CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pix
 """One touched Gaussian of one view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""
 
 ENTRY_BUDGET = 1 << 26
-"""Most tile entries held at a time; at 20 bytes an entry, 1.3 GB. Larger frames are rendered in bands, to the same bits."""
+"""Most tile entries held at a time; at 28 bytes each, 1.9 GB. Larger frames are rendered in bands, to the same bits."""
 
 
 class Renderer:
@@ -63,8 +64,7 @@ class Renderer:
         self.energy: Energy = energy
         self._entry_budget = entry_budget
         self._engine = Engine((device or choose_device()).cl_device, style)
-        self._geometry = upload_geometry(self._engine, model)
-        self._sh_coeffs = upload_sh_coeffs(self._engine, model) if model.sh_degree >= 0 else None
+        self._storage = store(self._engine, model)
 
     def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
         """Return the colour image [H,W,3]: non-negative, not clipped above.
@@ -75,7 +75,7 @@ class Renderer:
             If the model holds no colour (no ``f_dc`` columns).
 
         """
-        if self._sh_coeffs is None:
+        if self.model.sh_degree < 0:
             raise InputError("model", "f_dc_0", expected="spherical-harmonic colour", found="none")
         frame = Pass(self.energy, channels=3, sh_degree=self.model.sh_degree)
         canvas = self._render(frame, camera, self._sh_coeffs, background)
@@ -88,7 +88,7 @@ class Renderer:
             raise ValueError(f"features are of {count} Gaussians, the model has {len(self.model)}")
         frame = Pass(self.energy, channels=channels)
         background = [0.0] * channels if background is None else background
-        canvas = self._render(frame, camera, upload_features(self._engine, features), background)
+        canvas = self._render(frame, camera, upload_features(self._engine, self._storage, features), background)
         return self._engine.read(canvas.image, (camera.height, camera.width, channels), np.float32)
 
     def contributions(self, camera: Camera) -> NDArray[np.void]:
@@ -117,17 +117,23 @@ class Renderer:
         canvas = self._render(Pass(self.energy, median_depth=True), camera)
         return self._engine.read(canvas.median_depth, (camera.height, camera.width), np.float32)
 
+    @cached_property
+    def _sh_coeffs(self) -> object:
+        return upload_sh_coeffs(self._engine, self._storage, self.model)
+
     def _render(
         self, frame: Pass, camera: Camera, channels: object | None = None, background: Sequence[float] = (0.0,)
     ) -> Canvas:
-        engine, count = self._engine, len(self.model)
+        engine = self._engine
         if len(background) != max(frame.channels, 1):
             raise ValueError(f"background has {len(background)} values for {frame.channels} channels")
-        projected = project(engine, frame, camera, count, self._geometry, channels)
-        order = sort_by_depth(engine, projected)
-        canvas = prepare_canvas(engine, frame, camera, count)
+        projected = project(engine, frame, camera, self._storage, channels)
+        order = sort_by_depth(engine, projected, self._storage)
+        canvas = prepare_canvas(engine, frame, camera, self._storage.count)
         footprints = gather_footprints(engine, projected, order)
         for band in bands(engine, footprints, order, camera, self._entry_budget):
             lists = bin_tiles(engine, footprints, order, camera, band)
-            blend_band(engine, frame, camera, projected, order, lists, np.asarray(background, np.float32), canvas)
+            blend_band(engine, frame, camera, projected, lists, np.asarray(background, np.float32), canvas)
+            if frame.contributions:
+                sum_slots(engine, order, self._storage, lists, canvas)
         return canvas

@@ -5,7 +5,7 @@
 //   gather_footprints  footprints in depth order (once per frame)
 //   bound_entries      how many entries a chunk can have at most: the area of its tile rectangles
 //   (host)             prefix sums: where each chunk's entries begin
-//   emit_entries       walk the tiles of each Gaussian: its row and tile per entry, and the histogram of tiles
+//   emit_entries       walk the tiles of each Gaussian: its position and tile per entry, and the histogram of tiles
 //   scan_chunks        (counting.cl), then prefix sums over the tiles on the host
 //   scatter_entries    move the entries to their tiles' lists
 // An entry's place of emission is its *slot*: slots of one Gaussian are contiguous, in tile order. Every entry has one
@@ -81,7 +81,7 @@ __kernel void bound_entries(uint visible, uint chunks, int band_first, int band_
 __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_first, int band_last,
                            __global const uint *order, __global const float *ordered_footprints,
                            __global const uint *chunk_starts, __global uint *chunk_ends, __global uint *emitted_tiles,
-                           __global uint *emitted_rows, __global uint2 *slot_ranges, __global uint *histogram) {
+                           __global uint *emitted_positions, __global uint2 *slot_ranges, __global uint *histogram) {
     CHUNK_OF_VISIBLE
     uint band_tiles = (band_last - band_first + 1) * tiles_x;
     __global uint *h = histogram + (size_t)chunk * band_tiles;
@@ -89,14 +89,14 @@ __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_firs
     uint slot = chunk_starts[chunk];
     for (uint rank = begin; rank < end; rank++) {
         Footprint footprint = load_footprint(vload8(rank, ordered_footprints), band_first, band_last);
-        uint row = order[rank], first_slot = slot;
+        uint position = order[rank], first_slot = slot;
         for (int ty = footprint.top; ty <= footprint.bottom; ty++) {
             int2 span = row_span(&footprint, ty);
             uint tile = (ty - band_first) * tiles_x + span.x;
             for (int tx = span.x; tx < span.y; tx++, tile++, slot++) {
                 h[tile]++;
                 emitted_tiles[slot] = tile;
-                emitted_rows[slot] = row;
+                emitted_positions[slot] = position;
             }
         }
         slot_ranges[rank] = (uint2)(first_slot, slot);
@@ -106,14 +106,14 @@ __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_firs
 
 __kernel void scatter_entries(uint chunks, uint band_tiles, __global const uint *chunk_starts,
                               __global const uint *chunk_ends, __global const uint *emitted_tiles,
-                              __global const uint *emitted_rows, __global uint *histogram,
+                              __global const uint *emitted_positions, __global uint *histogram,
                               __global const uint *tile_starts, __global uint *entries, __global uint *slots) {
     uint chunk = get_global_id(0);
     if (chunk >= chunks) return;
     __global uint *h = histogram + (size_t)chunk * band_tiles;
     for (uint slot = chunk_starts[chunk]; slot < chunk_ends[chunk]; slot++) {
         uint tile = emitted_tiles[slot], place = tile_starts[tile] + h[tile]++;
-        entries[place] = emitted_rows[slot];
+        entries[place] = emitted_positions[slot];
         slots[place] = slot;
     }
 }

@@ -3,12 +3,12 @@
 // Slots of one Gaussian are contiguous and in tile order, so the sum runs left to right over the whole image, with the
 // same rounding for any number of bands and threads.
 
-__kernel void sum_slots(uint visible, __global const uint *order, __global const uint2 *slot_ranges,
+__kernel void sum_slots(uint visible, __global const uint *order, __global const uint *rows, __global const uint2 *slot_ranges,
                         __global const float *partials, __global float *sums, __global float *maxima,
                         __global uint *pixels) {
     uint rank = get_global_id(0);
     if (rank >= visible) return;
-    uint row = order[rank];
+    uint row = rows[order[rank]];
     float sum = sums[row], maximum = maxima[row];
     uint touched = pixels[row];
     for (uint slot = slot_ranges[rank].x; slot < slot_ranges[rank].y; slot++) {

@@ -1,7 +1,7 @@
 // Records that pass between the kernels of one frame.
 //
 // A *splat* is what a pixel needs of a Gaussian: SPLAT floats (a multiple of 16, one cache line or more), indexed by the
-// Gaussian's row. With d = pixel - (U, V), in pixels:
+// Gaussian's position in storage. With d = pixel - (U, V), in pixels:
 //   ewa:  log2 alpha = LOG2_OPACITY + XX dx^2 + XY dx dy + YY dy^2
 //   ray:  log2 alpha = LOG2_OPACITY + (XX dx^2 + XY dx dy + YY dy^2) / N,
 //         N = 1 + 2 (LX dx + LY dy) + MXX dx^2 + 2 MXY dx dy + MYY dy^2 = |direction|^2 relative to the centre's ray

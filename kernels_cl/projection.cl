@@ -5,10 +5,10 @@
 // drop it if that touches no pixel centre; shade it; store.
 
 #define GEOMETRY 11  // means 3, quats 4, scales 3, opacity 1
-#define MEAN(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, axis, row)
-#define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 3 + axis, row)
-#define SCALE(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 7 + axis, row)
-#define OPACITY LOAD_ATTRIBUTE(geometry, GEOMETRY, 10, row)
+#define MEAN(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, axis, position)
+#define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 3 + axis, position)
+#define SCALE(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 7 + axis, position)
+#define OPACITY LOAD_ATTRIBUTE(geometry, GEOMETRY, 10, position)
 #define HALF_LOG2E 0.72134752f
 #define TWO_LN2 1.38629436f
 
@@ -18,7 +18,7 @@ typedef struct {
 } Ellipse;
 
 // Unit principal axes of the Gaussians in view space: axes[3 * a + i] is component i of axis a.
-inline void view_axes(__constant const float *camera, __global const float *geometry, uint row, V *axes) {
+inline void view_axes(__constant const float *camera, __global const float *geometry, uint position, V *axes) {
     V w = QUAT(0), x = QUAT(1), y = QUAT(2), z = QUAT(3);
     V s = 2.0f / (w * w + x * x + y * y + z * z);
     V world[9] = {1.0f - s * (y * y + z * z), s * (x * y + w * z),        s * (x * z - w * y),
@@ -141,8 +141,8 @@ __kernel void project(uint count, int width, int height, __constant const float 
                       __global const float *geometry,
                       __global const float *channels,  // SH coefficients if SH_DEGREE >= 0, else CHANNELS features
                       __global float *splats, __global float *footprints, __global uint *depth_keys) {
-    uint row = get_global_id(0) * LANES;
-    if (row >= count) return;
+    uint position = get_global_id(0) * LANES;
+    if (position >= count) return;
 
     V world[3] = {MEAN(0), MEAN(1), MEAN(2)}, mean[3];
 #pragma unroll
@@ -162,7 +162,7 @@ __kernel void project(uint count, int width, int height, __constant const float 
     } footprint;
     if (ANY(visible)) {
         V axes[9], scale[3] = {SCALE(0), SCALE(1), SCALE(2)};
-        view_axes(camera, geometry, row, axes);
+        view_axes(camera, geometry, position, axes);
         V log2_opacity = log2(opacity);
         V level = log2_opacity - (V)LOG2_ALPHA_MIN;  // alpha >= ALPHA_MIN exactly while the quadratic form >= -level
         splat.v[SPLAT_U] = CAMERA_FX * mean[0] / mean[2] + CAMERA_CX;
@@ -193,10 +193,10 @@ __kernel void project(uint count, int width, int height, __constant const float 
 #if SH_DEGREE >= 0
         V x = world[0] - CAMERA_CENTRE(0), y = world[1] - CAMERA_CENTRE(1), z = world[2] - CAMERA_CENTRE(2);
         V inverse = 1.0f / sqrt(x * x + y * y + z * z);
-        sh_colour(channels, row, x * inverse, y * inverse, z * inverse, splat.v + SPLAT_CHANNELS);
+        sh_colour(channels, position, x * inverse, y * inverse, z * inverse, splat.v + SPLAT_CHANNELS);
 #else
         for (int c = 0; c < CHANNELS; c++)
-            splat.v[SPLAT_CHANNELS + c] = LOAD_ATTRIBUTE(channels, CHANNELS, c, row);
+            splat.v[SPLAT_CHANNELS + c] = LOAD_ATTRIBUTE(channels, CHANNELS, c, position);
 #endif
     }
 #endif
@@ -206,12 +206,12 @@ __kernel void project(uint count, int width, int height, __constant const float 
         uint u[LANES];
     } key;
     key.v = visible ? AS_UINT(mean[2]) : (U)NOT_VISIBLE;
-    for (uint lane = 0; lane < LANES && row + lane < count; lane++) {
-        depth_keys[row + lane] = key.u[lane];
+    for (uint lane = 0; lane < LANES && position + lane < count; lane++) {
+        depth_keys[position + lane] = key.u[lane];
         if (key.u[lane] == NOT_VISIBLE) continue;
-        __global float *s = splats + (size_t)SPLAT * (row + lane);
+        __global float *s = splats + (size_t)SPLAT * (position + lane);
         for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splat.f[i * LANES + lane];
-        __global float *f = footprints + (size_t)FOOTPRINT * (row + lane);
+        __global float *f = footprints + (size_t)FOOTPRINT * (position + lane);
         for (int i = 0; i <= FOOTPRINT_TILES_Y; i++) f[i] = footprint.f[i * LANES + lane];
     }
 }

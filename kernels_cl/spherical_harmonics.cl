@@ -30,15 +30,15 @@ inline void sh_basis(V x, V y, V z, V *basis) {
 #endif
 }
 
-// colour[3] = max(0, 0.5 + sum_b basis_b c_b) of 16 Gaussians (or one) from `row` on.
-inline void sh_colour(__global const float *sh_coeffs, uint row, V x, V y, V z, V *colour) {
+// colour[3] = max(0, 0.5 + sum_b basis_b c_b) of 16 Gaussians (or one) from `position` on.
+inline void sh_colour(__global const float *sh_coeffs, uint position, V x, V y, V z, V *colour) {
     V basis[SH_BANDS];
     sh_basis(x, y, z, basis);
     V rgb[3] = {(V)0.5f, (V)0.5f, (V)0.5f};
 #pragma unroll
     for (int b = 0; b < SH_BANDS; b++)
 #pragma unroll
-        for (int c = 0; c < 3; c++) rgb[c] += basis[b] * LOAD_ATTRIBUTE(sh_coeffs, 3 * SH_BANDS, 3 * b + c, row);
+        for (int c = 0; c < 3; c++) rgb[c] += basis[b] * LOAD_ATTRIBUTE(sh_coeffs, 3 * SH_BANDS, 3 * b + c, position);
 #pragma unroll
     for (int c = 0; c < 3; c++) colour[c] = MAX(rgb[c], (V)0.0f);
 }

@@ -33,14 +33,14 @@ typedef uint U;
 #define MAX(a, b) ((a) > (b) ? (a) : (b))
 #define SIGN_BIT ((I)0x80000000)
 
-// Attributes of Gaussians lie in blocks of 16 rows, attribute by attribute inside a block ([rows / 16][attributes][16]):
+// Attributes of Gaussians lie in blocks of 16, attribute by attribute inside a block ([positions / 16][attributes][16]):
 // a vector load in the cpu style, a coalesced one in the gpu style, and one memory stream for all attributes.
 #if LANES == 16
-#define LOAD_ATTRIBUTE(array, attributes, attribute, row) \
-    vload16(0, (array) + ((row) / 16 * (attributes) + (attribute)) * 16)
+#define LOAD_ATTRIBUTE(array, attributes, attribute, position) \
+    vload16(0, (array) + ((position) / 16 * (attributes) + (attribute)) * 16)
 #else
-#define LOAD_ATTRIBUTE(array, attributes, attribute, row) \
-    (array)[((row) / 16 * (attributes) + (attribute)) * 16 + (row) % 16]
+#define LOAD_ATTRIBUTE(array, attributes, attribute, position) \
+    (array)[((position) / 16 * (attributes) + (attribute)) * 16 + (position) % 16]
 #endif
 
 // 2^x for x in [-126, 127], relative error below 3e-6 (degree-5 polynomial on [-1/2, 1/2]). Adding 1.5 * 2^23 leaves the

@@ -26,7 +26,7 @@ class Band:
 
 @dataclass(frozen=True)
 class TileLists:
-    """Lists of a band: `entries` (rows) and `slots`, tile by tile in depth order from `tile_starts` on.
+    """Lists of a band: `entries` (positions) and `slots`, tile by tile in depth order from `tile_starts` on.
 
     A slot is one of `capacity` places in which an entry's partial sums are kept; `slot_ranges` [visible][2] holds those
     of each Gaussian, in depth order.
@@ -50,7 +50,9 @@ def gather_footprints(engine: Engine, projected: Projected, order: DepthOrder) -
     ordered = engine.buffer("ordered_footprints", 4 * FOOTPRINT_FLOATS * order.visible)
     parts = chunks(engine, order.visible)
     kernel = _kernel(engine, "gather_footprints")
-    engine.run(kernel, parts, np.uint32(order.visible), np.uint32(parts), order.rows, projected.footprints, ordered)
+    engine.run(
+        kernel, parts, np.uint32(order.visible), np.uint32(parts), order.positions, projected.footprints, ordered
+    )
     return ordered
 
 
@@ -79,20 +81,29 @@ def bin_tiles(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: 
     chunk_ends = engine.buffer("chunk_ends", 4 * parts)
     slot_ranges = engine.buffer("slot_ranges", 8 * visible)
     histogram = engine.buffer("histogram", 4 * parts * tiles)
-    emitted_tiles, emitted_rows, entries, slots = (
-        engine.buffer(name, 4 * capacity) for name in ("emitted_tiles", "emitted_rows", "entries", "slots")
+    emitted_tiles, emitted_positions, entries, slots = (
+        engine.buffer(name, 4 * capacity) for name in ("emitted_tiles", "emitted_positions", "entries", "slots")
     )
     engine.run(
         _kernel(engine, "emit_entries"),
         parts,
         *(np.uint32(visible), np.uint32(parts), np.int32(columns), np.int32(band.first), np.int32(band.last)),
-        *(order.rows, footprints, chunk_starts, chunk_ends, emitted_tiles, emitted_rows, slot_ranges, histogram),
+        *(
+            order.positions,
+            footprints,
+            chunk_starts,
+            chunk_ends,
+            emitted_tiles,
+            emitted_positions,
+            slot_ranges,
+            histogram,
+        ),
     )
     tile_starts, _ = first_places(engine, "tile_starts", histogram, parts, tiles)
     engine.run(
         _kernel(engine, "scatter_entries"),
         parts,
-        *(np.uint32(parts), np.uint32(tiles), chunk_starts, chunk_ends, emitted_tiles, emitted_rows),
+        *(np.uint32(parts), np.uint32(tiles), chunk_starts, chunk_ends, emitted_tiles, emitted_positions),
         *(histogram, tile_starts, entries, slots),
     )
     return TileLists(band, entries, slots, tile_starts, slot_ranges, capacity)

@@ -15,6 +15,7 @@ from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Pass
 from gspure.opencl.ordering import DepthOrder
 from gspure.opencl.projection import Projected
+from gspure.opencl.storage import Storage
 
 _GROUP = TILE * TILE
 
@@ -51,7 +52,6 @@ def blend_band(
     frame: Pass,
     camera: Camera,
     projected: Projected,
-    order: DepthOrder,
     lists: TileLists,
     background: NDArray[np.float32],
     canvas: Canvas,
@@ -75,37 +75,21 @@ def blend_band(
     engine.run(
         kernel,
         tiles * (_GROUP if gpu else 1),
-        np.int32(camera.width),
-        np.int32(camera.height),
-        np.int32(columns),
-        np.int32(lists.band.first * columns),
-        projected.splats,
-        lists.entries,
-        lists.slots,
-        lists.tile_starts,
-        engine.upload("background", background),
-        canvas.image,
-        canvas.transmittance,
-        canvas.median_depth,
-        partials,
+        *(np.int32(camera.width), np.int32(camera.height), np.int32(columns), np.int32(lists.band.first * columns)),
+        *(projected.splats, lists.entries, lists.slots, lists.tile_starts, engine.upload("background", background)),
+        *(canvas.image, canvas.transmittance, canvas.median_depth, partials),
         group=_GROUP if gpu else 1,
     )
-    if frame.contributions:
-        _sum_slots(engine, order, lists, partials, canvas)
 
 
-def _sum_slots(engine: Engine, order: DepthOrder, lists: TileLists, partials: cl.Buffer, canvas: Canvas) -> None:
+def sum_slots(engine: Engine, order: DepthOrder, storage: Storage, lists: TileLists, canvas: Canvas) -> None:
+    """Add what each Gaussian gave to the tiles of a band to its contributions (contributions.cl)."""
     if order.visible:
         engine.run(
             engine.kernel("sum_slots", "contributions"),
             order.visible,
-            np.uint32(order.visible),
-            order.rows,
-            lists.slot_ranges,
-            partials,
-            canvas.sums,
-            canvas.maxima,
-            canvas.pixels,
+            *(np.uint32(order.visible), order.positions, storage.rows, lists.slot_ranges, engine.buffer("partials", 0)),
+            *(canvas.sums, canvas.maxima, canvas.pixels),
             group=64,
         )
 

@@ -70,18 +70,24 @@ def list_devices() -> tuple[Device, ...]:
     )
 
 
-def named(spec: str) -> tuple[Device, ...]:
-    """Return the devices that `spec` means: an index, or a part of a name in any case.
+def devices_meant(spec: str | None = None) -> tuple[Device, ...]:
+    """Return the devices that `spec` means, or else the environment variable GSPURE_DEVICE, or else all.
 
-    The names are the device's, the platform's and the platform's version, so "pocl" is a name too.
+    Parameters
+    ----------
+    spec : str, optional
+        An index, or a part of the device's name, the platform's name or its version ("pocl"), in any case.
 
     Raises
     ------
     InputError
-        If it means none.
+        If something was named and no device is meant.
 
     """
     devices = list_devices()
+    spec = spec or os.environ.get(DEVICE_VARIABLE)
+    if not spec:
+        return devices
     if spec.isdecimal():
         meant = devices[int(spec) :][:1]
     else:
@@ -125,11 +131,12 @@ def works(device: Device) -> bool:
 def choose_device(spec: str | None = None) -> Device:
     """Return the device to use: the first that works among those meant, GPUs before CPUs.
 
+    A device that was named is never replaced by another.
+
     Parameters
     ----------
     spec : str, optional
-        Index or part of a name (see `named`); by default what the environment variable GSPURE_DEVICE says, else any.
-        A device that was named is never replaced by another.
+        As of `devices_meant`.
 
     Raises
     ------
@@ -137,8 +144,7 @@ def choose_device(spec: str | None = None) -> Device:
         If no device is meant, or none of them works.
 
     """
-    spec = spec or os.environ.get(DEVICE_VARIABLE)
-    meant = named(spec) if spec else list_devices()
+    meant = devices_meant(spec)
     for device in meant:
         if works(device):
             return device

@@ -25,8 +25,10 @@ class Trial:
 
     Parameters
     ----------
-    index, kind, name, version
+    index, kind, name, platform, driver
         As in `gspure.opencl.device.Device`.
+    meant : bool
+        Whether the environment variable GSPURE_DEVICE admits it.
     fault : str or None
         Why the program did not build and run; None if it did.
     seconds : float
@@ -37,7 +39,9 @@ class Trial:
     index: int
     kind: str
     name: str
-    version: str
+    platform: str
+    driver: str
+    meant: bool
     fault: str | None
     seconds: float
 
@@ -81,9 +85,20 @@ def _main(arguments: list[str]) -> str | None:
     if arguments:
         reason = fault(list_devices()[int(arguments[0])])
         return reason and f"error: {reason.removeprefix('error: ')}"
-    fields = ("index", "kind", "name", "version")
-    print(json.dumps([{field: getattr(device, field) for field in fields} for device in list_devices()]))  # noqa: T201
+    print(json.dumps(_listing()))  # noqa: T201
     return None
+
+
+def _listing() -> list[dict[str, Any]]:
+    from gspure.errors import InputError
+    from gspure.opencl.device import devices_meant, list_devices
+
+    try:
+        meant = devices_meant()
+    except InputError:
+        meant = ()
+    fields = ("index", "kind", "name", "platform", "driver")
+    return [{f: getattr(device, f) for f in fields} | {"meant": device in meant} for device in list_devices()]
 
 
 if __name__ == "__main__":

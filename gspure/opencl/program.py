@@ -32,7 +32,7 @@ BUILD_OPTIONS = ("-cl-std=CL1.2",)
 
 @cache
 def kernel_folder() -> Path:
-    """Return the folder of the .cl files: inside an installed package, beside it in a checkout or an editable install."""
+    """Return the folder of the .cl files: inside an installed package, or beside it in a checkout."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "kernels_cl", package.parent / "kernels_cl"):
         if folder.is_dir():

@@ -10,13 +10,14 @@ import pyopencl as cl
 from gspure.cameras.camera import Camera
 from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.frame import Pass
+from gspure.opencl.storage import Storage
 
 FOOTPRINT_FLOATS = 8
 
 
 @dataclass(frozen=True)
 class Projected:
-    """What projection leaves on the device, by row [K]; the depth key of an invisible row is NOT_VISIBLE (layout.cl)."""
+    """What projection leaves on the device, by position [K]; depth keys mark what is NOT_VISIBLE (layout.cl)."""
 
     count: int
     splats: cl.Buffer
@@ -24,10 +25,9 @@ class Projected:
     depth_keys: cl.Buffer
 
 
-def project(
-    engine: Engine, frame: Pass, camera: Camera, count: int, geometry: cl.Buffer, channels: cl.Buffer | None
-) -> Projected:
-    """Project `count` Gaussians; `channels` holds SH coefficients or features, as `frame` says."""
+def project(engine: Engine, frame: Pass, camera: Camera, storage: Storage, channels: cl.Buffer | None) -> Projected:
+    """Project all Gaussians; `channels` holds SH coefficients or features, as `frame` says."""
+    count = storage.count
     kernel = engine.kernel(
         "project",
         "vector",
@@ -50,8 +50,8 @@ def project(
             np.int32(camera.width),
             np.int32(camera.height),
             numbers,
-            geometry,
-            channels or geometry,
+            storage.geometry,
+            channels or storage.geometry,
             splats,
             footprints,
             depth_keys,

@@ -1,0 +1,90 @@
+"""A model's arrays on the device: along a space-filling curve, in blocks of 16 (see vector.cl)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from gspure.model.gaussians import Gaussians, sigmoid
+from gspure.opencl.engine import Engine
+from gspure.opencl.morton import morton_order
+
+BLOCK = 16
+_CHUNK = 1 << 16  # Gaussians converted at a time, so that no second copy of the model is ever held
+_GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
+
+Rows = NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class Storage:
+    """Where each Gaussian lies: `order` [K] holds the row at each position.
+
+    On the device: the same as `rows`, its inverse as `positions`, and the geometry (means, quaternions, scales,
+    opacity).
+    """
+
+    order: Rows
+    rows: cl.Buffer
+    positions: cl.Buffer
+    geometry: cl.Buffer
+
+    @property
+    def count(self) -> int:
+        """Number of Gaussians."""
+        return len(self.order)
+
+
+def store(engine: Engine, model: Gaussians) -> Storage:
+    """Upload what a model's projection needs."""
+    order = morton_order(model.means)
+    inverse = np.empty_like(order)
+    inverse[order] = np.arange(len(order), dtype=np.uint32)
+
+    def geometry(rows: Rows) -> NDArray[np.float32]:
+        stored = Gaussians(model.table[rows]).columns(*_GEOMETRY)
+        with np.errstate(over="ignore"):
+            stored[:, 7:10] = np.exp(stored[:, 7:10])
+        stored[:, 10] = sigmoid(stored[:, 10])
+        return stored
+
+    return Storage(
+        order,
+        rows=engine.upload("rows", order),
+        positions=engine.upload("positions", inverse),
+        geometry=_upload(engine, order, len(_GEOMETRY), geometry),
+    )
+
+
+def upload_sh_coeffs(engine: Engine, storage: Storage, model: Gaussians) -> cl.Buffer:
+    """Upload the spherical-harmonic coefficients: attribute 3 b + c holds band b of colour channel c."""
+    attributes = 3 * (model.sh_degree + 1) ** 2
+
+    def sh_coeffs(rows: Rows) -> NDArray[np.float32]:
+        return Gaussians(model.table[rows]).sh_coeffs.reshape(len(rows), attributes)
+
+    return _upload(engine, storage.order, attributes, sh_coeffs)
+
+
+def upload_features(engine: Engine, storage: Storage, features: NDArray[np.float32]) -> cl.Buffer:
+    """Upload any-channel features [K,C]."""
+    return _upload(engine, storage.order, features.shape[1], lambda rows: features[rows])
+
+
+def _upload(engine: Engine, order: Rows, attributes: int, values: Callable[[Rows], NDArray[np.float32]]) -> cl.Buffer:
+    """Upload ``values(rows)`` [n,attributes] in storage order; what pads the last block is zero, hence transparent."""
+    blocks = max(-(-len(order) // BLOCK), 1)
+    buffer = engine.allocate(4 * blocks * attributes * BLOCK)
+    with engine.mapped(buffer, (blocks, attributes, BLOCK), np.float32, write=True) as blocked:
+        blocked[-1] = 0.0
+        for begin in range(0, len(order), _CHUNK):
+            part = np.asarray(values(order[begin : begin + _CHUNK]), np.float32)
+            whole, first = len(part) // BLOCK, begin // BLOCK
+            blocked[first : first + whole] = part[: whole * BLOCK].reshape(whole, BLOCK, attributes).transpose(0, 2, 1)
+            if len(part) % BLOCK:
+                blocked[-1, :, : len(part) % BLOCK] = part[whole * BLOCK :].T
+    return buffer
