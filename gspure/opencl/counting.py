@@ -9,11 +9,12 @@ from gspure.opencl.engine import Engine
 
 _SCAN_BINS = 64  # counting.cl
 _CHUNKS = {"cpu": 128, "gpu": 1024}
+_LEAST_ITEMS = 64  # fewer are not worth a histogram of their own
 
 
 def chunks(engine: Engine, items: int) -> int:
     """Return into how many parts to cut `items`; the result of a sort does not depend on it."""
-    return min(_CHUNKS[engine.style], max(items, 1))
+    return max(min(_CHUNKS[engine.style], items // _LEAST_ITEMS), 1)
 
 
 def first_places(engine: Engine, name: str, histogram: cl.Buffer, parts: int, bins: int) -> tuple[cl.Buffer, int]:
