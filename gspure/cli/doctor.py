@@ -1,0 +1,161 @@
+"""``gspure doctor``: whether everything that the main job needs is here and works."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Final
+
+from packaging.requirements import Requirement
+
+import gspure
+
+HELP = "check the set-up: OpenCL devices, OpenGL, packages; say what is missing and how to get it"
+EXAMPLES = """\
+  gspure doctor
+  GSPURE_DEVICE=1 gspure doctor                                (would that device do?)
+"""
+
+_CHECKOUT: Final = Path(gspure.__file__).resolve().parents[1]  # where gspure was not installed as a wheel
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the report.
+
+    Parameters
+    ----------
+    ok : bool
+        Whether it is as it should be.
+    cells : tuple of str
+        What was found, column by column.
+    needed : bool
+        Whether the main job cannot run without it.
+    fix : str, optional
+        The command that puts it right.
+
+    """
+
+    ok: bool
+    cells: tuple[str, ...]
+    needed: bool = True
+    fix: str | None = None
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command: none."""
+
+
+def run(args: argparse.Namespace) -> int:  # noqa: ARG001
+    """Print the report; the status is 0 if the main job can run, else 1."""
+    checks = {
+        "OpenCL: a kernel built and run on each device": opencl,
+        "OpenGL: a picture drawn off screen": opengl,
+        "Packages: installed, wanted": packages,
+    }
+    with ThreadPoolExecutor() as pool:  # they wait for processes of their own
+        sections = dict(zip(checks, pool.map(lambda check: check(), checks.values()), strict=True))
+    system = f"{platform.system()} {platform.machine()}"
+    print(f"gspure {gspure.__version__}, Python {platform.python_version()}, {system}")
+    print("\n".join(report(sections)))
+    lacking = sum(finding.needed and not finding.ok for findings in sections.values() for finding in findings)
+    print(f"\n{'The main job cannot run yet: see the fixes above.' if lacking else 'The main job can run.'}")
+    return int(lacking > 0)
+
+
+def opencl() -> list[Finding]:
+    """Return one finding per OpenCL device, and one more if there is none to use."""
+    from gspure.opencl.device import DEVICE_VARIABLE
+    from gspure.opencl.probe import try_devices
+
+    trials = try_devices()
+    usable = [trial for trial in trials if trial.meant and trial.fault is None]
+    findings = []
+    for trial in trials:
+        default = ", in use" if trial in usable[:1] else ""
+        result = trial.fault or f"{trial.seconds:.1f} s{default}"
+        cells = (str(trial.index), trial.kind, trial.name, f"{trial.platform} {trial.driver}", result)
+        findings.append(Finding(trial.fault is None, cells, needed=False))
+    if not usable and any(trial.fault is None for trial in trials):
+        meant = f"{DEVICE_VARIABLE}={os.environ.get(DEVICE_VARIABLE)} means none of the devices that work"
+        findings.append(Finding(ok=False, cells=(meant,), fix=f"unset {DEVICE_VARIABLE}"))
+    elif not usable:
+        fix = _make("opencl") or "sudo apt-get install pocl-opencl-icd"
+        findings.append(Finding(ok=False, cells=("no device that works",), fix=fix))
+    return findings
+
+
+def opengl() -> list[Finding]:
+    """Return whether 3-D figures can be drawn with OpenGL."""
+    from gspure.figures.probe import try_opengl
+
+    trial = try_opengl()
+    if trial.problem is None:
+        return [Finding(ok=True, cells=(trial.renderer or "unnamed",), needed=False)]
+    cells = (f"{trial.problem}; 3-D figures are drawn without it",)
+    fix = _make("gl") or "sudo apt-get install libegl1 libgl1-mesa-dri"
+    return [Finding(ok=False, cells=cells, needed=False, fix=fix)]
+
+
+def packages() -> list[Finding]:
+    """Return one finding per package that gspure requires."""
+    try:
+        lines = metadata.requires("gspure") or []
+    except metadata.PackageNotFoundError:
+        return [Finding(ok=False, cells=("gspure", "is not installed"), fix=_pip("--editable", str(_CHECKOUT)))]
+    requirements = [Requirement(line) for line in lines]
+    return [_package(each) for each in requirements if not each.marker or each.marker.evaluate({"extra": ""})]
+
+
+def _package(requirement: Requirement) -> Finding:
+    wanted = str(requirement.specifier)
+    try:
+        version = metadata.version(requirement.name)
+    except metadata.PackageNotFoundError:
+        version = "missing"
+    ok = version != "missing" and requirement.specifier.contains(version, prereleases=True)
+    fix = None if ok else _pip(requirement.name + wanted)
+    return Finding(ok, (requirement.name, version, wanted), fix=fix)
+
+
+def _pip(*arguments: str) -> str:
+    return shlex.join([sys.executable, "-m", "pip", "install", *arguments])
+
+
+def _make(target: str) -> str | None:
+    """Return the make command that repairs this installation, if it is the one that make set up."""
+    made_here = (_CHECKOUT / "Makefile").is_file() and Path(sys.prefix).resolve() == (_CHECKOUT / ".venv").resolve()
+    return f"make -C {shlex.quote(str(_CHECKOUT))} {target}" if made_here else None
+
+
+def report(sections: dict[str, list[Finding]]) -> Iterator[str]:
+    """Yield the lines of the report."""
+    for title, findings in sections.items():
+        yield f"\n{title}"
+        for finding, line in zip(findings, _aligned([finding.cells for finding in findings]), strict=True):
+            yield f"  {_mark(finding)}  {line}"
+            if finding.fix:
+                yield f"        fix: {finding.fix}"
+
+
+def _mark(finding: Finding) -> str:
+    word, colour = ("ok", 32) if finding.ok else ("no", 31 if finding.needed else 33)
+    return f"\033[{colour}m{word}\033[0m" if sys.stdout.isatty() else word
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    """Return one line per row, the columns of rows of equal length aligned."""
+    lines = []
+    for row in rows:
+        alike = [other for other in rows if len(other) == len(row)]
+        widths = [max(len(other[i]) for other in alike) for i in range(len(row))]
+        lines.append("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    return lines
