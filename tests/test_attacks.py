@@ -1,6 +1,7 @@
 """Attacks: pure, seeded, behind one protocol."""
 
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.attacks import Attack, Attacked, Evidence, attacks, find_attack, registry
+from gspure.cli import main
 from gspure.errors import InputError
-from gspure.model import Gaussians
+from gspure.model import Gaussians, read_model, write_model
 
 COUNT = 40
 ALTERING = {"feature_scaling", "gaussian_noise"}
@@ -241,3 +243,35 @@ def test_a_bad_plug_in_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch, tar
     offer(monkeypatch, target)
     with pytest.raises(InputError, match=r"unknown package \(entry point 'theirs' of gspure.attacks\): .*" + message):
         attacks()
+
+
+def test_command_applies_settings_in_the_type_of_their_defaults(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.ply", model())
+    given = ["attack", "gaussian_noise", "--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
+    assert main([*given, "--seed", "3", "--set", "sigma=0.5", "--set", "attributes=opacity"]) == 0
+    expected = find_attack("gaussian_noise").apply(model(), Evidence(), seed=3, sigma=0.5, attributes="opacity").model
+    found = read_model(tmp_path / "out.ply")
+    assert found.table.tobytes() == expected.table.tobytes()
+    assert found.comments == expected.comments
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["random_pruning", "--set", "fraction=half"], "attack random_pruning: fraction: expected float, found 'half'"),
+        (["random_pruning", "--set", "part=0.5"], "setting: expected one of fraction, found part"),
+        (["plain_weight"], "weights: expected an array, found nothing"),
+        (["nothing"], "attack: name: expected one of watermarked"),
+        (
+            ["plain_weight", "--weights", "absent.npy"],
+            "absent.npy: file: expected an existing .npy file, found nothing",
+        ),
+    ],
+)
+def test_command_refuses_bad_input_in_one_line(tmp_path: Path, capsys, arguments: list[str], message: str) -> None:
+    write_model(tmp_path / "model.ply", model())
+    out = tmp_path / "out.ply"
+    assert main(["attack", *arguments, "--model", str(tmp_path / "model.ply"), "--out", str(out)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+    assert not out.exists()

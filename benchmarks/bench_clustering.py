@@ -1,0 +1,57 @@
+"""CPU time of the spanning tree and of the selection, on features with the tails of a real scene.
+
+python -m pytest benchmarks/bench_clustering.py
+"""
+
+import time
+
+import numpy as np
+import pytest
+
+from gspure.clustering import select, spanning_tree
+from gspure.features import features
+
+
+def scene(count: int) -> np.ndarray:
+    """Features [K,5]: surfaces, far background, floaters, opacities of two humps, lognormal weights, some zero."""
+    rng = np.random.default_rng(0)
+    kinds = rng.choice(4, count, p=[0.35, 0.5, 0.11, 0.04])  # ground, objects, background, floaters
+    centres = rng.uniform(-5, 5, (40, 3))
+    ground = np.column_stack([rng.uniform(-8, 8, (count, 2)), rng.normal(0, 0.01, count)])
+    objects = centres[rng.integers(0, 40, count)] + rng.normal(0, 0.3, (count, 3))
+    directions = rng.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    background = directions * np.minimum(10 * (1 + rng.pareto(1.5, count)), 400)[:, None]
+    floaters = rng.uniform(-10, 10, (count, 3))
+    means = np.choose(kinds[:, None], [ground, objects, background, floaters])
+    opacities = np.where(rng.random(count) < 0.6, rng.beta(8, 1, count), rng.beta(1, 8, count))
+    weights = rng.lognormal(0, 2, count) * (rng.random(count) > 0.05)
+    return features(means, opacities, weights)
+
+
+@pytest.fixture(scope="module", params=[50_000, 200_000], ids=["50k", "200k"])
+def points(request):
+    return scene(request.param)
+
+
+@pytest.fixture(scope="module")
+def tree(points):
+    return spanning_tree(points)
+
+
+def measure(benchmark, function, *arguments, rounds):
+    """Measure wall time, and note CPU seconds per round beside it."""
+    began = time.process_time()
+    result = benchmark.pedantic(function, args=arguments, rounds=rounds)
+    benchmark.extra_info["cpu_s"] = (time.process_time() - began) / rounds
+    print(f"\n{benchmark.name}: {benchmark.extra_info['cpu_s']:.2f} CPU-s")
+    return result
+
+
+def test_spanning_tree(benchmark, points):
+    assert len(measure(benchmark, spanning_tree, points, rounds=1)) == len(points) - 1
+
+
+@pytest.mark.parametrize("selection", ["eom_capped", "leaf"])
+def test_selection(benchmark, tree, selection):
+    assert measure(benchmark, select, tree, 50, selection, rounds=2).max() > 0

@@ -1,0 +1,196 @@
+"""The whole method on one model in one process."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.artifacts import read_json
+from gspure.attacks.gspure import Purification, purify
+from gspure.cameras import Camera, intrinsics, split, write_cameras
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.evaluation.comparison import read_metrics
+from gspure.model import Gaussians, read_model, write_model
+from gspure.pruning import prune_mask
+from gspure.renderer import Renderer
+from gspure.weights import accumulate
+
+WALL, HIDDEN = 300, 100
+
+
+def model() -> Gaussians:
+    """An opaque wall, and before it a compact group that is all but transparent."""
+    rng = np.random.default_rng(0)
+    wall = np.column_stack([rng.uniform(-1.5, 1.5, (WALL, 2)), rng.normal(4, 0.02, WALL)])
+    hidden = np.array([0.5, 0.5, 3.0]) + rng.normal(0, 0.05, (HIDDEN, 3))
+    count = WALL + HIDDEN
+    return Gaussians.from_parameters(
+        means=np.concatenate([wall, hidden]),
+        quats=np.tile([1.0, 0, 0, 0], (count, 1)),
+        scales=np.full((count, 3), 0.1),
+        opacities=np.repeat([0.9, 0.005], [WALL, HIDDEN]) + rng.uniform(0, 1e-3, count),
+        sh_coeffs=rng.normal(size=(count, 1, 3)),
+    )
+
+
+def cameras(count: int = 9) -> list[Camera]:
+    views = []
+    for i in range(count):
+        viewmat = np.eye(4)
+        viewmat[0, 3] = 0.1 * (i - count // 2)
+        views.append(Camera(f"view_{i}", 48, 40, intrinsics(40, 40, 24, 20), viewmat))
+    return views
+
+
+SETTINGS = {"min_cluster_size": 20, "min_samples": 5, "selection": "leaf"}
+
+
+@pytest.fixture(scope="module")
+def found() -> Purification:
+    return purify(model(), cameras(), **SETTINGS)
+
+
+def test_what_hardly_shows_is_removed_and_what_shows_stays(found: Purification) -> None:
+    assert found.pruned[WALL:].all()
+    assert found.pruned[:WALL].mean() < 0.2
+
+
+def test_remaining_rows_are_bit_identical_and_say_what_was_done(found: Purification) -> None:
+    assert found.model.table.tobytes() == model().table[~found.pruned].tobytes()
+    (comment,) = found.model.comments
+    assert "purified" in comment
+    assert "min_cluster_size=20" in comment
+
+
+def test_weights_are_the_mean_of_the_views_in_the_order_of_their_names(found: Purification) -> None:
+    renderer = Renderer(model(), energy="ray")
+    stages = [renderer.contributions(camera) for camera in cameras()]
+    np.testing.assert_array_equal(found.weights, accumulate(stages, WALL + HIDDEN))
+    np.testing.assert_array_equal(purify(model(), cameras()[::-1], **SETTINGS).weights, found.weights)
+
+
+def test_parts_of_the_result_belong_together(found: Purification) -> None:
+    np.testing.assert_array_equal(found.pruned, prune_mask(found.labels, found.weights))
+    assert found.diagnosis.pruned_share == found.pruned.mean()
+    assert found.diagnosis.clusters == found.labels.max() + 1 >= 2
+
+
+def test_settings_reach_their_stage() -> None:
+    given = model(), cameras()
+    assert not purify(*given, tau_c=1e9, tau_n=1e9, **SETTINGS).pruned.any()
+    assert (purify(*given, **SETTINGS | {"min_cluster_size": 400}).labels == -1).all()
+    assert purify(*given, energy="ewa", **SETTINGS).weights.sum() > purify(*given, **SETTINGS).weights.sum()
+    assert purify(*given, reduction="max", **SETTINGS).weights.max() <= 1
+
+
+def test_no_views_are_refused() -> None:
+    with pytest.raises(InputError, match="at least one"):
+        purify(model(), [])
+
+
+def test_the_stages_one_by_one_come_to_the_same(tmp_path: Path, found: Purification) -> None:
+    at = {name: str(tmp_path / name) for name in ("m.ply", "c.json", "stages", "1.tsv", "2.tsv", "w.npy", "f.npy")}
+    at |= {name: str(tmp_path / name) for name in ("t.npy", "c.npz", "p.npy", "d.json", "out.ply", "k.npy")}
+    write_model(tmp_path / "m.ply", model())
+    write_cameras(tmp_path / "c.json", cameras())
+    for part in "12":
+        where = ["--cameras", at["c.json"], "--split", "all", "--part", f"{part}/2", "--index", at[f"{part}.tsv"]]
+        assert main(["contributions", "--model", at["m.ply"], "--stages", at["stages"], *where]) == 0
+    for command in (
+        ["weights", "--index", at["2.tsv"], at["1.tsv"], "--model", at["m.ply"], "--out", at["w.npy"]],
+        ["features", "--model", at["m.ply"], "--weights", at["w.npy"], "--out", at["f.npy"]],
+        ["tree", "--features", at["f.npy"], "--min-samples", "5", "--out", at["t.npy"]],
+        ["cluster", "--tree", at["t.npy"], "--min-cluster-size", "20", "--selection", "leaf", "--out", at["c.npz"]],
+        [
+            "prune",
+            "--clusters",
+            at["c.npz"],
+            "--weights",
+            at["w.npy"],
+            "--out",
+            at["p.npy"],
+            "--diagnosis",
+            at["d.json"],
+        ],
+        [
+            "attack",
+            "gspure",
+            "--model",
+            at["m.ply"],
+            "--prune-mask",
+            at["p.npy"],
+            "--out",
+            at["out.ply"],
+            "--kept",
+            at["k.npy"],
+        ],
+    ):
+        assert main(command) == 0
+    np.testing.assert_array_equal(np.load(at["w.npy"]), found.weights)
+    np.testing.assert_array_equal(np.load(at["c.npz"])["labels"], found.labels)
+    np.testing.assert_array_equal(np.load(at["p.npy"]), found.pruned)
+    np.testing.assert_array_equal(np.load(at["k.npy"]), ~found.pruned)
+    assert read_json(tmp_path / "d.json") == found.diagnosis.to_json()
+    assert read_model(tmp_path / "out.ply").table.tobytes() == found.model.table.tobytes()
+    assert read_json(tmp_path / "t.npy.json")["settings"] == {"min_samples": 5}
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def test_command_leaves_model_arrays_metrics_and_figures(
+    tmp_path: Path, found: Purification, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_model(tmp_path / "model.ply", model())
+    write_cameras(tmp_path / "cameras.json", cameras(18))
+    out = tmp_path / "out"
+    command = ["purify", str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json"), "--out", str(out)]
+    assert main([*command, "--min-cluster-size", "20", "--min-samples", "5", "--selection", "leaf"]) == 0
+    pruned = np.load(out / "pruned.npy")
+    assert read_model(out / "purified.ply").table.tobytes() == model().table[~pruned].tobytes()
+    assert np.load(out / "weights.npy").dtype == np.float32
+    assert np.load(out / "labels.npy").dtype == np.int32
+    held_out = [camera.name for camera in split(cameras(18))[1]]
+    assert [row.view for row in read_metrics(out / "metrics.csv")] == held_out
+    assert {f"renders/{kind}/{view}.png" for kind in ("unattacked", "purified") for view in held_out} <= set(files(out))
+    assert {f"figures/{name}.png" for name in ("before_after", "clusters", "ranks", "kept", "weights")} <= set(
+        files(out)
+    )
+    printed = capsys.readouterr()
+    assert "clusters " in printed.out
+    assert "mean" in printed.out
+    assert "contributions: 15 done" in printed.err  # the held-out views do not count towards the weights
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda ply, cameras: ply.write_bytes(ply.read_bytes()[:-10]), "model.ply"),
+        (
+            lambda ply, cameras: write_model(ply, model().with_columns({"x": np.full(WALL + HIDDEN, np.nan)})),
+            "model.ply",
+        ),
+        (lambda ply, cameras: cameras.unlink(), "cameras.json"),
+        (lambda ply, cameras: cameras.write_text("{}"), "cameras.json"),
+    ],
+    ids=["truncated model", "NaN rows", "no cameras", "no views"],
+)
+def test_bad_input_gives_one_line_and_leaves_nothing(tmp_path: Path, capsys, spoil, message: str) -> None:
+    ply, views = tmp_path / "model.ply", tmp_path / "cameras.json"
+    write_model(ply, model())
+    write_cameras(views, cameras())
+    spoil(ply, views)
+    assert main(["purify", str(ply), "--cameras", str(views), "--out", str(tmp_path / "out")]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_no_such_device_gives_one_line_and_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_model(tmp_path / "model.ply", model())
+    write_cameras(tmp_path / "cameras.json", cameras())
+    command = ["purify", str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json")]
+    assert main([*command, "--out", str(tmp_path / "out"), "--device", "no such device"]) == 2
+    assert "no such device" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
