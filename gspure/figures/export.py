@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import replacing, write_text
 from gspure.figures.clouds import Cloud
-from gspure.figures.viewpoint import level_axes
 
 _FLOAT: Final = 5126
 _UNSIGNED_SHORT: Final = 5123
@@ -32,7 +31,7 @@ def write_vtp(path: Path, cloud: Cloud) -> None:
         mesh.save(temporary)
 
 
-def write_gltf(path: Path, cloud: Cloud, up: NDArray[np.floating]) -> None:
+def write_gltf(path: Path, cloud: Cloud, axes: NDArray[np.floating]) -> None:
     """Write a cloud as one self-contained glTF 2.0 file of unlit points.
 
     Scalars become application-specific attributes (``_RANK``, ...). VTK's own exporter would need OpenGL, and keeps
@@ -43,8 +42,8 @@ def write_gltf(path: Path, cloud: Cloud, up: NDArray[np.floating]) -> None:
     path : Path
     cloud : Cloud
         At least one point.
-    up : array [3]
-        The world's up direction; glTF's is +y, so the node that holds the points is rotated.
+    axes : array [3,3]
+        The world's right, up and front, as rows; glTF's are x, y and z, so the node that holds the points is rotated.
 
     """
     points = cloud.points.astype("<f4")
@@ -61,7 +60,7 @@ def write_gltf(path: Path, cloud: Cloud, up: NDArray[np.floating]) -> None:
 
     data = base64.b64encode(b"".join(array.tobytes() for array in attributes.values())).decode()
     rotation = np.eye(4)
-    rotation[:3, :3] = level_axes(up)
+    rotation[:3, :3] = axes
     document = {
         "asset": {"version": "2.0", "generator": "gspure"},
         "extensionsUsed": ["KHR_materials_unlit"],

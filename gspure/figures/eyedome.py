@@ -38,4 +38,5 @@ def eye_dome(image: NDArray[np.uint8], depth: NDArray[np.float32], radius: int) 
             occlusion += np.fmax(octaves - padded[y : y + height, x : x + width], 0)
     shade = _DARKEST + (1 - _DARKEST) * np.exp(-_STRENGTH / _DIRECTIONS * occlusion)
     shade[np.isinf(depth)] = 1
-    return np.rint(image * shade[..., None]).astype(np.uint8)
+    shaded: NDArray[np.uint8] = np.rint(image * shade[..., None]).astype(np.uint8)
+    return shaded

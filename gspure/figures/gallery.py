@@ -17,7 +17,7 @@ from gspure.figures.plate import PICTURE_WIDTH, write_plate
 from gspure.figures.plots import write_weight_histogram
 from gspure.figures.portrait import portrait
 from gspure.figures.probe import gl_problem
-from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, upward
+from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
 
 
 @dataclass(frozen=True)
@@ -76,13 +76,14 @@ def draw(
     """
     means = evidence.means
     camera = fitted(view or choose(means, cameras), PICTURE_WIDTH)
+    axes = world_axes(means, cameras)
     problem = gl_problem()
     rows = thinned(len(means))
     captions = {}
     for name, cloud, caption in _clouds(evidence):
         shown = cloud.subset(rows)
         write_plate(folder / f"{name}.png", portrait(shown, camera, opengl=problem is None), shown)
-        write_gltf(folder / f"{name}.gltf", shown, upward(cameras))
+        write_gltf(folder / f"{name}.gltf", shown, axes)
         write_vtp(folder / f"{name}.vtp", shown)
         captions[folder / f"{name}.png"] = " ".join([caption, *_remarks(len(means), problem)])
     histogram = folder / "weights.png"
@@ -118,8 +119,8 @@ def _remarks(count: int, problem: str | None) -> Iterator[str]:
 def _histogram_caption(evidence: Evidence) -> str:
     unseen = float(np.mean(evidence.weights == 0))
     return (
-        f"Weights of the Gaussians, averaged over the views; {unseen:.1%} have weight 0, as no view shows them. Pruned are "
-        f"clusters whose mean weight is below the mean of all / {evidence.tau_c:g}, and noise points whose own is below "
-        f"the mean of all / {evidence.tau_n:g}. What is kept left of the threshold, or pruned right of it, belongs to a "
-        "cluster that was judged as a whole."
+        f"Weights of the Gaussians, averaged over the views; {unseen:.1%} have weight 0, as no view shows them. Pruned "
+        f"are clusters whose mean weight is below the mean of all / {evidence.tau_c:g}, and noise points whose own is "
+        f"below the mean of all / {evidence.tau_n:g}. "
+        "What is kept left of the threshold, or pruned right of it, is in a cluster that was judged as a whole."
     )

@@ -25,7 +25,7 @@ def write_plate(path: Path, picture: NDArray[np.uint8], cloud: Cloud) -> None:
     above = picture.shape[0] / style.DPI
     below = _ROW * ((len(cloud.legend) or 2) + 0.7)
     share = below / (above + below)
-    with style.page(path, style.COLUMN, above + below, layout="none") as figure:
+    with style.page(path, style.COLUMN, above + below, layout=None) as figure:
         axes = figure.add_axes((0, share, 1, 1 - share))
         axes.imshow(picture, interpolation="none", aspect="auto")
         axes.set_axis_off()
@@ -41,7 +41,7 @@ def _draw_legend(figure: Figure, legend: Legend, share: float) -> None:
     for i, row in enumerate(legend):
         dots = [Line2D([], [], marker="o", markersize=4, linewidth=0, color=c, label=label) for label, c in row]
         place = (0.5, share * (len(legend) - i - 0.3) / len(legend))
-        figure.legend(handles=dots, loc="center", bbox_to_anchor=place, ncols=len(row), borderpad=0)
+        figure.legend(handles=dots, loc="center", bbox_to_anchor=place, ncols=len(row), borderpad=0, fontsize=5.7)
 
 
 def _draw_scale(figure: Figure, label: str, share: float) -> None:
@@ -49,6 +49,5 @@ def _draw_scale(figure: Figure, label: str, share: float) -> None:
     axes.imshow(np.linspace(0, 1, 256)[None], cmap=style.RANKS, aspect="auto")
     axes.set_yticks([])
     axes.spines[:].set_visible(False)
-    axes.set_xticks([0, 255], ["lowest", "highest"])
+    axes.set_xticks([0, 127.5, 255], ["lowest", label, "highest"])
     axes.tick_params(length=0, pad=2)
-    axes.set_xlabel(label, labelpad=-6)

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
 from gspure.figures import style
+from gspure.figures.findings import spoken
 from gspure.pruning import mean_weight
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
 _COLOURS: Final = {SCENE: style.SCENE, MESSAGE: style.MESSAGE}
@@ -38,43 +40,54 @@ def write_weight_histogram(
         Pruning factors: the thresholds are mean / tau.
 
     """
-    seen = weights > 0
-    decades = np.log10(weights[seen], dtype=np.float64)
-    high = float(decades.max(initial=-3.0)) + 0.05
-    low = max(float(decades.min(initial=high - 1)), high - _DECADES)
-    edges = np.linspace(low, high, _BINS + 1)
-    step = edges[1] - edges[0]
+    zero = weights == 0
+    decades = np.log10(weights, where=~zero, out=np.zeros(len(weights)))
+    low, high = _range(decades[~zero])
+    edges, step = np.linspace(low, high, _BINS + 1, retstep=True)
+    powers = np.arange(np.ceil(low), high)[:: 1 + int(high - low > 6)]
+    ticks = {float(power): f"$10^{{{power:.0f}}}$" for power in powers}
+    if zero.any():
+        ticks[low - 3 * step] = "0"
 
     with style.page(path, style.COLUMN, 2.0) as figure:
         axes = figure.add_subplot()
-        bottom = np.zeros(_BINS + 1)
-        for label, colour, chosen in (("kept", style.KEPT, ~pruned), ("pruned", style.PRUNED, pruned)):
-            counts = np.histogram(np.clip(decades[chosen[seen]], low, high), edges)[0]
-            share = 100 * np.append(counts, np.count_nonzero(chosen & ~seen)) / max(len(weights), 1)
-            centres = np.append(edges[:-1] + step / 2, low - 3 * step)
-            name = f"{label}: {chosen.mean() if len(chosen) else 0:.1%}"
-            axes.bar(centres, share, np.append(np.full(_BINS, step), 2 * step), bottom, color=colour, label=name)
-            bottom += share
+        keys: list[Artist] = []
+        below, below_zero = np.zeros(_BINS), 0.0
+        for name, colour, chosen in (("kept", style.KEPT, ~pruned), ("pruned", style.PRUNED, pruned)):
+            percent = 100 / max(len(weights), 1)
+            share = percent * np.histogram(np.clip(decades[chosen & ~zero], low, high), edges)[0]
+            share_zero = percent * np.count_nonzero(chosen & zero)
+            label = f"{name}: {percent * np.count_nonzero(chosen):.1f}%"
+            keys.append(axes.stairs(below + share, edges, baseline=below, fill=True, color=colour, label=label))
+            axes.bar(low - 3 * step, share_zero, 2 * step, below_zero, color=colour)
+            below, below_zero = below + share, below_zero + share_zero
         if mean := mean_weight(weights):
-            _mark_thresholds(axes, mean, tau_c, tau_n)
-        powers = np.arange(np.ceil(low), high)[:: 1 + int(high - low > 6)]
-        axes.set_xticks([low - 3 * step, *powers], ["0", *(f"$10^{{{power:.0f}}}$" for power in powers)])
-        axes.set_xlim(low - 5 * step, high + step)
+            keys += _mark_thresholds(axes, mean, tau_c, tau_n)
+        axes.set_xticks(list(ticks), list(ticks.values()))
+        axes.set_xlim(low - (5 if zero.any() else 1) * step, high + step)
         axes.set_xlabel("view-accumulated weight ω")
         axes.set_ylabel("Gaussians (%)")
-        figure.legend(loc="outside upper center", ncols=5)
+        figure.legend(handles=keys, loc="outside upper center", ncols=5)
 
 
-def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> None:
-    """Mark the mean weight and the thresholds below which clusters and noise points go."""
+def _range(decades: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the decades that the axis spans: up to the largest weight, down to the smallest, but not too far."""
+    if not len(decades):
+        return -3.0, 0.0
+    high = float(decades.max()) + 0.05
+    return max(float(decades.min()) - 0.05, high - _DECADES), high
+
+
+def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> list[Artist]:
+    """Mark the mean weight and the thresholds below which clusters and noise points go; return the lines."""
     marks = [(r"mean $\bar\omega$", mean, "-")]
     if tau_c == tau_n:
         marks.append((rf"$\bar\omega/{tau_c:g}$", mean / tau_c, "--"))
     else:
-        marks.append((rf"$\bar\omega/\tau_c$, $\tau_c={tau_c:g}$", mean / tau_c, "--"))
-        marks.append((rf"$\bar\omega/\tau_n$, $\tau_n={tau_n:g}$", mean / tau_n, ":"))
-    for label, value, dashes in marks:
-        axes.axvline(np.log10(value), color=style.INK, linestyle=dashes, linewidth=0.8, label=label)
+        marks.append((r"$\bar\omega/\tau_c$", mean / tau_c, "--"))
+        marks.append((r"$\bar\omega/\tau_n$", mean / tau_n, ":"))
+    look: dict[str, Any] = {"color": style.INK, "linewidth": 0.8}
+    return [axes.axvline(float(np.log10(value)), linestyle=dash, label=label, **look) for label, value, dash in marks]
 
 
 def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
@@ -97,7 +110,7 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
             axes.text(1.14, -0.9, "Score", **beside)
         for row, outcome in zip(rows, shown, strict=True):
             axes.text(1.14, float(row), _signed(outcome.score), **beside)
-        axes.set_yticks(rows, [o.variant.replace("_", " ") for o in shown])
+        axes.set_yticks(rows, [spoken(o.variant) for o in shown])
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
         axes.set_ylim(len(shown) - 0.4, -0.6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,14 +68,19 @@ _RC: Final[dict[str, Any]] = {
     "legend.fontsize": 6.5,
     "legend.handletextpad": 0.3,
     "legend.handlelength": 1.2,
-    "legend.columnspacing": 0.9,
+    "legend.columnspacing": 0.7,
+    "axes.titlesize": 7,
     "figure.constrained_layout.h_pad": 0.02,
     "figure.constrained_layout.w_pad": 0.02,
+    "figure.constrained_layout.hspace": 0.0,
+    "figure.constrained_layout.wspace": 0.0,
 }
 
 
 @contextmanager
-def page(path: Path, width: float, height: float, layout: str = "constrained") -> Iterator[Figure]:
+def page(
+    path: Path, width: float, height: float, layout: Literal["constrained"] | None = "constrained"
+) -> Iterator[Figure]:
     """Yield an empty figure of this size in inches; when the block ends well, it becomes the PNG at `path`."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
@@ -95,5 +100,5 @@ def rgb(colour: str) -> NDArray[np.uint8]:
 
 def tint(colour: str, share: float) -> str:
     """Return `colour` mixed with this share of white."""
-    mixed = np.rint(rgb(colour) * (1 - share) + 255 * share).astype(np.uint8)
-    return "#" + mixed.tobytes().hex()
+    mixed = np.rint(rgb(colour) * (1 - share) + 255 * share)
+    return "#" + bytes(mixed.astype(np.uint8)).hex()

@@ -20,6 +20,7 @@ _TALLEST, _FLATTEST = 0.8, 0.45  # height over width of an overview
 _FIELD_OF_VIEW = np.radians(35.0)
 _ELEVATION = np.radians(25.0)
 _AZIMUTH = np.radians(30.0)
+_AGREEMENT = 0.25  # length of a mean over the mean length, below which directions do not agree
 _UP = (0.0, -1.0, 0.0)  # COLMAP's y points down, and a 3DGS model lives in COLMAP's world
 
 
@@ -30,11 +31,33 @@ def thinned(count: int) -> NDArray[np.intp]:
     return np.sort(np.random.default_rng(0).choice(count, MAX_POINTS, replace=False))
 
 
-def upward(cameras: Sequence[Camera]) -> Float64:
-    """Return the direction [3] that people would call up: that of the cameras on average, or COLMAP's -y."""
-    up = -np.sum([camera.viewmat[1, :3] for camera in cameras], axis=0) if cameras else np.array(_UP)
-    length = float(np.linalg.norm(up))
-    return up / length if length > 1e-6 * max(len(cameras), 1) else np.array(_UP)
+def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float64:
+    """Return which way is right, up and front in the model's world, as the rows of a rotation [3,3].
+
+    Up is that of the cameras on average. The front is the side on which most of them stand; where they stand all round,
+    or there are none, it is -z, or -y if z is up.
+
+    Parameters
+    ----------
+    means : array [K,3]
+        At least one row.
+    cameras : sequence of Camera
+        The model's views; none is fine.
+
+    """
+    up = _agreed(-np.array([camera.viewmat[1, :3] for camera in cameras]).reshape(-1, 3), np.array(_UP))
+    offsets = np.array([camera.centre for camera in cameras]).reshape(-1, 3) - np.median(means, axis=0)
+    level = offsets - np.outer(offsets @ up, up)
+    front = _agreed(level, np.cross(np.eye(3)[np.argmin(np.abs(up))], up))
+    return np.stack([np.cross(up, front), up, front])
+
+
+def _agreed(vectors: Float64, otherwise: Float64) -> Float64:
+    """Return the unit vector along the mean of `vectors` [N,3], or along `otherwise` if they point all ways."""
+    total = vectors.sum(axis=0)
+    if np.linalg.norm(total) <= _AGREEMENT * np.linalg.norm(vectors, axis=1).sum():
+        total = otherwise
+    return np.asarray(total / np.linalg.norm(total))
 
 
 def choose(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
@@ -54,7 +77,7 @@ def choose(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
     low, high = np.quantile(means, _BULK, axis=0)
     within = ((centres > low) & (centres < high)).all(axis=1)
     if within.sum() * 2 <= len(cameras):
-        return overview(means, upward(cameras))
+        return overview(means, world_axes(means, cameras))
     return max(sorted(cameras, key=lambda camera: camera.name), key=lambda camera: len(in_view(means, camera)))
 
 
@@ -66,19 +89,19 @@ def level_axes(up: NDArray[np.floating]) -> Float64:
     return np.stack([np.cross(up, back), up, back])
 
 
-def overview(means: NDArray[np.floating], up: NDArray[np.floating]) -> Camera:
-    """Return a camera outside the cloud that frames all of it but floaters, seen from above at an angle.
+def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
+    """Return a camera outside the cloud that frames all of it but floaters, seen from above and a little aside.
 
     Parameters
     ----------
     means : array [K,3]
         At least one row.
-    up : array [3]
-        Unit vector.
+    axes : array [3,3]
+        See `world_axes`.
 
     """
-    right, up, back = level_axes(up)
-    side = np.cos(_AZIMUTH) * back + np.sin(_AZIMUTH) * right
+    right, up, front = axes
+    side = np.cos(_AZIMUTH) * front + np.sin(_AZIMUTH) * right
     towards_eye = np.cos(_ELEVATION) * side + np.sin(_ELEVATION) * up
     x = np.cross(up, towards_eye)
     x /= np.linalg.norm(x)

@@ -1,0 +1,55 @@
+"""``gspure report``: one page about all models of a run."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "write a self-contained HTML page: findings, tables, figures, provenance"
+EXAMPLES = """\
+  gspure report --table results.csv --figures planted/room/figures/*.png --out report.html
+  gspure report --table results.csv --figures planted/room/figures/*.png --diagnosis planted/room/diagnosis.json \\
+      --provenance planted/room/*.json --title "How robust is the mark in this room?" --out report.html
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
+    parser.add_argument(
+        "--figures",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="PNG",
+        help="of `gspure figures`, in the order to show them, below their SCHEME/SCENE",
+    )
+    parser.add_argument(
+        "--diagnosis",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="JSON",
+        help="of `gspure prune`, below their SCHEME/SCENE",
+    )
+    parser.add_argument(
+        "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="records beside artifacts, to be listed"
+    )
+    parser.add_argument("--title", default="How robust is the watermark?", help="heading (default: %(default)s)")
+    parser.add_argument("--out", type=Path, required=True, metavar="HTML")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Write the page."""
+    from gspure.evaluation.reading import read_table
+    from gspure.figures.report import write_report
+
+    write_report(
+        args.out,
+        args.title,
+        read_table(args.table),
+        figures=args.figures,
+        diagnoses=args.diagnosis,
+        provenance=args.provenance,
+    )
+    print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, nothing outside it is needed")
