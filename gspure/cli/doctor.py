@@ -73,7 +73,6 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001
 
 def opencl() -> list[Finding]:
     """Return one finding per OpenCL device, and one more if there is none to use."""
-    from gspure.opencl.device import DEVICE_VARIABLE
     from gspure.opencl.probe import try_devices
 
     trials = try_devices()
@@ -85,8 +84,8 @@ def opencl() -> list[Finding]:
         cells = (str(trial.index), trial.kind, trial.name, f"{trial.platform} {trial.driver}", result)
         findings.append(Finding(trial.fault is None, cells, needed=False))
     if not usable and any(trial.fault is None for trial in trials):
-        meant = f"{DEVICE_VARIABLE}={os.environ.get(DEVICE_VARIABLE)} means none of the devices that work"
-        findings.append(Finding(ok=False, cells=(meant,), fix=f"unset {DEVICE_VARIABLE}"))
+        meant = f"GSPURE_DEVICE={os.environ.get('GSPURE_DEVICE')} means none of the devices that work"
+        findings.append(Finding(ok=False, cells=(meant,), fix="unset GSPURE_DEVICE"))
     elif not usable:
         fix = _make("opencl") or "sudo apt-get install pocl-opencl-icd"
         findings.append(Finding(ok=False, cells=("no device that works",), fix=fix))

@@ -1,0 +1,118 @@
+"""The arrows of the architecture: what may import what. Read from the sources, nothing is imported."""
+
+from __future__ import annotations
+
+import ast
+import graphlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import gspure
+
+PACKAGE = Path(gspure.__file__).parent
+TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sorted(PACKAGE.rglob("*.py"))}
+
+# A part imports from its own layer and from those above it. `sources` and `configuration` serve the Snakefile.
+LAYERS = (
+    {"constants", "errors", "artifacts", "progress"},
+    {"model", "cameras", "images"},
+    {"opencl"},
+    {"renderer"},
+    {"contributions", "weights"},
+    {"features", "clustering", "pruning"},
+    {"scenes"},
+    {"attacks"},
+    {"evaluation"},
+    {"figures"},
+    {"sources", "configuration"},
+    {"cli"},
+)
+DEPTH = {part: depth for depth, layer in enumerate(LAYERS) for part in layer}
+REFERENCE_MAY_IMPORT = {"constants", "model", "cameras", "reference"}
+
+# Packages that only one part knows, and packages too slow to import before they are needed.
+OWNERS = {
+    "pyopencl": ("opencl",),
+    "pyvista": ("figures",),
+    "vtk": ("figures",),
+    "vtkmodules": ("figures",),
+    "matplotlib": ("figures",),
+    "argparse": ("cli",),
+    "plyfile": ("model",),
+    "hdbscan": ("clustering",),
+    "snakemake": (),
+    "torch": (),
+    "pickle": (),
+}
+HEAVY = {"hdbscan", "jinja2", "matplotlib", "pyvista", "rich", "scipy", "sklearn", "vtk", "vtkmodules"}
+
+
+def part_of(source: Path) -> str:
+    """Return the part a source belongs to; "" for the package's own __init__ and __main__."""
+    first = source.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    return "" if first.startswith("__") else first
+
+
+def imported(tree: ast.AST) -> Iterator[str]:
+    """Yield the dotted names that are imported anywhere below `tree`."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"relative import of {node.module}"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def parts_imported(source: Path) -> set[str]:
+    """Return the parts of gspure that a source imports."""
+    names = (name.split(".") for name in imported(TREES[source]))
+    return {name[1] for name in names if name[0] == "gspure" and len(name) > 1 and name[1] != "__version__"}
+
+
+def run_at_import(tree: ast.Module) -> Iterator[ast.stmt]:
+    """Yield the statements of a module's own level, without those for type checkers only."""
+    for statement in tree.body:
+        type_checking = isinstance(statement, ast.If) and ast.unparse(statement.test) == "TYPE_CHECKING"
+        if not type_checking and not isinstance(statement, (ast.FunctionDef, ast.ClassDef)):
+            yield statement
+
+
+def offences(forbidden: Callable[[Path], set[str]]) -> list[str]:
+    """Return "file: names" for each source for which `forbidden` returns some."""
+    found = ((source, forbidden(source)) for source in TREES)
+    return [f"{source.relative_to(PACKAGE)}: {sorted(names)}" for source, names in found if names]
+
+
+def test_a_module_imports_only_from_its_own_layer_and_those_above() -> None:
+    def from_below(source: Path) -> set[str]:
+        part = part_of(source)
+        if part == "":
+            return set()  # the public names come from everywhere
+        if part == "reference":
+            return parts_imported(source) - REFERENCE_MAY_IMPORT
+        return {other for other in parts_imported(source) if DEPTH.get(other, len(LAYERS)) > DEPTH[part]}
+
+    assert offences(from_below) == []
+
+
+def test_no_two_parts_import_each_other() -> None:
+    graph: dict[str, set[str]] = {}
+    for source in TREES:
+        if part := part_of(source):
+            graph.setdefault(part, set()).update(parts_imported(source) - {part})
+    graphlib.TopologicalSorter(graph).prepare()  # raises CycleError
+
+
+def test_a_package_with_an_owner_is_imported_by_it_only() -> None:
+    def stray(source: Path) -> set[str]:
+        packages = {name.split(".")[0] for name in imported(TREES[source])}
+        return {package for package in packages if part_of(source) not in OWNERS.get(package, part_of(source))}
+
+    assert offences(stray) == []
+
+
+def test_heavy_packages_are_imported_where_they_are_needed() -> None:
+    def early(source: Path) -> set[str]:
+        return HEAVY & {name.split(".")[0] for s in run_at_import(TREES[source]) for name in imported(s)}
+
+    assert offences(early) == []
