@@ -9,12 +9,13 @@ from snakemake.utils import min_version
 min_version("9.0")
 
 # A configuration of one's own replaces the demo's; it is not laid over it.
-if not config.keys() & {"assets", "planted"}:
+if not (workflow.configfiles or "assets" in config):
 
     configfile: Path(workflow.basedir) / "config" / "config.yaml"
 
 
 include: "rules/common.smk"
+include: "rules/inputs.smk"
 include: "rules/scenes.smk"
 include: "rules/contributions.smk"
 include: "rules/purify.smk"

@@ -10,6 +10,9 @@ from typing import Any
 
 from gspure.errors import InputError
 
+GENERATED = frozenset({"orbit", "shells"})
+"""What an asset may name in place of a camera file: views around its model."""
+
 _EXPECTED = {
     "type": "type {}",
     "enum": "one of {}",
@@ -48,6 +51,42 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
     if error := jsonschema.exceptions.best_match(errors):
         raise _refusal(error, source)
     return filled
+
+
+def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
+    """Return a copy of a validated configuration in which models are files and every variant names its attack.
+
+    Raises
+    ------
+    InputError
+        If there is no model at all, or one of them or its cameras do not exist, or an attack or a setting of it is not
+        known.
+
+    """
+    from gspure.attacks import attacks
+    from gspure.model.inria import point_cloud
+
+    settled = deepcopy(dict(config))
+    if not settled["assets"] and not settled["planted"]:
+        raise InputError(source, "assets", expected="at least one model", found="none")
+    for scene, asset in settled["assets"].items():
+        for field in ("model", "cameras"):
+            if not Path(asset[field]).exists() and (field == "model" or asset[field] not in GENERATED):
+                raise InputError(source, f"assets.{scene}.{field}", expected="an existing path", found=asset[field])
+        model = Path(asset["model"])
+        asset["model"] = str(point_cloud(model) if model.is_dir() else model)
+    available = attacks()
+    for variant, settings in settled["variants"].items():
+        attack = settings.setdefault("attack", variant)
+        if attack not in available:
+            raise InputError(
+                source, f"variants.{variant}", expected=f"one of {', '.join(available)}", found=repr(attack)
+            )
+        known = available[attack].settings
+        for name in settings.keys() - known.keys() - {"attack", "seed"}:
+            expected = f"one of {', '.join(known) or 'no settings'}"
+            raise InputError(source, f"variants.{variant}.{name}", expected=expected, found="an unknown key")
+    return settled
 
 
 def _filling_validator(base: Any) -> Any:

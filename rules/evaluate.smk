@@ -1,26 +1,6 @@
 # What a variant shows is compared with photographs of the planted truth, and where no truth is known, with what the
 # watermarked model shows.
 
-TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}
-
-
-def rendered_model(wildcards):
-    """The model behind the images of a target."""
-    model = "public/point_cloud.ply" if wildcards.target == "scene" else "message.ply"
-    return f"results/{wildcards.scheme}/{wildcards.scene}/{wildcards.variant}/{model}"
-
-
-def renders(wildcards):
-    """The folders of images of a variant."""
-    return expand("results/{scheme}/{scene}/{variant}/renders/{target}", target=TARGETS[wildcards.scheme], **wildcards)
-
-
-def references(wildcards):
-    """The folders of images that a variant is compared with, in the order of `renders`."""
-    if wildcards.scheme == "planted":
-        return expand("results/planted/{scene}/truth/{target}", target=TARGETS["planted"], scene=wildcards.scene)
-    return expand("results/vanilla/{scene}/watermarked/renders/scene", scene=wildcards.scene)
-
 
 rule extract_message:
     input:

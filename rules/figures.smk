@@ -1,17 +1,3 @@
-def panel_columns(wildcards):
-    """The folders of images beside each other in a panel, by title: the reference, then before and after."""
-    renders = f"results/{wildcards.scheme}/{wildcards.scene}/{{variant}}/renders/{wildcards.target}"
-    columns = {variant: renders.format(variant=variant) for variant in ("watermarked", "gspure")}
-    if wildcards.scheme == "planted":
-        columns = {"truth": f"results/planted/{wildcards.scene}/truth/{wildcards.target}", **columns}
-    return columns
-
-
-def truth_of(scheme, scene):
-    """The mask of the Gaussians that carry the message, where it is known."""
-    return [f"results/planted/{scene}/key/carriers.npy"] if scheme == "planted" else []
-
-
 rule draw_model:
     input:
         model=public_model,

@@ -2,16 +2,6 @@ from gspure.artifacts import file_digest
 from gspure.figures.report import TEMPLATE
 
 
-def figure_files():
-    """All figures, in the order in which the page shows them; those of a model are files of one folder."""
-    files = []
-    for scheme, scenes in SCHEMES.items():
-        names = ["outcomes", *TARGETS[scheme], *(f"model/{name}" for name in ("kept", "clusters", "ranks", "weights"))]
-        names += ["model/truth"] if scheme == "planted" else []
-        files += [f"results/{scheme}/{scene}/figures/{name}.png" for scene in scenes for name in names]
-    return files
-
-
 rule write_report:
     input:
         table="results/tables/results.csv",

@@ -1,21 +1,3 @@
-def camera_files(wildcards):
-    """What the views of an asset are made from: a file, the camera files of a folder, or nothing if generated."""
-    source = config["assets"][wildcards.scene]["cameras"]
-    if source in GENERATED:
-        return []
-    if Path(source).is_dir():
-        return [path for name in CAMERA_FILES if (path := os.path.join(source, name)) and os.path.exists(path)]
-    return source
-
-
-def camera_options(wildcards, input):
-    """How the views of an asset are scaled or generated."""
-    asset = config["assets"][wildcards.scene]
-    if asset["cameras"] in GENERATED:
-        return f"--model {shlex.quote(input.model)} {options(asset['generated'], *asset['generated'])}"
-    return options(asset, "scale")
-
-
 rule prepare_cameras:
     input:
         cameras=camera_files,

@@ -12,7 +12,7 @@ from gspure import constants
 from gspure.attacks import attacks
 from gspure.cli.options import ENERGIES, SPLITS
 from gspure.clustering.selection import SELECTIONS
-from gspure.configuration import validated
+from gspure.configuration import resolved, validated
 from gspure.errors import InputError
 from gspure.weights import REDUCTIONS
 
@@ -112,3 +112,46 @@ def test_a_wrong_setting_is_refused_in_one_line_that_names_it(config, line):
     with pytest.raises(InputError, match="^mine.yaml: " + line) as refusal:
         filled(config)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_variant_is_an_attack_of_the_same_name_unless_it_names_one():
+    config = filled(
+        {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {}, "half": {"attack": "random_pruning"}}}
+    )
+    attacks_of = {name: variant["attack"] for name, variant in resolved(config, "mine.yaml")["variants"].items()}
+    assert attacks_of == {"watermarked": "watermarked", "gspure": "gspure", "half": "random_pruning"}
+
+
+def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_path):
+    for iteration in (900, 7000):
+        (tmp_path / "point_cloud" / f"iteration_{iteration}").mkdir(parents=True)
+        (tmp_path / "point_cloud" / f"iteration_{iteration}" / "point_cloud.ply").touch()
+    config = filled({"assets": {"bot": {"model": str(tmp_path), "cameras": "orbit"}}})
+    model = resolved(config, "mine.yaml")["assets"]["bot"]["model"]
+    assert model == str(tmp_path / "point_cloud" / "iteration_7000" / "point_cloud.ply")
+
+
+@pytest.mark.parametrize(
+    ("config", "line"),
+    [
+        ({}, "assets: expected at least one model, found none"),
+        ({"assets": {"bot": {"model": "no.ply", "cameras": "orbit"}}}, "assets.bot.model: expected .* found no.ply"),
+        ({"assets": {"bot": {"model": __file__, "cameras": "no.json"}}}, "assets.bot.cameras: .* found no.json"),
+        (
+            {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {}, "random_pruning": {"share": 1}}},
+            "variants.random_pruning.share: expected one of fraction, found an unknown key",
+        ),
+        (
+            {"planted": {"room": {}}, "variants": {"watermarked": {"sigma": 1}, "gspure": {}}},
+            "variants.watermarked.sigma: expected one of no settings, found an unknown key",
+        ),
+        (
+            {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {}, "gspur": {}}},
+            "variants.gspur: expected one of .*plain_weight.*, found 'gspur'",
+        ),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_the_configuration_names_must_exist(config, line):
+    with pytest.raises(InputError, match="^mine.yaml: " + line):
+        resolved(filled(config), "mine.yaml")

@@ -274,33 +274,27 @@ def test_a_stage_deleted_by_hand_is_reported_and_restored(project):
 @pytest.mark.parametrize(
     ("config", "line"),
     [
-        ({"asets": {}}, "gspure: config.yaml: asets: expected one of .* .did you mean assets"),
-        ({**CONFIG, "assets": {}}, "gspure: config.yaml: assets: expected at least one model, found none"),
+        ({"asets": {}}, r"gspure: config\.yaml: asets: expected one of .*found an unknown key .did you mean assets\?"),
         (
-            {"assets": {"bot": {"model": "no.ply", "cameras": "orbit"}}},
-            "gspure: config.yaml: assets.bot.model: .* no.ply",
-        ),
-        ({**CONFIG, "variants": {"watermarked": {}, "gspur": {}}}, "gspure: .*: expected one of .*gspure"),
-        (
-            {**CONFIG, "variants": {"watermarked": {}, "random_pruning": {"share": 1}}},
-            "gspure: config.yaml: variants.random_pruning.share: expected one of fraction, found an unknown key",
+            {**CONFIG, "assets": {"bot": {"model": "no.ply", "cameras": "orbit"}}},
+            r"gspure: config\.yaml: .*found no\.ply",
         ),
     ],
-    ids=lambda value: "" if isinstance(value, dict) else value[:40],
+    ids=["unknown key", "missing model"],
 )
 def test_a_wrong_configuration_is_refused_in_one_line(tmp_path, started, config, line):
     project = started.copy(tmp_path / "project")
     project.configure(config)
-    output = project.run("--dry-run", status=1).strip().splitlines()
-    assert re.match(line, output[-1])
-    assert "Traceback" not in "".join(output)
+    notice, refusal = project.run("--dry-run", status=1).splitlines()
+    assert notice.startswith("Using workflow specific profile")
+    assert re.match(line, refusal)
     assert not (project.folder / "results").exists()
 
 
 def test_the_renders_are_the_views_to_evaluate(finished):
     views = split(read_cameras(finished.folder / "views.json"))[1]
     rendered = finished.folder / BOT / "gspure" / "renders" / "scene"
-    assert sorted(path.stem for path in rendered.iterdir()) == [view.name for view in views]
+    assert sorted(path.stem for path in rendered.glob("*.png")) == [view.name for view in views]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,97 @@
+CAMERA_FILES = [
+    f"{folder}{name}"
+    for folder in ("", "sparse/0/", "sparse/")
+    for name in ("cameras.bin", "images.bin", "cameras.txt", "images.txt", "cameras.json", "transforms.json")
+]
+EVIDENCE = {
+    "weights": "results/{scheme}/{scene}/omega.npy",
+    "prune_mask": "results/{scheme}/{scene}/prune_mask.npy",
+}
+TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}
+
+
+def public_model(wildcards):
+    """The model that everybody sees: the planted one, or the user's file where it lies."""
+    if wildcards.scheme == "planted":
+        return f"results/planted/{wildcards.scene}/public/point_cloud.ply"
+    return config["assets"][wildcards.scene]["model"]
+
+
+def camera_files(wildcards):
+    """What the views of an asset are made from: a file, the camera files of a folder, or nothing if generated."""
+    source = config["assets"][wildcards.scene]["cameras"]
+    if source in GENERATED:
+        return []
+    if Path(source).is_dir():
+        return [path for name in CAMERA_FILES if (path := os.path.join(source, name)) and os.path.exists(path)]
+    return source
+
+
+def camera_options(wildcards, input):
+    """How the views of an asset are scaled or generated."""
+    asset = config["assets"][wildcards.scene]
+    if asset["cameras"] in GENERATED:
+        return f"--model {shlex.quote(input.model)} {options(asset['generated'], *asset['generated'])}"
+    return options(asset, "scale")
+
+
+def attack_of(wildcards):
+    """The attack behind a variant."""
+    return find_attack(VARIANTS[wildcards.variant]["attack"])
+
+
+def attack_input(wildcards):
+    """The public model, and what the attack has measured on it."""
+    evidence = {need: EVIDENCE[need].format(**wildcards) for need in sorted(attack_of(wildcards).needs)}
+    return {"model": public_model(wildcards), **evidence}
+
+
+def attack_options(wildcards, input):
+    """The evidence, the seed and the settings of a variant."""
+    settings = dict(VARIANTS[wildcards.variant])
+    del settings["attack"]
+    given = {name: path for name, path in input.items() if name in EVIDENCE} | {"seed": settings.pop("seed")}
+    assigned = [word for name, value in settings.items() for word in ("--set", f"{name}={value}")]
+    return f"{options(given, *given)} {shlex.join(assigned)}"
+
+
+def rendered_model(wildcards):
+    """The model behind the images of a target."""
+    model = "public/point_cloud.ply" if wildcards.target == "scene" else "message.ply"
+    return f"results/{wildcards.scheme}/{wildcards.scene}/{wildcards.variant}/{model}"
+
+
+def renders(wildcards):
+    """The folders of images of a variant."""
+    return expand("results/{scheme}/{scene}/{variant}/renders/{target}", target=TARGETS[wildcards.scheme], **wildcards)
+
+
+def references(wildcards):
+    """The folders of images that a variant is compared with, in the order of `renders`."""
+    if wildcards.scheme == "planted":
+        return expand("results/planted/{scene}/truth/{target}", target=TARGETS["planted"], scene=wildcards.scene)
+    return expand("results/vanilla/{scene}/watermarked/renders/scene", scene=wildcards.scene)
+
+
+def panel_columns(wildcards):
+    """The folders of images beside each other in a panel, by title: the reference, then before and after."""
+    renders = f"results/{wildcards.scheme}/{wildcards.scene}/{{variant}}/renders/{wildcards.target}"
+    columns = {variant: renders.format(variant=variant) for variant in ("watermarked", "gspure")}
+    if wildcards.scheme == "planted":
+        columns = {"truth": f"results/planted/{wildcards.scene}/truth/{wildcards.target}", **columns}
+    return columns
+
+
+def truth_of(scheme, scene):
+    """The mask of the Gaussians that carry the message, where it is known."""
+    return [f"results/planted/{scene}/key/carriers.npy"] if scheme == "planted" else []
+
+
+def figure_files():
+    """All figures, in the order in which the page shows them; those of a model are files of one folder."""
+    files = []
+    for scheme, scenes in SCHEMES.items():
+        names = ["outcomes", *TARGETS[scheme], *(f"model/{name}" for name in ("kept", "clusters", "ranks", "weights"))]
+        names += ["model/truth"] if scheme == "planted" else []
+        files += [f"results/{scheme}/{scene}/figures/{name}.png" for scene in scenes for name in names]
+    return files
