@@ -132,7 +132,7 @@ class Renderer:
         canvas = prepare_canvas(engine, frame, camera, self._storage.count)
         footprints = gather_footprints(engine, projected, order)
         for band in bands(engine, footprints, order, camera, self._entry_budget):
-            lists = bin_tiles(engine, footprints, order, camera, band)
+            lists = bin_tiles(engine, frame, projected, footprints, order, camera, band)
             blend_band(engine, frame, camera, projected, lists, np.asarray(background, np.float32), canvas)
             if frame.contributions:
                 sum_slots(engine, order, self._storage, lists, canvas)

@@ -14,7 +14,7 @@
 typedef struct {
     float x, y, slope, width2, inverse_syy, extent_y, y_extreme;
     int first, last, top, bottom;  // tile rectangle, inclusive
-    bool whole;                    // every tile of the rectangle is touched
+    bool unbounded;                // no ellipse: x to y_extreme do not hold
 } Footprint;
 
 inline Footprint load_footprint(float8 f, int band_first, int band_last) {
@@ -32,13 +32,13 @@ inline Footprint load_footprint(float8 f, int band_first, int band_last) {
     p.last = columns >> 16;
     p.top = max((int)(rows & 0xffff), band_first);
     p.bottom = min((int)(rows >> 16), band_last);
-    p.whole = p.first == p.last || isinf(sxx);
+    p.unbounded = isinf(sxx);
     return p;
 }
 
 // Tile columns [begin, end) of tile row `ty` that hold a pixel centre of the ellipse.
 inline int2 row_span(const Footprint *p, int ty) {
-    if (p->whole) return (int2)(p->first, p->last + 1);
+    if (p->unbounded || p->first == p->last) return (int2)(p->first, p->last + 1);
     // The band of pixel centres, relative to the centre; x over it is extreme at the ellipse's own extreme points, or at
     // the band's edges.
     float low = ty * TILE + (0.5f - FOOTPRINT_MARGIN) - p->y, high = low + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
@@ -52,6 +52,34 @@ inline int2 row_span(const Footprint *p, int ty) {
     if (last < 0) return (int2)(0, 0);
     return (int2)(max(p->first, first), min(p->last, last / TILE) + 1);
 }
+
+#if RAY
+// Largest value of c + b t + a t^2 for t in [low, high].
+inline float largest(float a, float b, float c, float low, float high) {
+    float t = a < 0.0f ? clamp(-0.5f * b / a, low, high) : low;
+    return c + max(t * (b + a * t), high * (b + a * high));
+}
+
+// Whether a Gaussian that reaches behind the camera can touch a pixel of a tile. Its alpha >= ALPHA_MIN exactly where
+// the quadratic g(d) = form + level N (layout.cl) is not negative. The region is no ellipse, so g is largest on the
+// rectangle's boundary. Rays that meet the Gaussian behind the camera have 1 + linear < 0.
+inline bool touches(__global const float *s, int tx, int ty) {
+    float level = s[SPLAT_LOG2_OPACITY] - LOG2_ALPHA_MIN;
+    float xx = s[SPLAT_XX] + level * s[SPLAT_MXX], yy = s[SPLAT_YY] + level * s[SPLAT_MYY];
+    float xy = s[SPLAT_XY] + 2.0f * level * s[SPLAT_MXY];
+    float lx = s[SPLAT_LX], ly = s[SPLAT_LY];
+    float x[2], y[2], best = -INFINITY;
+    x[0] = tx * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_U], x[1] = x[0] + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
+    y[0] = ty * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_V], y[1] = y[0] + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
+    if (1.0f + max(lx * x[0], lx * x[1]) + max(ly * y[0], ly * y[1]) < 0.0f) return false;
+    for (int side = 0; side < 2; side++) {
+        float h = y[side], v = x[side];  // a horizontal and a vertical edge
+        best = max(best, largest(xx, xy * h + 2.0f * level * lx, h * (yy * h + 2.0f * level * ly), x[0], x[1]));
+        best = max(best, largest(yy, xy * v + 2.0f * level * ly, v * (xx * v + 2.0f * level * lx), y[0], y[1]));
+    }
+    return best + level > -1e-3f * level;
+}
+#endif
 
 #define CHUNK_OF_VISIBLE                                        \
     uint chunk = get_global_id(0);                              \
@@ -79,8 +107,8 @@ __kernel void bound_entries(uint visible, uint chunks, int band_first, int band_
 }
 
 __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_first, int band_last,
-                           __global const uint *order, __global const float *ordered_footprints,
-                           __global const uint *chunk_starts, __global uint *chunk_ends, __global uint *emitted_tiles,
+                           __global const uint *order, __global const float *splats,
+                           __global const float *ordered_footprints, __global const uint *chunk_starts, __global uint *chunk_ends, __global uint *emitted_tiles,
                            __global uint *emitted_positions, __global uint2 *slot_ranges, __global uint *histogram) {
     CHUNK_OF_VISIBLE
     uint band_tiles = (band_last - band_first + 1) * tiles_x;
@@ -93,10 +121,13 @@ __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_firs
         for (int ty = footprint.top; ty <= footprint.bottom; ty++) {
             int2 span = row_span(&footprint, ty);
             uint tile = (ty - band_first) * tiles_x + span.x;
-            for (int tx = span.x; tx < span.y; tx++, tile++, slot++) {
+            for (int tx = span.x; tx < span.y; tx++, tile++) {
+#if RAY
+                if (footprint.unbounded && !touches(splats + (size_t)SPLAT * position, tx, ty)) continue;
+#endif
                 h[tile]++;
                 emitted_tiles[slot] = tile;
-                emitted_positions[slot] = position;
+                emitted_positions[slot++] = position;
             }
         }
         slot_ranges[rank] = (uint2)(first_slot, slot);

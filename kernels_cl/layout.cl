@@ -9,7 +9,7 @@
 //
 // A *footprint* is what tiles need: an ellipse {d : d' S^-1 d <= 1} around (X, Y) that holds every pixel with
 // alpha >= ALPHA_MIN, and its tile rectangle. SXX = INFINITY marks a footprint that is no ellipse (the Gaussian reaches
-// behind the camera): it covers its whole rectangle.
+// behind the camera): its rectangle is the image.
 
 #define SPLAT_U 0
 #define SPLAT_V 1

@@ -12,6 +12,7 @@ from gspure.cameras.camera import Camera
 from gspure.constants import TILE
 from gspure.opencl.counting import chunks, first_places, prefix_sums
 from gspure.opencl.engine import Engine
+from gspure.opencl.frame import Pass
 from gspure.opencl.ordering import DepthOrder
 from gspure.opencl.projection import FOOTPRINT_FLOATS, Projected
 
@@ -72,7 +73,15 @@ def bands(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: Came
     return [*found, Band(first, rows - 1)]
 
 
-def bin_tiles(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: Camera, band: Band) -> TileLists:
+def bin_tiles(
+    engine: Engine,
+    frame: Pass,
+    projected: Projected,
+    footprints: cl.Buffer,
+    order: DepthOrder,
+    camera: Camera,
+    band: Band,
+) -> TileLists:
     """Build the tile lists of one band (binning.cl)."""
     columns, _ = tile_grid(camera)
     tiles = (band.last - band.first + 1) * columns
@@ -85,19 +94,11 @@ def bin_tiles(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: 
         engine.buffer(name, 4 * capacity) for name in ("emitted_tiles", "emitted_positions", "entries", "slots")
     )
     engine.run(
-        _kernel(engine, "emit_entries"),
+        engine.kernel("emit_entries", "layout", "binning", **frame.layout),
         parts,
         *(np.uint32(visible), np.uint32(parts), np.int32(columns), np.int32(band.first), np.int32(band.last)),
-        *(
-            order.positions,
-            footprints,
-            chunk_starts,
-            chunk_ends,
-            emitted_tiles,
-            emitted_positions,
-            slot_ranges,
-            histogram,
-        ),
+        *(order.positions, projected.splats, footprints, chunk_starts, chunk_ends),
+        *(emitted_tiles, emitted_positions, slot_ranges, histogram),
     )
     tile_starts, _ = first_places(engine, "tile_starts", histogram, parts, tiles)
     engine.run(
