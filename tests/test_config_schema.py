@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,8 @@ from gspure.cli.options import ENERGIES, SPLITS
 from gspure.clustering.selection import SELECTIONS
 from gspure.configuration import resolved, validated
 from gspure.errors import InputError
+from gspure.scenes.placement import PLACEMENTS
+from gspure.scenes.planted import STAGES
 from gspure.weights import REDUCTIONS
 
 ROOT = Path(__file__).parents[1]
@@ -73,7 +76,21 @@ def test_choices_are_those_of_the_code():
     assert set(method["selection"]["enum"]) == set(SELECTIONS)
     assert set(method["reduction"]["enum"]) == set(REDUCTIONS)
     assert set(method["energy"]["enum"]) == set(ENERGIES)
+    planted = SCHEMA["properties"]["planted"]["additionalProperties"]["properties"]
+    assert set(planted["scene"]["enum"]) == set(planted["message"]["enum"]) == set(STAGES)
+    assert set(planted["placement"]["enum"]) == set(PLACEMENTS)
     assert set(SCHEMA["properties"]["views"]["properties"]["evaluate"]["enum"]) == set(SPLITS)
+
+
+def test_the_guide_shows_every_setting_with_its_default():
+    guide = (ROOT / "config" / "README.md").read_text()
+    shown = yaml.safe_load(re.findall(r"```yaml\n(.*?)```", guide, flags=re.DOTALL)[1])
+    files = {"model": shown["assets"]["bicycle"]["model"], "cameras": shown["assets"]["bicycle"]["cameras"]}
+    config = filled({"assets": {"bicycle": files}, "planted": {"room": {}}})
+    for name, settings in config["variants"].items():
+        settings |= {key: value for key, value in attacks()[name].settings.items() if key != "attributes"}
+        del settings["seed"]
+    assert shown == config
 
 
 def test_default_variants_are_known_attacks():
