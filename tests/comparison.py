@@ -3,7 +3,8 @@
 The rules of blending have steps: the cut-off at alpha = 1/255, the stop at T < 1e-4, the order of two depths. Close to
 a step, float32 may decide otherwise than float64 and differ by a finite, known amount. So pixels away from every step
 must agree tightly, in the mean, in a high quantile and at worst; pixels in the band around a step may differ by what
-flips can do, and they must be few. A maximum norm alone would either miss errors or fail at random.
+flips can do, and test_comparison.py sees to it that they are few. A maximum norm alone would either miss errors or fail
+at random.
 
 `tight` scales all of it: the rounding errors that the case at hand admits, as a share of the spread of the values.
 """
@@ -13,14 +14,11 @@ import numpy as np
 FLIP = 0.02
 """What a few flips at the cut-off (1/255 each) or one at the stop (0.01) move a pixel, relative to the spread."""
 
-DEPTH_ROUNDING = 2e-5
+DEPTH_ROUNDING = 5e-6
 """Relative rounding of view depths, which decide the order and the near plane."""
 
-MOST_IN_BAND = 0.05
-"""Largest share of pixels that may lie on a step, besides two pixels of a tiny image."""
 
-
-def may_flip(margins, tight):
+def may_flip(margins, tight=5e-6):
     """Pixels where an alpha or a transmittance may fall to a step's other side."""
     return np.minimum(margins.alpha, margins.stop) < 50 * tight
 
@@ -41,7 +39,6 @@ def assert_pixels_agree(actual, expected, margins, *, spread=1.0, tight=5e-6):
     flips, swaps = may_flip(margins, tight), may_swap(margins)
     assert_tight(error[~(flips | swaps)], tight)
     assert (error[~swaps] < max(FLIP, 20 * tight)).all(), f"largest error at a step {error[~swaps].max():.2e}"
-    assert_few(flips | swaps)
 
 
 def assert_depths_agree(actual, expected, margins, *, tight=5e-6):
@@ -51,7 +48,6 @@ def assert_depths_agree(actual, expected, margins, *, tight=5e-6):
     assert np.array_equal(np.isinf(actual[steady]), np.isinf(expected[steady])), "a median depth or none"
     finite = steady & np.isfinite(expected)
     assert_tight(np.abs(actual[finite] / expected[finite] - 1), tight)
-    assert_few(~steady)
 
 
 def assert_contributions_agree(actual, reference, *, tight=5e-6):
@@ -76,9 +72,3 @@ def assert_tight(errors, tight):
     if errors.size:
         mean, high, worst = errors.mean(), np.quantile(errors, 0.99), errors.max()
         assert (mean < tight / 5) & (high < tight) & (worst < 20 * tight), f"{mean:.2e}, {high:.2e}, {worst:.2e}"
-
-
-def assert_few(on_a_step):
-    """Bound the share of pixels that the tight comparison leaves out."""
-    count = np.count_nonzero(on_a_step)
-    assert count <= 2 + MOST_IN_BAND * on_a_step.size, f"{count} of {on_a_step.size} pixels on a step"

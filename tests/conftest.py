@@ -3,17 +3,19 @@
 import os
 from pathlib import Path
 
+import pytest
+
 # Compiled kernels are kept between test runs, apart from the user's own; PoCL reads this when it is loaded.
 os.environ.setdefault("POCL_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "pocl"))
 
-import pytest
 
-from gspure.opencl.device import list_devices, works
+def pytest_generate_tests(metafunc):
+    """Run a test with the argument `device` on each of them; none are looked for when no test asks."""
+    if "device" in metafunc.fixturenames:
+        from gspure.opencl.device import list_devices, works
 
-
-@pytest.fixture(params=filter(works, list_devices()), ids=str, scope="session")
-def device(request):
-    return request.param
+        devices = [device for device in list_devices() if works(device)]
+        metafunc.parametrize("device", devices, ids=[f"device{device.index}" for device in devices], scope="session")
 
 
 @pytest.fixture(params=["cpu", "gpu"])

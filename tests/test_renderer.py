@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,8 +23,7 @@ ROUNDING = {("needles", "ewa"): 2e-5, ("needles", "ray"): 2e-3}
 
 def assert_all_agree(renderer, view, *, tight=5e-6, background=(0.1, 0.5, 0.9)):
     """Compare every product of `renderer` with the reference."""
-    model, energy = renderer.model, renderer.energy
-    expected = render(model, view, energy, background=background)
+    expected = render(renderer.model, view, renderer.energy, background=background)
     spread = max(expected.channels.max(), 1.0)
     assert_pixels_agree(
         renderer.image(view, background), expected.channels, expected.margins, spread=spread, tight=tight
@@ -102,7 +102,7 @@ def test_any_number_of_channels_agrees_with_a_background_for_each(device, style,
 )
 def test_random_scenes_agree(device, style, energy, seed, count, size, largest, focal):
     model = blobs(count, seed, sh_degree=0, size=(0.02, largest))
-    assert_all_agree(Renderer(model, device, energy=energy, style=style), tilted_camera(*size, focal=focal), tight=2e-5)
+    assert_all_agree(Renderer(model, device, energy=energy, style=style), tilted_camera(*size, focal=focal), tight=5e-5)
 
 
 # --- culling ----------------------------------------------------------------------------------------------------------
@@ -216,18 +216,15 @@ def test_the_number_of_threads_does_not_matter(device):
     """On PoCL, whose threads an environment variable sets."""
     if "Portable Computing Language" not in device.platform:
         pytest.skip("not PoCL")
+    command = [sys.executable, "-c", HASH_IN_ANOTHER_PROCESS]
     hashes = [
         subprocess.run(
-            [sys.executable, "-c", HASH_IN_ANOTHER_PROCESS],
-            env={**os.environ, "POCL_MAX_PTHREAD_COUNT": threads},
-            check=True,
-            capture_output=True,
-            text=True,
-        ).stdout
+            command, env={**os.environ, "POCL_MAX_PTHREAD_COUNT": threads}, check=True, stdout=subprocess.PIPE
+        )
         for threads in ("1", "2")
     ]
-    assert len(hashes[0].split()) == 2
-    assert hashes[0] == hashes[1]
+    assert len(hashes[0].stdout.split()) == 2
+    assert hashes[0].stdout == hashes[1].stdout
 
 
 # --- refusals ---------------------------------------------------------------------------------------------------------

@@ -1,0 +1,88 @@
+"""The kernels in oclgrind, a simulator that reports data races and invalid memory accesses."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.oclgrind
+
+LIBRARY = "liboclgrind-rt-icd.so"
+
+RENDER = """
+from gspure.opencl.device import list_devices
+from gspure.reference.blending import render
+from gspure.renderer import Renderer
+from tests.comparison import assert_pixels_agree
+from tests.models import blobs, tilted_camera
+(device,) = list_devices()
+assert "Oclgrind" in device.name, device
+model, view = blobs(150, 1, sh_degree=1), tilted_camera(40, 30)
+renderer = Renderer(model, device, energy={energy!r}, style={style!r})
+expected = render(model, view, {energy!r})
+assert_pixels_agree(renderer.image(view), expected.channels, expected.margins, spread=expected.channels.max())
+renderer.depth(view)
+renderer.contributions(view)
+"""
+
+WRITE = """
+import numpy as np
+import pyopencl as cl
+context = cl.create_some_context()
+queue = cl.CommandQueue(context)
+target = cl.Buffer(context, cl.mem_flags.READ_WRITE, 8)
+source = "kernel void write(global int *x) {{ x[{place}] = get_global_id(0); }}"
+kernel = cl.Kernel(cl.Program(context, source).build(), "write")
+kernel(queue, (8,), (1,), target)
+queue.finish()
+"""
+
+
+@pytest.fixture
+def simulate(tmp_path):
+    """Run a Python program on the simulator; return what it has to report."""
+    command = shutil.which("oclgrind")
+    folder = Path(command or "").resolve().parents[1] / "lib" if command else Path()
+    found = [*folder.glob(f"oclgrind/{LIBRARY}"), *folder.glob(f"*/oclgrind/{LIBRARY}"), *folder.glob(LIBRARY)]
+    if not found:
+        pytest.skip("oclgrind is not installed (Debian package: oclgrind)")
+    vendors = tmp_path / "vendors"
+    vendors.mkdir()
+    (vendors / "oclgrind.icd").write_text(f"{found[0]}\n")
+
+    def run(program):
+        log = tmp_path / "log.txt"
+        environment = {
+            "OCL_ICD_VENDORS": str(vendors),
+            "OCLGRIND_CHECK_API": "1",
+            "OCLGRIND_DATA_RACES": "1",
+            "OCLGRIND_LOG": str(log),
+            "PYOPENCL_NO_CACHE": "1",
+        }
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env={**os.environ, **environment},
+            cwd=Path(__file__).parents[1],
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        # Asking for a property that OpenCL 1.2 does not know is no mistake.
+        calls = {function for function in re.findall(r"Function: (\w+)", done.stderr) if not function.endswith("Info")}
+        return log.read_text() + " ".join(sorted(calls))
+
+    return run
+
+
+def test_the_simulator_reports_races_and_invalid_accesses(simulate):
+    assert "data race" in simulate(WRITE.format(place="0"))
+    assert "Invalid write" in simulate(WRITE.format(place="get_global_id(0) + 2"))
+
+
+def test_the_kernels_have_no_race_and_no_invalid_access(simulate, style, energy):
+    assert simulate(RENDER.format(style=style, energy=energy)) == ""
