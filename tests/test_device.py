@@ -1,0 +1,162 @@
+"""Choosing an OpenCL device, on drivers that are told what to be and on the real one."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import dataclass, field, replace
+
+import pyopencl as cl
+import pytest
+
+from gspure.errors import InputError
+from gspure.opencl import device as devices
+from gspure.opencl import probe
+from gspure.opencl.device import choose_device, devices_meant, list_devices
+
+CPU, GPU = cl.device_type.CPU, cl.device_type.GPU
+
+
+@dataclass(frozen=True)
+class FakeDevice:
+    """The attributes of a pyopencl.Device that are read."""
+
+    name: str
+    type: int
+    driver_version: str = "1"
+    platform: FakePlatform | None = None
+
+
+@dataclass(frozen=True)
+class FakePlatform:
+    """A pyopencl.Platform; `found` None stands for a driver that fails when asked for its devices."""
+
+    name: str
+    version: str = "OpenCL 3.0"
+    found: tuple[FakeDevice, ...] | None = field(default=(), compare=False)
+
+    def get_devices(self) -> list[FakeDevice]:
+        if self.found is None:
+            raise cl.LogicError("DEVICE_NOT_FOUND")
+        return [replace(each, platform=self) for each in self.found]
+
+
+POCL = FakePlatform("Portable Computing Language", "OpenCL 3.0 PoCL 3.1", (FakeDevice("pthread-EPYC", CPU),))
+CARDS = FakePlatform("Cards Inc.", found=(FakeDevice("Card A", GPU), FakeDevice("Card B", GPU)))
+
+
+@pytest.fixture
+def machine(monkeypatch):
+    """Return a function that sets the machine's platforms and the names of the devices on which nothing runs."""
+    monkeypatch.delenv("GSPURE_DEVICE", raising=False)
+
+    def set_up(*platforms: FakePlatform, broken: tuple[str, ...] = ()) -> None:
+        monkeypatch.setattr(devices, "_platforms", lambda: list(platforms))
+        monkeypatch.setattr(devices, "fault", lambda d: "does not build" if d.name in broken else None)
+        list_devices.cache_clear()
+
+    yield set_up
+    list_devices.cache_clear()
+
+
+def test_gpus_come_before_cpus_and_are_numbered_so(machine) -> None:
+    machine(POCL, CARDS)
+    assert [(d.index, d.kind, d.name) for d in list_devices()] == [
+        (0, "gpu", "Card A"),
+        (1, "gpu", "Card B"),
+        (2, "cpu", "pthread-EPYC"),
+    ]
+
+
+def test_the_default_is_the_first_device_that_works(machine) -> None:
+    machine(POCL, CARDS, broken=("Card A",))
+    assert choose_device().name == "Card B"
+    machine(POCL, CARDS, broken=("Card A", "Card B"))
+    assert choose_device().name == "pthread-EPYC"
+
+
+@pytest.mark.parametrize(
+    ("spec", "name"), [("2", "pthread-EPYC"), ("card b", "Card B"), ("pocl", "pthread-EPYC"), ("inc.", "Card A")]
+)
+def test_a_device_is_meant_by_its_index_or_by_a_part_of_a_name(machine, spec: str, name: str) -> None:
+    machine(POCL, CARDS)
+    assert choose_device(spec).name == name
+
+
+def test_the_environment_names_a_device_and_an_argument_overrules_it(machine, monkeypatch) -> None:
+    machine(POCL, CARDS)
+    monkeypatch.setenv("GSPURE_DEVICE", "pocl")
+    assert choose_device().name == "pthread-EPYC"
+    assert choose_device("Card A").name == "Card A"
+
+
+def test_a_named_device_that_does_not_work_is_not_replaced(machine, monkeypatch) -> None:
+    machine(POCL, CARDS, broken=("Card A",))
+    with pytest.raises(InputError, match=r"0: Card A \(Cards Inc.\): does not build .*make opencl"):
+        choose_device("Card A")
+    monkeypatch.setenv("GSPURE_DEVICE", "0")
+    with pytest.raises(InputError, match="does not build"):
+        choose_device()
+
+
+@pytest.mark.parametrize("spec", ["7", "nvidia"])
+def test_a_device_that_is_not_there_is_refused_with_those_that_are(machine, spec: str) -> None:
+    machine(POCL)
+    with pytest.raises(InputError, match=r"OpenCL: device: .*0: pthread-EPYC"):
+        devices_meant(spec)
+
+
+@pytest.mark.parametrize("spec", [None, "0"])
+def test_no_driver_gives_one_line_with_the_command_that_helps(machine, spec: str | None) -> None:
+    machine()
+    with pytest.raises(InputError, match=r"no device .*make opencl") as error:
+        choose_device(spec)
+    assert "\n" not in str(error.value)
+
+
+def test_a_driver_without_its_hardware_is_passed_over(machine) -> None:
+    machine(FakePlatform("No card inside", found=None), POCL)
+    assert [d.name for d in list_devices()] == ["pthread-EPYC"]
+
+
+def test_some_device_of_this_machine_works() -> None:
+    chosen = choose_device()
+    assert devices.works(chosen)
+    assert chosen in list_devices()
+
+
+def test_a_program_that_does_not_build_is_told_by_its_first_error(monkeypatch) -> None:
+    chosen = choose_device()
+    monkeypatch.setattr(devices, "_TRIVIAL_KERNEL", "kernel void triple(global int *a) { a[0] = nothing_here; }")
+    reason = devices.fault.__wrapped__(chosen)
+    assert "nothing_here" in reason
+    assert "\n" not in reason
+
+
+def test_wrong_results_are_a_fault(monkeypatch) -> None:
+    chosen = choose_device()
+    monkeypatch.setattr(devices, "_TRIVIAL_KERNEL", devices._TRIVIAL_KERNEL.replace("3.0f", "2.0f"))
+    assert devices.fault.__wrapped__(chosen) == "a trivial kernel gives wrong results"
+
+
+def test_every_device_is_tried_in_a_process_of_its_own() -> None:
+    trials = probe.try_devices()
+    assert [(trial.index, trial.name) for trial in trials] == [(d.index, d.name) for d in list_devices()]
+    assert [trial.fault is None for trial in trials] == [devices.works(d) for d in list_devices()]
+
+
+@pytest.mark.parametrize(
+    ("status", "words", "fault"),
+    [
+        (-6, 'note\nerror: Executable "ld" doesn\'t exist!\nFinal linking failed', 'Executable "ld" doesn\'t exist!'),
+        (-11, "", "the driver ended the process (status -11)"),
+    ],
+)
+def test_a_driver_that_ends_its_process_is_a_fault_of_that_device(monkeypatch, status, words, fault) -> None:
+    listing = '[{"index": 0, "kind": "cpu", "name": "a", "platform": "p", "driver": "1", "meant": true}]'
+
+    def child(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(arguments, status if arguments else 0, "" if arguments else listing, words)
+
+    monkeypatch.setattr(probe, "_child", child)
+    (trial,) = probe.try_devices()
+    assert (trial.index, trial.fault) == (0, fault)
