@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.method_options import add_selection
+from gspure.clustering.selection import SELECTIONS
+from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 
 HELP = "select clusters from a spanning tree"
 EXAMPLES = """\
@@ -34,3 +35,28 @@ def run(args: argparse.Namespace) -> None:
     settings = {name: getattr(args, name) for name in ("min_cluster_size", "selection", "max_cluster_share")}
     write_clusters(args.out, Clusters(select(tree, **settings), coincident_points(tree)), settings)
     write_provenance(args.out, inputs={"tree": args.tree}, settings=settings)
+
+
+def add_selection(parser: argparse.ArgumentParser) -> None:
+    """Add ``--min-cluster-size``, ``--selection`` and ``--max-cluster-share``."""
+    parser.add_argument(
+        "--min-cluster-size",
+        type=int,
+        default=MIN_CLUSTER_SIZE,
+        metavar="N",
+        help="HDBSCAN's min_cluster_size (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--selection",
+        choices=SELECTIONS,
+        default=SELECTIONS[0],
+        help="excess of mass without clusters above --max-cluster-share, plain excess of mass, or the leaves of the "
+        "hierarchy (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--max-cluster-share",
+        type=float,
+        default=MAX_CLUSTER_SHARE,
+        metavar="SHARE",
+        help="for eom_capped: largest share of the Gaussians in one cluster (default: %(default)s)",
+    )

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.method_options import add_factors, add_min_samples, add_reduction, add_selection
+from gspure.cli.cluster import add_selection
+from gspure.cli.method_options import add_factors, add_min_samples
 from gspure.cli.options import add_device, add_energy
+from gspure.cli.weights import add_reduction
 
 if TYPE_CHECKING:
     from gspure.attacks.gspure import Purification

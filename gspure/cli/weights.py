@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.method_options import add_reduction
+from gspure.weights import REDUCTIONS
 
 HELP = "average the contributions over the views: weights omega [K]"
 EXAMPLES = """\
@@ -36,3 +36,13 @@ def run(args: argparse.Namespace) -> None:
     save_array(args.out, weights)
     inputs = {"model": args.model} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
     write_provenance(args.out, inputs=inputs, settings={"reduction": args.reduction, "views": len(stages)})
+
+
+def add_reduction(parser: argparse.ArgumentParser) -> None:
+    """Add ``--reduction``."""
+    parser.add_argument(
+        "--reduction",
+        choices=REDUCTIONS,
+        default="sum",
+        help="how the pixels of a view become one contribution (default: %(default)s)",
+    )
