@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.clustering.selection import SELECTIONS
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 
 HELP = "select clusters from a spanning tree"
@@ -39,6 +38,8 @@ def run(args: argparse.Namespace) -> None:
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
     """Add ``--min-cluster-size``, ``--selection`` and ``--max-cluster-share``."""
+    from gspure.clustering.selection import SELECTIONS
+
     parser.add_argument(
         "--min-cluster-size",
         type=int,

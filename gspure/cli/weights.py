@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.weights import REDUCTIONS
-
 HELP = "average the contributions over the views: weights omega [K]"
 EXAMPLES = """\
   gspure weights --index 1.tsv 2.tsv --model point_cloud.ply --out omega.npy
@@ -40,6 +38,8 @@ def run(args: argparse.Namespace) -> None:
 
 def add_reduction(parser: argparse.ArgumentParser) -> None:
     """Add ``--reduction``."""
+    from gspure.weights import REDUCTIONS
+
     parser.add_argument(
         "--reduction",
         choices=REDUCTIONS,
