@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -160,8 +161,10 @@ def _draw_outcomes(args: argparse.Namespace) -> None:
     if not outcomes:
         raise InputError(args.table, "scheme, scene", expected=args.asset, found="no such row")
     write_outcomes(args.out, outcomes)
-    caption = "Mean PSNR over the views of every variant, and its Score: message drop minus scene drop, in dB."
-    _note({args.out: caption}, {"table": args.table}, {"asset": args.asset})
+    caption = "Mean PSNR over the views of every variant"
+    if any(not math.isnan(o.score) for o in outcomes):
+        caption += ", and its Score: what the message lost less what the scene lost, in dB"
+    _note({args.out: caption + "."}, {"table": args.table}, {"asset": args.asset})
 
 
 def _note(captions: dict[Path, str], inputs: dict[str, Path], settings: dict[str, str | float | None]) -> None:

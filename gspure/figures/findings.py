@@ -4,17 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import isfinite, isnan
+from typing import Final
 
 from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
 
-METHOD = "gspure"
-PLANTED = "planted"
+METHOD: Final = "gspure"
+PLANTED: Final = "planted"
 
-MINUS = "\N{MINUS SIGN}"
+MINUS: Final = "\N{MINUS SIGN}"
+
+
+DIAGNOSIS_TERMS: Final = {
+    "gaussians": "Gaussians",
+    "clusters": "clusters found",
+    "largest_share": "Gaussians in the largest cluster",
+    "noise_share": "Gaussians in no cluster (noise)",
+    "pruned_share": "pruned",
+    "pruned_as_cluster": "pruned as part of a cluster",
+    "pruned_as_noise": "pruned one by one, as noise",
+    "pruned_weight_share": "share of all weight that was pruned",
+    "plain_share": "pruned by the same threshold without clustering",
+    "changed_share": "share of the decision that clustering changed",
+}
+"""Fields of `gspure.clustering.Diagnosis` in the order of telling, and what they mean."""
 
 
 def findings(outcomes: Sequence[Outcome]) -> list[str]:
-    """Return what happened to one model: what was taken away, what that did to message and scene, what else does so.
+    """Return what happened to one model, a sentence or two for each question that the numbers answer.
 
     Parameters
     ----------
@@ -22,15 +38,12 @@ def findings(outcomes: Sequence[Outcome]) -> list[str]:
         All variants of one scheme and scene.
 
     """
-    by_name = {o.variant: o for o in outcomes}
-    method = by_name.get(METHOD)
-    found = []
+    method = next((o for o in outcomes if o.variant == METHOD), None)
+    found = [_measured(outcomes)]
     if method is not None:
-        found.append(_pruned(method))
-        found.append(_damage(method))
-    if any(isfinite(o.score) for o in outcomes):
-        found.append(_ranking(outcomes))
-    elif not any(MESSAGE in o.targets for o in outcomes):
+        found += [_pruned(method), _damage(method)]
+    found.append(_ranking(outcomes))
+    if not any(MESSAGE in o.targets for o in outcomes):
         found.append(
             "No key to the message was given, so whether it survives was not measured: these numbers are the damage "
             "to the scene alone."
@@ -38,33 +51,40 @@ def findings(outcomes: Sequence[Outcome]) -> list[str]:
     return [sentence for sentence in found if sentence]
 
 
+def _measured(outcomes: Sequence[Outcome]) -> str:
+    attacks = sum(o.variant != REFERENCE for o in outcomes)
+    views = max((count for o in outcomes for count in o.views.values()), default=0)
+    what = "scene and hidden message" if any(MESSAGE in o.targets for o in outcomes) else "scene"
+    return f"{_plural(attacks, 'attack')} on this model, judged by {_plural(views, 'view')} of its {what}."
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def _pruned(o: Outcome) -> str:
     if isnan(o.pruned_share):
         return ""
     text = f"GSPure removed {o.pruned_share:.1%} of the Gaussians."
     if not isnan(o.precision):
-        text += f" Of these, {o.precision:.1%} carried the message;"
-        text += f" of all that carried it, {o.recall:.1%} were found."
+        text += f" {o.precision:.1%} of these carried the message, and {o.recall:.1%} of all its carriers were removed."
     return text
 
 
 def _damage(o: Outcome) -> str:
-    changes = [text for target in (MESSAGE, SCENE) if (text := _change(o, target))]
-    if not changes:
-        return ""
-    text = " and ".join(changes)
-    score = f", a Score of {signed(o.score)} dB" if isfinite(o.score) else ""
-    return f"{text[0].upper()}{text[1:]}{score}."
+    if isfinite(o.score):
+        return (
+            f"It took the message from {_from_to(o, MESSAGE)}, and the scene from {_from_to(o, SCENE)}: a Score of "
+            f"{signed(o.score)}."
+        )
+    if SCENE in o.targets and isfinite(o.targets[SCENE].psnr):
+        return f"After it, views of the scene have a PSNR of {o.targets[SCENE].psnr:.2f} dB."
+    return ""
 
 
-def _change(o: Outcome, target: str) -> str:
-    if target not in o.targets:
-        return ""
-    after = o.targets[target].psnr
-    if isfinite(o.psnr_drop(target)):
-        before = o.reference[target].psnr
-        return f"the {target} went from {before:.2f} to {after:.2f} dB PSNR ({signed(after - before)} dB)"
-    return f"the {target} is at {decibels(after)} dB PSNR of the unattacked model's images"
+def _from_to(o: Outcome, target: str) -> str:
+    before, after = o.reference[target].psnr, o.targets[target].psnr
+    return f"{before:.2f} to {after:.2f} dB ({signed(after - before)})"
 
 
 def _ranking(outcomes: Sequence[Outcome]) -> str:
@@ -72,7 +92,7 @@ def _ranking(outcomes: Sequence[Outcome]) -> str:
     if len(ranked) < 2:
         return ""
     listed = ", ".join(f"{spoken(o.variant)} {signed(o.score)}" for o in ranked)
-    return f"All attacks by their Score, best first: {listed}."
+    return f"By Score, what the message lost less what the scene lost, the attacks rank: {listed}."
 
 
 def limits(outcomes: Sequence[Outcome]) -> Iterator[str]:

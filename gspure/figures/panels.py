@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gspure.evaluation.metrics import psnr
 from gspure.figures import style
+from gspure.figures.findings import spoken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +49,7 @@ def write_panels(
     with style.page(path, style.PAGE, rows + 0.2) as figure:
         grid = figure.subplots(len(views), len(titles), squeeze=False)
         for axes, title in zip(grid[0], titles, strict=True):
-            axes.set_title(title, pad=3)
+            axes.set_title(spoken(title), pad=3)
         for view, row in zip(views, grid, strict=True):
             for axes, rendering in zip(row, renderings, strict=False):
                 label = view if rendering is reference else f"{psnr(reference[view], rendering[view]):.2f} dB"

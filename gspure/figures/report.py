@@ -105,6 +105,7 @@ def write_report(
         version=__version__,
         sections=[_section(key, variants, figures, diagnoses) for key, variants in models],
         limits=list(findings.limits(outcomes)),
+        diagnosis_terms=findings.DIAGNOSIS_TERMS,
         records=[(file.as_posix(), read_json(file)) for file in provenance],
     )
     write_text(path, page)
