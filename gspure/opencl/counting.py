@@ -26,9 +26,12 @@ def first_places(engine: Engine, name: str, histogram: cl.Buffer, parts: int, bi
 
 
 def prefix_sums(engine: Engine, name: str, counts: cl.Buffer, length: int) -> tuple[cl.Buffer, int]:
-    """Return (buffer `name` of the length + 1 exclusive prefix sums of `counts`, total)."""
-    starts = np.zeros(length + 1, np.uint32)
+    """Return (buffer `name` of the length + 1 exclusive prefix sums of `counts`, total).
+
+    The sums are of 32 bits; a total that does not fit is told truly, and the sums are then not to be used.
+    """
+    starts = np.zeros(length + 1, np.uint64)
     if length:
         with engine.mapped(counts, (length,), np.uint32) as values:
             np.cumsum(values, out=starts[1:])
-    return engine.upload(name, starts), int(starts[-1])
+    return engine.upload(name, starts.astype(np.uint32)), int(starts[-1])
