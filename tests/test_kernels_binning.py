@@ -1,0 +1,89 @@
+"""Tile lists against brute force over pixel centres."""
+
+import numpy as np
+import pytest
+
+from gspure.constants import TILE
+from gspure.opencl.binning import bands, bin_tiles, gather_footprints
+from gspure.opencl.engine import Engine
+from gspure.opencl.frame import Pass
+from gspure.opencl.ordering import sort_by_depth
+from gspure.opencl.projection import project
+from gspure.opencl.storage import store
+from gspure.reference.footprint import touched_tiles
+from gspure.reference.projection import project as project_reference
+from tests.models import AWKWARD, blobs, camera, tilted_camera
+
+
+class Lists:
+    """The lists of a whole frame, read back: rows of each tile, front to back."""
+
+    def __init__(self, device, style, energy, model, view, entry_budget=1 << 20):
+        engine = Engine(device.cl_device, style)
+        storage, frame = store(engine, model), Pass(energy)
+        projected = project(engine, frame, view, storage, None)
+        order = sort_by_depth(engine, projected, storage)
+        footprints = gather_footprints(engine, projected, order)
+        self.front_to_back = storage.order[engine.read(order.positions, (order.visible,), np.uint32)]
+        self.bands = bands(engine, footprints, order, view, entry_budget)
+        self.tiles, self.capacities = [], []
+        for band in self.bands:
+            lists = bin_tiles(engine, frame, projected, footprints, order, view, band)
+            columns = -(-view.width // TILE)
+            starts = engine.read(lists.tile_starts, ((band.last - band.first + 1) * columns + 1,), np.uint32)
+            rows = storage.order[engine.read(lists.entries, (starts[-1],), np.uint32)]
+            slots = engine.read(lists.slots, (starts[-1],), np.uint32)
+            ranges = engine.read(lists.slot_ranges, (order.visible, 2), np.uint32)
+            self.tiles += np.split(rows, starts[1:-1])
+            self.capacities.append(lists.capacity)
+            check_slots(self.front_to_back, rows, slots, ranges, lists.capacity)
+
+
+def check_slots(front_to_back, rows, slots, ranges, capacity):
+    """Each entry has a slot of its own, among its Gaussian's, and those of one Gaussian are in tile order."""
+    assert len(np.unique(slots)) == len(slots)
+    assert (slots < capacity).all()
+    for row, (begin, end) in zip(front_to_back, ranges, strict=True):
+        assert np.array_equal(slots[rows == row], np.arange(begin, end))
+
+
+def pairs(lists):
+    """{(tile, row)} of all entries."""
+    return {(tile, row) for tile, rows in enumerate(lists.tiles) for row in rows}
+
+
+def touched_pairs(model, view, energy):
+    projection = project_reference(model, view, energy)
+    touched = touched_tiles(projection, view)
+    i, row, column = np.nonzero(touched)
+    return set(zip(row * touched.shape[2] + column, projection.rows[i], strict=True))
+
+
+@pytest.mark.parametrize("case", AWKWARD)
+def test_lists_hold_every_touched_gaussian_once_and_front_to_back(device, style, energy, case):
+    model, view = AWKWARD[case]()
+    lists = Lists(device, style, energy, model, view)
+    rank = {row: i for i, row in enumerate(lists.front_to_back)}
+    for rows in lists.tiles:
+        assert (np.diff([rank[row] for row in rows]) > 0).all()
+    assert pairs(lists) >= touched_pairs(model, view, energy)
+
+
+def test_lists_hold_little_else(device, style, energy):
+    """A Gaussian's ellipse may pass between pixel centres, and nothing more."""
+    model, view = blobs(300, 1, size=(0.05, 0.5)), tilted_camera(160, 120, focal=150)
+    listed, touched = pairs(Lists(device, style, energy, model, view)), touched_pairs(model, view, energy)
+    assert listed >= touched
+    assert len(listed) < 1.03 * len(touched)
+
+
+def test_bands_split_the_image_and_keep_to_the_budget(device, style, energy):
+    model, view = blobs(120, 2), camera(65, 97)
+    whole = Lists(device, style, energy, model, view)
+    assert len(whole.bands) == 1
+    banded = Lists(device, style, energy, model, view, entry_budget=150)
+    assert 1 < len(banded.bands) < 7
+    assert [band.first for band in banded.bands] == [0] + [band.last + 1 for band in banded.bands[:-1]]
+    assert max(banded.capacities) <= 150
+    for a, b in zip(whole.tiles, banded.tiles, strict=True):
+        assert np.array_equal(a, b)
