@@ -29,6 +29,8 @@ rule all:
     default_target: True
     input:
         "results/report.html",
+    message:
+        "Done: see {input}"
 
 
 rule purified:
