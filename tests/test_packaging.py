@@ -44,6 +44,7 @@ def test_an_editable_install_finds_the_kernels_of_the_checkout(tmp_path: Path) -
     installed = build("build_editable", tmp_path)
     found = python(f"import site; site.addsitedir({str(installed)!r}); {FIND}", cwd=tmp_path)
     assert Path(found) == ROOT / "kernels_cl"
+    assert not list(installed.rglob("*.cl")), "a copy would go stale"
 
 
 def test_a_plain_checkout_finds_its_own_kernels(tmp_path: Path) -> None:
