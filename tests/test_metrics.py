@@ -59,6 +59,12 @@ def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
     assert ssim(image(0), image(0)) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("metric", [psnr, ssim])
+def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
+    with pytest.raises(InputError, match=r"images: shape: expected \[20, 20, 3\], found \[20, 20, 1\]"):
+        metric(np.zeros((20, 20, 3)), np.zeros((20, 20, 1)))
+
+
 def test_equation_of_ssim_by_a_double_loop() -> None:
     a, b = image(1, 17, 13), image(2, 17, 13)
     assert ssim(a, b) == pytest.approx(ssim_by_the_definition(a, b), abs=1e-12)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
+from gspure.errors import InputError
 
 Float64 = NDArray[np.float64]
 
@@ -24,7 +25,13 @@ def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
     a, b : array [H,W,C]
         Images in 0 .. 1, as read from PNG (bytes / 255).
 
+    Raises
+    ------
+    InputError
+        If their shapes differ.
+
     """
+    _check_same_shape(a, b)
     error = float(np.mean(np.square(np.subtract(a, b, dtype=np.float64))))
     return -10.0 * float(np.log10(error)) if error else float("inf")
 
@@ -44,7 +51,13 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     a, b : array [H,W,C]
         Images in 0 .. 1.
 
+    Raises
+    ------
+    InputError
+        If their shapes differ.
+
     """
+    _check_same_shape(a, b)
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     mean_a, mean_b = _blur(a), _blur(b)
     var_a, var_b = _blur(a * a) - mean_a**2, _blur(b * b) - mean_b**2
@@ -52,6 +65,11 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     luminance = (2 * mean_a * mean_b + SSIM_C1) / (mean_a**2 + mean_b**2 + SSIM_C1)
     structure = (2 * covariance + SSIM_C2) / (var_a + var_b + SSIM_C2)
     return float(np.mean(luminance * structure))
+
+
+def _check_same_shape(a: NDArray[Any], b: NDArray[Any]) -> None:
+    if np.shape(a) != np.shape(b):
+        raise InputError("images", "shape", expected=f"{list(np.shape(a))}", found=f"{list(np.shape(b))}")
 
 
 def gaussian_window() -> Float64:
