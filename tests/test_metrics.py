@@ -206,6 +206,7 @@ def test_masks_of_different_models_are_refused() -> None:
         recall(np.zeros(3, bool), np.zeros(4, bool))
 
 
+@settings(deadline=None)  # scikit-learn is imported on the first example
 @given(st.integers(0, 60).flatmap(lambda n: st.tuples(*[hnp.arrays(np.int32, n, elements=st.integers(-1, 4))] * 2)))
 def test_adjusted_rand_index_is_that_of_scikit_learn(labels: tuple[np.ndarray, np.ndarray]) -> None:
     from sklearn.metrics import adjusted_rand_score
