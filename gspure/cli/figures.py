@@ -104,6 +104,8 @@ def _draw_model(args: argparse.Namespace) -> None:
 
     model = read_model(args.model)
     require_finite(model, args.model)
+    if not len(model):
+        raise InputError(args.model, "Gaussians", expected="at least one", found="none")
     shape = (len(model),)
     labels = read_clusters(args.clusters).labels
     if labels.shape != shape:

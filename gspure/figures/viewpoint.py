@@ -15,6 +15,7 @@ MAX_POINTS = 2_000_000
 """A cloud with more points than this is thinned, always to the same points."""
 
 _BULK = (0.02, 0.98)  # quantiles that bound the bulk of the points, by which floaters are told
+_NEAREST = 0.1  # least distance from the camera of an overview to what it frames, times the extent of that
 _MARGIN = 1.04  # of an overview, times the extent of what it frames
 _TALLEST, _FLATTEST = 0.8, 0.45  # height over width of an overview
 _FIELD_OF_VIEW = np.radians(35.0)
@@ -81,14 +82,6 @@ def choose(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
     return max(sorted(cameras, key=lambda camera: camera.name), key=lambda camera: len(in_view(means, camera)))
 
 
-def level_axes(up: NDArray[np.floating]) -> Float64:
-    """Return a right-handed basis [3,3] as rows (right, up, back) for a world whose up direction is `up`."""
-    helper = np.eye(3)[np.argmin(np.abs(up))]
-    back = np.cross(helper, up)
-    back /= np.linalg.norm(back)
-    return np.stack([np.cross(up, back), up, back])
-
-
 def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
     """Return a camera outside the cloud that frames all of it but floaters, seen from above and a little aside.
 
@@ -112,9 +105,9 @@ def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
     t = np.tan(_FIELD_OF_VIEW / 2)
     low = (-local[:, :2] - t * local[:, 2:]).max(axis=0)
     high = (local[:, :2] - t * local[:, 2:]).max(axis=0)
-    distance = max(float(((high + low) / (2 * t)).max()), 0)
-    eye = np.append((high - low) / 2, -distance)
-    slopes = (local[:, :2] - eye[:2]) / np.maximum(local[:, 2:] - eye[2], 1e-9)
+    nearest = local[:, 2].min() - _NEAREST * (float(np.ptp(local, axis=0).max()) or 1.0)
+    eye = np.append((high - low) / 2, min(-((high + low) / (2 * t)).max(), nearest))
+    slopes = (local[:, :2] - eye[:2]) / (local[:, 2:] - eye[2])
     viewmat = np.eye(4)
     viewmat[:3, :3] = R
     viewmat[:3, 3] = -eye

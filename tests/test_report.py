@@ -1,0 +1,243 @@
+"""The report page: self-contained, and true to the numbers."""
+
+import json
+import math
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.artifacts import write_json, write_provenance
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.evaluation.comparison import ViewMetrics
+from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.reading import read_table
+from gspure.evaluation.tables import write_table
+from gspure.figures import findings, style
+from gspure.figures.report import write_report
+from gspure.images import write_image
+
+VOID = {"meta", "link", "img", "br", "hr", "input"}
+
+
+class Page(HTMLParser):
+    """Every element with its attributes, and the visible text; fails on tags that do not nest."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.source = path.read_text(encoding="utf-8")
+        self.feed(self.source)
+        self.close()
+        assert not self.open, f"not closed: {self.open}"
+        self.text = " ".join(self.text.split())
+
+    def handle_starttag(self, tag, attrs) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data) -> None:
+        if self.open and self.open[-1] not in {"style", "title"}:
+            self.text += data
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+def variant(name: str, scene: float, message: float = math.nan, *, asset=("planted", "room"), **known) -> Outcome:
+    targets = {"scene": ViewMetrics("scene", "mean", scene, 0.9)}
+    if not math.isnan(message):
+        targets["message"] = ViewMetrics("message", "mean", message, 0.8)
+    return Outcome(*asset, name, targets, dict.fromkeys(targets, 3), **known)
+
+
+def of_one_model(*outcomes: Outcome) -> list[Outcome]:
+    """Relate every variant to the first."""
+    return [Outcome(**{**vars(o), "reference": outcomes[0].targets}) for o in outcomes]
+
+
+PLANTED = of_one_model(
+    variant("watermarked", 30.0, 25.0, pruned_share=0.0, recall=0.0),
+    variant("gspure", 29.0, 9.0, pruned_share=0.4, precision=0.875, recall=0.95),
+    variant("random_pruning", 20.0, 22.0, pruned_share=0.25, precision=0.4, recall=0.25),
+)
+VANILLA = of_one_model(
+    variant("watermarked", math.inf, asset=("vanilla", "chair")),
+    variant("gspure", 35.5, asset=("vanilla", "chair"), pruned_share=0.3),
+)
+
+
+@pytest.fixture
+def figures(tmp_path: Path) -> list[Path]:
+    """A figure as wide as a column and one as wide as a page, each with its note."""
+    folder = tmp_path / "planted" / "room" / "figures"
+    paths = [folder / "kept.png", folder / "scene.png"]
+    for path, inches in zip(paths, (style.COLUMN, style.PAGE), strict=True):
+        write_image(path, np.full((10, round(inches * style.DPI), 3), 0.5))
+        write_provenance(path, inputs={}, settings={"caption": f"Caption of <{path.stem}>."})
+    (folder / "kept.gltf").touch()
+    return paths
+
+
+def test_the_page_refers_to_nothing_outside_itself(tmp_path: Path, figures: list[Path]) -> None:
+    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=figures)
+    page = Page(tmp_path / "report.html")
+    ids = {attributes["id"] for _, attributes in page.elements if "id" in attributes}
+    for _, attributes in page.elements:
+        for name in {"src", "href", "srcset", "poster", "data", "action"} & attributes.keys():
+            target = attributes[name] or ""
+            assert target.startswith("data:") or target.removeprefix("#") in ids, target
+    assert not page.all("script")
+    assert not re.search(r"url\(|@import|https?:", page.source)
+    assert len(page.all("img")) == 2
+
+
+def test_text_from_outside_is_escaped(tmp_path: Path, figures: list[Path]) -> None:
+    write_report(tmp_path / "report.html", "<script>alert(1)</script>", PLANTED, figures=figures)
+    page = Page(tmp_path / "report.html")
+    assert not page.all("script")
+    assert "<script>alert(1)</script>" in page.text
+    assert "Caption of <kept>." in page.text
+
+
+def test_the_page_is_the_same_bytes_again(tmp_path: Path, figures: list[Path]) -> None:
+    for name in ("a.html", "b.html"):
+        write_report(tmp_path / name, "Title", PLANTED, figures=figures)
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_a_planted_model_is_told_with_message_precision_and_score(tmp_path: Path) -> None:
+    write_report(tmp_path / "report.html", "Title", PLANTED)
+    text = Page(tmp_path / "report.html").text
+    assert "2 attacks on this model, judged by 3 views of its scene and hidden message." in text
+    assert "87.5% of these carried the message, and 95.0% of all its carriers were removed." in text
+    assert "the message from 25.00 to 9.00 dB (−16.00), and the scene from 30.00 to 29.00 dB (−1.00)" in text
+    assert "a Score of +15.00." in text
+    assert "the attacks rank: GSPure +15.00, random pruning −7.00." in text
+    assert "says nothing about any published watermarking scheme" in text
+    assert "That takes the owner's key" not in text
+
+
+def test_a_model_without_key_is_told_as_damage_to_the_scene_alone(tmp_path: Path) -> None:
+    write_report(tmp_path / "report.html", "Title", VANILLA)
+    page = Page(tmp_path / "report.html")
+    assert "No key to the message was given" in page.text
+    assert "have a PSNR of 35.50 dB" in page.text
+    assert "∞" in page.text
+    headings = re.findall(r'<th scope="col">(\w+)</th>', page.source)
+    assert headings == ["variant", "PSNR", "SSIM", "pruned"]
+    assert "nan" not in page.text.lower()
+    assert "planted" not in page.text.lower()
+
+
+def test_the_highest_score_is_marked(tmp_path: Path) -> None:
+    write_report(tmp_path / "report.html", "Title", PLANTED)
+    marked = re.findall(r'<tr class="best"><th scope="row">(.*?)</th>', Page(tmp_path / "report.html").source)
+    assert marked == ["GSPure"]
+
+
+def test_models_have_their_own_figures_and_diagnosis(tmp_path: Path, figures: list[Path]) -> None:
+    diagnosis = tmp_path / "vanilla" / "chair" / "diagnosis.json"
+    write_json(diagnosis, {"clusters": 1234, "noise_share": 0.25, "warnings": ["the clustering has collapsed"]})
+    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=figures, diagnoses=[diagnosis])
+    room, chair = Page(tmp_path / "report.html").source.split('<h2 id="model-2">')
+    assert room.count("<figure") == 2
+    assert room.count('<figure class="wide"') == 1
+    assert "kept.gltf" in room
+    assert "collapsed" not in room
+    for expected in ("the clustering has collapsed", "<dd>1,234</dd>", "<dd>25.0%</dd>"):
+        assert expected in chair
+    assert "<figure" not in chair
+
+
+def test_a_figure_of_no_model_of_the_table_is_refused(tmp_path: Path, figures: list[Path]) -> None:
+    with pytest.raises(
+        InputError, match=r"kept.png: path: expected a folder SCHEME/SCENE of the table .vanilla/chair."
+    ):
+        write_report(tmp_path / "report.html", "Title", VANILLA, figures=figures)
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_figure_that_is_no_image_is_refused(tmp_path: Path, figures: list[Path]) -> None:
+    figures[0].write_bytes(b"half a file")
+    with pytest.raises(InputError, match=r"kept.png: file: expected a PNG image"):
+        write_report(tmp_path / "report.html", "Title", PLANTED, figures=figures)
+
+
+def test_provenance_is_listed(tmp_path: Path, figures: list[Path]) -> None:
+    note = figures[0].with_name("kept.png.json")
+    write_report(tmp_path / "report.html", "Title", PLANTED, provenance=[note])
+    digest = json.loads(note.read_text())["digest"]
+    text = Page(tmp_path / "report.html").text
+    assert f"{note} {digest[:12]}" in text
+    assert f'"digest": "{digest}"' in text
+
+
+def test_nothing_measured_makes_a_page_too(tmp_path: Path) -> None:
+    write_report(tmp_path / "report.html", "Title", [])
+    assert "Title" in Page(tmp_path / "report.html").text
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"), [(0.0, "+0.00"), (-1.234, "−1.23"), (math.inf, "–"), (-math.inf, "–"), (math.nan, "–")]
+)
+def test_differences_that_are_not_known_are_a_dash(value: float, shown: str) -> None:
+    assert findings.signed(value) == shown
+
+
+numbers = st.floats(-99, 99).map(lambda x: float(f"{x:.6g}"))
+unsure = st.one_of(st.just(math.nan), numbers)
+names = st.text("abc_", min_size=1, max_size=3)
+
+
+@given(st.dictionaries(names, st.tuples(numbers, unsure, unsure, unsure, unsure), min_size=1, max_size=4))
+def test_a_table_read_back_is_what_was_written(tmp_path_factory, variants) -> None:
+    written = of_one_model(
+        variant("watermarked", 30.0, 25.0),
+        *(
+            variant(f"attack_{name}", scene, message, pruned_share=pruned, precision=precision, recall=recall)
+            for name, (scene, message, pruned, precision, recall) in variants.items()
+        ),
+    )
+    path = tmp_path_factory.mktemp("table") / "results.csv"
+    write_table(path, written)
+    read = read_table(path)
+    assert repr(read) == repr(written)  # NaN does not equal itself, but looks the same
+    assert [o.score for o in read] == pytest.approx([o.score for o in written], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    "content", ["", "a,b\n1,2\n", "HEADER", "HEADERplanted,room,x\n", "HEADERp,r,v,scene,x,1,1,,,,,,\n"]
+)
+def test_what_is_no_table_is_told_in_one_line(tmp_path: Path, capsys, content: str) -> None:
+    write_table(tmp_path / "results.csv", [])
+    header = (tmp_path / "results.csv").read_text()
+    (tmp_path / "results.csv").write_text(content.replace("HEADER", header))
+    status = main(["report", "--table", str(tmp_path / "results.csv"), "--out", str(tmp_path / "report.html")])
+    if content == "HEADER":  # a table of nothing is a table
+        assert status == 0
+        return
+    assert status == 2
+    error = capsys.readouterr().err
+    assert "results.csv: " in error
+    assert error.count("\n") == 1
+
+
+def test_the_command_writes_the_page(tmp_path: Path, figures: list[Path], capsys) -> None:
+    write_table(tmp_path / "results.csv", PLANTED)
+    out = tmp_path / "report.html"
+    words = ["--table", tmp_path / "results.csv", "--figures", *figures, "--title", "A room", "--out", out]
+    assert main(["report", *map(str, words)]) == 0
+    assert "A room" in Page(out).text
+    assert str(out) in capsys.readouterr().out
