@@ -14,6 +14,9 @@ if not (workflow.configfiles or "assets" in config):
     configfile: Path(workflow.basedir) / "config" / "config.yaml"
 
 
+report: "report/workflow.rst"
+
+
 include: "rules/common.smk"
 include: "rules/inputs.smk"
 include: "rules/scenes.smk"

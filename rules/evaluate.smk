@@ -5,7 +5,7 @@
 rule extract_message:
     input:
         model="results/{scheme}/{scene}/{variant}/public/point_cloud.ply",
-        key="results/{scheme}/{scene}/key/key.npz",
+        key="results/{scheme}/{scene}/key/planted_key.npz",
     output:
         model=temp("results/{scheme}/{scene}/{variant}/message.ply"),
     log:
@@ -19,7 +19,7 @@ rule extract_message:
     message:
         "Extracting the message from {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "python -m gspure message --model {input.model:q} --key {input.key:q} --out {output.model:q} > {log:q} 2>&1"
+        "python -m gspure message {input.model:q} --key {input.key:q} --out {output.model:q} > {log:q} 2>&1"
 
 
 rule render_target:

@@ -1,3 +1,29 @@
+rule plant_scene:
+    output:
+        model="results/planted/{scene}/public/point_cloud.ply",
+        cameras="results/planted/{scene}/cameras.json",
+        key="results/planted/{scene}/key/planted_key.npz",
+        carriers="results/planted/{scene}/key/carriers.npy",
+        scene=directory("results/planted/{scene}/truth/scene"),
+        message=directory("results/planted/{scene}/truth/message"),
+    log:
+        "results/logs/planted/{scene}/plant.log",
+    benchmark:
+        "results/benchmarks/planted/{scene}/plant.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.plant"),
+        folder="results/planted/{scene}",
+        options=lambda wildcards: options(
+            config["planted"][wildcards.scene], *sorted(config["planted"][wildcards.scene])
+        ),
+    message:
+        "Planting a message in {wildcards.scene}"
+    shell:
+        "python -m gspure plant {params.options} --out {params.folder:q} > {log:q} 2>&1"
+
+
 rule prepare_cameras:
     input:
         cameras=camera_files,
