@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,14 +12,15 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
-from gspure.opencl.binning import bands, bin_tiles, gather_footprints
+from gspure.opencl import gradients as backward
+from gspure.opencl.binning import bin_tiles, traverse
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Energy, Pass
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import project
-from gspure.opencl.storage import store, upload_features, upload_sh_coeffs
+from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, store, upload_features, upload_sh_coeffs
 
 Float32 = NDArray[np.float32]
 
@@ -27,6 +29,34 @@ CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pix
 
 ENTRY_BUDGET = 1 << 26
 """Most tile entries held at a time; at 28 bytes each, 1.9 GB. Larger frames are rendered in bands, to the same bits."""
+
+
+@dataclass(frozen=True)
+class Gradients:
+    """Gradients of a loss with respect to what an image was rendered from, row by row.
+
+    Parameters
+    ----------
+    means, quats, scales : arrays [K,3], [K,4], [K,3]
+        `quats` as stored (not normalized), `scales` > 0.
+    opacities : array [K]
+        In (0, 1).
+    channels : array [K,S,3] or [K,C]
+        Of the SH coefficients, or of the features.
+    means2d : array [K,2]
+        Of the projected centres, per pixel of displacement: what densification looks at.
+
+    """
+
+    means: Float32
+    quats: Float32
+    scales: Float32
+    opacities: Float32
+    channels: Float32
+    means2d: Float32
+
+
+Pullback = Callable[[Float32], Gradients]
 
 
 class Renderer:
@@ -117,6 +147,73 @@ class Renderer:
         canvas = self._render(Pass(self.energy, median_depth=True), camera)
         return self._engine.read(canvas.median_depth, (camera.height, camera.width), np.float32)
 
+    def vjp(
+        self, camera: Camera, features: Float32 | None = None, background: Sequence[float] | None = None
+    ) -> tuple[Float32, Pullback]:
+        """Return an image and the function that carries its gradient back (vector-Jacobian product).
+
+        Parameters
+        ----------
+        camera : Camera
+        features : array [K,C], optional
+            Blend these instead of the SH colours.
+        background : sequence of C floats, optional
+            Zero by default.
+
+        Returns
+        -------
+        image : array [H,W,C]
+        pullback : callable
+            Takes dL/dimage [H,W,C] and returns `Gradients`. Usable until the renderer's next image.
+
+        Raises
+        ------
+        ValueError
+            If the renderer's energy is not "ewa", the one that models are trained with.
+
+        """
+        if self.energy != "ewa":
+            raise ValueError("gradients exist for the energy that models are trained with, 'ewa'")
+        if features is None:
+            frame, channels = Pass("ewa", channels=3, sh_degree=self.model.sh_degree), self._sh_coeffs
+        else:
+            frame = Pass("ewa", channels=features.shape[1])
+            channels = upload_features(self._engine, self._storage, features)
+        canvas = self._render(frame, camera, channels, [0.0] * frame.channels if background is None else background)
+        traversal, shape = self._traversal, (camera.height, camera.width, frame.channels)
+
+        def pullback(image_gradient: Float32) -> Gradients:
+            if self._traversal is not traversal:
+                raise RuntimeError("the renderer has made another image since; call vjp again")
+            if image_gradient.shape != shape:
+                raise ValueError(f"the gradient is {image_gradient.shape}, the image {shape}")
+            return self._pull_back(frame, camera, channels, canvas, np.asarray(image_gradient, np.float32))
+
+        return self._engine.read(canvas.image, shape, np.float32), pullback
+
+    def _pull_back(
+        self, frame: Pass, camera: Camera, channels: object, canvas: Canvas, image_gradient: Float32
+    ) -> Gradients:
+        engine, storage, seen = self._engine, self._storage, self._traversal
+        gradient = engine.upload("image_gradient", image_gradient)
+        backward.clear_splat_gradients(engine, frame, storage)
+        for band in seen.bands:
+            lists = self._lists if self._lists.band == band else bin_tiles(engine, frame, seen, camera, band)
+            backward.blend_band_backward(
+                engine, frame, camera, seen.projected, seen.order, lists, canvas.image, gradient
+            )
+        found = backward.project_backward(engine, frame, camera, storage, channels, seen.projected)
+        geometry = backward.by_row(engine, storage, found.geometry, GEOMETRY_ATTRIBUTES)
+        colours = backward.by_row(engine, storage, found.channels, backward.channel_attributes(frame))
+        return Gradients(
+            means=geometry[:, 0:3],
+            quats=geometry[:, 3:7],
+            scales=geometry[:, 7:10],
+            opacities=geometry[:, 10],
+            channels=colours.reshape(storage.count, -1, 3) if frame.sh_degree >= 0 else colours,
+            means2d=backward.by_row(engine, storage, found.centres, 2),
+        )
+
     @cached_property
     def _sh_coeffs(self) -> object:
         return upload_sh_coeffs(self._engine, self._storage, self.model)
@@ -130,9 +227,9 @@ class Renderer:
         projected = project(engine, frame, camera, self._storage, channels)
         order = sort_by_depth(engine, projected, self._storage)
         canvas = prepare_canvas(engine, frame, camera, self._storage.count)
-        footprints = gather_footprints(engine, projected, order)
-        for band in bands(engine, footprints, order, camera, self._entry_budget):
-            lists = bin_tiles(engine, frame, projected, footprints, order, camera, band)
+        self._traversal = traverse(engine, projected, order, camera, self._entry_budget)
+        for band in self._traversal.bands:
+            lists = self._lists = bin_tiles(engine, frame, self._traversal, camera, band)
             blend_band(engine, frame, camera, projected, lists, np.asarray(background, np.float32), canvas)
             if frame.contributions:
                 sum_slots(engine, order, self._storage, lists, canvas)

@@ -8,13 +8,6 @@
 #define ROWS 4  // rows of a block
 #define BLOCKS (TILE / ROWS)
 
-inline float sum16(float16 v) {
-    float8 a = v.lo + v.hi;
-    float4 b = a.lo + a.hi;
-    float2 c = b.lo + b.hi;
-    return c.x + c.y;
-}
-
 inline float max16(float16 v) {
     float8 a = MAX(v.lo, v.hi);
     float4 b = MAX(a.lo, a.hi);

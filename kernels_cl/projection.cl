@@ -20,7 +20,7 @@ typedef struct {
 // Unit principal axes of the Gaussians in view space: axes[3 * a + i] is component i of axis a.
 inline void view_axes(__constant const float *camera, __global const float *geometry, uint position, V *axes) {
     V w = QUAT(0), x = QUAT(1), y = QUAT(2), z = QUAT(3);
-    V s = 2.0f / (w * w + x * x + y * y + z * z);
+    V s = 2.0f / MAX(w * w + x * x + y * y + z * z, (V)1e-30f);  // a zero quaternion means no rotation
     V world[9] = {1.0f - s * (y * y + z * z), s * (x * y + w * z),        s * (x * z - w * y),
                   s * (x * y - w * z),        1.0f - s * (x * x + z * z), s * (y * z + w * x),
                   s * (x * z + w * y),        s * (y * z - w * x),        1.0f - s * (x * x + y * y)};
@@ -90,16 +90,26 @@ inline Ellipse ray_form(__constant const float *camera, const V *mean, const V *
     return e;
 }
 #else
+typedef struct {
+    float low_x, high_x, low_y, high_y;
+} Frustum;
+
+// Bounds of x / z and y / z inside the Jacobian: the image's frustum, widened by a share of its half extent.
+inline Frustum frustum(__constant const float *camera, int width, int height) {
+    float margin_x = EWA_FRUSTUM_MARGIN * 0.5f * width / CAMERA_FX;
+    float margin_y = EWA_FRUSTUM_MARGIN * 0.5f * height / CAMERA_FY;
+    Frustum f = {-CAMERA_CX / CAMERA_FX - margin_x, (width - CAMERA_CX) / CAMERA_FX + margin_x,
+                 -CAMERA_CY / CAMERA_FY - margin_y, (height - CAMERA_CY) / CAMERA_FY + margin_y};
+    return f;
+}
+
 // EWA splatting: Sigma' = J Sigma J' + dilation (paper, Preliminaries; J with the reference rasterizer's clamp).
 inline Ellipse ewa_form(__constant const float *camera, int width, int height, const V *mean, const V *scale,
                         const V *axes, V level, V *splat, I *visible) {
     float fx = CAMERA_FX, fy = CAMERA_FY;
-    float margin_x = EWA_FRUSTUM_MARGIN * 0.5f * width / fx, margin_y = EWA_FRUSTUM_MARGIN * 0.5f * height / fy;
+    Frustum f = frustum(camera, width, height);
     V iz = 1.0f / mean[2];
-    V x = mean[0] * iz, y = mean[1] * iz;
-    V low_x = (V)(-CAMERA_CX / fx - margin_x), high_x = (V)((width - CAMERA_CX) / fx + margin_x);
-    V low_y = (V)(-CAMERA_CY / fy - margin_y), high_y = (V)((height - CAMERA_CY) / fy + margin_y);
-    V jx = MIN(MAX(x, low_x), high_x), jy = MIN(MAX(y, low_y), high_y);
+    V jx = MIN(MAX(mean[0] * iz, (V)f.low_x), (V)f.high_x), jy = MIN(MAX(mean[1] * iz, (V)f.low_y), (V)f.high_y);
     V xx = (V)EWA_DILATION, xy = (V)0.0f, yy = (V)EWA_DILATION;
 #pragma unroll
     for (int a = 0; a < 3; a++) {

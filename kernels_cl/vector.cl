@@ -32,6 +32,16 @@ typedef uint U;
 #define MIN(a, b) ((a) < (b) ? (a) : (b))
 #define MAX(a, b) ((a) > (b) ? (a) : (b))
 #define SIGN_BIT ((I)0x80000000)
+#define LN2 0.69314718f
+
+#if LANES == 16
+inline float sum16(float16 v) {
+    float8 a = v.lo + v.hi;
+    float4 b = a.lo + a.hi;
+    float2 c = b.lo + b.hi;
+    return c.x + c.y;
+}
+#endif
 
 // Attributes of Gaussians lie in blocks of 16, attribute by attribute inside a block ([positions / 16][attributes][16]):
 // a vector load in the cpu style, a coalesced one in the gpu style, and one memory stream for all attributes.

@@ -16,6 +16,7 @@ from gspure.opencl.morton import morton_order
 BLOCK = 16
 _CHUNK = 1 << 16  # Gaussians converted at a time, so that no second copy of the model is ever held
 _GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
+GEOMETRY_ATTRIBUTES = len(_GEOMETRY)
 
 Rows = NDArray[np.uint32]
 
@@ -56,7 +57,7 @@ def store(engine: Engine, model: Gaussians) -> Storage:
         order,
         rows=engine.upload("rows", order),
         positions=engine.upload("positions", inverse),
-        geometry=_upload(engine, order, len(_GEOMETRY), geometry),
+        geometry=_upload(engine, order, GEOMETRY_ATTRIBUTES, geometry),
     )
 
 

@@ -1,0 +1,97 @@
+// Gradient of the blended image, cpu style: one work-item per tile, front to back as in the forward pass, nothing stored.
+//
+// With g = dL/dimage and F = final colour . g of a pixel, walking front to back: after Gaussian k with colour c, weight
+// w = alpha T, the part of F that lies behind it is F <- F - w c . g, and
+//   dL/dalpha = T c . g - F / (1 - alpha)          (F after the update; the background is in the final colour)
+//   dL/dc     = w g
+// The exponent p = log2 alpha is a quadratic form of the pixel's offset d from the splat's centre, so its gradients are
+// the moments of dL/dp: 1, dx, dy, dx^2, dx dy, dy^2, summed over the tile and kept in the entry's slot.
+
+#define CHECK_EVERY 16  // entries between looks at which rows are still alive
+
+inline bool alive(float16 transmittance) { return any(transmittance > (float16)0.0f); }
+
+// One row of 16 interleaved pixels [16][CHANNELS] -> [CHANNELS] vectors; zero beyond `columns`.
+inline void load_row(__global const float *pixels, int columns, float16 *row) {
+    union {
+        float16 v;
+        float f[16];
+    } lane;
+    for (int c = 0; c < CHANNELS; c++) {
+        for (int x = 0; x < 16; x++) lane.f[x] = x < columns ? pixels[x * CHANNELS + c] : 0.0f;
+        row[c] = lane.v;
+    }
+}
+
+__kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __global const float *splats,
+                          __global const uint *entries, __global const uint *slots, __global const uint *tile_starts,
+                          __global const float *image, __global const float *image_gradient,
+                          __global float *slot_gradients) {
+    int tile = get_global_id(0);
+    uint next = tile_starts[tile], end = tile_starts[tile + 1];
+    int left = (first_tile + tile) % tiles_x * TILE, top = (first_tile + tile) / tiles_x * TILE;
+    const float16 column = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) + (left + 0.5f);
+
+    float16 T[TILE], F[TILE], g[TILE * CHANNELS];
+    int rows = min(TILE, height - top), columns = min(TILE, width - left);
+    float16 fresh = column < (float16)width ? (float16)1.0f : (float16)-1.0f;
+    for (int r = 0; r < rows; r++) {
+        size_t pixel = ((size_t)(top + r) * width + left) * CHANNELS;
+        float16 colour[CHANNELS];
+        load_row(image + pixel, columns, colour);
+        load_row(image_gradient + pixel, columns, g + r * CHANNELS);
+        T[r] = fresh;
+        F[r] = (float16)0.0f;
+        for (int c = 0; c < CHANNELS; c++) F[r] += colour[c] * g[r * CHANNELS + c];
+    }
+
+    int first_row = 0, last_row = rows - 1;
+    for (uint walked = 0; next < end && first_row <= last_row; next++, walked++) {
+        __global const float *from = splats + (size_t)SPLAT * entries[next];
+        float s[SPLAT];
+        for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, from), i, s);
+        float centre = s[SPLAT_ROW_CENTRE] - (top + 0.5f), extent = s[SPLAT_ROW_EXTENT] + FOOTPRINT_MARGIN;
+        int begin = max(first_row, (int)ceil(max(centre - extent, -1.0f)));
+        int stop = min(last_row, (int)floor(min(centre + extent, (float)TILE)));
+        float16 dx = column - s[SPLAT_U];
+        float16 m0 = (float16)0.0f, m1 = (float16)0.0f, m2 = (float16)0.0f, dc[CHANNELS];
+        for (int c = 0; c < CHANNELS; c++) dc[c] = (float16)0.0f;
+        for (int r = begin; r <= stop; r++) {
+            float dy = (top + r + 0.5f) - s[SPLAT_V];
+            float16 depth, before = T[r];
+            float16 exponent = log2_alpha(dx, (float16)dy, s, &depth);
+            float16 weight = blend(exponent, &T[r]);
+            float16 along = (float16)0.0f;
+#pragma unroll
+            for (int c = 0; c < CHANNELS; c++) {
+                along += g[r * CHANNELS + c] * s[SPLAT_CHANNELS + c];
+                dc[c] += weight * g[r * CHANNELS + c];
+            }
+            F[r] -= weight * along;
+            // alpha = weight / before where it was blended; elsewhere, and at the clamp, nothing flows back.
+            float16 alpha = exp2_polynomial(exponent);
+            int16 flows = (weight > (float16)0.0f) & (alpha < (float16)ALPHA_MAX);
+            float16 dp = LN2 * (weight * along - F[r] * (alpha / (1.0f - alpha)));
+            dp = flows ? dp : (float16)0.0f;
+            m0 += dp;
+            m1 += dp * dy;
+            m2 += dp * (dy * dy);
+        }
+        __global float *out = slot_gradients + (size_t)SLOT_GRADIENT * slots[next];
+        float16 m0x = m0 * dx;
+        out[0] = sum16(m0);
+        out[1] = sum16(m0x);
+        out[2] = sum16(m1);
+        out[3] = sum16(m0x * dx);
+        out[4] = sum16(m1 * dx);
+        out[5] = sum16(m2);
+        for (int c = 0; c < CHANNELS; c++) out[MOMENTS + c] = sum16(dc[c]);
+        if (walked % CHECK_EVERY == CHECK_EVERY - 1) {
+            while (first_row <= last_row && !alive(T[first_row])) first_row++;
+            while (first_row <= last_row && !alive(T[last_row])) last_row--;
+        }
+    }
+    for (; next < end; next++)  // entries behind the point where every pixel had finished
+        for (int i = 0; i < SLOT_GRADIENT; i++) slot_gradients[(size_t)SLOT_GRADIENT * slots[next] + i] = 0.0f;
+}

@@ -1,0 +1,54 @@
+// Gradient of the blended image, gpu style: a work-group per tile, a pixel per work-item; the arithmetic of
+// blending_backward_cpu.cl. Per entry, the group's values meet in local memory and are added pairwise in a fixed order,
+// so the result does not depend on scheduling.
+
+#define PIXELS (TILE * TILE)
+
+__kernel __attribute__((reqd_work_group_size(TILE * TILE, 1, 1)))
+void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __global const float *splats,
+                          __global const uint *entries, __global const uint *slots, __global const uint *tile_starts,
+                          __global const float *image, __global const float *image_gradient,
+                          __global float *slot_gradients) {
+    __local float sums[PIXELS];
+    int item = get_local_id(0), tile = get_group_id(0);
+    int x = (first_tile + tile) % tiles_x * TILE + item % TILE, y = (first_tile + tile) / tiles_x * TILE + item / TILE;
+    bool inside = x < width && y < height;
+
+    float T = inside ? 1.0f : -1.0f, F = 0.0f, g[CHANNELS];
+    size_t pixel = inside ? ((size_t)y * width + x) * CHANNELS : 0;
+    for (int c = 0; c < CHANNELS; c++) {
+        g[c] = inside ? image_gradient[pixel + c] : 0.0f;
+        F += inside ? image[pixel + c] * g[c] : 0.0f;
+    }
+
+    for (uint entry = tile_starts[tile]; entry < tile_starts[tile + 1]; entry++) {
+        float s[SPLAT_CHANNELS + CHANNELS], values[SLOT_GRADIENT], depth;
+        for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splats[(size_t)SPLAT * entries[entry] + i];
+        float dx = x + 0.5f - s[SPLAT_U], dy = y + 0.5f - s[SPLAT_V];
+        float exponent = log2_alpha(dx, dy, s, &depth), weight = blend(exponent, &T), along = 0.0f;
+        for (int c = 0; c < CHANNELS; c++) {
+            along += g[c] * s[SPLAT_CHANNELS + c];
+            values[MOMENTS + c] = weight * g[c];
+        }
+        F -= weight * along;
+        float alpha = exp2_polynomial(exponent);
+        bool flows = weight > 0.0f && alpha < ALPHA_MAX;
+        float dp = flows ? LN2 * (weight * along - F * (alpha / (1.0f - alpha))) : 0.0f;
+        values[0] = dp;
+        values[1] = dp * dx;
+        values[2] = dp * dy;
+        values[3] = dp * dx * dx;
+        values[4] = dp * dx * dy;
+        values[5] = dp * dy * dy;
+        for (int i = 0; i < SLOT_GRADIENT; i++) {
+            sums[item] = values[i];
+            barrier(CLK_LOCAL_MEM_FENCE);
+            for (int stride = PIXELS / 2; stride > 0; stride /= 2) {
+                if (item < stride) sums[item] += sums[item + stride];
+                barrier(CLK_LOCAL_MEM_FENCE);
+            }
+            if (item == 0) slot_gradients[(size_t)SLOT_GRADIENT * slots[entry] + i] = sums[0];
+            barrier(CLK_LOCAL_MEM_FENCE);
+        }
+    }
+}

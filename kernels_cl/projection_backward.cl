@@ -1,0 +1,159 @@
+// Gradient of the EWA projection: moments of dL/dp and colour gradients of the splats -> gradients of means, quaternions,
+// scales, opacities, channels, and of the projected centre (which densification looks at).
+//
+// Everything that the forward pass computed is computed again (projection.cl); what it stored per splat is not needed.
+
+#define MOMENT(i) LOAD_ATTRIBUTE(splat_gradients, SLOT_GRADIENT, i, position)
+#define CHANNEL_GRADIENT(c) LOAD_ATTRIBUTE(splat_gradients, SLOT_GRADIENT, MOMENTS + (c), position)
+
+#if LANES == 16
+#define STORE_ATTRIBUTE(value, array, attributes, attribute) \
+    vstore16(value, 0, (array) + (position / 16 * (attributes) + (attribute)) * 16)
+#else
+#define STORE_ATTRIBUTE(value, array, attributes, attribute) \
+    (array)[(position / 16 * (attributes) + (attribute)) * 16 + position % 16] = (value)
+#endif
+
+// dL/dquaternion of R(q / |q|), from axes[3 * a + i] = dL/dR[i][a] in world space.
+inline void quaternion_gradient(const V *q, const V *axes, V *gradient) {
+    V norm2 = MAX(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3], (V)1e-30f);
+    V inverse = 1.0f / sqrt(norm2);
+    V w = q[0] * inverse, x = q[1] * inverse, y = q[2] * inverse, z = q[3] * inverse;
+    V g00 = axes[0], g10 = axes[1], g20 = axes[2], g01 = axes[3], g11 = axes[4], g21 = axes[5];
+    V g02 = axes[6], g12 = axes[7], g22 = axes[8];
+    V gw = 2.0f * (x * (g21 - g12) + y * (g02 - g20) + z * (g10 - g01));
+    V gx = 2.0f * (y * (g01 + g10) + z * (g02 + g20) + w * (g21 - g12) - 2.0f * x * (g11 + g22));
+    V gy = 2.0f * (x * (g01 + g10) + z * (g12 + g21) + w * (g02 - g20) - 2.0f * y * (g00 + g22));
+    V gz = 2.0f * (x * (g02 + g20) + y * (g12 + g21) + w * (g10 - g01) - 2.0f * z * (g00 + g11));
+    V along = w * gw + x * gx + y * gy + z * gz;  // no gradient along q: its norm does not matter
+    gradient[0] = inverse * (gw - w * along);
+    gradient[1] = inverse * (gx - x * along);
+    gradient[2] = inverse * (gy - y * along);
+    gradient[3] = inverse * (gz - z * along);
+}
+
+__kernel void project_backward(uint count, int width, int height, __constant const float *camera,
+                               __global const float *geometry, __global const float *channels,
+                               __global const uint *depth_keys, __global const float *splat_gradients,
+                               __global float *geometry_gradients, __global float *channel_gradients,
+                               __global float *centre_gradients) {
+    uint position = get_global_id(0) * LANES;
+    if (position >= count) return;
+    union {
+        U v;
+        uint u[LANES];
+    } key;
+    for (uint lane = 0; lane < LANES; lane++)
+        key.u[lane] = position + lane < count ? depth_keys[position + lane] : NOT_VISIBLE;
+    I visible = MASK(key.v != (U)NOT_VISIBLE);
+    if (!ANY(visible)) {
+        for (int i = 0; i < GEOMETRY; i++) STORE_ATTRIBUTE((V)0.0f, geometry_gradients, GEOMETRY, i);
+        for (int i = 0; i < 2; i++) STORE_ATTRIBUTE((V)0.0f, centre_gradients, 2, i);
+        for (int i = 0; i < CHANNEL_ATTRIBUTES; i++)
+            STORE_ATTRIBUTE((V)0.0f, channel_gradients, CHANNEL_ATTRIBUTES, i);
+        return;
+    }
+
+    // The forward pass again.
+    float fx = CAMERA_FX, fy = CAMERA_FY;
+    V world[3] = {MEAN(0), MEAN(1), MEAN(2)}, mean[3], scale[3] = {SCALE(0), SCALE(1), SCALE(2)}, axes[9];
+#pragma unroll
+    for (int i = 0; i < 3; i++)
+        mean[i] = CAMERA_VIEW(i, 0) * world[0] + CAMERA_VIEW(i, 1) * world[1] + CAMERA_VIEW(i, 2) * world[2] +
+                  CAMERA_VIEW(i, 3);
+    view_axes(camera, geometry, position, axes);
+    V iz = 1.0f / mean[2], x = mean[0] * iz, y = mean[1] * iz;
+    Frustum f = frustum(camera, width, height);
+    V jx = MIN(MAX(x, (V)f.low_x), (V)f.high_x), jy = MIN(MAX(y, (V)f.low_y), (V)f.high_y);
+    V xx = (V)EWA_DILATION, xy = (V)0.0f, yy = (V)EWA_DILATION, ux[3], uy[3];
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+        ux[a] = fx * iz * (axes[3 * a] - jx * axes[3 * a + 2]);
+        uy[a] = fy * iz * (axes[3 * a + 1] - jy * axes[3 * a + 2]);
+        V vx = scale[a] * ux[a], vy = scale[a] * uy[a];
+        xx += vx * vx, xy += vx * vy, yy += vy * vy;
+    }
+    V inverse = 1.0f / (xx * yy - xy * xy);
+    V A = yy * inverse, B = -xy * inverse, C = xx * inverse;  // conic: p = log2 o - HALF_LOG2E (A dx^2 + 2 B dx dy + C dy^2)
+
+    // Quadratic form and centre: d = pixel - centre.
+    V gU = HALF_LOG2E * 2.0f * (A * MOMENT(1) + B * MOMENT(2));
+    V gV = HALF_LOG2E * 2.0f * (B * MOMENT(1) + C * MOMENT(2));
+    V gA = -HALF_LOG2E * MOMENT(3), gB = -2.0f * HALF_LOG2E * MOMENT(4), gC = -HALF_LOG2E * MOMENT(5);
+    // Conic = Sigma'^-1: dL/dSigma' = -conic G conic, G = [[gA, gB / 2], [gB / 2, gC]].
+    V gxx = -(A * A * gA + A * B * gB + B * B * gC);
+    V gyy = -(B * B * gA + B * C * gB + C * C * gC);
+    V gxy = -(2.0f * A * B * gA + (A * C + B * B) * gB + 2.0f * B * C * gC);
+
+    V gaxes[9], gscale[3], gjx = (V)0.0f, gjy = (V)0.0f, giz = (V)0.0f;
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+        V vx = scale[a] * ux[a], vy = scale[a] * uy[a];
+        V gvx = 2.0f * vx * gxx + vy * gxy, gvy = 2.0f * vy * gyy + vx * gxy;
+        gscale[a] = gvx * ux[a] + gvy * uy[a];
+        V sx = gvx * scale[a] * fx, sy = gvy * scale[a] * fy;  // dL/d(iz (axis - j axis_z))
+        giz += sx * (axes[3 * a] - jx * axes[3 * a + 2]) + sy * (axes[3 * a + 1] - jy * axes[3 * a + 2]);
+        gaxes[3 * a] = sx * iz;
+        gaxes[3 * a + 1] = sy * iz;
+        gaxes[3 * a + 2] = -(sx * jx + sy * jy) * iz;
+        gjx -= sx * iz * axes[3 * a + 2];
+        gjy -= sy * iz * axes[3 * a + 2];
+    }
+    V gx = fx * gU + (jx == x ? gjx : (V)0.0f), gy = fy * gV + (jy == y ? gjy : (V)0.0f);
+    giz += gx * mean[0] + gy * mean[1];
+    V gmean[3] = {gx * iz, gy * iz, -giz * iz * iz};
+
+    V gworld[3], gworld_axes[9];
+#pragma unroll
+    for (int i = 0; i < 3; i++) {
+        gworld[i] = CAMERA_VIEW(0, i) * gmean[0] + CAMERA_VIEW(1, i) * gmean[1] + CAMERA_VIEW(2, i) * gmean[2];
+#pragma unroll
+        for (int a = 0; a < 3; a++)
+            gworld_axes[3 * a + i] = CAMERA_VIEW(0, i) * gaxes[3 * a] + CAMERA_VIEW(1, i) * gaxes[3 * a + 1] +
+                                     CAMERA_VIEW(2, i) * gaxes[3 * a + 2];
+    }
+    V q[4] = {QUAT(0), QUAT(1), QUAT(2), QUAT(3)}, gq[4];
+    quaternion_gradient(q, gworld_axes, gq);
+
+#if SH_DEGREE >= 0
+    V delta[3], basis[SH_BANDS], dbasis[SH_BANDS], direction[3];
+#pragma unroll
+    for (int i = 0; i < 3; i++) delta[i] = world[i] - CAMERA_CENTRE(i);
+    V away = 1.0f / sqrt(delta[0] * delta[0] + delta[1] * delta[1] + delta[2] * delta[2]);
+#pragma unroll
+    for (int i = 0; i < 3; i++) delta[i] *= away;
+    sh_basis(delta[0], delta[1], delta[2], basis);
+    V colour[3], gcolour[3];
+    sh_colour(channels, position, delta[0], delta[1], delta[2], colour);
+#pragma unroll
+    for (int c = 0; c < 3; c++)  // nothing flows through the clamp at black
+        gcolour[c] = (visible & MASK(colour[c] > (V)0.0f)) ? CHANNEL_GRADIENT(c) : (V)0.0f;
+#pragma unroll
+    for (int b = 0; b < SH_BANDS; b++) {
+        dbasis[b] = (V)0.0f;
+#pragma unroll
+        for (int c = 0; c < 3; c++) {
+            dbasis[b] += gcolour[c] * LOAD_ATTRIBUTE(channels, 3 * SH_BANDS, 3 * b + c, position);
+            STORE_ATTRIBUTE(basis[b] * gcolour[c], channel_gradients, CHANNEL_ATTRIBUTES, 3 * b + c);
+        }
+    }
+    sh_direction_gradient(delta[0], delta[1], delta[2], dbasis, direction);
+    V along = delta[0] * direction[0] + delta[1] * direction[1] + delta[2] * direction[2];
+#pragma unroll
+    for (int i = 0; i < 3; i++) gworld[i] += away * (direction[i] - delta[i] * along);
+#else
+    for (int c = 0; c < CHANNELS; c++)
+        STORE_ATTRIBUTE(visible ? CHANNEL_GRADIENT(c) : (V)0.0f, channel_gradients, CHANNEL_ATTRIBUTES, c);
+#endif
+
+#pragma unroll
+    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(visible ? gworld[i] : (V)0.0f, geometry_gradients, GEOMETRY, i);
+#pragma unroll
+    for (int i = 0; i < 4; i++) STORE_ATTRIBUTE(visible ? gq[i] : (V)0.0f, geometry_gradients, GEOMETRY, 3 + i);
+#pragma unroll
+    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(visible ? gscale[i] : (V)0.0f, geometry_gradients, GEOMETRY, 7 + i);
+    V gopacity = MOMENT(0) / (LN2 * OPACITY);  // p = log2 o + ...
+    STORE_ATTRIBUTE(visible ? gopacity : (V)0.0f, geometry_gradients, GEOMETRY, 10);
+    STORE_ATTRIBUTE(visible ? gU : (V)0.0f, centre_gradients, 2, 0);
+    STORE_ATTRIBUTE(visible ? gV : (V)0.0f, centre_gradients, 2, 1);
+}
