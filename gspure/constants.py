@@ -58,6 +58,11 @@ MAX_CLUSTER_SHARE: Final = 0.1
 NOISE_LABEL: Final = -1
 """Label of a noise point, as in HDBSCAN."""
 
+# --- Training, Kerbl et al. 2023 and Adam's defaults --------------------------------------------------------------------
+
+ADAM_BETA1: Final = 0.9
+ADAM_BETA2: Final = 0.999
+
 # --- Evaluation --------------------------------------------------------------------------------------------------------
 
 SSIM_WINDOW: Final = 11

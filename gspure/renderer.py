@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
-from gspure.opencl import gradients as backward
-from gspure.opencl.binning import bin_tiles, traverse
-from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Energy, Pass
-from gspure.opencl.ordering import sort_by_depth
-from gspure.opencl.projection import project
+from gspure.opencl.gradients import by_row
+from gspure.opencl.passes import Rendered, backward, forward
 from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, store, upload_features, upload_sh_coeffs
 
 Float32 = NDArray[np.float32]
@@ -108,7 +105,7 @@ class Renderer:
         if self.model.sh_degree < 0:
             raise InputError("model", "f_dc_0", expected="spherical-harmonic colour", found="none")
         frame = Pass(self.energy, channels=3, sh_degree=self.model.sh_degree)
-        canvas = self._render(frame, camera, self._sh_coeffs, background)
+        canvas = self._render(frame, camera, self._sh_coeffs, background).canvas
         return self._engine.read(canvas.image, (camera.height, camera.width, 3), np.float32)
 
     def feature_map(self, camera: Camera, features: Float32, background: Sequence[float] | None = None) -> Float32:
@@ -118,7 +115,7 @@ class Renderer:
             raise ValueError(f"features are of {count} Gaussians, the model has {len(self.model)}")
         frame = Pass(self.energy, channels=channels)
         background = [0.0] * channels if background is None else background
-        canvas = self._render(frame, camera, upload_features(self._engine, self._storage, features), background)
+        canvas = self._render(frame, camera, upload_features(self._engine, self._storage, features), background).canvas
         return self._engine.read(canvas.image, (camera.height, camera.width, channels), np.float32)
 
     def contributions(self, camera: Camera) -> NDArray[np.void]:
@@ -126,7 +123,7 @@ class Renderer:
 
         Rows are ordered by index; Gaussians that touch no pixel are left out.
         """
-        canvas = self._render(Pass(self.energy, contributions=True), camera)
+        canvas = self._render(Pass(self.energy, contributions=True), camera).canvas
         count = len(self.model)
         pixels = self._engine.read(canvas.pixels, (count,), np.uint32)
         touched = np.flatnonzero(pixels)
@@ -139,12 +136,12 @@ class Renderer:
 
     def transmittance(self, camera: Camera) -> Float32:
         """Return what is left of the background in each pixel [H,W], 0 to 1."""
-        canvas = self._render(Pass(self.energy), camera)
+        canvas = self._render(Pass(self.energy), camera).canvas
         return self._engine.read(canvas.transmittance, (camera.height, camera.width), np.float32)
 
     def depth(self, camera: Camera) -> Float32:
         """Return the median depth [H,W] along the view axis; infinite where half the light passes."""
-        canvas = self._render(Pass(self.energy, median_depth=True), camera)
+        canvas = self._render(Pass(self.energy, median_depth=True), camera).canvas
         return self._engine.read(canvas.median_depth, (camera.height, camera.width), np.float32)
 
     def vjp(
@@ -179,39 +176,30 @@ class Renderer:
         else:
             frame = Pass("ewa", channels=features.shape[1])
             channels = upload_features(self._engine, self._storage, features)
-        canvas = self._render(frame, camera, channels, [0.0] * frame.channels if background is None else background)
-        traversal, shape = self._traversal, (camera.height, camera.width, frame.channels)
+        seen = self._render(frame, camera, channels, [0.0] * frame.channels if background is None else background)
+        shape = (camera.height, camera.width, frame.channels)
 
         def pullback(image_gradient: Float32) -> Gradients:
-            if self._traversal is not traversal:
+            if self._last is not seen:
                 raise RuntimeError("the renderer has made another image since; call vjp again")
             if image_gradient.shape != shape:
                 raise ValueError(f"the gradient is {image_gradient.shape}, the image {shape}")
-            return self._pull_back(frame, camera, channels, canvas, np.asarray(image_gradient, np.float32))
+            return self._pull_back(seen, np.asarray(image_gradient, np.float32))
 
-        return self._engine.read(canvas.image, shape, np.float32), pullback
+        return self._engine.read(seen.canvas.image, shape, np.float32), pullback
 
-    def _pull_back(
-        self, frame: Pass, camera: Camera, channels: object, canvas: Canvas, image_gradient: Float32
-    ) -> Gradients:
-        engine, storage, seen = self._engine, self._storage, self._traversal
-        gradient = engine.upload("image_gradient", image_gradient)
-        backward.clear_splat_gradients(engine, frame, storage)
-        for band in seen.bands:
-            lists = self._lists if self._lists.band == band else bin_tiles(engine, frame, seen, camera, band)
-            backward.blend_band_backward(
-                engine, frame, camera, seen.projected, seen.order, lists, canvas.image, gradient
-            )
-        found = backward.project_backward(engine, frame, camera, storage, channels, seen.projected)
-        geometry = backward.by_row(engine, storage, found.geometry, GEOMETRY_ATTRIBUTES)
-        colours = backward.by_row(engine, storage, found.channels, backward.channel_attributes(frame))
+    def _pull_back(self, seen: Rendered, image_gradient: Float32) -> Gradients:
+        engine, storage, frame = self._engine, self._storage, seen.frame
+        found = backward(engine, storage, seen, engine.upload("image_gradient", image_gradient))
+        geometry = by_row(engine, storage, found.geometry, GEOMETRY_ATTRIBUTES)
+        channels = by_row(engine, storage, found.channels, frame.channel_attributes)
         return Gradients(
             means=geometry[:, 0:3],
             quats=geometry[:, 3:7],
             scales=geometry[:, 7:10],
             opacities=geometry[:, 10],
-            channels=colours.reshape(storage.count, -1, 3) if frame.sh_degree >= 0 else colours,
-            means2d=backward.by_row(engine, storage, found.centres, 2),
+            channels=channels.reshape(storage.count, -1, 3) if frame.sh_degree >= 0 else channels,
+            means2d=by_row(engine, storage, found.centres, 2),
         )
 
     @cached_property
@@ -220,17 +208,14 @@ class Renderer:
 
     def _render(
         self, frame: Pass, camera: Camera, channels: object | None = None, background: Sequence[float] = (0.0,)
-    ) -> Canvas:
-        engine = self._engine
-        if len(background) != max(frame.channels, 1):
-            raise ValueError(f"background has {len(background)} values for {frame.channels} channels")
-        projected = project(engine, frame, camera, self._storage, channels)
-        order = sort_by_depth(engine, projected, self._storage)
-        canvas = prepare_canvas(engine, frame, camera, self._storage.count)
-        self._traversal = traverse(engine, projected, order, camera, self._entry_budget)
-        for band in self._traversal.bands:
-            lists = self._lists = bin_tiles(engine, frame, self._traversal, camera, band)
-            blend_band(engine, frame, camera, projected, lists, np.asarray(background, np.float32), canvas)
-            if frame.contributions:
-                sum_slots(engine, order, self._storage, lists, canvas)
-        return canvas
+    ) -> Rendered:
+        self._last = forward(
+            self._engine,
+            self._storage,
+            frame,
+            camera,
+            channels=channels,
+            background=background,
+            entry_budget=self._entry_budget,
+        )
+        return self._last

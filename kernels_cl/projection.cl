@@ -4,7 +4,6 @@
 // axes into view space; derive the quadratic form of the chosen energy and the ellipse that bounds alpha >= ALPHA_MIN;
 // drop it if that touches no pixel centre; shade it; store.
 
-#define GEOMETRY 11  // means 3, quats 4, scales 3, opacity 1
 #define MEAN(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, axis, position)
 #define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 3 + axis, position)
 #define SCALE(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 7 + axis, position)
@@ -149,7 +148,7 @@ inline U tile_range(V centre, V extent, int pixels, I *visible) {
 
 __kernel void project(uint count, int width, int height, __constant const float *camera,
                       __global const float *geometry,
-                      __global const float *channels,  // SH coefficients if SH_DEGREE >= 0, else CHANNELS features
+                      __global const float *channels,  // SH coefficients if SH_DEGREE >= 0, else features
                       __global float *splats, __global float *footprints, __global uint *depth_keys) {
     uint position = get_global_id(0) * LANES;
     if (position >= count) return;
@@ -206,7 +205,7 @@ __kernel void project(uint count, int width, int height, __constant const float 
         sh_colour(channels, position, x * inverse, y * inverse, z * inverse, splat.v + SPLAT_CHANNELS);
 #else
         for (int c = 0; c < CHANNELS; c++)
-            splat.v[SPLAT_CHANNELS + c] = LOAD_ATTRIBUTE(channels, CHANNELS, c, position);
+            splat.v[SPLAT_CHANNELS + c] = LOAD_ATTRIBUTE(channels, CHANNEL_ATTRIBUTES, c, position);
 #endif
     }
 #endif

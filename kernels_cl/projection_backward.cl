@@ -6,14 +6,6 @@
 #define MOMENT(i) LOAD_ATTRIBUTE(splat_gradients, SLOT_GRADIENT, i, position)
 #define CHANNEL_GRADIENT(c) LOAD_ATTRIBUTE(splat_gradients, SLOT_GRADIENT, MOMENTS + (c), position)
 
-#if LANES == 16
-#define STORE_ATTRIBUTE(value, array, attributes, attribute) \
-    vstore16(value, 0, (array) + (position / 16 * (attributes) + (attribute)) * 16)
-#else
-#define STORE_ATTRIBUTE(value, array, attributes, attribute) \
-    (array)[(position / 16 * (attributes) + (attribute)) * 16 + position % 16] = (value)
-#endif
-
 // dL/dquaternion of R(q / |q|), from axes[3 * a + i] = dL/dR[i][a] in world space.
 inline void quaternion_gradient(const V *q, const V *axes, V *gradient) {
     V norm2 = MAX(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3], (V)1e-30f);
@@ -133,10 +125,12 @@ __kernel void project_backward(uint count, int width, int height, __constant con
         dbasis[b] = (V)0.0f;
 #pragma unroll
         for (int c = 0; c < 3; c++) {
-            dbasis[b] += gcolour[c] * LOAD_ATTRIBUTE(channels, 3 * SH_BANDS, 3 * b + c, position);
+            dbasis[b] += gcolour[c] * LOAD_ATTRIBUTE(channels, CHANNEL_ATTRIBUTES, 3 * b + c, position);
             STORE_ATTRIBUTE(basis[b] * gcolour[c], channel_gradients, CHANNEL_ATTRIBUTES, 3 * b + c);
         }
     }
+    for (int i = 3 * SH_BANDS; i < CHANNEL_ATTRIBUTES; i++)  // bands that are not in use yet
+        STORE_ATTRIBUTE((V)0.0f, channel_gradients, CHANNEL_ATTRIBUTES, i);
     sh_direction_gradient(delta[0], delta[1], delta[2], dbasis, direction);
     V along = delta[0] * direction[0] + delta[1] * direction[1] + delta[2] * direction[2];
 #pragma unroll

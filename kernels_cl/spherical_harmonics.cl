@@ -38,7 +38,7 @@ inline void sh_colour(__global const float *sh_coeffs, uint position, V x, V y, 
 #pragma unroll
     for (int b = 0; b < SH_BANDS; b++)
 #pragma unroll
-        for (int c = 0; c < 3; c++) rgb[c] += basis[b] * LOAD_ATTRIBUTE(sh_coeffs, 3 * SH_BANDS, 3 * b + c, position);
+        for (int c = 0; c < 3; c++) rgb[c] += basis[b] * LOAD_ATTRIBUTE(sh_coeffs, CHANNEL_ATTRIBUTES, 3 * b + c, position);
 #pragma unroll
     for (int c = 0; c < 3; c++) colour[c] = MAX(rgb[c], (V)0.0f);
 }

@@ -53,6 +53,16 @@ inline float sum16(float16 v) {
     (array)[((position) / 16 * (attributes) + (attribute)) * 16 + (position) % 16]
 #endif
 
+#define GEOMETRY 11  // attributes of the geometry: means 3, quats 4, scales 3, opacity 1
+
+#if LANES == 16
+#define STORE_ATTRIBUTE(value, array, attributes, attribute) \
+    vstore16(value, 0, (array) + (position / 16 * (attributes) + (attribute)) * 16)
+#else
+#define STORE_ATTRIBUTE(value, array, attributes, attribute) \
+    (array)[(position / 16 * (attributes) + (attribute)) * 16 + position % 16] = (value)
+#endif
+
 // 2^x for x in [-126, 127], relative error below 4e-7: the degree-5 polynomial on [-1/2, 1/2] with the least relative
 // error (7e-8) among those that are 1 at 0, and its rounding. Adding 1.5 * 2^23 leaves the nearest integer in the low
 // mantissa bits, hence never build with -cl-fast-relaxed-math, which would cancel it.

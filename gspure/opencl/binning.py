@@ -46,60 +46,19 @@ def tile_grid(camera: Camera) -> tuple[int, int]:
     return -(-camera.width // TILE), -(-camera.height // TILE)
 
 
-@dataclass(frozen=True)
-class Traversal:
-    """What is visible, in depth order, and the bands in which its tiles are walked."""
-
-    projected: Projected
-    order: DepthOrder
-    footprints: cl.Buffer
-    bands: tuple[Band, ...]
-
-
-def traverse(engine: Engine, projected: Projected, order: DepthOrder, camera: Camera, entry_budget: int) -> Traversal:
-    """Gather the footprints in depth order, and split the tile rows into bands.
-
-    No band can hold more than `entry_budget` entries, unless a single row does.
-    """
-    footprints = engine.buffer("ordered_footprints", 4 * FOOTPRINT_FLOATS * order.visible)
+def gather_footprints(engine: Engine, projected: Projected, order: DepthOrder) -> cl.Buffer:
+    """Return the footprints of the visible Gaussians in depth order."""
+    ordered = engine.buffer("ordered_footprints", 4 * FOOTPRINT_FLOATS * order.visible)
     parts = chunks(engine, order.visible)
     kernel = _kernel(engine, "gather_footprints")
     engine.run(
-        kernel, parts, np.uint32(order.visible), np.uint32(parts), order.positions, projected.footprints, footprints
+        kernel, parts, np.uint32(order.visible), np.uint32(parts), order.positions, projected.footprints, ordered
     )
-    return Traversal(projected, order, footprints, tuple(_bands(engine, footprints, order, camera, entry_budget)))
+    return ordered
 
 
-def bin_tiles(engine: Engine, frame: Pass, seen: Traversal, camera: Camera, band: Band) -> TileLists:
-    """Build the tile lists of one band (binning.cl)."""
-    columns, _ = tile_grid(camera)
-    tiles = (band.last - band.first + 1) * columns
-    visible, parts = seen.order.visible, chunks(engine, seen.order.visible)
-    chunk_starts, capacity = _chunk_starts(engine, seen.footprints, seen.order, band)
-    chunk_ends = engine.buffer("chunk_ends", 4 * parts)
-    slot_ranges = engine.buffer("slot_ranges", 8 * visible)
-    histogram = engine.buffer("histogram", 4 * parts * tiles)
-    emitted_tiles, emitted_positions, entries, slots = (
-        engine.buffer(name, 4 * capacity) for name in ("emitted_tiles", "emitted_positions", "entries", "slots")
-    )
-    engine.run(
-        engine.kernel("emit_entries", "layout", "binning", **frame.layout),
-        parts,
-        *(np.uint32(visible), np.uint32(parts), np.int32(columns), np.int32(band.first), np.int32(band.last)),
-        *(seen.order.positions, seen.projected.splats, seen.footprints, chunk_starts, chunk_ends),
-        *(emitted_tiles, emitted_positions, slot_ranges, histogram),
-    )
-    tile_starts, _ = first_places(engine, "tile_starts", histogram, parts, tiles)
-    engine.run(
-        _kernel(engine, "scatter_entries"),
-        parts,
-        *(np.uint32(parts), np.uint32(tiles), chunk_starts, chunk_ends, emitted_tiles, emitted_positions),
-        *(histogram, tile_starts, entries, slots),
-    )
-    return TileLists(band, entries, slots, tile_starts, slot_ranges, capacity)
-
-
-def _bands(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: Camera, entry_budget: int) -> list[Band]:
+def bands(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: Camera, entry_budget: int) -> list[Band]:
+    """Split the tile rows so that no band can hold more than `entry_budget` entries, unless a single row does."""
     _, rows = tile_grid(camera)
     whole = Band(0, rows - 1)
     _, most = _chunk_starts(engine, footprints, order, whole)
@@ -112,6 +71,43 @@ def _bands(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: Cam
             first, held = row, 0
         held += int(bound)
     return [*found, Band(first, rows - 1)]
+
+
+def bin_tiles(
+    engine: Engine,
+    frame: Pass,
+    projected: Projected,
+    footprints: cl.Buffer,
+    order: DepthOrder,
+    camera: Camera,
+    band: Band,
+) -> TileLists:
+    """Build the tile lists of one band (binning.cl)."""
+    columns, _ = tile_grid(camera)
+    tiles = (band.last - band.first + 1) * columns
+    visible, parts = order.visible, chunks(engine, order.visible)
+    chunk_starts, capacity = _chunk_starts(engine, footprints, order, band)
+    chunk_ends = engine.buffer("chunk_ends", 4 * parts)
+    slot_ranges = engine.buffer("slot_ranges", 8 * visible)
+    histogram = engine.buffer("histogram", 4 * parts * tiles)
+    emitted_tiles, emitted_positions, entries, slots = (
+        engine.buffer(name, 4 * capacity) for name in ("emitted_tiles", "emitted_positions", "entries", "slots")
+    )
+    engine.run(
+        engine.kernel("emit_entries", "layout", "binning", **frame.layout),
+        parts,
+        *(np.uint32(visible), np.uint32(parts), np.int32(columns), np.int32(band.first), np.int32(band.last)),
+        *(order.positions, projected.splats, footprints, chunk_starts, chunk_ends),
+        *(emitted_tiles, emitted_positions, slot_ranges, histogram),
+    )
+    tile_starts, _ = first_places(engine, "tile_starts", histogram, parts, tiles)
+    engine.run(
+        _kernel(engine, "scatter_entries"),
+        parts,
+        *(np.uint32(parts), np.uint32(tiles), chunk_starts, chunk_ends, emitted_tiles, emitted_positions),
+        *(histogram, tile_starts, entries, slots),
+    )
+    return TileLists(band, entries, slots, tile_starts, slot_ranges, capacity)
 
 
 def _kernel(engine: Engine, name: str) -> cl.Kernel:

@@ -22,6 +22,8 @@ class Pass:
         0 to 3: the channels are colours from spherical harmonics; -1: they are stored features.
     contributions, median_depth : bool
         Which accumulators run along.
+    stored_sh_degree : int, optional
+        Degree of the stored coefficients, where it is higher than the one in use.
 
     """
 
@@ -30,11 +32,19 @@ class Pass:
     sh_degree: int = -1
     contributions: bool = False
     median_depth: bool = False
+    stored_sh_degree: int | None = None
 
     @property
     def layout(self) -> dict[str, int]:
         """Definitions that fix the splat's layout (layout.cl)."""
         return {"RAY": int(self.energy == "ray"), "CHANNELS": self.channels}
+
+    @property
+    def channel_attributes(self) -> int:
+        """Numbers stored per Gaussian that its channels come from: SH coefficients, or the channels themselves."""
+        if self.sh_degree < 0:
+            return self.channels
+        return 3 * (1 + (self.sh_degree if self.stored_sh_degree is None else self.stored_sh_degree)) ** 2
 
     @property
     def splat_floats(self) -> int:

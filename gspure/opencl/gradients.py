@@ -75,7 +75,7 @@ def project_backward(
     engine: Engine, frame: Pass, camera: Camera, storage: Storage, channels: cl.Buffer, projected: Projected
 ) -> DeviceGradients:
     """Carry the splats' gradients back to the Gaussians' parameters (projection_backward.cl)."""
-    attributes = channel_attributes(frame)
+    attributes = frame.channel_attributes
     gradients = DeviceGradients(
         *(
             engine.buffer(f"{name}_gradients", _blocked_bytes(storage, n))
@@ -98,11 +98,6 @@ def project_backward(
             *(gradients.geometry, gradients.channels, gradients.centres),
         )
     return gradients
-
-
-def channel_attributes(frame: Pass) -> int:
-    """Return the numbers per Gaussian that its channels come from: SH coefficients, or the channels themselves."""
-    return 3 * (frame.sh_degree + 1) ** 2 if frame.sh_degree >= 0 else frame.channels
 
 
 def by_row(engine: Engine, storage: Storage, gradients: cl.Buffer, attributes: int) -> NDArray[np.float32]:

@@ -23,6 +23,11 @@ RENDERER_CONSTANTS = {
         "EWA_DILATION",
         "EWA_FRUSTUM_MARGIN",
         "MEDIAN_TRANSMITTANCE",
+        "SSIM_WINDOW",
+        "SSIM_C1",
+        "SSIM_C2",
+        "ADAM_BETA1",
+        "ADAM_BETA2",
     )
 } | {"LOG2_ALPHA_MIN": math.log2(constants.ALPHA_MIN)}
 

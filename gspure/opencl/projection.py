@@ -35,6 +35,7 @@ def project(engine: Engine, frame: Pass, camera: Camera, storage: Storage, chann
         "spherical_harmonics",
         "projection",
         SH_DEGREE=frame.sh_degree,
+        CHANNEL_ATTRIBUTES=frame.channel_attributes,
         **frame.layout,
     )
     splats = engine.buffer("splats", 4 * frame.splat_floats * count)
