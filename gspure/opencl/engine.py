@@ -76,6 +76,17 @@ class Engine:
         """Return a new buffer of at least `nbytes`."""
         return cl.Buffer(self.context, self._flags, max(nbytes, 64))
 
+    def has(self, name: str) -> bool:
+        """Return whether a buffer is kept under `name`."""
+        return name in self._buffers
+
+    def uploaded(self, array: NDArray[Any]) -> cl.Buffer:
+        """Return a new buffer that holds `array`."""
+        buffer = self.allocate(array.nbytes)
+        if array.nbytes:
+            cl.enqueue_copy(self.queue, buffer, np.ascontiguousarray(array))
+        return buffer
+
     def upload(self, name: str, array: NDArray[Any]) -> cl.Buffer:
         """Copy `array` into the buffer kept under `name`."""
         buffer = self.buffer(name, array.nbytes)

@@ -42,9 +42,6 @@ class Storage:
 
 def store(engine: Engine, model: Gaussians) -> Storage:
     """Upload what a model's projection needs."""
-    order = morton_order(model.means)
-    inverse = np.empty_like(order)
-    inverse[order] = np.arange(len(order), dtype=np.uint32)
 
     def geometry(rows: Rows) -> NDArray[np.float32]:
         stored = Gaussians(model.table[rows]).columns(*_GEOMETRY)
@@ -53,11 +50,19 @@ def store(engine: Engine, model: Gaussians) -> Storage:
         stored[:, 10] = sigmoid(stored[:, 10])
         return stored
 
+    return storage_of(engine, model.means, geometry)
+
+
+def storage_of(engine: Engine, means: NDArray[np.float32], geometry: Callable[[Rows], NDArray[np.float32]]) -> Storage:
+    """Upload the activated geometry [K,11] that ``geometry(rows)`` gives, along the curve through `means` [K,3]."""
+    order = morton_order(means)
+    inverse = np.empty_like(order)
+    inverse[order] = np.arange(len(order), dtype=np.uint32)
     return Storage(
         order,
         rows=engine.upload("rows", order),
         positions=engine.upload("positions", inverse),
-        geometry=_upload(engine, order, GEOMETRY_ATTRIBUTES, geometry),
+        geometry=upload_attributes(engine, order, GEOMETRY_ATTRIBUTES, geometry),
     )
 
 
@@ -68,15 +73,17 @@ def upload_sh_coeffs(engine: Engine, storage: Storage, model: Gaussians) -> cl.B
     def sh_coeffs(rows: Rows) -> NDArray[np.float32]:
         return Gaussians(model.table[rows]).sh_coeffs.reshape(len(rows), attributes)
 
-    return _upload(engine, storage.order, attributes, sh_coeffs)
+    return upload_attributes(engine, storage.order, attributes, sh_coeffs)
 
 
 def upload_features(engine: Engine, storage: Storage, features: NDArray[np.float32]) -> cl.Buffer:
     """Upload any-channel features [K,C]."""
-    return _upload(engine, storage.order, features.shape[1], lambda rows: features[rows])
+    return upload_attributes(engine, storage.order, features.shape[1], lambda rows: features[rows])
 
 
-def _upload(engine: Engine, order: Rows, attributes: int, values: Callable[[Rows], NDArray[np.float32]]) -> cl.Buffer:
+def upload_attributes(
+    engine: Engine, order: Rows, attributes: int, values: Callable[[Rows], NDArray[np.float32]]
+) -> cl.Buffer:
     """Upload ``values(rows)`` [n,attributes] in storage order; what pads the last block is zero, hence transparent."""
     blocks = max(-(-len(order) // BLOCK), 1)
     buffer = engine.allocate(4 * blocks * attributes * BLOCK)
