@@ -12,6 +12,20 @@ inline V adam_step(V gradient, float rate, float first_correction, float second_
     return rate * first_correction * *first / (sqrt(second_correction * *second) + ADAM_EPSILON);
 }
 
+// What the renderer takes of raw attribute i: scales by exp, opacity by the logistic function.
+inline V activated_value(int i, V raw) {
+    if (i >= 7 && i < 10) return exp(raw);
+    if (i == 10) return 1.0f / (1.0f + exp(-raw));
+    return raw;
+}
+
+__kernel void activate_geometry(uint count, __global const float *raw, __global float *activated) {
+    uint position = get_global_id(0) * LANES;
+    if (position >= count) return;
+    for (int i = 0; i < GEOMETRY; i++)
+        STORE_ATTRIBUTE(activated_value(i, LOAD_ATTRIBUTE(raw, GEOMETRY, i, position)), activated, GEOMETRY, i);
+}
+
 __kernel void adam_geometry(uint count, __constant const float *rates, float first_correction, float second_correction,
                             __global const float *gradients, __global float *raw, __global float *first,
                             __global float *second, __global float *activated) {
@@ -28,9 +42,7 @@ __kernel void adam_geometry(uint count, __constant const float *rates, float fir
         STORE_ATTRIBUTE(m, first, GEOMETRY, i);
         STORE_ATTRIBUTE(v, second, GEOMETRY, i);
         STORE_ATTRIBUTE(value, raw, GEOMETRY, i);
-        if (i >= 7 && i < 10) value = exp(value);
-        if (i == 10) value = 1.0f / (1.0f + exp(-value));
-        STORE_ATTRIBUTE(value, activated, GEOMETRY, i);
+        STORE_ATTRIBUTE(activated_value(i, value), activated, GEOMETRY, i);
     }
 }
 

@@ -33,6 +33,12 @@ class Moments:
     second: cl.Buffer
 
 
+def activate(engine: Engine, count: int, raw: cl.Buffer, activated: cl.Buffer) -> None:
+    """Write the activated geometry, as the renderer takes it, of the raw one."""
+    kernel = _kernel(engine, "activate_geometry", 0)
+    engine.run(kernel, -(-count // LANES[engine.style]), np.uint32(count), raw, activated)
+
+
 def adam_step(
     engine: Engine,
     count: int,
@@ -50,19 +56,19 @@ def adam_step(
     items = -(-count // LANES[engine.style])
     corrections = (np.float32(1 / (1 - ADAM_BETA1**step)), np.float32(1 / (1 - ADAM_BETA2**step)))
     per_attribute = [rates.means] * 3 + [rates.quats] * 4 + [rates.scales] * 3 + [rates.opacities]
-    defines = {"CHANNEL_ATTRIBUTES": channel_attributes, "RAY": 0, "CHANNELS": 0}
-    adam_geometry, adam_channels = (
-        engine.kernel(name, "vector", "layout", "adam", **defines) for name in ("adam_geometry", "adam_channels")
-    )
     engine.run(
-        adam_geometry,
+        _kernel(engine, "adam_geometry", channel_attributes),
         items,
         *(np.uint32(count), engine.upload("rates", np.array(per_attribute, np.float32)), *corrections),
         *(gradients.geometry, geometry.raw, geometry.first, geometry.second, activated),
     )
     engine.run(
-        adam_channels,
+        _kernel(engine, "adam_channels", channel_attributes),
         items,
         *(np.uint32(count), np.float32(rates.sh_dc), np.float32(rates.sh_rest), *corrections),
         *(gradients.channels, channels.raw, channels.first, channels.second),
     )
+
+
+def _kernel(engine: Engine, name: str, channel_attributes: int) -> cl.Kernel:
+    return engine.kernel(name, "vector", "layout", "adam", CHANNEL_ATTRIBUTES=channel_attributes, RAY=0, CHANNELS=0)

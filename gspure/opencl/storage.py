@@ -39,6 +39,13 @@ class Storage:
         """Number of Gaussians."""
         return len(self.order)
 
+    @staticmethod
+    def along(engine: Engine, order: Rows, geometry: cl.Buffer) -> Storage:
+        """Take activated geometry [K,11] that was uploaded in `order`."""
+        inverse = np.empty_like(order)
+        inverse[order] = np.arange(len(order), dtype=np.uint32)
+        return Storage(order, engine.upload("rows", order), engine.upload("positions", inverse), geometry)
+
 
 def store(engine: Engine, model: Gaussians) -> Storage:
     """Upload what a model's projection needs."""
@@ -50,20 +57,8 @@ def store(engine: Engine, model: Gaussians) -> Storage:
         stored[:, 10] = sigmoid(stored[:, 10])
         return stored
 
-    return storage_of(engine, model.means, geometry)
-
-
-def storage_of(engine: Engine, means: NDArray[np.float32], geometry: Callable[[Rows], NDArray[np.float32]]) -> Storage:
-    """Upload the activated geometry [K,11] that ``geometry(rows)`` gives, along the curve through `means` [K,3]."""
-    order = morton_order(means)
-    inverse = np.empty_like(order)
-    inverse[order] = np.arange(len(order), dtype=np.uint32)
-    return Storage(
-        order,
-        rows=engine.upload("rows", order),
-        positions=engine.upload("positions", inverse),
-        geometry=upload_attributes(engine, order, GEOMETRY_ATTRIBUTES, geometry),
-    )
+    order = morton_order(model.means)
+    return Storage.along(engine, order, upload_attributes(engine, order, GEOMETRY_ATTRIBUTES, geometry))
 
 
 def upload_sh_coeffs(engine: Engine, storage: Storage, model: Gaussians) -> cl.Buffer:

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.model.gaussians import sigmoid
-from gspure.opencl.adam import LearningRates, Moments, adam_step
+from gspure.opencl.adam import LearningRates, Moments, activate, adam_step
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Pass
 from gspure.opencl.gradients import by_row
 from gspure.opencl.losses import Plane, image_loss, padded_target
+from gspure.opencl.morton import morton_order
 from gspure.opencl.passes import Rendered, backward, forward
-from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, Storage, storage_of, upload_attributes
+from gspure.opencl.storage import BLOCK, GEOMETRY_ATTRIBUTES, Storage, upload_attributes
 
 Float32 = NDArray[np.float32]
 SSIM_WEIGHT = 0.2
@@ -188,21 +188,21 @@ class TrainableModel:
 
     def replace(self, state: TrainState) -> None:
         """Go on from `state`, of any number of Gaussians; the statistics begin anew."""
-        engine, parameters = self._engine, state.parameters
-        activated = parameters.geometry
-        activated[:, 7:10] = np.exp(activated[:, 7:10])
-        activated[:, 10] = sigmoid(activated[:, 10])
-        self._storage: Storage = storage_of(engine, parameters.means, lambda rows: activated[rows])
-        parts = (parameters, state.first, state.second)
-        order, count = self._storage.order, len(parameters)
+        engine, parameters, count = self._engine, state.parameters, len(state.parameters)
+        order = morton_order(parameters.means)
 
         def uploaded(raw: Float32, first: Float32, second: Float32) -> Moments:
             return Moments(
                 *(upload_attributes(engine, order, raw.shape[1], part.__getitem__) for part in (raw, first, second))
             )
 
+        parts = (parameters, state.first, state.second)
         self._geometry = uploaded(*(part.geometry for part in parts))
         self._sh_coeffs = uploaded(*(part.sh_coeffs.reshape(count, -1) for part in parts))
+        activated = engine.allocate(4 * GEOMETRY_ATTRIBUTES * (count + BLOCK))
+        self._storage = Storage.along(engine, order, activated)
+        if count:
+            activate(engine, count, self._geometry.raw, activated)
         self._norms, self._views = engine.allocate(4 * count), engine.allocate(4 * count)
         self.reset_statistics()
 

@@ -1,0 +1,104 @@
+"""Where Gaussians start: at the points that structure from motion found, or at random where all views look."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.constants import MAX_SH_DEGREE, NEAR_PLANE, SH_DC
+from gspure.opencl.trainable import Parameters, TrainState
+
+Float64 = NDArray[np.float64]
+
+OPACITY: Final = 0.1
+"""Of every Gaussian, at the start (3DGS)."""
+
+NEIGHBOURS: Final = 3
+"""A Gaussian is as wide as the root mean square distance of its point to this many others (3DGS)."""
+
+LEAST_SQUARED_DISTANCE: Final = 1e-7
+"""Of two points, in square world units (3DGS)."""
+
+LEAST_POINTS: Final = NEIGHBOURS + 1
+
+RANDOM_POINTS: Final = 10_000
+"""How many there are where nothing else is known. Ours."""
+
+RANDOM_DEPTHS: Final = (0.1, 10.0)
+"""Range of their view depths, as multiples of the scene's extent. Ours: the scene's size is unknown, its order is not."""
+
+COMMON_SHARE: Final = 0.25
+"""Each is seen by at least this share of the views, and by two."""
+
+_ROUNDS = 20
+
+
+def gaussians_at(xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> Parameters:
+    """Return isotropic Gaussians at points [P,3] with these 8-bit colours [P,3], P >= 4.
+
+    Spherical harmonics have all their bands; those above the zeroth are zero.
+    """
+    from scipy.spatial import KDTree
+
+    count = len(xyz)
+    distances = KDTree(xyz).query(xyz, k=NEIGHBOURS + 1)[0][:, 1:]  # the nearest is the point itself
+    squared = np.maximum(np.mean(distances**2, axis=1), LEAST_SQUARED_DISTANCE)
+    sh_coeffs = np.zeros((count, (MAX_SH_DEGREE + 1) ** 2, 3), np.float32)
+    sh_coeffs[:, 0] = (rgb / 255.0 - 0.5) / SH_DC
+    return Parameters(
+        means=xyz.astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        log_scales=np.repeat(np.log(squared)[:, None] / 2, 3, axis=1).astype(np.float32),
+        opacity_logits=np.full(count, np.log(OPACITY) - np.log1p(-OPACITY), np.float32),
+        sh_coeffs=sh_coeffs,
+    )
+
+
+def untrained(parameters: Parameters) -> TrainState:
+    """Return the state of a run that has not begun: zero moments."""
+
+    def zeros() -> Parameters:
+        return Parameters(**{name: np.zeros_like(array) for name, array in vars(parameters).items()})
+
+    return TrainState(parameters, zeros(), zeros())
+
+
+def random_points(cameras: Sequence[Camera], extent: float, count: int, rng: np.random.Generator) -> Float64:
+    """Return points [<= count, 3] inside the views' common volume; fewer, or none, where there is next to none.
+
+    They lie on rays through random pixels of random views, at depths even in the logarithm.
+    """
+    least = max(2, round(COMMON_SHARE * len(cameras)))
+    found: list[Float64] = []
+    for _ in range(_ROUNDS):
+        points = _on_rays(cameras, extent, count, rng)
+        found.append(points[seen(points, cameras) >= least])
+        if sum(map(len, found)) >= count:
+            break
+    return np.concatenate(found)[:count]
+
+
+def seen(points: NDArray[Any], cameras: Sequence[Camera]) -> NDArray[np.intp]:
+    """Return for each point [P,3] how many views have it inside their image."""
+    views = np.zeros(len(points), np.intp)
+    for camera in cameras:
+        x, y, z = camera.K @ (camera.viewmat[:3, :3] @ points.T + camera.viewmat[:3, 3:])
+        views += (z > NEAR_PLANE) & (x >= 0) & (x < camera.width * z) & (y >= 0) & (y < camera.height * z)
+    return views
+
+
+def _on_rays(cameras: Sequence[Camera], extent: float, count: int, rng: np.random.Generator) -> Float64:
+    chosen = rng.integers(len(cameras), size=count)
+    places = rng.random((count, 2))
+    depths = extent * np.exp(rng.uniform(*np.log(RANDOM_DEPTHS), count))
+    points = np.empty((count, 3))
+    for i, camera in enumerate(cameras):
+        rows = chosen == i
+        pixels = np.column_stack([places[rows] * (camera.width, camera.height), np.ones(rows.sum())])
+        rays = np.linalg.solve(camera.K, pixels.T) * depths[rows]
+        points[rows] = (camera.viewmat[:3, :3].T @ rays).T + camera.centre
+    return points

@@ -1,0 +1,116 @@
+"""What a training run does when: learning rates, spherical-harmonic degree, densification, opacity resets.
+
+The numbers are those of 3DGS (Kerbl et al. 2023, section 7.1 and the appendix) for its 30 000 iterations. A run of
+another length does the same at the same fractions of it; what then would happen every few iterations, before the
+gradients of enough views have been seen, has a least distance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from gspure.constants import MAX_SH_DEGREE
+from gspure.opencl.trainable import LearningRates
+
+ITERATIONS: Final = 30_000
+"""Length of 3DGS's own schedule."""
+
+MEANS_RATES: Final = (1.6e-4, 1.6e-6)
+"""Learning rate of positions, first and last, as a share of the scene's extent; log-linear in between."""
+
+QUATS_RATE: Final = 1e-3
+SCALES_RATE: Final = 5e-3
+OPACITIES_RATE: Final = 0.05
+"""As in the paper's release; later ones halve it."""
+
+SH_DC_RATE: Final = 2.5e-3
+SH_REST_RATE: Final = SH_DC_RATE / 20
+
+SH_EVERY: Final = 1_000
+"""Iterations after which one more band of spherical harmonics takes part."""
+
+DENSIFY_FROM: Final = 500
+DENSIFY_EVERY: Final = 100
+DENSIFY_UNTIL: Final = ITERATIONS // 2
+RESET_EVERY: Final = 3_000
+
+LEAST_FROM: Final = 150
+LEAST_EVERY: Final = 50
+LEAST_RESET: Final = 600
+"""Least distances of a short run. Ours: 3DGS has none."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A run's plan. Iterations count from 1; what is due at one happens after its optimizer step.
+
+    Parameters
+    ----------
+    iterations : int
+        Length of the run.
+    sh_every : int
+        Iterations per band of spherical harmonics.
+    densify_from, densify_until, densify_every : int
+        Densification happens at the multiples of `densify_every` strictly between the two others.
+    reset_every : int
+        Opacities are reset at its multiples before `densify_until`; after the first, big Gaussians are pruned too.
+
+    """
+
+    iterations: int
+    sh_every: int
+    densify_from: int
+    densify_until: int
+    densify_every: int
+    reset_every: int
+
+    @classmethod
+    def scaled(cls, iterations: int) -> Schedule:
+        """Return 3DGS's schedule for a run of this length."""
+        if iterations < 1:
+            raise ValueError(f"a run has at least one iteration, not {iterations}")
+
+        def share(of: int, least: int) -> int:
+            return max(least, round(of * iterations / ITERATIONS))
+
+        return cls(
+            iterations=iterations,
+            sh_every=share(SH_EVERY, 1),
+            densify_from=share(DENSIFY_FROM, LEAST_FROM),
+            densify_until=share(DENSIFY_UNTIL, 1),
+            densify_every=share(DENSIFY_EVERY, LEAST_EVERY),
+            reset_every=share(RESET_EVERY, LEAST_RESET),
+        )
+
+    def rates(self, iteration: int, extent: float) -> LearningRates:
+        """Return the learning rates of one iteration; `extent` is the scene's, in world units."""
+        first, last = MEANS_RATES
+        return LearningRates(
+            means=extent * first * (last / first) ** (iteration / self.iterations),
+            quats=QUATS_RATE,
+            scales=SCALES_RATE,
+            opacities=OPACITIES_RATE,
+            sh_dc=SH_DC_RATE,
+            sh_rest=SH_REST_RATE,
+        )
+
+    def sh_degree(self, iteration: int) -> int:
+        """Return the degree of the spherical harmonics that take part in one iteration."""
+        return min(MAX_SH_DEGREE, iteration // self.sh_every)
+
+    def grows(self, iteration: int) -> bool:
+        """Tell whether the statistics that densification needs are still of use after this iteration."""
+        return iteration < self.densify_until
+
+    def densifies(self, iteration: int) -> bool:
+        """Tell whether Gaussians are cloned, split and pruned after this iteration."""
+        return self.densify_from < iteration < self.densify_until and iteration % self.densify_every == 0
+
+    def resets_opacities(self, iteration: int) -> bool:
+        """Tell whether opacities are reset after this iteration."""
+        return iteration < self.densify_until and iteration % self.reset_every == 0
+
+    def prunes_big(self, iteration: int) -> bool:
+        """Tell whether densification after this iteration prunes big Gaussians too."""
+        return iteration > self.reset_every
