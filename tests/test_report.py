@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.artifacts import write_json, write_provenance
@@ -201,6 +201,7 @@ unsure = st.one_of(st.just(math.nan), numbers)
 names = st.text("abc_", min_size=1, max_size=3)
 
 
+@settings(deadline=None)
 @given(st.dictionaries(names, st.tuples(numbers, unsure, unsure, unsure, unsure), min_size=1, max_size=4))
 def test_a_table_read_back_is_what_was_written(tmp_path_factory, variants) -> None:
     written = of_one_model(
