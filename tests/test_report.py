@@ -184,6 +184,12 @@ def test_provenance_is_listed(tmp_path: Path, figures: list[Path]) -> None:
     assert f'"digest": "{digest}"' in text
 
 
+def test_what_is_no_provenance_is_refused(tmp_path: Path) -> None:
+    write_json(tmp_path / "other.json", [1, 2])
+    with pytest.raises(InputError, match=r"other.json: digest, settings: expected a record of provenance"):
+        write_report(tmp_path / "report.html", "Title", PLANTED, provenance=[tmp_path / "other.json"])
+
+
 def test_nothing_measured_makes_a_page_too(tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", "Title", [])
     assert "Title" in Page(tmp_path / "report.html").text
