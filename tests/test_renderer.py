@@ -17,8 +17,8 @@ from gspure.renderer import CONTRIBUTION, Renderer
 from tests.comparison import assert_contributions_agree, assert_depths_agree, assert_pixels_agree
 from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
 
-ROUNDING = {("needles", "ewa"): 2e-5, ("needles", "ray"): 2e-3}
-"""Tolerances of cases that float32 cannot hold better: exponents that are small differences of large squares."""
+ROUNDING = {("needles", "ray"): 5e-5}
+"""Tolerances of cases that float32 cannot hold better: a fiftieth of a pixel wide, 1e-6 of a pixel off at best."""
 
 
 def assert_all_agree(renderer, view, *, tight=5e-6, background=(0.1, 0.5, 0.9)):
