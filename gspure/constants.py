@@ -58,7 +58,7 @@ MAX_CLUSTER_SHARE: Final = 0.1
 NOISE_LABEL: Final = -1
 """Label of a noise point, as in HDBSCAN."""
 
-# --- Evaluation --------------------------------------------------------------------------------------------------------
+# --- Evaluation ------------------------------------------------------------------------------------------------------
 
 SSIM_WINDOW: Final = 11
 SSIM_SIGMA: Final = 1.5
