@@ -1,15 +1,17 @@
-"""CPU time of the spanning tree and of the selection, on features with the tails of a real scene.
+"""The spanning tree and the selection, on features with the tails of a real scene."""
 
-python -m pytest benchmarks/bench_clustering.py
-"""
+from __future__ import annotations
 
-import time
+from functools import partial
 
 import numpy as np
 import pytest
+from timing import Measure
 
-from gspure.clustering import select, spanning_tree
+from gspure.clustering import Selection, select, spanning_tree
 from gspure.features import features
+
+RULES: tuple[Selection, ...] = ("eom_capped", "leaf")
 
 
 def scene(count: int) -> np.ndarray:
@@ -30,28 +32,18 @@ def scene(count: int) -> np.ndarray:
 
 
 @pytest.fixture(scope="module", params=[50_000, 200_000], ids=["50k", "200k"])
-def points(request):
+def points(request: pytest.FixtureRequest) -> np.ndarray:
     return scene(request.param)
 
 
 @pytest.fixture(scope="module")
-def tree(points):
+def tree(points: np.ndarray) -> np.ndarray:
     return spanning_tree(points)
 
 
-def measure(benchmark, function, *arguments, rounds):
-    """Measure wall time, and note CPU seconds per round beside it."""
-    began = time.process_time()
-    result = benchmark.pedantic(function, args=arguments, rounds=rounds)
-    benchmark.extra_info["cpu_s"] = (time.process_time() - began) / rounds
-    print(f"\n{benchmark.name}: {benchmark.extra_info['cpu_s']:.2f} CPU-s")
-    return result
+def test_spanning_tree(points: np.ndarray, measure: Measure) -> None:
+    measure({"spanning tree": partial(spanning_tree, points)}, rounds=1, warm_ups=0)
 
 
-def test_spanning_tree(benchmark, points):
-    assert len(measure(benchmark, spanning_tree, points, rounds=1)) == len(points) - 1
-
-
-@pytest.mark.parametrize("selection", ["eom_capped", "leaf"])
-def test_selection(benchmark, tree, selection):
-    assert measure(benchmark, select, tree, 50, selection, rounds=2).max() > 0
+def test_selection(tree: np.ndarray, measure: Measure) -> None:
+    measure({f"selection, {rule}": partial(select, tree, 50, rule) for rule in RULES}, rounds=3, warm_ups=0)

@@ -58,12 +58,12 @@ MAX_CLUSTER_SHARE: Final = 0.1
 NOISE_LABEL: Final = -1
 """Label of a noise point, as in HDBSCAN."""
 
-# --- Training, Kerbl et al. 2023 and Adam's defaults --------------------------------------------------------------------
+# --- Training: Kerbl et al. 2023, Adam's defaults --------------------------------------------------------------------
 
 ADAM_BETA1: Final = 0.9
 ADAM_BETA2: Final = 0.999
 
-# --- Evaluation --------------------------------------------------------------------------------------------------------
+# --- Evaluation ------------------------------------------------------------------------------------------------------
 
 SSIM_WINDOW: Final = 11
 SSIM_SIGMA: Final = 1.5

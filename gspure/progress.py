@@ -33,7 +33,7 @@ def _lines(items: Iterable[Item], label: str) -> Iterator[Item]:
     total = len(items) if isinstance(items, Sequence) else None
     began = last = time.monotonic()
     done = 0
-    for done, item in enumerate(items, start=1):  # noqa: B007
+    for done, item in enumerate(items, start=1):
         yield item
         now = time.monotonic()
         if now - last > _SECONDS_BETWEEN_LINES:

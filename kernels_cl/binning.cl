@@ -24,7 +24,7 @@ inline Footprint load_footprint(float8 f, int band_first, int band_last) {
     p.y = f.s1;
     p.inverse_syy = 1.0f / syy;
     p.slope = sxy * p.inverse_syy;
-    p.width2 = max(sxx - sxy * p.slope, 0.0f);
+    p.width2 = f.s7;
     p.extent_y = sqrt(syy);
     p.y_extreme = sxy * rsqrt(sxx);  // where the ellipse reaches furthest in x
     uint columns = as_uint(f.s5), rows = as_uint(f.s6);
@@ -61,23 +61,28 @@ inline float largest(float a, float b, float c, float low, float high) {
 }
 
 // Whether a Gaussian that reaches behind the camera can touch a pixel of a tile. Its alpha >= ALPHA_MIN exactly where
-// the quadratic g(d) = form + level N (layout.cl) is not negative. The region is no ellipse, so g is largest on the
-// rectangle's boundary. Rays that meet the Gaussian behind the camera have 1 + linear < 0.
+// the quadratic g(d) = level N - Q (layout.cl) is not negative: a convex region around d = 0. So it meets the tile if it
+// holds a point of the tile's boundary, or if the tile holds d = 0. Rays that meet the Gaussian behind the camera have
+// 1 + linear < 0.
 inline bool touches(__global const float *s, int tx, int ty) {
     float level = s[SPLAT_LOG2_OPACITY] - LOG2_ALPHA_MIN;
-    float xx = s[SPLAT_XX] + level * s[SPLAT_MXX], yy = s[SPLAT_YY] + level * s[SPLAT_MYY];
-    float xy = s[SPLAT_XY] + 2.0f * level * s[SPLAT_MXY];
+    float a = s[SPLAT_A], b = s[SPLAT_B], c = s[SPLAT_C];
+    float xx = level * s[SPLAT_MXX] - a * a, yy = level * s[SPLAT_MYY] - (b * b + c * c);
+    float xy = 2.0f * (level * s[SPLAT_MXY] - a * b);
     float lx = s[SPLAT_LX], ly = s[SPLAT_LY];
     float x[2], y[2], best = -INFINITY;
     x[0] = tx * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_U], x[1] = x[0] + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
     y[0] = ty * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_V], y[1] = y[0] + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
+    if (x[0] <= 0.0f && x[1] >= 0.0f && y[0] <= 0.0f && y[1] >= 0.0f) return true;
     if (1.0f + max(lx * x[0], lx * x[1]) + max(ly * y[0], ly * y[1]) < 0.0f) return false;
     for (int side = 0; side < 2; side++) {
         float h = y[side], v = x[side];  // a horizontal and a vertical edge
         best = max(best, largest(xx, xy * h + 2.0f * level * lx, h * (yy * h + 2.0f * level * ly), x[0], x[1]));
         best = max(best, largest(yy, xy * v + 2.0f * level * ly, v * (xx * v + 2.0f * level * lx), y[0], y[1]));
     }
-    return best + level > -1e-3f * level;
+    float far_x = max(-x[0], x[1]), far_y = max(-y[0], y[1]);
+    float rounding = 1e-6f * (fabs(xx) * far_x * far_x + fabs(xy) * far_x * far_y + fabs(yy) * far_y * far_y);
+    return best + level > -1e-3f * level - rounding;
 }
 #endif
 

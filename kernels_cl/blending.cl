@@ -11,16 +11,17 @@ inline V log2_alpha(V dx, V dy, const float *s, V *depth) {
     V linear = s[SPLAT_LX] * dx + s[SPLAT_LY] * dy;
     V norm = (1.0f + 2.0f * linear) + (s[SPLAT_MXX] * dx * dx + dy * (2.0f * s[SPLAT_MXY] * dx + s[SPLAT_MYY] * dy));
     V inverse = 1.0f / norm;
-    V form = s[SPLAT_XX] * dx * dx + dy * (s[SPLAT_XY] * dx + s[SPLAT_YY] * dy);
-    V exponent = form * inverse + s[SPLAT_LOG2_OPACITY];
+    V across = s[SPLAT_A] * dx + s[SPLAT_B] * dy, down = s[SPLAT_C] * dy;
+    V form = across * across + down * down;
+    V exponent = s[SPLAT_LOG2_OPACITY] - form * inverse;
     *depth = s[SPLAT_DEPTH] * (1.0f + linear) * inverse;  // t*, where the Gaussian's maximum along the ray lies
     return *depth > (V)NEAR_PLANE ? exponent : (V)-1000.0f;
 }
 #else
 inline V log2_alpha(V dx, V dy, const float *s, V *depth) {
     *depth = (V)s[SPLAT_DEPTH];
-    V form = s[SPLAT_XX] * dx * dx + dy * (s[SPLAT_XY] * dx);
-    return form + (s[SPLAT_YY] * dy * dy + s[SPLAT_LOG2_OPACITY]);
+    V across = s[SPLAT_A] * dx + s[SPLAT_B] * dy, down = s[SPLAT_C] * dy;
+    return (s[SPLAT_LOG2_OPACITY] - down * down) - across * across;
 }
 #endif
 

@@ -2,20 +2,22 @@
 //
 // A *splat* is what a pixel needs of a Gaussian: SPLAT floats (a multiple of 16, one cache line or more), indexed by the
 // Gaussian's position in storage. With d = pixel - (U, V), in pixels:
-//   ewa:  log2 alpha = LOG2_OPACITY + XX dx^2 + XY dx dy + YY dy^2
-//   ray:  log2 alpha = LOG2_OPACITY + (XX dx^2 + XY dx dy + YY dy^2) / N,
+//   ewa:  log2 alpha = LOG2_OPACITY - Q,      Q = (A dx + B dy)^2 + (C dy)^2
+//   ray:  log2 alpha = LOG2_OPACITY - Q / N,
 //         N = 1 + 2 (LX dx + LY dy) + MXX dx^2 + 2 MXY dx dy + MYY dy^2 = |direction|^2 relative to the centre's ray
+// As a sum of squares Q is never negative, and keeps its digits for needles, where XX dx^2 + XY dx dy + YY dy^2 is the small
+// difference of large terms.
 // ROW_CENTRE, ROW_EXTENT bound the pixel rows it touches. Channels (colour or features) follow.
 //
 // A *footprint* is what tiles need: an ellipse {d : d' S^-1 d <= 1} around (X, Y) that holds every pixel with
 // alpha >= ALPHA_MIN, and its tile rectangle. SXX = INFINITY marks a footprint that is no ellipse (the Gaussian reaches
-// behind the camera): its rectangle is the image.
+// behind the camera, or nearly): its rectangle is the image.
 
 #define SPLAT_U 0
 #define SPLAT_V 1
-#define SPLAT_XX 2
-#define SPLAT_XY 3
-#define SPLAT_YY 4
+#define SPLAT_A 2
+#define SPLAT_B 3
+#define SPLAT_C 4
 #define SPLAT_LOG2_OPACITY 5
 #define SPLAT_DEPTH 6
 #define SPLAT_ROW_CENTRE 7
@@ -45,6 +47,7 @@
 #define FOOTPRINT_SYY 4
 #define FOOTPRINT_TILES_X 5  // first | last << 16, both inclusive
 #define FOOTPRINT_TILES_Y 6
+#define FOOTPRINT_WIDTH2 7  // SXX - SXY^2 / SYY: squared half width at a fixed y, free of cancellation
 
 // Depth key of a Gaussian that is not drawn; positive floats order as their bits do.
 #define NOT_VISIBLE 0xffffffffu

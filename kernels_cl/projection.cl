@@ -13,13 +13,14 @@
 
 typedef struct {
     V x, y, sxx, sxy, syy;  // {d : d' S^-1 d <= 1} around (x, y)
+    V width2;               // det S / syy
     I unbounded;            // mask: no ellipse
 } Ellipse;
 
 // Unit principal axes of the Gaussians in view space: axes[3 * a + i] is component i of axis a.
 inline void view_axes(__constant const float *camera, __global const float *geometry, uint position, V *axes) {
     V w = QUAT(0), x = QUAT(1), y = QUAT(2), z = QUAT(3);
-    V s = 2.0f / MAX(w * w + x * x + y * y + z * z, (V)1e-30f);  // a zero quaternion means no rotation
+    V s = 2.0f / (w * w + x * x + y * y + z * z);
     V world[9] = {1.0f - s * (y * y + z * z), s * (x * y + w * z),        s * (x * z - w * y),
                   s * (x * y - w * z),        1.0f - s * (x * x + z * z), s * (y * z + w * x),
                   s * (x * z + w * y),        s * (y * z - w * x),        1.0f - s * (x * x + y * y)};
@@ -35,31 +36,35 @@ inline void view_axes(__constant const float *camera, __global const float *geom
 // The maximum of a Gaussian along a pixel's ray (paper, Eq. E; GOF's stable form). With axes q_a, scales s_a, the ray
 // direction in the Gaussian's own frame is linear in the pixel: direction_a = q_a . r / s_a, and
 //   E = exp(-1/2 |p x direction|^2 / |direction|^2),   p_a = q_a . mean / s_a.
-// At the projected centre the cross product vanishes, so it is a pure quadratic form in d. Scales enter relative to the
-// smallest one (w_a = s_min / s_a <= 1), which cancels in the quotient and cannot overflow.
+// Scales enter p and direction relative to the smallest one, which cancels in the quotient and cannot overflow.
+// The cross product is linear in d, for it vanishes at the projected centre: with e_x, e_y the changes of r per pixel,
+//   (p x direction)_a = s_a (q_a . (mean x (e_x dx + e_y dy))) / (s_1 s_2 s_3),
+// hence Q = |cx dx + cy dy|^2 up to a factor, in a form without cancellation.
 inline Ellipse ray_form(__constant const float *camera, const V *mean, const V *scale, const V *axes, V level, V *splat) {
-    V smallest = MIN(MIN(scale[0], scale[1]), scale[2]);
-    V p[3], gx[3], gy[3];
+    V smallest = MIN(MIN(scale[0], scale[1]), scale[2]), largest = MAX(MAX(scale[0], scale[1]), scale[2]);
+    V middle = MAX(MIN(scale[0], scale[1]), MIN(MAX(scale[0], scale[1]), scale[2]));
+    V z = mean[2];
+    V p[3], gx[3], gy[3], cx[3], cy[3], plane[3];
 #pragma unroll
     for (int a = 0; a < 3; a++) {
-        V w = smallest / scale[a];
-        p[a] = w * (axes[3 * a] * mean[0] + axes[3 * a + 1] * mean[1] + axes[3 * a + 2] * mean[2]);
+        V w = smallest / scale[a], v = scale[a] / largest;
+        V along = axes[3 * a] * mean[0] + axes[3 * a + 1] * mean[1] + axes[3 * a + 2] * mean[2];
+        p[a] = w * along;
         gx[a] = w * axes[3 * a] * (1.0f / CAMERA_FX);
         gy[a] = w * axes[3 * a + 1] * (1.0f / CAMERA_FY);
-    }
-    V z = mean[2];
-    V centre = z * z / (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);  // 1 / |direction|^2 at the centre
-    V cx[3], cy[3];                                                // p x gx, p x gy
-#pragma unroll
-    for (int a = 0; a < 3; a++) {
+        cx[a] = v * (axes[3 * a + 1] * z - axes[3 * a + 2] * mean[1]) * (1.0f / CAMERA_FX);
+        cy[a] = v * (axes[3 * a + 2] * mean[0] - axes[3 * a] * z) * (1.0f / CAMERA_FY);
         int b = (a + 1) % 3, c = (a + 2) % 3;
-        cx[a] = p[b] * gx[c] - p[c] * gx[b];
-        cy[a] = p[b] * gy[c] - p[c] * gy[b];
+        plane[a] = (scale[b] / largest) * (scale[c] / largest) * along;  // cx x cy = z plane / (FX FY)
     }
-    V form = -HALF_LOG2E * centre / (smallest * smallest);
-    splat[SPLAT_XX] = form * (cx[0] * cx[0] + cx[1] * cx[1] + cx[2] * cx[2]);
-    splat[SPLAT_XY] = 2.0f * form * (cx[0] * cy[0] + cx[1] * cy[1] + cx[2] * cy[2]);
-    splat[SPLAT_YY] = form * (cy[0] * cy[0] + cy[1] * cy[1] + cy[2] * cy[2]);
+    V pp = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
+    V centre = z * z / pp;  // 1 / |direction|^2 at the centre
+    V length = sqrt(cx[0] * cx[0] + cx[1] * cx[1] + cx[2] * cx[2]);
+    V factor = sqrt((V)HALF_LOG2E / pp) * z / middle;
+    splat[SPLAT_A] = factor * length;
+    splat[SPLAT_B] = factor * (cx[0] * cy[0] + cx[1] * cy[1] + cx[2] * cy[2]) / length;
+    splat[SPLAT_C] = factor * z * (1.0f / (CAMERA_FX * CAMERA_FY)) / length *
+                     sqrt(plane[0] * plane[0] + plane[1] * plane[1] + plane[2] * plane[2]);
     splat[SPLAT_LX] = centre * (p[0] * gx[0] + p[1] * gx[1] + p[2] * gx[2]) / z;
     splat[SPLAT_LY] = centre * (p[0] * gy[0] + p[1] * gy[1] + p[2] * gy[2]) / z;
     splat[SPLAT_MXX] = centre * (gx[0] * gx[0] + gx[1] * gx[1] + gx[2] * gx[2]);
@@ -80,12 +85,15 @@ inline Ellipse ray_form(__constant const float *camera, const V *mean, const V *
     V depth = z * z - t2 * zz;  // > 0 exactly when the ellipsoid lies wholly in front of the camera
     V i = 1.0f / depth, s = t2 * i * i;
     Ellipse e;
-    e.unbounded = depth <= 1e-4f * z * z;
+    e.unbounded = depth <= 0.1f * z * z;  // closer to 0, an ellipse's numbers lose too many digits
     e.x = CAMERA_FX * (mean[0] * z - t2 * xz) * i + CAMERA_CX;
     e.y = CAMERA_FY * (mean[1] * z - t2 * yz) * i + CAMERA_CY;
     e.sxx = CAMERA_FX * CAMERA_FX * s * (fxx - t2 * (xx * zz - xz * xz));
     e.sxy = CAMERA_FX * CAMERA_FY * s * (fxy - t2 * (xy * zz - xz * yz));
     e.syy = CAMERA_FY * CAMERA_FY * s * (fyy - t2 * (yy * zz - yz * yz));
+    // det S = t^4 det Sigma (mean' Sigma^-1 mean - t^2) / depth^3, in pixels
+    V area = CAMERA_FX * CAMERA_FY * t2 * middle * largest * i;
+    e.width2 = area * area * (pp - t2 * smallest * smallest) * i / e.syy;
     return e;
 }
 #else
@@ -104,25 +112,31 @@ inline Frustum frustum(__constant const float *camera, int width, int height) {
 
 // EWA splatting: Sigma' = J Sigma J' + dilation (paper, Preliminaries; J with the reference rasterizer's clamp).
 inline Ellipse ewa_form(__constant const float *camera, int width, int height, const V *mean, const V *scale,
-                        const V *axes, V level, V *splat, I *visible) {
+                        const V *axes, V level, V *splat) {
     float fx = CAMERA_FX, fy = CAMERA_FY;
     Frustum f = frustum(camera, width, height);
     V iz = 1.0f / mean[2];
     V jx = MIN(MAX(mean[0] * iz, (V)f.low_x), (V)f.high_x), jy = MIN(MAX(mean[1] * iz, (V)f.low_y), (V)f.high_y);
-    V xx = (V)EWA_DILATION, xy = (V)0.0f, yy = (V)EWA_DILATION;
+    V xx = (V)EWA_DILATION, xy = (V)0.0f, yy = (V)EWA_DILATION, ux[3], uy[3];
 #pragma unroll
     for (int a = 0; a < 3; a++) {
         V s = scale[a] * iz;
-        V ux = fx * s * (axes[3 * a] - jx * axes[3 * a + 2]);
-        V uy = fy * s * (axes[3 * a + 1] - jy * axes[3 * a + 2]);
-        xx += ux * ux, xy += ux * uy, yy += uy * uy;
+        ux[a] = fx * s * (axes[3 * a] - jx * axes[3 * a + 2]);
+        uy[a] = fy * s * (axes[3 * a + 1] - jy * axes[3 * a + 2]);
+        xx += ux[a] * ux[a], xy += ux[a] * uy[a], yy += uy[a] * uy[a];
     }
-    V determinant = xx * yy - xy * xy;
-    *visible &= MASK(determinant > (V)0.0f);
-    V form = -HALF_LOG2E / determinant;
-    splat[SPLAT_XX] = form * yy;
-    splat[SPLAT_XY] = -2.0f * form * xy;
-    splat[SPLAT_YY] = form * xx;
+    // xx yy - xy^2 as a sum of squares (Cauchy-Binet): no cancellation for needles.
+    V determinant = EWA_DILATION * (xx + yy - EWA_DILATION);
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+        int b = (a + 1) % 3;
+        V area = ux[a] * uy[b] - ux[b] * uy[a];
+        determinant += area * area;
+    }
+    V down = sqrt((V)HALF_LOG2E / yy), across = down / sqrt(determinant);
+    splat[SPLAT_A] = across * yy;
+    splat[SPLAT_B] = -across * xy;
+    splat[SPLAT_C] = down;
     Ellipse e;
     V t2 = TWO_LN2 * level;
     e.unbounded = (I)0;
@@ -131,6 +145,7 @@ inline Ellipse ewa_form(__constant const float *camera, int width, int height, c
     e.sxx = t2 * xx;
     e.sxy = t2 * xy;
     e.syy = t2 * yy;
+    e.width2 = t2 * determinant / yy;
     return e;
 }
 #endif
@@ -181,8 +196,9 @@ __kernel void project(uint count, int width, int height, __constant const float 
 #if RAY
         Ellipse e = ray_form(camera, mean, scale, axes, level, splat.v);
 #else
-        Ellipse e = ewa_form(camera, width, height, mean, scale, axes, level, splat.v, &visible);
+        Ellipse e = ewa_form(camera, width, height, mean, scale, axes, level, splat.v);
 #endif
+        visible &= MASK(splat.v[SPLAT_A] > (V)0.0f);  // false for what is not a number, as without a rotation
         e.sxx = MAX(e.sxx, (V)1e-12f);
         e.syy = MAX(e.syy, (V)1e-12f);
         V extent_x = e.unbounded ? (V)INFINITY : sqrt(e.sxx), extent_y = e.unbounded ? (V)INFINITY : sqrt(e.syy);
@@ -193,6 +209,7 @@ __kernel void project(uint count, int width, int height, __constant const float 
         footprint.v[FOOTPRINT_Y] = y;
         footprint.v[FOOTPRINT_SXX] = e.unbounded ? (V)INFINITY : e.sxx;
         footprint.v[FOOTPRINT_SXY] = e.sxy;
+        footprint.v[FOOTPRINT_WIDTH2] = MAX(e.width2, (V)0.0f);
         footprint.v[FOOTPRINT_SYY] = e.syy;
         footprint.v[FOOTPRINT_TILES_X] = AS_FLOAT(tile_range(x, extent_x, width, &visible));
         footprint.v[FOOTPRINT_TILES_Y] = AS_FLOAT(tile_range(y, extent_y, height, &visible));
@@ -221,6 +238,6 @@ __kernel void project(uint count, int width, int height, __constant const float 
         __global float *s = splats + (size_t)SPLAT * (position + lane);
         for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splat.f[i * LANES + lane];
         __global float *f = footprints + (size_t)FOOTPRINT * (position + lane);
-        for (int i = 0; i <= FOOTPRINT_TILES_Y; i++) f[i] = footprint.f[i * LANES + lane];
+        for (int i = 0; i < FOOTPRINT; i++) f[i] = footprint.f[i * LANES + lane];
     }
 }

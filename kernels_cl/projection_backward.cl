@@ -65,7 +65,14 @@ __kernel void project_backward(uint count, int width, int height, __constant con
         V vx = scale[a] * ux[a], vy = scale[a] * uy[a];
         xx += vx * vx, xy += vx * vy, yy += vy * vy;
     }
-    V inverse = 1.0f / (xx * yy - xy * xy);
+    V determinant = EWA_DILATION * (xx + yy - EWA_DILATION);  // Cauchy-Binet, as in the forward pass
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+        int b = (a + 1) % 3;
+        V area = scale[a] * scale[b] * (ux[a] * uy[b] - ux[b] * uy[a]);
+        determinant += area * area;
+    }
+    V inverse = 1.0f / determinant;
     V A = yy * inverse, B = -xy * inverse, C = xx * inverse;  // conic: p = log2 o - HALF_LOG2E (A dx^2 + 2 B dx dy + C dy^2)
 
     // Quadratic form and centre: d = pixel - centre.

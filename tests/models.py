@@ -6,6 +6,7 @@ import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.model.gaussians import Gaussians
+from gspure.reference.projection import rotation_matrices
 
 Case = tuple[Gaussians, Camera]
 
@@ -110,6 +111,26 @@ def needles() -> Case:
     return gaussians(means=means, quats=quats, scales=[1.5, 0.0015, 0.0015], opacities=0.8), camera()
 
 
+def close_needles() -> Case:
+    """Needles a metre before a long lens: thousands of pixels long, two wide."""
+    rng = np.random.default_rng(7)
+    depths = rng.uniform(0.5, 3, 40)
+    means = np.stack([rng.uniform(-0.03, 0.03, 40) * depths, rng.uniform(-0.02, 0.02, 40) * depths, depths], axis=1)
+    return gaussians(means=means, quats=rng.normal(size=(40, 4)), scales=[3.0, 0.002, 0.002]), camera(focal=800.0)
+
+
+def grazing() -> Case:
+    """Ellipsoids alpha >= 1/255 that come within 1/30 to 1/100 000 of the camera plane, from the front."""
+    rng = np.random.default_rng(27)
+    depths, opacities, quats = rng.uniform(0.3, 4, 12), rng.uniform(0.02, 0.3, 12), rng.normal(size=(12, 4))
+    means = np.stack([rng.uniform(-1.5, 1.5, 12) * depths, rng.uniform(-1.5, 1.5, 12) * depths, depths], axis=1)
+    scales = np.exp(rng.uniform(np.log(0.02), 0, (12, 3)))
+    deviations = np.sqrt((rotation_matrices(quats)[:, 2] ** 2 * scales**2).sum(axis=1))  # along the view axis
+    gaps = np.geomspace(1e-5, 0.03, 12)
+    scales *= ((1 - gaps) * depths / deviations / np.sqrt(2 * np.log(255 * opacities)))[:, None]
+    return gaussians(means=means, quats=quats, scales=scales, opacities=opacities), camera(130, 100, focal=150.0)
+
+
 def flakes() -> Case:
     """Flat discs, some seen edge-on."""
     rng = np.random.default_rng(8)
@@ -161,6 +182,8 @@ AWKWARD: dict[str, Callable[[], Case]] = {
         covering,
         inside,
         needles,
+        close_needles,
+        grazing,
         flakes,
         subpixel,
         extreme_opacities,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.artifacts import write_json, write_provenance
@@ -184,6 +184,12 @@ def test_provenance_is_listed(tmp_path: Path, figures: list[Path]) -> None:
     assert f'"digest": "{digest}"' in text
 
 
+def test_what_is_no_provenance_is_refused(tmp_path: Path) -> None:
+    write_json(tmp_path / "other.json", [1, 2])
+    with pytest.raises(InputError, match=r"other.json: digest, settings: expected a record of provenance"):
+        write_report(tmp_path / "report.html", "Title", PLANTED, provenance=[tmp_path / "other.json"])
+
+
 def test_nothing_measured_makes_a_page_too(tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", "Title", [])
     assert "Title" in Page(tmp_path / "report.html").text
@@ -201,6 +207,7 @@ unsure = st.one_of(st.just(math.nan), numbers)
 names = st.text("abc_", min_size=1, max_size=3)
 
 
+@settings(deadline=None)
 @given(st.dictionaries(names, st.tuples(numbers, unsure, unsure, unsure, unsure), min_size=1, max_size=4))
 def test_a_table_read_back_is_what_was_written(tmp_path_factory, variants) -> None:
     written = of_one_model(

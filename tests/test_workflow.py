@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import re
@@ -295,6 +296,23 @@ def test_the_renders_are_the_views_to_evaluate(finished):
     views = split(read_cameras(finished.folder / "views.json"))[1]
     rendered = finished.folder / BOT / "gspure" / "renders" / "scene"
     assert sorted(path.stem for path in rendered.glob("*.png")) == [view.name for view in views]
+
+
+def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(tmp_path, started):
+    project = started.copy(tmp_path / "project")
+    scene = {"gaussians": 600, "views": 9, "width": 48, "height": 36}
+    project.configure({"planted": {"room": scene}, **{name: CONFIG[name] for name in ("method", "variants")}})
+    project.run()
+    results = project.folder / "results"
+    with (results / "tables" / "results.csv").open() as table:
+        rows = list(csv.DictReader(table))
+    found = {(row["variant"], row["target"]) for row in rows}
+    assert found == {(variant, target) for variant in CONFIG["variants"] for target in ("scene", "message")}
+    assert all(float(row["recall"]) >= 0 for row in rows)
+    assert "planted/room" in (results / "report.html").read_text()
+    assert "Nothing to be done" in project.run()
+    project.run("--report", "snakemake.html")
+    assert (project.folder / "snakemake.html").stat().st_size > 100_000
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> NDArray[np.uint8]
 
 def dot_size(count: int, camera: Camera) -> int:
     """Return the diameter in pixels at which `count` dots, spread over the image, would just about close it."""
-    return max(int(min(1.5 * np.sqrt(camera.width * camera.height / count), camera.width / 150)), 2)
+    return max(int(min(2 * np.sqrt(camera.width * camera.height / count), camera.width / 150)), 2)
 
 
 def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:

@@ -106,7 +106,7 @@ def write_report(
         sections=[_section(key, variants, figures, diagnoses) for key, variants in models],
         limits=list(findings.limits(outcomes)),
         diagnosis_terms=findings.DIAGNOSIS_TERMS,
-        records=[(file.as_posix(), read_json(file)) for file in provenance],
+        records=[(file.as_posix(), _record(file)) for file in provenance],
     )
     write_text(path, page)
 
@@ -139,7 +139,7 @@ def _picture(file: Path) -> Picture:
     from PIL import Image
 
     note = file.with_name(file.name + ".json")
-    caption = read_json(note)["settings"].get("caption", "") if note.exists() else ""
+    caption = _record(note)["settings"].get("caption", "") if note.exists() else ""
     try:
         with Image.open(file) as image:
             wide = image.width > 1.2 * style.COLUMN * style.DPI
@@ -148,6 +148,13 @@ def _picture(file: Path) -> Picture:
         raise InputError(file, "file", expected="a PNG image", found=str(error)) from None
     companions = (other.name for suffix in _OTHER_FORMATS if (other := file.with_suffix(suffix)).exists())
     return Picture(file.stem.replace("_", " "), caption, data, wide, tuple(companions))
+
+
+def _record(file: Path) -> dict[str, Any]:
+    record = read_json(file)
+    if not isinstance(record, dict) or not record.keys() >= {"digest", "settings"}:
+        raise InputError(file, "digest, settings", expected="a record of provenance", found="other JSON")
+    return record
 
 
 def _embedded(image: Any) -> str:

@@ -1,0 +1,108 @@
+"""The stages of a frame: image and contributions in one traversal, and what blending makes of the processor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import peak
+import pytest
+from evals import FLOPS_PER_EVAL, count_evals
+from findings import Findings
+from scenes import LARGE, SMALL, Scene, each_scene
+from stages import Stages
+from timing import Measure
+
+from gspure.opencl.engine import Engine
+from gspure.opencl.frame import Energy, Pass
+
+FRAME = Pass("ewa", channels=3, sh_degree=3, contributions=True)
+
+
+@pytest.mark.parametrize("energy", ["ewa", "ray"])
+@each_scene
+def test_stages(scene: Scene, energy: Energy, engine: Engine, measure: Measure, findings: Findings) -> None:
+    frame = replace(FRAME, energy=energy)
+    stages = Stages(engine, scene.model, scene.camera, frame)
+    times = measure(
+        {
+            "project": stages.project,
+            "sort by depth": stages.sort,
+            "bin": stages.bin,
+            "blend without contributions": partial(stages.blend, replace(frame, contributions=False)),
+            "blend": stages.blend,
+            "sum contributions": stages.sum,
+        },
+        rounds=scene.rounds,
+    )
+    preparing = times["project"] + times["sort by depth"] + times["bin"]
+    alone, whole = (
+        preparing + times["blend without contributions"],
+        preparing + times["blend"] + times["sum contributions"],
+    )
+    blending = times["blend without contributions"]
+
+    findings.figure("visible Gaussians", stages.order.visible)
+    findings.figure("tile entries", stages.entries())
+    findings.figure("frame with contributions, wall, ms", 1e3 * np.median(whole.wall), at_most=scene.frame_ms)
+    findings.figure("the same, CPU / cores, ms", 1e3 * np.median(whole.per_core), at_most=scene.frame_ms)
+    findings.figure("frame with / without contributions", whole / alone, at_most=1.25)
+    findings.figure("blend with / without contributions", times["blend"] / blending, at_most=1.12)
+    findings.figure("(sort + bin) / blend", (times["sort by depth"] + times["bin"]) / blending, at_most=0.45)
+    findings.figure("project / blend", times["project"] / blending, at_most=0.2)
+
+
+@each_scene
+def test_blending_against_the_peak(
+    scene: Scene, engine: Engine, measure: Measure, findings: Findings, tmp_path: Path
+) -> None:
+    """Which share of all multiply-adds that the processor can do go into evaluating splats."""
+    if engine.style == "gpu":
+        pytest.skip("the native peak is a processor's")
+    stages = Stages(engine, scene.model, scene.camera, replace(FRAME, contributions=False))
+    for stage in (stages.project, stages.sort, stages.bin):
+        stage()
+    peaks = {"FMA, OpenCL": peak.opencl(engine), "FMA, native": peak.native(tmp_path)}
+    times = measure({"blend": stages.blend} | {name: run for name, run in peaks.items() if run}, rounds=scene.rounds)
+
+    evals = count_evals(stages)
+    findings.figure("evaluations per pixel", evals / (scene.width * scene.height))
+    findings.figure("blend, 10^9 evaluations per second", 1e-9 * evals / np.median(times["blend"].per_core))
+    for name in set(times) - {"blend"}:
+        findings.figure(f"{name}, GFLOP/s", 1e-9 * peak.FLOPS / np.median(times[name].per_core))
+        share = FLOPS_PER_EVAL * evals / peak.FLOPS * (times[name] / times["blend"])
+        findings.figure(f"blend, share of {name}", share, at_least=scene.peak_share)
+
+
+@each_scene
+def test_binning_against_one_sort(scene: Scene, engine: Engine, measure: Measure, findings: Findings) -> None:
+    """What tile lists cost, beside a stable sort of as many (tile, depth) keys."""
+    stages = Stages(engine, scene.model, scene.camera, FRAME)
+    stages.project()
+    stages.sort()
+    stages.bin()
+    keys = np.random.default_rng(0).integers(1 << 45, size=stages.entries(), dtype=np.uint64)
+
+    def lists() -> None:
+        stages.sort()
+        stages.bin()
+
+    times = measure({"sort + bin": lists, "np.argsort, stable": lambda: np.argsort(keys, kind="stable")}, rounds=5)
+    speedup = np.median(times["np.argsort, stable"].wall) / np.median(times["sort + bin"].wall)
+    findings.figure("np.argsort / (sort + bin), wall", speedup, at_least=10.0 if scene is LARGE else None)
+
+
+def test_styles(engine: Engine, measure: Measure, findings: Findings) -> None:
+    """The two kernel styles on one device: on a processor, barriers cost most of the time."""
+    variants = {}
+    for style in ("cpu", "gpu"):
+        stages = Stages(Engine(engine.device, style), SMALL.model, SMALL.camera, FRAME)
+        stages.project()
+        stages.sort()
+        stages.bin()
+        variants[f"blend, {style} style"] = stages.blend
+    times = measure(variants, rounds=3)
+    ratio = times["blend, gpu style"] / times["blend, cpu style"]
+    findings.figure("gpu / cpu style", ratio, at_least=20.0 if engine.style == "cpu" else None)

@@ -1,0 +1,88 @@
+"""The harness: every benchmark gets `findings` to fill; all of them are shown at the end, and kept on request.
+
+pytest benchmarks --record     # writes benchmarks/results.json and benchmarks/results.md
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+HERE = Path(__file__).parent
+os.environ.setdefault("POCL_CACHE_DIR", str(HERE.parent / ".pytest_cache" / "pocl"))  # PoCL reads it when it is loaded
+
+from findings import Findings  # noqa: E402
+from machine import describe  # noqa: E402
+from timing import Measure, Times, Variants, one_round  # noqa: E402
+
+from gspure.artifacts import write_json, write_text  # noqa: E402
+from gspure.opencl.device import choose_device  # noqa: E402
+from gspure.opencl.engine import Engine  # noqa: E402
+
+FOUND = pytest.StashKey[list[Findings]]()
+MACHINE = pytest.StashKey[dict[str, str]]()
+
+EXPLANATION = """\
+Times are in milliseconds: medians over the runs, and the least. Variants of one table ran in turn. *CPU / cores* is the
+CPU time of all threads over the number of cores: on a free machine it is the wall time of whatever the cores share, and
+unlike wall time it hardly changes while other programs run. Ratios are of CPU time, round by round."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--record", action="store_true", help="write benchmarks/results.json and benchmarks/results.md")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[FOUND] = []
+    config.stash[MACHINE] = describe(choose_device())
+
+
+@pytest.fixture(scope="session")
+def engine() -> Engine:
+    """The device that gspure would choose."""
+    return Engine(choose_device().cl_device)
+
+
+@pytest.fixture
+def findings(request: pytest.FixtureRequest) -> Findings:
+    """What this benchmark finds, under the test's name."""
+    title = request.node.name.removeprefix("test_").replace("_", " ").replace("[", " [")
+    request.config.stash[FOUND].append(found := Findings(title))
+    return found
+
+
+@pytest.fixture
+def measure(benchmark: BenchmarkFixture, findings: Findings) -> Measure:
+    """Measure variants in turn, `rounds` times after `warm_ups`; add the times to the findings and return them."""
+
+    def run(variants: Variants, *, rounds: int, warm_ups: int = 1) -> dict[str, Times]:
+        for _ in range(warm_ups):
+            one_round(variants, {name: Times() for name in variants})
+        times = {name: Times() for name in variants}
+        benchmark.pedantic(one_round, args=(variants, times), rounds=rounds)
+        findings.times |= times
+        benchmark.extra_info |= findings.summary()
+        return times
+
+    return run
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    if not config.stash[FOUND]:
+        return
+    text = report(config.stash[MACHINE], config.stash[FOUND])
+    terminalreporter.write_line(f"\n{text}")
+    if config.getoption("--record"):
+        found = [findings.summary() for findings in config.stash[FOUND]]
+        write_json(HERE / "results.json", {"machine": config.stash[MACHINE], "found": found})
+        write_text(HERE / "results.md", text)
+
+
+def report(machine: dict[str, str], found: list[Findings]) -> str:
+    """Return all findings as Markdown."""
+    kind = "\n".join(f"| {name} | {value} |" for name, value in machine.items())
+    tables = "\n".join(line for findings in found for line in findings.markdown())
+    return f"# Benchmarks\n\n| machine | |\n|---|---|\n{kind}\n\n{EXPLANATION}\n\n{tables}"

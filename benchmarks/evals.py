@@ -1,0 +1,45 @@
+"""How much work compositing does: the pixel evaluations of a frame, counted by the kernel itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from stages import Stages
+
+from gspure.opencl.engine import LANES, Engine
+from gspure.opencl.program import build_options, kernel_source
+
+FLOPS_PER_EVAL = 27
+"""Energy "ewa", three channels, no contributions; an FMA counts as two, 2^x as its polynomial."""
+
+# Blending goes its way, but every splat seems to give weight 1 to every pixel at which it is evaluated.
+_COUNTING = """
+inline V evaluation(V exponent, V *transmittance) {
+    blend(exponent, transmittance);
+    return (V)1.0f;
+}
+#define blend evaluation
+"""
+
+
+class _CountingEngine(Engine):
+    def kernel(self, name: str, *sources: str, **defines: int) -> cl.Kernel:
+        if name != "blend_tiles":
+            return super().kernel(name, *sources, **defines)
+        *shared, blending = sources
+        text = kernel_source(*shared) + _COUNTING + kernel_source(blending)
+        options = build_options({"LANES": LANES[self.style], **defines})
+        return cl.Kernel(cl.Program(self.context, text).build(options=options), name)
+
+
+def count_evals(stages: Stages) -> int:
+    """Return at how many pixels a frame evaluates a splat: all lanes of the rows that it visits."""
+    engine = _CountingEngine(stages.engine.device, stages.engine.style)
+    counting = Stages(engine, stages.model, stages.camera, replace(stages.frame, contributions=True))
+    for stage in (counting.project, counting.sort, counting.bin, counting.blend, counting.sum):
+        stage()
+    pixels: Any = engine.read(counting.canvas.pixels, (len(stages.model),), np.uint32)
+    return int(pixels.sum(dtype=np.int64))

@@ -1,0 +1,88 @@
+"""How many fused multiply-adds this machine can do: compiled natively, and by its OpenCL driver."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pyopencl as cl
+from timing import CORES
+
+from gspure.opencl.engine import Engine
+
+CHAINS = 16  # independent accumulators: an FMA takes 4 cycles, and up to two begin in each
+STEPS = 4_000_000
+FLOPS = 2 * 16 * CHAINS * STEPS * CORES
+"""Floating-point operations of one run, native or OpenCL: as many on each core, in vectors of 16 floats."""
+
+_NATIVE = """
+typedef float V __attribute__((vector_size(64)));
+float fma_chains(long steps, float a, float b) {
+    V x[CHAINS];
+    for (int i = 0; i < CHAINS; i++) x[i] = (V){} + (float)i;
+    V va = (V){} + a, vb = (V){} + b;
+    for (long s = 0; s < steps; s++)
+#pragma GCC unroll 16
+        for (int i = 0; i < CHAINS; i++) x[i] = x[i] * va + vb;
+    float sum = 0;
+    for (int i = 0; i < CHAINS; i++)
+        for (int lane = 0; lane < 16; lane++) sum += x[i][lane];
+    return sum;
+}
+"""
+
+_OPENCL = """
+__kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void fma_chains(uint steps, float a, float b, __global float *sums) {
+    float16 x[CHAINS];
+    for (int i = 0; i < CHAINS; i++) x[i] = (float16)(i + get_global_id(0));
+    float16 va = (float16)a, vb = (float16)b;
+    for (uint s = 0; s < steps; s++) {
+#pragma unroll
+        for (int i = 0; i < CHAINS; i++) x[i] = x[i] * va + vb;
+    }
+    float16 sum = (float16)0.0f;
+    for (int i = 0; i < CHAINS; i++) sum += x[i];
+    sums[get_global_id(0)] = sum.s0 + sum.s7 + sum.sf;
+}
+"""
+
+
+def native(folder: Path) -> Callable[[], object] | None:
+    """Compile the C program in `folder`; return what runs it on all cores, or None where there is no compiler."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        return None
+    source, library = folder / "fma.c", folder / "fma.so"
+    source.write_text(_NATIVE, encoding="utf-8")
+    options = ["-O3", "-march=native", f"-DCHAINS={CHAINS}", "-shared", "-fPIC"]
+    subprocess.run([compiler, *options, str(source), "-o", str(library)], check=True)
+    chains = ctypes.CDLL(str(library)).fma_chains
+    chains.argtypes, chains.restype = (ctypes.c_long, ctypes.c_float, ctypes.c_float), ctypes.c_float
+    pool = ThreadPoolExecutor(CORES)
+
+    def run() -> None:
+        for part in [pool.submit(chains, STEPS, 0.999, 0.001) for _ in range(CORES)]:
+            part.result()
+
+    return run
+
+
+def opencl(engine: Engine) -> Callable[[], object]:
+    """Return what runs the OpenCL program on all cores."""
+    program = cl.Program(engine.context, _OPENCL).build(options=[f"-DCHAINS={CHAINS}"])
+    kernel = cl.Kernel(program, "fma_chains")
+    parts = 8 * CORES
+    sums = engine.allocate(4 * parts)
+
+    def run() -> None:
+        steps = np.uint32(STEPS * CORES // parts)
+        kernel(engine.queue, (parts,), (1,), steps, np.float32(0.999), np.float32(0.001), sums)
+        engine.queue.finish()
+
+    return run

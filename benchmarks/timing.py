@@ -1,0 +1,50 @@
+"""Wall and CPU time of several variants, measured in turn so that all of them meet the same noise."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+CORES = len(os.sched_getaffinity(0))
+
+Variants = Mapping[str, Callable[[], object]]
+Measure = Callable[..., dict[str, "Times"]]
+"""The fixture `measure` (conftest.py): ``measure(variants, rounds=, warm_ups=1)``."""
+
+
+@dataclass
+class Times:
+    """Seconds of each run: on the clock, and of CPU time (user and system, all threads of this process)."""
+
+    wall: list[float] = field(default_factory=list)
+    cpu: list[float] = field(default_factory=list)
+
+    def measure(self, run: Callable[[], object]) -> None:
+        """Run once, and add what it took."""
+        wall, cpu = time.perf_counter(), time.process_time()
+        run()
+        self.wall.append(time.perf_counter() - wall)
+        self.cpu.append(time.process_time() - cpu)
+
+    @property
+    def per_core(self) -> list[float]:
+        """CPU time over the cores: what a free machine would need if its cores could share all of the work."""
+        return [seconds / CORES for seconds in self.cpu]
+
+    def __add__(self, other: Times) -> Times:
+        """Return the times of doing both, round by round."""
+        return Times(np.add(self.wall, other.wall).tolist(), np.add(self.cpu, other.cpu).tolist())
+
+    def __truediv__(self, other: Times) -> float:
+        """Return how many times the other's CPU time this one takes: the median over the rounds."""
+        return float(np.median(np.divide(self.cpu, other.cpu)))
+
+
+def one_round(variants: Variants, times: Mapping[str, Times]) -> None:
+    """Measure every variant once, in order."""
+    for name, run in variants.items():
+        times[name].measure(run)

@@ -1,0 +1,68 @@
+"""``gspure plant``: a scene with a planted message, made from nothing."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gspure.errors import InputError
+
+HELP = "make a scene with a planted message, where the truth about every Gaussian is known"
+EXAMPLES = """\
+  gspure plant --out planted
+  gspure plant --out planted --scene room --message vault --placement coincident --gaussians 30000 --seed 1
+
+It writes public/point_cloud.ply, cameras.json, key/planted_key.npz (private opacity and colour), key/carriers.npy (bool
+[K], true for Gaussians of the message), and ray-traced photographs truth/scene/VIEW.png and truth/message/VIEW.png.
+"""
+
+_LEAST = {"seed": 0, "gaussians": 100, "views": 1, "width": 16, "height": 16}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for everything")
+    parser.add_argument("--scene", default="room", help="what everybody sees: room or vault (default: %(default)s)")
+    parser.add_argument("--message", default="vault", help="what is hidden: room or vault (default: %(default)s)")
+    parser.add_argument(
+        "--placement",
+        default="raised",
+        help="where the message's surfaces are, seen from the scene's: raised (floor and walls a little nearer), front "
+        "(a floor only, farther up), behind, or coincident (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--gaussians", type=int, default=24000, metavar="N", help="of both scenes together (default: %(default)s)"
+    )
+    parser.add_argument("--views", type=int, default=24, metavar="N", help="number of views (default: %(default)s)")
+    parser.add_argument("--width", type=int, default=320, metavar="PX", help="of a view (default: %(default)s)")
+    parser.add_argument("--height", type=int, default=240, metavar="PX", help="of a view (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of what is random (default: %(default)s)"
+    )
+
+
+def run(args: argparse.Namespace) -> None:
+    """Plant, photograph and write."""
+    from gspure.artifacts import save_array, write_provenance
+    from gspure.cameras import write_cameras
+    from gspure.images import write_image
+    from gspure.model import write_model
+    from gspure.progress import say, track
+    from gspure.scenes import plant, trace, write_key
+
+    for name, least in _LEAST.items():
+        if getattr(args, name) < least:
+            raise InputError("plant", f"--{name}", expected=f"at least {least}", found=str(getattr(args, name)))
+    names = ("scene", "message", "placement", "gaussians", "views", "width", "height", "seed")
+    settings = {name: getattr(args, name) for name in names}
+    planted = plant(**settings)
+    for camera in track(planted.cameras, "photograph"):
+        for kind, scene in (("scene", planted.scene), ("message", planted.message)):
+            write_image(args.out / "truth" / kind / f"{camera.name}.png", trace(scene, camera)[0])
+    write_cameras(args.out / "cameras.json", planted.cameras)
+    write_key(args.out / "key" / "planted_key.npz", planted.key)
+    save_array(args.out / "key" / "carriers.npy", planted.carries_message)
+    model = args.out / "public" / "point_cloud.ply"
+    write_model(model, planted.public)
+    write_provenance(model, inputs={}, settings=settings)
+    say(f"planted: {len(planted.key.rows)} of {len(planted.public)} Gaussians carry the message")

@@ -1,0 +1,140 @@
+"""Diffuse light on the solids, baked once per scene: a soft lamp, the sky, and one bounce.
+
+Light is kept on a grid of nodes per face (a light map) and interpolated between them. Photographs and Gaussians read
+the same maps, so both show the same view-independent colours, free of sampling noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.scenes.scene import Lamp, Scene, albedo, displayed, first_hits
+from gspure.scenes.solids import Solid
+
+Float64 = NDArray[np.float64]
+Lightmap = NDArray[np.float64]
+"""Light on one solid [faces, n, n, 3] at n x n nodes of each face (v, u): irradiance / pi, linear."""
+
+NODE_SPACING = 0.09
+"""Metres between the nodes of a light map along a face's longer side."""
+
+NODES = (6, 80)
+"""Fewest and most nodes along a face."""
+
+LAMP_SAMPLES = 8
+"""The lamp is sampled at the centres of this many by this many squares."""
+
+DIRECTIONS = 64
+"""The bounce is gathered from this many directions, spread evenly by cosine along a golden-angle spiral."""
+
+_CLEARANCE = 1e-4
+"""Metres by which nodes stand off their surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class LitScene:
+    """A scene with its light maps, one per solid."""
+
+    scene: Scene
+    lightmaps: tuple[Lightmap, ...]
+
+    def radiance(self, index: int, faces: NDArray[np.intp], uv: Float64) -> Float64:
+        """Return the linear radiance [N,3] that leaves places of solid `index`."""
+        return albedo(self.scene.solids[index], faces, uv) * _interpolated(self.lightmaps[index], faces, uv)
+
+    def colours(self, index: int, faces: NDArray[np.intp], uv: Float64) -> Float64:
+        """Return the display colours [N,3] of places of solid `index`."""
+        return displayed(self.radiance(index, faces, uv))
+
+    def seen(self, origins: Float64, directions: Float64) -> tuple[Float64, Float64]:
+        """Return the linear radiance [N,3] that rays see (the sky's where they leave), and their distances [N]."""
+        distances, solids = first_hits(self.scene, origins, directions)
+        out = np.empty((len(origins), 3))
+        out[:] = self.scene.sky
+        for index, solid in enumerate(self.scene.solids):
+            rows = np.flatnonzero(solids == index)
+            points = origins[rows] + distances[rows, None] * directions[rows]
+            out[rows] = self.radiance(index, *solid.locate(points))
+        return out, distances
+
+
+def bake(scene: Scene) -> LitScene:
+    """Return the scene with its light: what reaches each node from the lamp, from the sky, and from other surfaces."""
+    points, normals = (np.concatenate(parts) for parts in zip(*map(_nodes, scene.solids), strict=True))
+    direct = _from_lamp(scene, points, normals)
+    once = LitScene(scene, _maps(scene, direct))
+    return LitScene(scene, _maps(scene, direct + _gathered(once, points, normals)))
+
+
+def _nodes(solid: Solid) -> tuple[Float64, Float64]:
+    """Return points and normals [len(faces) * n * n, 3] of a solid's nodes."""
+    n = _nodes_along(solid)
+    line = np.clip(np.linspace(0.0, 1.0, n), 0.01 / n, 1.0 - 0.01 / n)
+    uv = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    points, normals = (np.concatenate(parts) for parts in zip(*(solid.chart(f, uv) for f in solid.faces), strict=True))
+    return points + _CLEARANCE * normals, normals
+
+
+def _nodes_along(solid: Solid) -> int:
+    return int(np.clip(np.ceil(solid.extents.max() / NODE_SPACING) + 1, *NODES))
+
+
+def _maps(scene: Scene, light: Float64) -> tuple[Lightmap, ...]:
+    """Deal the light of all nodes out to the solids' maps; faces that do not exist stay dark."""
+    maps, start = [], 0
+    for solid in scene.solids:
+        n = _nodes_along(solid)
+        lightmap = np.zeros((len(solid.extents), n, n, 3))
+        lightmap[list(solid.faces)] = light[start : start + len(solid.faces) * n * n].reshape(-1, n, n, 3)
+        maps.append(lightmap)
+        start += len(solid.faces) * n * n
+    return tuple(maps)
+
+
+def _interpolated(lightmap: Lightmap, faces: NDArray[np.intp], uv: Float64) -> Float64:
+    n = lightmap.shape[1]
+    place = uv * (n - 1)
+    low = np.minimum(place.astype(np.intp), n - 2)
+    (u0, v0), (fu, fv) = low.T, (place - low).T[..., None]
+    low_v = (1 - fu) * lightmap[faces, v0, u0] + fu * lightmap[faces, v0, u0 + 1]
+    high_v = (1 - fu) * lightmap[faces, v0 + 1, u0] + fu * lightmap[faces, v0 + 1, u0 + 1]
+    out: Float64 = (1 - fv) * low_v + fv * high_v
+    return out
+
+
+def _from_lamp(scene: Scene, points: Float64, normals: Float64) -> Float64:
+    """Return irradiance / pi [N,3] from the lamp: the mean of cos cos / distance^2 over its squares in sight."""
+    total = np.zeros(len(points))
+    for sample in _lamp_samples(scene.lamp):
+        to_lamp = sample - points
+        squared = np.einsum("ij,ij->i", to_lamp, to_lamp)
+        # both cosines carry 1 / distance; the lamp faces straight down
+        form = np.einsum("ij,ij->i", normals, to_lamp) * to_lamp[:, 2] / squared**2
+        rows = np.flatnonzero((form > 0.0) & (to_lamp[:, 2] > 0.0))
+        lit = first_hits(scene, points[rows], to_lamp[rows])[0] >= 1.0
+        total[rows[lit]] += form[rows[lit]]
+    share = total * scene.lamp.side**2 / (np.pi * LAMP_SAMPLES**2)
+    return np.multiply.outer(share, scene.lamp.radiance)
+
+
+def _lamp_samples(lamp: Lamp) -> Float64:
+    line = ((np.arange(LAMP_SAMPLES) + 0.5) / LAMP_SAMPLES - 0.5) * lamp.side
+    x, y = np.meshgrid(line, line)
+    return np.array(lamp.centre) + np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+
+
+def _gathered(lit: LitScene, points: Float64, normals: Float64) -> Float64:
+    """Return the mean radiance [N,3] seen from points over cosine-distributed directions about their normals."""
+    helper = np.where(np.abs(normals[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    tangents = np.cross(helper, normals)
+    tangents /= np.sqrt(np.einsum("ij,ij->i", tangents, tangents))[:, None]
+    bitangents = np.cross(normals, tangents)
+    total = np.zeros((len(points), 3))
+    for i in range(DIRECTIONS):
+        across, turn = np.sqrt((i + 0.5) / DIRECTIONS), i * np.pi * (3.0 - 5.0**0.5)
+        around = across * (np.cos(turn) * tangents + np.sin(turn) * bitangents)
+        total += lit.seen(points, around + np.sqrt(1.0 - across**2) * normals)[0]
+    return total / DIRECTIONS

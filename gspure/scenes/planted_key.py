@@ -1,0 +1,98 @@
+"""The owner's key to a planted message, and the message that it reveals in a public or attacked model."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import replacing
+from gspure.errors import InputError
+from gspure.model.gaussians import Gaussians
+
+Float32 = NDArray[np.float32]
+
+_ARRAYS = {
+    "rows": (np.dtype("<i8"), ()),
+    "positions": (np.dtype("<f4"), (3,)),
+    "opacity": (np.dtype("<f4"), ()),
+    "f_dc": (np.dtype("<f4"), (3,)),
+}
+"""Type and trailing shape of each array in a key file."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlantedKey:
+    """What is private of the M Gaussians that carry a message.
+
+    Parameters
+    ----------
+    rows : int64 [M]
+        Their rows in the public model, ascending.
+    positions : float32 [M,3]
+        Their centres, by which they are found again in an attacked model.
+    opacity : float32 [M]
+        Private opacity, logit.
+    f_dc : float32 [M,3]
+        Private colour: the zeroth spherical-harmonic coefficient.
+
+    """
+
+    rows: NDArray[np.int64]
+    positions: Float32
+    opacity: Float32
+    f_dc: Float32
+
+
+def reveal(attacked: Gaussians, key: PlantedKey) -> Gaussians:
+    """Return the message that a model still holds: its surviving carriers, with their private opacity and colour.
+
+    A Gaussian is a carrier when its position is one of the key's, bit for bit; so rows may be missing, or in any order.
+    Geometry is the model's own.
+    """
+    place = {position.tobytes(): i for i, position in enumerate(key.positions)}
+    found = np.array([place.get(position.tobytes(), -1) for position in attacked.means], np.intp)
+    carriers = attacked.subset(found >= 0)
+    private = found[found >= 0]
+    columns = {name: np.zeros(len(carriers), np.float32) for name in carriers.columns_named("f_rest_")}
+    columns |= {f"f_dc_{i}": key.f_dc[private, i] for i in range(3)}
+    return carriers.with_columns(columns | {"opacity": key.opacity[private]})
+
+
+def write_key(path: Path, key: PlantedKey) -> None:
+    """Write a key as .npz without pickle, whole or not at all."""
+    with replacing(path) as temporary:
+        np.savez(temporary, **asdict(key))
+
+
+def read_key(path: Path) -> PlantedKey:
+    """Read a key that `write_key` wrote.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no .npz, or an array is missing, of another type or shape, or not finite.
+
+    """
+    try:
+        with Path(path).open("rb") as stream, zipfile.ZipFile(stream):  # np.load takes a lone array too
+            stream.seek(0)
+            archive = np.load(stream, allow_pickle=False)
+            arrays = {name: archive[name] for name in _ARRAYS if name in archive}
+    except FileNotFoundError:
+        raise InputError(path, "file", expected="an existing key", found="nothing") from None
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(path, "file", expected="an .npz archive without pickle", found=str(error)) from None
+    count = len(arrays.get("rows", ()))
+    for name, (dtype, trailing) in _ARRAYS.items():
+        array, expected = arrays.get(name), f"{dtype} {[count, *trailing]}"
+        if array is None:
+            raise InputError(path, name, expected=expected, found="nothing")
+        if array.dtype != dtype or array.shape != (count, *trailing):
+            raise InputError(path, name, expected=expected, found=f"{array.dtype} {list(array.shape)}")
+        if not np.isfinite(array).all():
+            raise InputError(path, name, expected="finite numbers", found="NaN or infinity")
+    return PlantedKey(**{field.name: arrays[field.name] for field in fields(PlantedKey)})

@@ -1,0 +1,78 @@
+"""A small deterministic ray tracer: photographs and depth of a lit scene."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.scenes.lighting import LitScene
+from gspure.scenes.scene import displayed
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+EDGE = 1.0 / 64.0
+"""A pixel whose display value differs by more than this from a neighbour's is sampled more finely."""
+
+_RAYS_AT_ONCE = 1 << 17
+"""Rays traced together: bounds the memory that a large photograph takes."""
+
+
+def trace(scene: LitScene, camera: Camera, *, samples: int = 3) -> tuple[Float32, Float32]:
+    """Photograph a scene.
+
+    Parameters
+    ----------
+    scene : LitScene
+        See `gspure.scenes.lighting.bake`.
+    camera : Camera
+    samples : int
+        Odd. A pixel at an edge is the mean of this many by this many rays, through the centres of its equal squares;
+        any other is its centre's ray.
+
+    Returns
+    -------
+    image : float32 [H,W,3]
+        Display values in 0..1.
+    depth : float32 [H,W]
+        View-space z along the ray through the pixel's centre, metres; inf where it leaves the scene.
+
+    """
+    if samples < 1 or samples % 2 == 0:
+        raise ValueError(f"samples must be odd, so that one ray is the pixel centre's; not {samples}")
+    rows, columns = np.indices((camera.height, camera.width)) + 0.5
+    flat, depth = _colours(scene, camera, columns.ravel(), rows.ravel())
+    image = flat.reshape(camera.height, camera.width, 3)
+    edges = np.nonzero(_at_edges(image))
+    fine = np.zeros((len(edges[0]), 3))
+    offsets = (np.arange(samples) + 0.5) / samples
+    for down in offsets:
+        for right in offsets:
+            fine += _colours(scene, camera, edges[1] + right, edges[0] + down)[0]
+    image[edges] = fine / samples**2
+    return image.astype(np.float32), depth.reshape(camera.height, camera.width).astype(np.float32)
+
+
+def _colours(scene: LitScene, camera: Camera, u: Float64, v: Float64) -> tuple[Float64, Float64]:
+    """Return display colours [N,3] and depths [N] at image positions (u, v), in pixels."""
+    right, down, forward = camera.viewmat[:3, :3]
+    colours, depths = np.empty((len(u), 3)), np.empty(len(u))
+    for start in range(0, len(u), _RAYS_AT_ONCE):
+        part = slice(start, start + _RAYS_AT_ONCE)
+        x = ((u[part] - camera.K[0, 2]) / camera.K[0, 0])[:, None]
+        y = ((v[part] - camera.K[1, 2]) / camera.K[1, 1])[:, None]
+        directions = x * right + y * down + forward  # view-space z is 1, so that ray parameters are depths
+        radiance, depths[part] = scene.seen(np.broadcast_to(camera.centre, directions.shape), directions)
+        colours[part] = np.where(np.isinf(depths[part])[:, None], scene.scene.background, displayed(radiance))
+    return colours, depths
+
+
+def _at_edges(image: Float64) -> NDArray[np.bool_]:
+    """Return the pixels [H,W] that differ from one of their eight neighbours."""
+    height, width = image.shape[:2]
+    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    blocks = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
+    contrast = np.maximum.reduce(blocks) - np.minimum.reduce(blocks)
+    edges: NDArray[np.bool_] = contrast.max(axis=2) > EDGE
+    return edges

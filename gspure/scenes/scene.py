@@ -1,0 +1,96 @@
+"""A scene: solids, a lamp and the sky, and what a ray meets first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.scenes.solids import Solid, Vector
+from gspure.scenes.textures import GAMMA
+
+Float64 = NDArray[np.float64]
+
+_RAYS_AT_ONCE = 8192
+"""Rays followed together: few enough for their arrays to stay in the cache."""
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A horizontal square that shines downwards.
+
+    Parameters
+    ----------
+    centre : vector
+        Metres.
+    side : float
+        Edge length, metres: the wider, the softer its shadows.
+    radiance : vector
+        Linear red, green and blue.
+
+    """
+
+    centre: Vector
+    side: float
+    radiance: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Solids under a lamp.
+
+    Parameters
+    ----------
+    solids : tuple of Solid
+    lamp : Lamp
+    sky : vector
+        Linear radiance that comes from where a ray leaves the scene; it fills the shadows.
+    background : vector
+        Display colour of a pixel whose ray leaves the scene.
+
+    """
+
+    solids: tuple[Solid, ...]
+    lamp: Lamp
+    sky: Vector
+    background: Vector = (0.0, 0.0, 0.0)
+
+
+def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float64, NDArray[np.intp]]:
+    """Return what rays [N,3] meet first.
+
+    Returns
+    -------
+    distances : array [N]
+        Ray parameters; inf where a ray leaves the scene.
+    solids : array [N]
+        Indices into the scene's solids; -1 where a ray leaves the scene.
+
+    """
+    distances = np.full(len(origins), np.inf)
+    solids = np.full(len(origins), -1, np.intp)
+    for start in range(0, len(origins), _RAYS_AT_ONCE):
+        part = slice(start, start + _RAYS_AT_ONCE)
+        for index, solid in enumerate(scene.solids):
+            there = solid.distance(origins[part], directions[part])
+            nearer = there < distances[part]
+            solids[part][nearer] = index
+            distances[part][nearer] = there[nearer]
+    return distances, solids
+
+
+def albedo(solid: Solid, faces: NDArray[np.intp], uv: Float64) -> Float64:
+    """Return the linear reflectances [N,3] of places of a solid."""
+    places = uv * solid.extents[faces]
+    if len(solid.textures) == 1:
+        return solid.textures[0](places)
+    out = np.empty((len(uv), 3))
+    for face, texture in enumerate(solid.textures):
+        out[faces == face] = texture(places[faces == face])
+    return out
+
+
+def displayed(radiance: Float64) -> Float64:
+    """Return display values in 0..1 of linear radiance, with a soft shoulder instead of clipping."""
+    return (1.0 - np.exp(-radiance)) ** (1.0 / GAMMA)

@@ -1,0 +1,228 @@
+"""The solids that scenes are built of: boxes, rooms (boxes seen from inside) and spheres.
+
+A solid has one or more faces, each with a chart: unit coordinates (u, v) in [0, 1]^2 to points of the surface. World z
+points up. All arithmetic is element by element in float64, so it does not depend on a BLAS library or its threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.scenes.textures import Texture
+
+Float64 = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+_NO_HIT_BEFORE = 1e-6
+"""Hits nearer than this (metres) are the surface that the ray starts on."""
+
+LEFT, RIGHT, FRONT, BACK, BOTTOM, TOP = range(6)
+"""Faces of a box: low and high x, low and high y, low and high z."""
+
+_IN_FACE_AXES = ((1, 2), (0, 2), (0, 1))
+"""The two axes along which a face perpendicular to x, y or z extends: u and v."""
+
+
+class Solid(Protocol):
+    """What the tracer, the light baker and the Gaussian sampler need to know of a solid."""
+
+    @property
+    def textures(self) -> tuple[Texture, ...]:
+        """One for all faces, or one for each."""
+        ...
+
+    @property
+    def detail(self) -> float:
+        """How much its errors count when Gaussians are dealt out to surfaces; a wall's count 1."""
+        ...
+
+    @property
+    def faces(self) -> tuple[int, ...]:
+        """Faces that exist."""
+        ...
+
+    @property
+    def extents(self) -> Float64:
+        """Length in metres [F,2] of each face along u and v."""
+        ...
+
+    def distance(self, origins: Float64, directions: Float64) -> Float64:
+        """Return the ray parameter [N] of the first hit of rays [N,3]; inf where there is none."""
+        ...
+
+    def locate(self, points: Float64) -> tuple[NDArray[np.intp], Float64]:
+        """Return the face [N] and the unit coordinates [N,2] of points [N,3] of the surface."""
+        ...
+
+    def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:
+        """Return points [N,3] and unit normals [N,3] at unit coordinates [N,2] of a face."""
+        ...
+
+    def inside(self, numbers: Float64) -> Float64:
+        """Return points [N,3] of the interior, spread evenly when `numbers` [N,3] are over the unit cube."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A box, turned by `yaw` about the vertical.
+
+    Parameters
+    ----------
+    centre, size : vectors
+        Centre and edge lengths, metres.
+    textures : tuple of Texture
+        One for all faces, or six in the order of the face numbers.
+    yaw : float
+        Radians.
+    detail : float
+        How much its errors count when Gaussians are dealt out to surfaces; a wall's count 1.
+    faces : tuple of int
+        The faces that exist; by default all but the bottom, on which it stands.
+
+    """
+
+    centre: Vector
+    size: Vector
+    textures: tuple[Texture, ...]
+    yaw: float = 0.0
+    detail: float = 4.0
+    faces: tuple[int, ...] = (LEFT, RIGHT, FRONT, BACK, TOP)
+
+    @cached_property
+    def extents(self) -> Float64:
+        """Edge lengths [6,2] along u and v."""
+        return np.array([[self.size[axis] for axis in _IN_FACE_AXES[face // 2]] for face in range(6)])
+
+    def distance(self, origins: Float64, directions: Float64) -> Float64:
+        """Ray parameter [N] where rays enter the box."""
+        near = np.full(len(origins), -np.inf)
+        far = np.full(len(origins), np.inf)
+        for enters, leaves, _ in self._slabs(origins, directions):
+            np.maximum(near, enters, out=near)
+            np.minimum(far, leaves, out=far)
+        return np.where((near < far) & (near > _NO_HIT_BEFORE), near, np.inf)
+
+    def locate(self, points: Float64) -> tuple[NDArray[np.intp], Float64]:
+        """Face whose plane is nearest, and the place on it."""
+        local = self._turned(points - np.array(self.centre), -self.yaw) / self.size + 0.5
+        outward = np.abs(local - 0.5)
+        axis = np.argmax(outward, axis=1)
+        rows = np.arange(len(points))
+        in_face = np.array(_IN_FACE_AXES)[axis]
+        uv = np.take_along_axis(local, in_face, axis=1)
+        return 2 * axis + (local[rows, axis] > 0.5), np.clip(uv, 0.0, 1.0)
+
+    def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:
+        """Points and outward normals of one face."""
+        axis, side = face // 2, 2.0 * (face % 2) - 1.0
+        local = np.empty((len(uv), 3))
+        local[:, axis] = 0.5 * side
+        local[:, _IN_FACE_AXES[axis]] = uv - 0.5
+        normals = np.zeros((len(uv), 3))
+        normals[:, axis] = side
+        return self._placed(local), self._turned(normals, self.yaw)
+
+    def inside(self, numbers: Float64) -> Float64:
+        """Points of the interior."""
+        return self._placed(numbers - 0.5)
+
+    def _placed(self, local: Float64) -> Float64:
+        points: Float64 = self._turned(local * self.size, self.yaw) + np.array(self.centre)
+        return points
+
+    def _slabs(self, origins: Float64, directions: Float64) -> Iterator[tuple[Float64, Float64, Float64]]:
+        """Yield per axis the ray parameters [N] where rays enter and leave the slab, and their direction along it."""
+        local_origins = self._turned(origins - np.array(self.centre), -self.yaw)
+        local_directions = self._turned(directions, -self.yaw)
+        for axis in range(3):
+            along = local_directions[:, axis]
+            inverse = 1.0 / (along + 1e-300)  # a ray within the slab's plane gets a huge parameter
+            middle = -local_origins[:, axis] * inverse
+            reach = 0.5 * self.size[axis] * np.abs(inverse)
+            yield middle - reach, middle + reach, along
+
+    @staticmethod
+    def _turned(vectors: Float64, yaw: float) -> Float64:
+        if yaw == 0.0:
+            return vectors
+        x, y, cos, sin = vectors[:, 0], vectors[:, 1], np.cos(yaw), np.sin(yaw)
+        return np.stack([cos * x - sin * y, sin * x + cos * y, vectors[:, 2]], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Room(Box):
+    """A box seen from inside, by default a stage: open to the front and to the sky."""
+
+    detail: float = 1.0
+    faces: tuple[int, ...] = (LEFT, RIGHT, BACK, BOTTOM)
+
+    def distance(self, origins: Float64, directions: Float64) -> Float64:
+        """Ray parameter [N] where rays leave the box through one of its faces."""
+        near = np.full(len(origins), -np.inf)
+        far = np.full(len(origins), np.inf)
+        exists = np.zeros(len(origins), np.bool_)
+        for axis, (enters, leaves, along) in enumerate(self._slabs(origins, directions)):
+            low, high = (2 * axis + side in self.faces for side in (0, 1))
+            exists = np.where(leaves < far, np.where(along > 0.0, high, low), exists)
+            np.maximum(near, enters, out=near)
+            np.minimum(far, leaves, out=far)
+        return np.where(exists & (near < far) & (far > _NO_HIT_BEFORE), far, np.inf)
+
+    def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:
+        """Points and inward normals of one face."""
+        points, normals = super().chart(face, uv)
+        return points, -normals
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere:
+    """A sphere; u runs around the vertical, v from the top down."""
+
+    centre: Vector
+    radius: float
+    textures: tuple[Texture, ...]
+    detail: float = 4.0
+    faces: tuple[int, ...] = (0,)
+
+    @property
+    def extents(self) -> Float64:
+        """Lengths [1,2] of the equator and of a meridian."""
+        return np.array([[2.0 * np.pi * self.radius, np.pi * self.radius]])
+
+    def distance(self, origins: Float64, directions: Float64) -> Float64:
+        """Ray parameter [N] where rays enter the sphere."""
+        to_centre = np.array(self.centre) - origins
+        a = np.einsum("ij,ij->i", directions, directions)
+        b = np.einsum("ij,ij->i", directions, to_centre)
+        c = np.einsum("ij,ij->i", to_centre, to_centre) - self.radius**2
+        discriminant = b * b - a * c
+        near = (b - np.sqrt(np.maximum(discriminant, 0.0))) / a
+        return np.where((discriminant > 0.0) & (near > _NO_HIT_BEFORE), near, np.inf)
+
+    def locate(self, points: Float64) -> tuple[NDArray[np.intp], Float64]:
+        """Face 0, longitude and colatitude."""
+        local = (points - np.array(self.centre)) / self.radius
+        u = np.arctan2(local[:, 1], local[:, 0]) / (2.0 * np.pi) + 0.5
+        v = np.arccos(np.clip(local[:, 2], -1.0, 1.0)) / np.pi
+        return np.zeros(len(points), np.intp), np.stack([u, v], axis=1)
+
+    def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:  # noqa: ARG002  (one face only)
+        """Points and outward normals."""
+        longitude, colatitude = 2.0 * np.pi * (uv[:, 0] - 0.5), np.pi * uv[:, 1]
+        ring = np.sin(colatitude)
+        normals = np.stack([ring * np.cos(longitude), ring * np.sin(longitude), np.cos(colatitude)], axis=1)
+        return np.array(self.centre) + self.radius * normals, normals
+
+    def inside(self, numbers: Float64) -> Float64:
+        """Points of the interior."""
+        # Archimedes: even in height is even in area; and the cube of the radius is even in volume
+        colatitude = np.arccos(1.0 - 2.0 * numbers[:, 1]) / np.pi
+        _, normals = self.chart(0, np.stack([numbers[:, 0], colatitude], axis=1))
+        return np.array(self.centre) + self.radius * np.cbrt(numbers[:, 2:]) * normals

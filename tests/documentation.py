@@ -1,0 +1,30 @@
+"""Reading Markdown: its code blocks and its diagrams."""
+
+import re
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("config/*.md")]
+
+
+def blocks(page, language):
+    """Return the fenced code blocks of a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def edges(diagram):
+    """Return the arrows of a Mermaid flowchart, as pairs of its nodes' names."""
+    plain = re.sub(r'\["[^"]*"\]', "", diagram)
+    chains = ([name.strip() for name in line.split("-->")] for line in plain.splitlines() if "-->" in line)
+    return {pair for chain in chains for pair in pairwise(chain)}
+
+
+def workflow_edges(folder):
+    """Return the arrows between the rules of the demo, as Snakemake tells them; run in an empty `folder`."""
+    command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", "--rulegraph", "dot", "--forceall"]
+    graph = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout
+    names = dict(re.findall(r'(\d+)\[label = "(\w+)"', graph))
+    return {(names[a], names[b]) for a, b in re.findall(r"(\d+) -> (\d+)", graph)}

@@ -1,0 +1,86 @@
+"""The data behind pictures of point clouds: colours, ranks, legends."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from gspure.figures import style
+from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, truth_cloud
+
+RNG = np.random.default_rng(3)
+BALL = RNG.normal(size=(400, 3)).astype(np.float32)
+
+
+def colour(cloud: Cloud, row: int) -> tuple[int, ...]:
+    return tuple(int(c) for c in cloud.colours[row])
+
+
+def hexadecimal(text: str) -> tuple[int, ...]:
+    return tuple(bytes.fromhex(text[1:]))
+
+
+def test_the_largest_clusters_have_a_colour_each_smaller_ones_share_tints_and_noise_is_grey() -> None:
+    sizes = [30 - i for i in range(len(style.CLUSTERS) + 3)]
+    labels = np.concatenate([np.repeat(np.arange(len(sizes)), sizes), [-1, -1]]).astype(np.int32)
+    relabelled = np.where(labels < 0, -1, len(sizes) - 1 - labels).astype(np.int32)  # the largest comes last by number
+    for named in (labels, relabelled):
+        cloud = cluster_cloud(np.zeros((len(labels), 3), np.float32), named)
+        starts = np.cumsum([0, *sizes])
+        assert [colour(cloud, i) for i in starts[: len(style.CLUSTERS)]] == [hexadecimal(c) for c in style.CLUSTERS]
+        assert colour(cloud, starts[len(style.CLUSTERS)]) == hexadecimal(style.tint(style.CLUSTERS[0], 0.5))
+        assert colour(cloud, -1) == hexadecimal(style.NOISE)
+
+
+@settings(deadline=None)
+@given(arrays(np.int32, st.integers(1, 60), elements=st.integers(-1, 14)))
+def test_shares_in_the_legend_of_clusters_add_up(labels: np.ndarray) -> None:
+    _, labels = np.unique(np.append(labels, -1), return_inverse=True)  # dense, with noise
+    labels = (labels - 1).astype(np.int32)
+    legend = [entry for row in cluster_cloud(np.zeros((len(labels), 3), np.float32), labels).legend for entry in row]
+    shares = [float(label.rpartition(" ")[2].rstrip("%")) for label, _ in legend]
+    assert sum(shares) == pytest.approx(100, abs=0.05 * len(shares) + 1e-9)
+
+
+@settings(deadline=None)
+@given(arrays(np.float32, 40, elements=st.floats(0, 9, width=16)), arrays(np.int32, 40, elements=st.integers(-1, 1)))
+def test_the_rank_is_that_of_the_weight_that_decides(weights: np.ndarray, labels: np.ndarray) -> None:
+    labels[:2] = 0, 1
+    rank = rank_cloud(np.zeros((40, 3), np.float32), labels, weights).scalars["rank"]
+    deciding = weights.astype(np.float64)
+    for cluster in (0, 1):
+        deciding[labels == cluster] = weights[labels == cluster].mean(dtype=np.float64)
+        assert np.ptp(rank[labels == cluster]) == 0
+    for k in range(40):
+        before, tied = np.sum(deciding < deciding[k]), np.sum(deciding == deciding[k])
+        assert rank[k] == pytest.approx((before + (tied - 1) / 2) / 39)
+
+
+def test_low_and_high_ranks_have_the_ends_of_the_scale() -> None:
+    cloud = rank_cloud(BALL[:3], np.full(3, -1, np.int32), np.array([5, 0, 1], np.float32))
+    assert colour(cloud, 1) == (68, 1, 84)  # viridis
+    assert colour(cloud, 0) == (253, 231, 36)
+    assert cloud.scale
+    assert not cloud.legend
+
+
+def test_pruned_gaussians_and_carriers_of_the_message_stand_out() -> None:
+    mask = np.array([True, False, False, False])
+    for cloud, true, false in (
+        (kept_cloud(BALL[:4], mask), style.PRUNED, style.KEPT),
+        (truth_cloud(BALL[:4], mask), style.MESSAGE, style.KEPT),
+    ):
+        assert [colour(cloud, k) for k in range(4)] == [hexadecimal(c) for c in (true, false, false, false)]
+        assert [label.rpartition(": ")[2] for label, _ in cloud.legend[0]] == ["75.0%", "25.0%"]
+
+
+def test_a_subset_keeps_points_colours_and_scalars_together() -> None:
+    weights = RNG.random(400, np.float32)
+    cloud = rank_cloud(BALL, np.full(400, -1, np.int32), weights)
+    rows = np.array([7, 3, 99])
+    part = cloud.subset(rows)
+    assert np.array_equal(part.points, BALL[rows])
+    assert np.array_equal(part.colours, cloud.colours[rows])
+    assert np.array_equal(part.scalars["weight"], weights[rows])
+    assert part.scale == cloud.scale

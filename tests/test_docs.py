@@ -1,0 +1,96 @@
+"""The documentation agrees with the code: links, constants, functions, diagrams, the example of an attack."""
+
+import importlib
+import pkgutil
+import re
+import tomllib
+from operator import attrgetter
+
+import numpy as np
+import pytest
+import yaml
+
+import gspure
+from gspure import constants
+from gspure.attacks import Evidence, attacks
+from gspure.attacks.registry import BUILT_IN
+from gspure.configuration import resolved, validated
+from tests.documentation import PAGES, ROOT, blocks, edges, workflow_edges
+from tests.models import blobs
+
+DOCS = ROOT / "docs"
+
+
+def anchors(page):
+    """Return the anchors that GitHub gives to a page's headings."""
+    titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\((?!https?:)([^)]+)\)", page.read_text(encoding="utf-8")):
+        file, _, anchor = target.partition("#")
+        linked = (page.parent / file).resolve() if file else page
+        assert linked.exists(), target
+        assert not anchor or anchor in anchors(linked), target
+
+
+def test_numerics_names_every_constant_of_the_renderer_and_the_method():
+    text = (DOCS / "numerics.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([A-Z][A-Z0-9_]+)`", text)) - {"FOOTPRINT_MARGIN"}  # a kernel's own
+    assert named == {name for name in vars(constants) if name.isupper()} - {"MAX_SH_DEGREE", "NOISE_LABEL"}
+
+
+def test_functions_that_the_method_page_names_exist():
+    table = re.findall(r"^\| [PO] \|.*\| (.*) \|$", (DOCS / "method.md").read_text(encoding="utf-8"), re.MULTILINE)
+    names = [name for cell in table for name in re.findall(r"`([a-z_.]+\.[A-Za-z_.]+)`", cell) if ".cl" not in name]
+    assert len(names) > 10
+    modules = {module.name for module in pkgutil.walk_packages(gspure.__path__, "gspure.")}
+    for name in names:
+        module = max((m for m in modules if f"gspure.{name}".startswith(f"{m}.")), key=len)
+        attrgetter(f"gspure.{name}".removeprefix(f"{module}."))(importlib.import_module(module))
+
+
+def test_the_method_page_lists_the_built_in_attacks():
+    section = (DOCS / "method.md").read_text(encoding="utf-8").partition("## Attacks")[2]
+    assert re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE) == [attack.name for attack in BUILT_IN]
+
+
+@pytest.mark.workflow
+def test_arrows_of_the_diagram_are_arrows_of_the_workflow(tmp_path):
+    (diagram,) = blocks(DOCS / "architecture.md", "mermaid")
+    planted = workflow_edges(tmp_path)
+    own = {(a.replace("plant_scene", "prepare_cameras"), b) for a, b in planted}
+    assert edges(diagram) <= planted | own
+
+
+@pytest.fixture
+def plugged_in(tmp_path, monkeypatch):
+    """The example of an attack, installed as a package of its own; returns the example's configuration."""
+    module, metadata = blocks(DOCS / "extending.md", "python")[0], blocks(DOCS / "extending.md", "toml")[0]
+    (tmp_path / "faint.py").write_text(module)
+    info = tmp_path / "faint-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: faint\nVersion: 1.0\n")
+    groups = tomllib.loads(metadata)["project"]["entry-points"]
+    lines = [f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in names.items()) for group, names in groups.items()]
+    (info / "entry_points.txt").write_text("\n".join(lines))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return yaml.safe_load(blocks(DOCS / "extending.md", "yaml")[0])
+
+
+def test_the_example_of_an_attack_is_found_and_does_what_it_says(plugged_in):
+    model, weights = blobs(40), np.arange(40, dtype=np.float32)[::-1].copy()
+    attack = attacks()["faint_pruning"]
+    assert attack.needs == {"weights"}
+    attacked = attack.apply(model, Evidence(weights=weights), share=0.5)
+    assert attacked.kept.tolist() == [True] * 20 + [False] * 20
+    assert attacked.model.table.tobytes() == model.table[:20].tobytes()
+
+
+def test_the_example_configuration_is_valid(plugged_in):
+    config = {"planted": {"room": {}}, **plugged_in}
+    settled = resolved(validated(config, ROOT / "schemas" / "config.schema.yaml", "example"), "example")
+    assert settled["variants"]["faint_half"] == {"attack": "faint_pruning", "share": 0.5, "seed": 1}
+    assert settled["variants"]["faint_pruning"]["attack"] == "faint_pruning"

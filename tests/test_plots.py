@@ -1,0 +1,90 @@
+"""Charts and panels, as matplotlib holds them."""
+
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.evaluation.comparison import ViewMetrics
+from gspure.evaluation.outcomes import Outcome
+from gspure.figures import panels, plots, style
+
+RNG = np.random.default_rng(3)
+BALL = RNG.normal(size=(400, 3)).astype(np.float32)
+PNG = b"\x89PNG\r\n"
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list:
+    """The figures that were written, as matplotlib objects."""
+    kept, original = [], style.page
+
+    @contextmanager
+    def page(*args, **kwargs):
+        with original(*args, **kwargs) as figure:
+            kept.append(figure)
+            yield figure
+
+    monkeypatch.setattr(style, "page", page)
+    return kept
+
+
+@pytest.mark.parametrize(("tau_c", "tau_n", "lines"), [(4.0, 4.0, [1, 4]), (4.0, 2.0, [1, 4, 2])])
+def test_the_histogram_shows_every_gaussian_and_the_thresholds(tmp_path: Path, drawn, tau_c, tau_n, lines) -> None:
+    weights = np.concatenate([np.zeros(30), np.geomspace(1e-6, 1e3, 70)]).astype(np.float32)
+    pruned = weights < 0.1
+    plots.write_weight_histogram(tmp_path / "weights.png", weights, pruned, tau_c, tau_n)
+    axes = drawn[0].axes[0]
+    steps = [patch for patch in axes.patches if hasattr(patch, "get_data")]
+    spread = [np.sum(data.values - data.baseline) for data in (patch.get_data() for patch in steps)]
+    at_zero = [bar.get_height() for container in axes.containers for bar in container]
+    assert np.add(spread, at_zero) == pytest.approx([100 * np.mean(~pruned), 100 * np.mean(pruned)])
+    assert at_zero == pytest.approx([0, 30])
+    marked = [10 ** line.get_xdata()[0] for line in axes.lines]
+    assert marked == pytest.approx([weights.mean(dtype=np.float64) / tau for tau in lines])
+    assert "0" in [label.get_text() for label in axes.get_xticklabels()]
+
+
+@pytest.mark.parametrize("weights", [np.zeros(3), np.ones(1), np.full(4, 1e-30)])
+def test_odd_weights_have_a_histogram_too(tmp_path: Path, weights: np.ndarray) -> None:
+    weights = weights.astype(np.float32)
+    plots.write_weight_histogram(tmp_path / "weights.png", weights, weights == 0, 4, 4)
+    assert (tmp_path / "weights.png").read_bytes().startswith(PNG)
+
+
+def outcome(variant: str, scene: float, message: float | None = None, scheme: str = "planted") -> Outcome:
+    targets, reference = {"scene": ViewMetrics("scene", "mean", scene, 0.9)}, {}
+    if message is not None:
+        targets["message"] = ViewMetrics("message", "mean", message, 0.8)
+        reference = {name: ViewMetrics(name, "mean", 30.0, 1.0) for name in targets}
+    return Outcome(scheme, "room", variant, targets, dict.fromkeys(targets, 3), reference=reference)
+
+
+def texts(figure) -> list[str]:
+    return [text.get_text() for text in figure.axes[0].texts]
+
+
+def test_outcomes_show_both_targets_and_the_score(tmp_path: Path, drawn) -> None:
+    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("watermarked", 30, 30), outcome("gspure", 29, 12.5)])
+    bars = [[bar.get_width() for bar in container] for container in drawn[0].axes[0].containers]
+    assert bars == [[30, 29], [30, 12.5]]
+    assert {"+0.00", "+16.50", "Score"} <= set(texts(drawn[0]))
+    assert [label.get_text() for label in drawn[0].axes[0].get_yticklabels()] == ["watermarked", "GSPure"]
+
+
+def test_outcomes_without_a_key_show_the_scene_alone(tmp_path: Path, drawn) -> None:
+    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("watermarked", np.inf), outcome("gspure", 29)])
+    assert len(drawn[0].axes[0].containers) == 1
+    assert "identical" in texts(drawn[0])
+    assert "Score" not in texts(drawn[0])
+
+
+def test_panels_name_the_views_and_the_psnr_against_the_first_column(tmp_path: Path, drawn) -> None:
+    black = {name: np.zeros((8, 10, 3), np.float32) for name in ("a", "b")}
+    grey = {name: image + np.float32(0.1) for name, image in black.items()}
+    panels.write_panels(tmp_path / "panels.png", {"truth": black, "gspure": grey}, ["a", "b"], difference=True)
+    axes = drawn[0].axes
+    assert [ax.get_title() for ax in axes] == ["truth", "GSPure", "|difference| × 5", "", "", ""]
+    assert [ax.get_xlabel() for ax in axes] == ["a", "20.00 dB", "", "b", "20.00 dB", ""]
+    assert np.ptp(axes[2].images[0].get_array() - 0.5) < 1e-6

@@ -1,0 +1,227 @@
+"""The ray tracer: geometry against analysis, light against closed forms, and determinism."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gspure.scenes import lighting, ray_tracer
+from gspure.scenes import scene as scene_module
+from gspure.scenes.camera_path import stage_cameras
+from gspure.scenes.lighting import bake
+from gspure.scenes.placement import PLACEMENTS
+from gspure.scenes.planted import STAGES
+from gspure.scenes.ray_tracer import trace
+from gspure.scenes.scene import Lamp, Scene, displayed, first_hits
+from gspure.scenes.solids import BACK, BOTTOM, Box, Room, Sphere
+from gspure.scenes.textures import banded, checker, inlaid, plain, reflectance, rings, stripes
+from tests.models import camera
+
+GREY = (plain("#808080"),)
+DARK = Lamp((0.0, 0.0, 100.0), 1.0, (0.0, 0.0, 0.0))
+SOLIDS = {
+    "box": Box((0.3, -0.2, 1.0), (1.0, 2.0, 0.5), GREY),
+    "turned box": Box((0.3, -0.2, 1.0), (1.0, 2.0, 0.5), GREY, yaw=0.7),
+    "room": Room((0.0, 0.0, 1.5), (6.0, 5.0, 3.0), GREY),
+    "sphere": Sphere((0.4, 1.0, -0.5), 0.7, GREY),
+}
+
+
+@pytest.fixture
+def coarse(monkeypatch):
+    """Light maps that are quick to bake."""
+    monkeypatch.setattr(lighting, "NODE_SPACING", 0.5)
+    monkeypatch.setattr(lighting, "DIRECTIONS", 4)
+    monkeypatch.setattr(lighting, "LAMP_SAMPLES", 2)
+
+
+def lit(*solids, lamp=DARK, sky=(1.0, 1.0, 1.0), background=(0.0, 0.0, 0.0)):
+    return bake(Scene(solids, lamp, sky, background))
+
+
+def light_at(scene, index, face, uv):
+    """Irradiance / pi at a place, its reflectance divided out."""
+    uv = np.atleast_2d(uv)
+    return scene.radiance(index, np.full(len(uv), face), uv)[:, 0] / reflectance("#808080")[0]
+
+
+@pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS.keys())
+@settings(max_examples=30, deadline=None)
+@given(u=st.floats(0.01, 0.99), v=st.floats(0.01, 0.99), away=st.floats(0.01, 0.3), slant=st.floats(-0.3, 0.3))
+def test_a_ray_back_to_a_place_of_a_face_hits_it_there(solid, u, v, away, slant):
+    for face in solid.faces:
+        points, normals = solid.chart(face, np.array([[u, v]]))
+        origins = points + away * (normals + slant * np.roll(normals, 1, axis=1))
+        directions = points - origins
+        distance = solid.distance(origins, directions)
+        assert distance == pytest.approx(1.0, abs=1e-7)
+        faces, uv = solid.locate(origins + distance[:, None] * directions)
+        assert faces == face
+        assert uv == pytest.approx(np.array([[u, v]]), abs=1e-7)
+        assert (normals**2).sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS.keys())
+def test_extents_are_the_lengths_of_a_face(solid):
+    line = np.linspace(0.0, 1.0, 2001)
+    middle = np.full(2001, 0.5)
+    for face in solid.faces:
+        for axis, uv in enumerate((np.stack([line, middle], 1), np.stack([middle, line], 1))):
+            steps = np.diff(solid.chart(face, uv)[0], axis=0)
+            assert np.sqrt((steps**2).sum(axis=1)).sum() == pytest.approx(solid.extents[face, axis], rel=1e-5)
+
+
+def test_interior_points_are_spread_evenly_over_the_interior():
+    numbers = np.random.default_rng(0).random((20000, 3))
+    sphere = SOLIDS["sphere"]
+    radii = np.linalg.norm(sphere.inside(numbers) - sphere.centre, axis=1) / sphere.radius
+    assert radii.max() <= 1.0
+    assert np.mean(radii < 0.5) == pytest.approx(1 / 8, abs=0.01)
+    inside = SOLIDS["room"].inside(numbers)
+    assert inside.min(axis=0) == pytest.approx([-3.0, -2.5, 0.0], abs=0.01)
+    assert inside.max(axis=0) == pytest.approx([3.0, 2.5, 3.0], abs=0.01)
+
+
+def test_the_nearest_solid_is_hit_first_in_any_order():
+    near, far = Box((0.0, 0.0, 2.0), (1.0, 1.0, 1.0), GREY), Sphere((0.0, 0.0, 5.0), 1.0, GREY)
+    origins, directions = np.zeros((2, 3)), np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    for solids, index in (((near, far), 0), ((far, near), 1)):
+        distances, hit = first_hits(Scene(solids, DARK, (1.0,) * 3), origins, directions)
+        assert distances.tolist() == [1.5, np.inf]
+        assert hit.tolist() == [index, -1]
+
+
+def test_a_room_is_open_where_it_has_no_face():
+    room = Room((0.0, 0.0, 1.0), (2.0, 2.0, 2.0), GREY, faces=(BACK, BOTTOM))
+    directions = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    distances = room.distance(np.tile([0.0, 0.0, 1.0], (5, 1)), directions)
+    assert distances.tolist() == [1.0, np.inf, np.inf, 1.0, np.inf]
+
+
+def test_depth_of_a_sphere_is_the_analytic_one_along_rays_through_pixel_centres(coarse):
+    view = camera(33, 21, focal=25.0, principal=(15.2, 11.7))
+    _, depth = trace(lit(Sphere((0.1, -0.2, 4.0), 1.0, GREY)), view)
+    x = (np.arange(33) + 0.5 - 15.2) / 25.0
+    y = (np.arange(21)[:, None] + 0.5 - 11.7) / 25.0
+    a = x**2 + y**2 + 1.0
+    b = 0.1 * x - 0.2 * y + 4.0
+    discriminant = b**2 - a * (0.1**2 + 0.2**2 + 16.0 - 1.0)
+    with np.errstate(invalid="ignore"):
+        expected = np.where(discriminant > 0.0, (b - np.sqrt(discriminant)) / a, np.inf)
+    np.testing.assert_allclose(depth, expected, rtol=1e-6)
+
+
+def test_a_pixel_cut_by_an_edge_is_the_mean_of_its_rays(coarse):
+    # a wall at depth 1 whose colour changes at u = 10 + 1/3: two of three columns of rays are beyond it
+    wall = Box((0.0, 0.0, 1.5), (4.0, 4.0, 1.0), (stripes("#000000", "#ffffff", 2.0 + 1.0 / 30.0, along=0),))
+    view = camera(20, 10, focal=10.0)
+    scene = lit(wall, sky=(0.5, 0.5, 0.5))
+    white = trace(scene, view)[0][5, 15]
+    image = trace(scene, view)[0]
+    assert image[5, 9] == pytest.approx(0.0)
+    assert image[5, 10] == pytest.approx(white * 2 / 3, rel=1e-2)
+    assert trace(scene, view, samples=1)[0][5, 10] == pytest.approx(white, rel=1e-2)
+
+
+def test_a_ray_that_leaves_the_scene_shows_the_background_at_infinite_depth(coarse):
+    image, depth = trace(lit(Sphere((9.0, 9.0, 9.0), 0.1, GREY), background=(0.1, 0.2, 0.3)), camera(6, 4))
+    assert (image == np.float32([0.1, 0.2, 0.3])).all()
+    assert np.isinf(depth).all()
+
+
+@pytest.mark.parametrize("samples", [0, 2])
+def test_even_numbers_of_samples_are_refused(coarse, samples):
+    with pytest.raises(ValueError, match="odd"):
+        trace(lit(SOLIDS["sphere"]), camera(4, 4), samples=samples)
+
+
+def test_an_open_floor_gathers_exactly_the_sky():
+    floor = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
+    scene = lit(floor, sky=(0.6, 0.6, 0.6))
+    assert light_at(scene, 0, 5, [[0.1, 0.9], [0.5, 0.5]]) == pytest.approx(0.6)
+
+
+def test_light_of_a_small_lamp_falls_as_the_inverse_square():
+    floor = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
+    at = [
+        light_at(lit(floor, lamp=Lamp((0.0, 0.0, height), 0.1, (1000.0,) * 3), sky=(0.0,) * 3), 0, 5, [0.5, 0.5])[0]
+        for height in (4.0, 8.0)
+    ]
+    assert at[0] == pytest.approx(1000.0 * 0.1**2 / (np.pi * 16.0), rel=1e-3)
+    assert at[0] / at[1] == pytest.approx(4.0, rel=1e-2)
+
+
+def test_a_shadow_is_dark_inside_and_soft_at_its_edge():
+    floor = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
+    lid = Box((0.0, 0.0, 1.0), (1.0, 1.0, 0.1), GREY)
+    lamp = Lamp((0.0, 0.0, 3.0), 1.0, (50.0,) * 3)
+    path = np.stack([np.linspace(0.5, 1.0, 40), np.full(40, 0.5)], axis=1)
+    with_lid = light_at(lit(floor, lid, lamp=lamp, sky=(0.0,) * 3), 0, 5, path)
+    without = light_at(lit(floor, lamp=lamp, sky=(0.0,) * 3), 0, 5, path)
+    share = with_lid / without
+    assert share[0] < 0.02
+    assert share[-1] == pytest.approx(1.0, abs=0.02)
+    assert np.count_nonzero((share > 0.1) & (share < 0.9)) >= 4
+
+
+def test_a_coloured_wall_tints_the_floor_beside_it():
+    floor = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
+    wall = Box((-1.5, 0.0, 1.0), (0.2, 4.0, 2.0), (plain("#ff0000"),))
+    scene = lit(floor, wall, lamp=Lamp((0.5, 0.0, 3.0), 0.5, (50.0,) * 3), sky=(0.0,) * 3)
+    near, far = scene.radiance(0, np.array([5, 5]), np.array([[0.2, 0.5], [0.9, 0.5]]))
+    assert near[0] / near[2] > 1.05 * far[0] / far[2]
+
+
+@pytest.mark.parametrize("build", STAGES.values(), ids=STAGES.keys())
+def test_photographs_are_the_same_bits_again_and_for_any_batch_of_rays(coarse, monkeypatch, build):
+    view = stage_cameras(3, 40, 30)[1]
+    first = trace(bake(build(PLACEMENTS["raised"])), view)
+    monkeypatch.setattr(ray_tracer, "_RAYS_AT_ONCE", 77)
+    monkeypatch.setattr(scene_module, "_RAYS_AT_ONCE", 1000)
+    again = trace(bake(build(PLACEMENTS["raised"])), view)
+    assert first[0].tobytes() == again[0].tobytes()
+    assert first[1].tobytes() == again[1].tobytes()
+    assert 0.05 < first[0].mean() < 0.95
+
+
+@pytest.mark.parametrize("count", [1, 24])
+def test_all_stage_cameras_stand_inside_even_the_raised_stage(count):
+    room = PLACEMENTS["raised"].room(walls=plain("#808080"), back=plain("#808080"), floor=plain("#808080"))
+    for view in stage_cameras(count, 64, 48):
+        x, y, z = view.centre
+        assert abs(x) < room.size[0] / 2
+        assert y < 0.0
+        assert z > PLACEMENTS["front"].floor
+        np.testing.assert_allclose(view.viewmat[:3, :3] @ view.viewmat[:3, :3].T, np.eye(3), atol=1e-12)
+        assert view.viewmat[1, 2] < 0.0  # world up is up in the image, whose y points down
+
+
+def test_placements_move_every_surface_of_the_stage_as_they_say():
+    grey = plain("#808080")
+    rooms = {name: placement.room(walls=grey, back=grey, floor=grey) for name, placement in PLACEMENTS.items()}
+    forward, down = np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 0.0, -1.0]])
+    start = np.array([[0.0, -2.0, 1.5]])
+    back = {name: float(room.distance(start, forward)[0]) for name, room in rooms.items()}
+    floor = {name: float(room.distance(start, down)[0]) for name, room in rooms.items()}
+    assert back["raised"] < back["coincident"] < back["behind"] < back["front"] == np.inf
+    assert floor["front"] < floor["raised"] < floor["coincident"] < floor["behind"]
+
+
+def test_textures_change_where_they_say():
+    places = np.array([[0.05, 0.05], [0.15, 0.05], [0.15, 0.15], [0.05, 0.25]])
+    black, white = "#000000", "#ffffff"
+
+    def pattern(texture):
+        return texture(places)[:, 0].tolist()
+
+    assert pattern(checker(black, white, 0.1)) == [0.0, 1.0, 0.0, 0.0]
+    assert pattern(stripes(black, white, 0.1, along=0)) == [0.0, 1.0, 1.0, 0.0]
+    assert pattern(banded(black, white, 0.1)) == [0.0, 0.0, 1.0, 1.0]
+    assert pattern(rings(black, white, 0.1)) == [0.0, 1.0, 0.0, 0.0]
+    assert pattern(inlaid(plain(black), plain(white), (0.15, 0.1), (0.1, 0.2))) == [0.0, 1.0, 1.0, 0.0]
+
+
+@given(st.floats(0.0, 1e3))
+def test_display_values_stay_in_range_and_keep_the_order_of_light(radiance):
+    low, high = displayed(np.array([radiance, radiance * 1.1]))
+    assert 0.0 <= low <= high <= 1.0

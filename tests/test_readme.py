@@ -1,0 +1,79 @@
+"""The README does what it says: its commands, its configuration and its program run, its diagram is the workflow's."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.cameras import write_cameras
+from gspure.cli import main
+from gspure.model import read_model, write_model
+from gspure.scenes import lighting, plant
+from tests.documentation import ROOT, blocks, edges, workflow_edges
+
+README = ROOT / "README.md"
+
+
+@pytest.fixture(scope="module")
+def planted():
+    with pytest.MonkeyPatch.context() as patch:  # light maps that are quick to bake
+        for name, value in {"NODE_SPACING": 0.5, "DIRECTIONS": 4, "LAMP_SAMPLES": 2}.items():
+            patch.setattr(lighting, name, value)
+        return plant(0, gaussians=600, views=9, width=48, height=36)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, planted):
+    """A user's folder with a model and its cameras, which is the current one."""
+    write_model(tmp_path / "point_cloud.ply", planted.public)
+    write_cameras(tmp_path / "cameras.json", planted.cameras)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def commands(program):
+    lines = (line.partition("#")[0].strip() for block in blocks(README, "sh") for line in block.splitlines())
+    return [shlex.split(line)[1:] for line in lines if line.startswith(f"{program} ")]
+
+
+def test_the_program_runs(folder, planted):
+    (program,) = blocks(README, "python")
+    names = {}
+    exec(program, names)  # noqa: S102
+    assert names["image"].shape == (36, 48, 3)
+    kept = ~names["found"].pruned
+    assert read_model(Path("purified.ply")).table.tobytes() == planted.public.table[kept].tobytes()
+
+
+def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys):
+    for arguments in commands("gspure"):
+        assert main(arguments) == 0
+    assert re.search(r"^mean +\d+\.\d+ +\d\.\d+$", capsys.readouterr().out, re.MULTILINE)
+    assert {path.name for path in folder.iterdir()} >= {"purified", "before", "after"}
+    assert np.load("purified/pruned.npy").any()
+
+
+@pytest.mark.workflow
+def test_the_configuration_is_all_that_the_workflow_needs(folder):
+    (config,) = blocks(README, "yaml")
+    Path("mine.yaml").write_text(config)
+    (arguments,) = commands("snakemake")
+    done = subprocess.run(
+        [sys.executable, "-m", "snakemake", *arguments, "--snakefile", ROOT / "Snakefile", "--dry-run", "--cores", "1"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^attack_model +7$", done.stdout, re.MULTILINE)
+    assert re.search(r"^write_report +1$", done.stdout, re.MULTILINE)
+
+
+@pytest.mark.workflow
+def test_arrows_of_the_diagram_are_arrows_of_the_workflow(tmp_path):
+    (diagram,) = blocks(README, "mermaid")
+    assert edges(diagram) <= workflow_edges(tmp_path)

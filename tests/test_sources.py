@@ -1,0 +1,64 @@
+"""Which edits of the package's code a stage notices."""
+
+from __future__ import annotations
+
+import pytest
+
+from gspure import sources
+from gspure.cli import STAGES
+from gspure.sources import code_digest
+
+MODULES = {
+    "__init__": "from gspure.unrelated import number\n",
+    "stage": "def run():\n    from gspure.middle import deep\n",
+    "middle/__init__": "from gspure.middle.deep import depth\nimport gspure.stage\n",
+    "middle/deep": "import numpy\ndepth = 1\n",
+    "unrelated": "number = 1\n",
+}
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    monkeypatch.setattr(sources, "_PACKAGE", tmp_path)
+    for name, text in MODULES.items():
+        (tmp_path / f"{name}.py").parent.mkdir(exist_ok=True)
+        (tmp_path / f"{name}.py").write_text(text)
+    sources._imports.cache_clear()
+    yield tmp_path
+    sources._imports.cache_clear()
+
+
+@pytest.mark.parametrize("module", ["stage", "middle/__init__", "middle/deep"])
+def test_an_edit_anywhere_below_a_stage_changes_its_digest(package, module):
+    before = code_digest("gspure.stage")
+    (package / f"{module}.py").write_text(MODULES[module] + "# edited\n")
+    assert code_digest("gspure.stage") != before
+
+
+@pytest.mark.parametrize("module", ["unrelated", "__init__"])
+def test_an_edit_elsewhere_leaves_the_digest_alone(package, module):
+    before = code_digest("gspure.stage")
+    (package / f"{module}.py").write_text(MODULES[module] + "# edited\n")
+    assert code_digest("gspure.stage") == before
+
+
+def test_modules_of_other_packages_are_passed_over(package):
+    assert code_digest("gspure.stage", "elsewhere.attack") == code_digest("gspure.stage")
+
+
+def test_stages_that_share_little_code_have_digests_of_their_own():
+    assert len({code_digest(f"gspure.cli.{stage}") for stage in STAGES}) == len(STAGES)
+
+
+def test_pruning_does_not_depend_on_the_renderer_and_contributions_do_not_depend_on_clustering():
+    assert "gspure.renderer" in reached("gspure.cli.contributions")
+    assert "gspure.pruning" in reached("gspure.cli.prune")
+    assert not {"gspure.renderer", "gspure.contributions"} & reached("gspure.cli.prune")
+    assert not any(name.startswith("gspure.clustering") for name in reached("gspure.cli.contributions"))
+
+
+def reached(module):
+    found = sources._imports(module)
+    while more := {name for known in found for name in sources._imports(known)} - found:
+        found |= more
+    return found
