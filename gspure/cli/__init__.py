@@ -16,7 +16,7 @@ from types import ModuleType
 from gspure import __version__
 from gspure.errors import InputError
 
-MAIN_COMMANDS = ("purify", "render", "metrics", "info", "doctor")
+MAIN_COMMANDS = ("purify", "train", "render", "metrics", "info", "doctor")
 STAGES = (
     "plant",
     "cameras",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_SH_DEGREE, NEAR_PLANE, SH_DC
-from gspure.opencl.trainable import Parameters, TrainState
+from gspure.opencl.trainable import Parameters
 
 Float64 = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ RANDOM_POINTS: Final = 10_000
 """How many there are where nothing else is known. Ours."""
 
 RANDOM_DEPTHS: Final = (0.1, 10.0)
-"""Range of their view depths, as multiples of the scene's extent. Ours: the scene's size is unknown, its order is not."""
+"""Range of their view depths, as multiples of the scene's extent. Ours."""
 
 COMMON_SHARE: Final = 0.25
 """Each is seen by at least this share of the views, and by two."""
@@ -58,13 +58,12 @@ def gaussians_at(xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> Parameters:
     )
 
 
-def untrained(parameters: Parameters) -> TrainState:
-    """Return the state of a run that has not begun: zero moments."""
-
-    def zeros() -> Parameters:
-        return Parameters(**{name: np.zeros_like(array) for name, array in vars(parameters).items()})
-
-    return TrainState(parameters, zeros(), zeros())
+def thinned(xyz: Float64, rgb: NDArray[np.uint8], at_most: int | None, seed: int) -> tuple[Float64, NDArray[np.uint8]]:
+    """Return points [P,3] and colours [P,3], or a random choice of them where there are too many."""
+    if at_most is None or len(xyz) <= at_most:
+        return xyz, rgb
+    rows = np.sort(np.random.default_rng(seed).choice(len(xyz), at_most, replace=False))
+    return xyz[rows], rgb[rows]
 
 
 def random_points(cameras: Sequence[Camera], extent: float, count: int, rng: np.random.Generator) -> Float64:
@@ -94,7 +93,8 @@ def seen(points: NDArray[Any], cameras: Sequence[Camera]) -> NDArray[np.intp]:
 def _on_rays(cameras: Sequence[Camera], extent: float, count: int, rng: np.random.Generator) -> Float64:
     chosen = rng.integers(len(cameras), size=count)
     places = rng.random((count, 2))
-    depths = extent * np.exp(rng.uniform(*np.log(RANDOM_DEPTHS), count))
+    near, far = np.log(RANDOM_DEPTHS)
+    depths = extent * np.exp(rng.uniform(near, far, count))
     points = np.empty((count, 3))
     for i, camera in enumerate(cameras):
         rows = chosen == i

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gspure.constants import MAX_SH_DEGREE
-from gspure.opencl.trainable import LearningRates
+from gspure.opencl.adam import LearningRates
 
 ITERATIONS: Final = 30_000
 """Length of 3DGS's own schedule."""
@@ -40,6 +40,10 @@ LEAST_EVERY: Final = 50
 LEAST_RESET: Final = 600
 """Least distances of a short run. Ours: 3DGS has none."""
 
+CHECKPOINT_EVERY: Final = 1_000
+LEAST_CHECKPOINT: Final = 500
+"""Ours."""
+
 
 @dataclass(frozen=True)
 class Schedule:
@@ -55,6 +59,8 @@ class Schedule:
         Densification happens at the multiples of `densify_every` strictly between the two others.
     reset_every : int
         Opacities are reset at its multiples before `densify_until`; after the first, big Gaussians are pruned too.
+    checkpoint_every : int
+        From `densify_until` on, a checkpoint can be taken at its multiples; before, at each densification.
 
     """
 
@@ -64,6 +70,7 @@ class Schedule:
     densify_until: int
     densify_every: int
     reset_every: int
+    checkpoint_every: int
 
     @classmethod
     def scaled(cls, iterations: int) -> Schedule:
@@ -81,6 +88,7 @@ class Schedule:
             densify_until=share(DENSIFY_UNTIL, 1),
             densify_every=share(DENSIFY_EVERY, LEAST_EVERY),
             reset_every=share(RESET_EVERY, LEAST_RESET),
+            checkpoint_every=share(CHECKPOINT_EVERY, LEAST_CHECKPOINT),
         )
 
     def rates(self, iteration: int, extent: float) -> LearningRates:
@@ -99,10 +107,6 @@ class Schedule:
         """Return the degree of the spherical harmonics that take part in one iteration."""
         return min(MAX_SH_DEGREE, iteration // self.sh_every)
 
-    def grows(self, iteration: int) -> bool:
-        """Tell whether the statistics that densification needs are still of use after this iteration."""
-        return iteration < self.densify_until
-
     def densifies(self, iteration: int) -> bool:
         """Tell whether Gaussians are cloned, split and pruned after this iteration."""
         return self.densify_from < iteration < self.densify_until and iteration % self.densify_every == 0
@@ -114,3 +118,11 @@ class Schedule:
     def prunes_big(self, iteration: int) -> bool:
         """Tell whether densification after this iteration prunes big Gaussians too."""
         return iteration > self.reset_every
+
+    def rests(self, iteration: int) -> bool:
+        """Tell whether, after this iteration, nothing but the model's state is left to keep.
+
+        No statistics are then under way, either because densification has just used them or because it is over.
+        """
+        over = iteration >= self.densify_until and iteration % self.checkpoint_every == 0
+        return self.densifies(iteration) or over

@@ -1,0 +1,188 @@
+"""``gspure train``: a 3DGS model from photographs."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gspure.cli.options import add_device, read_device
+from gspure.errors import InputError
+
+if TYPE_CHECKING:
+    from gspure.cameras import Camera
+    from gspure.opencl.device import Device
+    from gspure.training.checkpoints import Snapshot
+    from gspure.training.dataset import Dataset, Float32
+    from gspure.training.trainer import Trainer
+
+HELP = "train a 3DGS model from photographs"
+EXAMPLES = """\
+  gspure train scene --out trained                     (COLMAP project: scene/images and scene/sparse/0)
+  gspure train scene/transforms.json --out trained --resolution 1/4 --iterations 7000
+  gspure train planted --out trained                   (what `gspure plant` wrote: its ray-traced scene)
+  gspure train planted --out message --images planted/truth/message
+  gspure train scene --out trained --resume            (go on where a killed run was)
+
+3DGS's own settings are --iterations 30000 --resolution 1600px; the defaults suit a laptop without a GPU. By name, every
+eighth view is held out and compared at the end. What it leaves in DIR is what 3DGS's trainer and render script leave:
+  point_cloud/iteration_N/point_cloud.ply, cameras.json, cfg_args, input.ply
+  test/ours_N/gt, test/ours_N/renders     held-out photographs, and the model's images of them
+  metrics.csv                             PSNR and SSIM of these
+"""
+
+_LEAST = {"iterations": 1, "seed": 0, "max_gaussians": 4}
+_SECONDS_BETWEEN_CHECKPOINTS = 30.0
+_WATCHED = 3
+"""How many held-out views the PSNR in the progress report is the mean of."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument(
+        "data",
+        type=Path,
+        metavar="DATA",
+        help="COLMAP project, transforms.json (nerfstudio, Blender), cameras.json, or a folder with one of them",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the model")
+    parser.add_argument("--iterations", type=int, default=3000, metavar="N", help="steps (default: %(default)s)")
+    parser.add_argument(
+        "--resolution",
+        default="320px",
+        metavar="RULE",
+        help="image size: Wpx, at most W pixels wide; 1/N; or native (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--images", type=Path, metavar="DIR", help="photographs, named as the views, instead of those that DATA names"
+    )
+    parser.add_argument(
+        "--background",
+        type=float,
+        nargs=3,
+        default=(0.0, 0.0, 0.0),
+        metavar=("R", "G", "B"),
+        help="colour behind the model, 0 to 1 (default: black, on which transparent photographs stand)",
+    )
+    parser.add_argument("--max-gaussians", type=int, metavar="N", help="no more than that are grown")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all that is random (default: %(default)s)")
+    parser.add_argument(
+        "--resume", action="store_true", help="go on from the checkpoint that a killed run left in DIR, if there is one"
+    )
+    add_device(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Check the data, train, write the model, and compare the held-out views."""
+    from gspure.artifacts import write_provenance
+    from gspure.progress import say
+    from gspure.training.dataset import fingerprint, read_dataset, read_photographs
+    from gspure.training.output import write_output
+
+    for name, least in _LEAST.items():
+        value = getattr(args, name)
+        if value is not None and value < least:
+            field = f"--{name.replace('_', '-')}"
+            raise InputError("train", field, expected=f"at least {least}", found=str(value))
+    dataset = read_dataset(args.data, args.resolution, photographs=args.images, seed=args.seed)
+    images = read_photographs(dataset.train)
+    size = f"{dataset.train[0].width}x{dataset.train[0].height}"
+    views = f"{len(dataset.train)} views of {size}, {len(dataset.test)} held out"
+    say(f"{views}, {len(dataset.xyz)} points, extent {dataset.extent:.3g}")
+    names = ("iterations", "resolution", "background", "max_gaussians", "seed")
+    settings = {name: getattr(args, name) for name in names} | {"data": fingerprint(dataset, images)}
+    device = read_device(args)
+    trainer = _train(args, dataset, images, settings, device)
+    model = write_output(args.out, dataset, trainer.model.state().parameters, args.iterations, args.background)
+    write_provenance(model, inputs={}, settings=settings)
+    _checkpoint(args).unlink(missing_ok=True)
+    if dataset.test:
+        _compare(args, dataset, model, device)
+    say(f"{trainer.model.count} Gaussians in {model}")
+
+
+def _train(
+    args: argparse.Namespace, dataset: Dataset, images: Sequence[Float32], settings: dict[str, Any], device: Device
+) -> Trainer:
+    """Train to the end, leaving checkpoints on the way."""
+    from gspure.evaluation.metrics import psnr
+    from gspure.opencl.trainable import TrainableModel
+    from gspure.progress import say
+    from gspure.training.checkpoints import write_checkpoint
+    from gspure.training.monitor import watched
+    from gspure.training.schedule import Schedule
+    from gspure.training.trainer import Trainer
+
+    start = _start(args, dataset, settings)
+    model = TrainableModel(start.state, start.iteration, device)
+    model.set_targets(images)
+    trainer = Trainer(
+        *(model, dataset.train, Schedule.scaled(args.iterations), start),
+        extent=dataset.extent,
+        background=args.background,
+        max_gaussians=args.max_gaussians,
+    )
+    views, photographs = _watched(dataset)
+
+    def quality() -> float:
+        shown = (model.image(view, args.background).clip(0, 1) for view in views)
+        return sum(map(psnr, shown, photographs)) / len(views)
+
+    began = saved = time.monotonic()
+    for _ in watched(trainer, args.iterations, quality):
+        if trainer.rests and time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
+            write_checkpoint(_checkpoint(args), trainer.snapshot(), settings)
+            saved = time.monotonic()
+    say(f"trained {args.iterations - start.iteration} iterations in {time.monotonic() - began:.1f} s")
+    return trainer
+
+
+def _start(args: argparse.Namespace, dataset: Dataset, settings: dict[str, Any]) -> Snapshot:
+    """Return the checkpoint that a killed run left, or the beginning."""
+    from gspure.progress import say
+    from gspure.training.checkpoints import read_checkpoint
+    from gspure.training.initialization import gaussians_at, thinned
+    from gspure.training.trainer import beginning
+
+    if args.resume and _checkpoint(args).is_file():
+        snapshot = read_checkpoint(_checkpoint(args), settings)
+        say(f"going on from iteration {snapshot.iteration}")
+        return snapshot
+    return beginning(gaussians_at(*thinned(dataset.xyz, dataset.rgb, args.max_gaussians, args.seed)), args.seed)
+
+
+def _checkpoint(args: argparse.Namespace) -> Path:
+    return Path(args.out) / "checkpoint.npz"
+
+
+def _watched(dataset: Dataset) -> tuple[list[Camera], list[Float32]]:
+    """Return a few views, held out if there are any, and their photographs."""
+    from gspure.training.dataset import read_photographs
+
+    views = dataset.test or dataset.train
+    views = views[:: -(-len(views) // _WATCHED)]
+    return views, read_photographs(views)
+
+
+def _compare(args: argparse.Namespace, dataset: Dataset, model: Path, device: Device) -> None:
+    """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
+    from gspure.evaluation.comparison import Pair, as_text, compare, write_metrics
+    from gspure.images import write_image
+    from gspure.model import read_model
+    from gspure.progress import track
+    from gspure.renderer import Renderer
+    from gspure.training.dataset import read_photographs
+    from gspure.training.output import comparison
+
+    truth, renders = comparison(args.out, args.iterations)
+    renderer = Renderer(read_model(model), device)
+    rows = []
+    for camera, photograph in zip(track(dataset.test, "held out"), read_photographs(dataset.test), strict=True):
+        pair = Pair(".", camera.name, truth / f"{camera.name}.png", renders / f"{camera.name}.png")
+        write_image(pair.reference, photograph)
+        write_image(pair.other, renderer.image(camera, background=args.background))
+        rows.append(compare(pair))
+    write_metrics(args.out / "metrics.csv", rows)
+    print("\n".join(as_text(rows)))

@@ -1,0 +1,61 @@
+"""Coloured points as PLY files: what structure from motion leaves, and what 3DGS keeps as ``input.ply``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from plyfile import PlyData, PlyElement, PlyParseError
+
+from gspure.artifacts import replacing
+from gspure.errors import InputError
+
+_POSITION: Final = ("x", "y", "z")
+_NORMAL: Final = ("nx", "ny", "nz")
+_COLOUR: Final = ("red", "green", "blue")
+_GREY: Final = 128
+
+
+def read_point_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Read positions [P,3] and 8-bit colours [P,3]; points without colour are grey.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no PLY, or has no positions, colours that are not 8-bit, or coordinates that are not
+        finite.
+
+    """
+    try:
+        vertex = PlyData.read(str(path))["vertex"]
+    except FileNotFoundError:
+        raise InputError(path, "file", expected="an existing .ply", found="nothing") from None
+    except KeyError:
+        raise InputError(path, "element vertex", expected="points", found="no such element") from None
+    except (PlyParseError, ValueError, OSError, MemoryError) as error:
+        raise InputError(path, "file", expected="a PLY of points", found=str(error) or "too large a count") from None
+    names = [stored.name for stored in vertex.properties]
+    for name in _POSITION:
+        if name not in names:
+            raise InputError(path, name, expected="a coordinate of every point", found="no such property")
+    xyz = np.column_stack([np.asarray(vertex[name], np.float64) for name in _POSITION])
+    if bad := np.flatnonzero(~np.isfinite(xyz).all(axis=1)).tolist():
+        raise InputError(path, f"point {bad[0]}", expected="finite coordinates", found=" ".join(map(str, xyz[bad[0]])))
+    if not set(_COLOUR) <= set(names):
+        return xyz, np.full(xyz.shape, _GREY, np.uint8)
+    for name in _COLOUR:
+        if vertex[name].dtype != np.uint8:
+            raise InputError(path, name, expected="8 bits", found=str(vertex[name].dtype))
+    return xyz, np.column_stack([vertex[name] for name in _COLOUR])
+
+
+def write_point_ply(path: Path, xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> None:
+    """Write points as 3DGS's input.ply (float32 positions, zero normals, 8-bit colours), whole or not at all."""
+    table = np.zeros(len(xyz), [(name, "<f4") for name in _POSITION + _NORMAL] + [(name, "u1") for name in _COLOUR])
+    for names, values in ((_POSITION, xyz), (_COLOUR, rgb)):
+        for name, column in zip(names, values.T, strict=True):
+            table[name] = column
+    with replacing(path) as temporary:
+        PlyData([PlyElement.describe(table, "vertex")], byte_order="<").write(str(temporary))

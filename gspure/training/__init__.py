@@ -1,0 +1,1 @@
+"""Training: a 3DGS model from photographs, on any OpenCL device."""

@@ -1,0 +1,169 @@
+"""What a model is trained from: views with photographs, and where to start. All is checked before training begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import digest
+from gspure.cameras import Camera, read_cameras, require_images, scaled, split
+from gspure.cameras.colmap import find_sparse, read_points
+from gspure.cameras.photographs import photograph_size
+from gspure.errors import InputError
+from gspure.images import read_image
+from gspure.model.points import read_point_ply
+from gspure.progress import say, track
+from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, seen
+
+Float32 = NDArray[np.float32]
+
+EXTENT_MARGIN: Final = 1.1
+"""The extent is this times the largest distance of a training camera to the mean of them all (3DGS)."""
+
+ASPECT_TOLERANCE: Final = 0.01
+"""Relative; a photograph that was reduced to whole pixels stays within it, one that was cropped or turned does not."""
+
+POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.ply")
+"""Sparse points beside a camera file: of COLMAP tools, of 3DGS for Blender scenes, of nerfstudio, of 3DGS's output."""
+
+TRACED: Final = Path("truth") / "scene"
+"""Where `gspure plant` leaves the photographs of its scene."""
+
+_GREY: Final = 128
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Views at training size, split as `gspure.cameras.split` does, and coloured points to start from.
+
+    Parameters
+    ----------
+    source : Path
+        Where it was read from.
+    train, test : list of Camera
+        Each with a photograph.
+    xyz, rgb : arrays [P,3]
+        Points in world units, and their 8-bit colours.
+
+    """
+
+    source: Path
+    train: list[Camera]
+    test: list[Camera]
+    xyz: NDArray[np.float64]
+    rgb: NDArray[np.uint8]
+
+    @property
+    def extent(self) -> float:
+        """The scene's size in world units, to which 3DGS relates learning rates and sizes."""
+        return extent(self.train)
+
+
+def read_dataset(source: Path, scale: str, *, photographs: Path | None = None, seed: int = 0) -> Dataset:
+    """Read views and points, and check that a model can be trained from them.
+
+    Parameters
+    ----------
+    source : Path
+        A COLMAP project, a file or folder that `gspure.cameras.read_cameras` takes, or what `gspure plant` wrote.
+    scale : str
+        Image size, a rule of `gspure.cameras.scaled`.
+    photographs : Path, optional
+        Folder of photographs named after the views, instead of those that the source names.
+    seed : int
+        Of the random points that stand in where there are none.
+
+    Raises
+    ------
+    InputError
+        A camera file or point file cannot be read; a photograph is missing, smaller than its view or of another shape;
+        the views all stand in one place; or no training view sees any of the points.
+
+    """
+    source = Path(source)
+    cameras = _with_photographs(read_cameras(source), source, photographs)
+    views = scaled(cameras, scale)
+    require_images(views, source)
+    _require_shapes(cameras, source)
+    train, test = split(views)
+    if not (train and extent(train) > 0):
+        found = f"{len(train)} in one place" if train else "none"
+        raise InputError(source, "training views", expected="several, from different places", found=found)
+    xyz, rgb = _points(source, train, seed)
+    if not seen(xyz, train).any():
+        raise InputError(source, "training views", expected="some that see points", found="all look away from them")
+    return Dataset(source, train, test, xyz, rgb)
+
+
+def extent(cameras: Sequence[Camera]) -> float:
+    """Return 1.1 times the largest distance of a camera to the mean of all."""
+    centres = np.array([camera.centre for camera in cameras])
+    return float(EXTENT_MARGIN * np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
+
+
+def read_photographs(cameras: Sequence[Camera]) -> list[Float32]:
+    """Read the photograph [H,W,3] of each view at the view's size."""
+    return [read_image(_photograph(camera), (camera.width, camera.height)) for camera in track(cameras, "photographs")]
+
+
+def fingerprint(dataset: Dataset, images: Sequence[Float32]) -> str:
+    """Return a digest of all that training sees."""
+    return digest(dataset.xyz, dataset.rgb, *(camera.numbers for camera in dataset.train), *images)
+
+
+def _photograph(camera: Camera) -> Path:
+    if camera.image is None:
+        raise InputError(camera.name, "image", expected="a photograph", found="none named")
+    return camera.image
+
+
+def _with_photographs(cameras: list[Camera], source: Path, photographs: Path | None) -> list[Camera]:
+    """Return the cameras with the photographs of their names in `photographs`; else their own, or the ray-traced."""
+    if photographs is None:
+        traced = _folder(source) / TRACED
+        if not traced.is_dir():
+            return cameras
+        return [replace(c, image=c.image or traced / f"{c.name}.png") for c in cameras]
+    files = sorted(path for path in photographs.rglob("*") if path.is_file())
+    named = {"_".join(path.relative_to(photographs).with_suffix("").parts): path for path in files}
+    return [replace(c, image=named.get(c.name, photographs / c.name)) for c in cameras]
+
+
+def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
+    """Refuse photographs whose shape is not that of their camera, such as cropped or turned ones."""
+    for camera in cameras:
+        width, height = photograph_size(_photograph(camera))
+        if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
+            expected = f"the shape of its camera, {camera.width}x{camera.height}"
+            raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}")
+
+
+def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Return the points that came with the views, or random grey ones where there are next to none."""
+    xyz, rgb = _stored_points(_folder(source))
+    if len(xyz) >= LEAST_POINTS:
+        return xyz, rgb
+    xyz = random_points(train, extent(train), RANDOM_POINTS, np.random.default_rng(seed))
+    if len(xyz) < LEAST_POINTS:
+        raise InputError(source, "training views", expected="some that see the same place", found="none, and no points")
+    say(f"{source} has no points: starting from {len(xyz)} random ones")
+    return xyz, np.full(xyz.shape, _GREY, np.uint8)
+
+
+def _stored_points(folder: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    sparse = find_sparse(folder)
+    if sparse and any((sparse / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt")):
+        return read_points(sparse)
+    for path in (place / name for place in (folder, sparse or folder) for name in POINT_FILES):
+        if path.is_file():
+            return read_point_ply(path)
+    return np.empty((0, 3)), np.empty((0, 3), np.uint8)
+
+
+def _folder(source: Path) -> Path:
+    return source if source.is_dir() else source.parent
