@@ -20,6 +20,7 @@ LAYERS = (
     {"renderer"},
     {"contributions", "weights"},
     {"features", "clustering", "pruning"},
+    {"training"},
     {"scenes"},
     {"attacks"},
     {"evaluation"},

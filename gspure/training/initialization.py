@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -71,7 +72,7 @@ def random_points(cameras: Sequence[Camera], extent: float, count: int, rng: np.
 
     They lie on rays through random pixels of random views, at depths even in the logarithm.
     """
-    least = max(2, round(COMMON_SHARE * len(cameras)))
+    least = max(2, math.ceil(COMMON_SHARE * len(cameras)))
     found: list[Float64] = []
     for _ in range(_ROUNDS):
         points = _on_rays(cameras, extent, count, rng)

@@ -40,10 +40,6 @@ LEAST_EVERY: Final = 50
 LEAST_RESET: Final = 600
 """Least distances of a short run. Ours: 3DGS has none."""
 
-CHECKPOINT_EVERY: Final = 1_000
-LEAST_CHECKPOINT: Final = 500
-"""Ours."""
-
 
 @dataclass(frozen=True)
 class Schedule:
@@ -58,9 +54,8 @@ class Schedule:
     densify_from, densify_until, densify_every : int
         Densification happens at the multiples of `densify_every` strictly between the two others.
     reset_every : int
-        Opacities are reset at its multiples before `densify_until`; after the first, big Gaussians are pruned too.
-    checkpoint_every : int
-        From `densify_until` on, a checkpoint can be taken at its multiples; before, at each densification.
+        A multiple of `densify_every`. Opacities are reset, after densification, at its multiples before
+        `densify_until`; after the first time, big Gaussians are pruned too.
 
     """
 
@@ -70,7 +65,6 @@ class Schedule:
     densify_until: int
     densify_every: int
     reset_every: int
-    checkpoint_every: int
 
     @classmethod
     def scaled(cls, iterations: int) -> Schedule:
@@ -81,14 +75,14 @@ class Schedule:
         def share(of: int, least: int) -> int:
             return max(least, round(of * iterations / ITERATIONS))
 
+        densify_every = share(DENSIFY_EVERY, LEAST_EVERY)
         return cls(
             iterations=iterations,
             sh_every=share(SH_EVERY, 1),
             densify_from=share(DENSIFY_FROM, LEAST_FROM),
             densify_until=share(DENSIFY_UNTIL, 1),
-            densify_every=share(DENSIFY_EVERY, LEAST_EVERY),
-            reset_every=share(RESET_EVERY, LEAST_RESET),
-            checkpoint_every=share(CHECKPOINT_EVERY, LEAST_CHECKPOINT),
+            densify_every=densify_every,
+            reset_every=densify_every * round(share(RESET_EVERY, LEAST_RESET) / densify_every),
         )
 
     def rates(self, iteration: int, extent: float) -> LearningRates:
@@ -120,9 +114,5 @@ class Schedule:
         return iteration > self.reset_every
 
     def rests(self, iteration: int) -> bool:
-        """Tell whether, after this iteration, nothing but the model's state is left to keep.
-
-        No statistics are then under way, either because densification has just used them or because it is over.
-        """
-        over = iteration >= self.densify_until and iteration % self.checkpoint_every == 0
-        return self.densifies(iteration) or over
+        """Tell whether the model's state is then all that matters of it: no statistics are under way."""
+        return self.densifies(iteration) or iteration >= self.densify_until

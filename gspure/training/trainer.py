@@ -80,11 +80,9 @@ class Trainer:
         view = self._next_view()
         rates = self._schedule.rates(iteration, self._extent)
         loss = self.model.step(self._views[view], view, rates, background=self._background)
-        densifies, resets = self._schedule.densifies(iteration), self._schedule.resets_opacities(iteration)
-        if densifies or resets or self.rests:
-            state = self._densified() if densifies else self.model.state()
-            # Where nothing has changed either: a run that is resumed here gets its model from the host, so all do.
-            self.model.replace(reset_opacities(state) if resets else state)
+        if self._schedule.densifies(iteration):
+            state = self._densified()
+            self.model.replace(reset_opacities(state) if self._schedule.resets_opacities(iteration) else state)
         return loss
 
     def _next_view(self) -> int:

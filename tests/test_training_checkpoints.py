@@ -1,0 +1,55 @@
+"""Checkpoints: written whole, read only by the run that wrote them."""
+
+import numpy as np
+import pytest
+
+from gspure.errors import InputError
+from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
+from tests.training_cases import same_bits, state
+
+SETTINGS = {"iterations": 100, "seed": 3, "background": (0.0, 0.5, 1.0), "max_gaussians": None, "data": "abc"}
+
+
+@pytest.fixture
+def snapshot():
+    rng = np.random.default_rng(7)
+    rng.random(13)
+    return Snapshot(42, state(11), (3, 1, 2), rng.bit_generator.state)
+
+
+def test_a_snapshot_survives_its_file_bit_for_bit(tmp_path, snapshot):
+    write_checkpoint(tmp_path / "checkpoint.npz", snapshot, SETTINGS)
+    found = read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS)
+    assert (found.iteration, found.unseen, found.rng) == (42, (3, 1, 2), snapshot.rng)
+    assert same_bits(found.state, snapshot.state)
+    assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.npz"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("iterations", 200), ("seed", 4), ("background", (0, 0, 0)), ("max_gaussians", 9), ("data", "")]
+)
+def test_a_checkpoint_of_other_settings_is_refused_by_their_name(tmp_path, snapshot, name, value):
+    write_checkpoint(tmp_path / "checkpoint.npz", snapshot, SETTINGS)
+    with pytest.raises(InputError, match=rf"checkpoint\.npz: {name}: expected .*--resume") as caught:
+        read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS | {name: value})
+    assert caught.value.field == name
+
+
+@pytest.mark.parametrize("content", ["nothing", "half", "array", "other archive", "pickle"])
+def test_a_file_that_is_no_checkpoint_is_refused(tmp_path, snapshot, content):
+    path = tmp_path / "checkpoint.npz"
+    if content == "nothing":
+        path.write_bytes(b"")
+    elif content == "half":
+        write_checkpoint(path, snapshot, SETTINGS)
+        path.write_bytes(path.read_bytes()[:4000])
+    elif content == "array":
+        with path.open("wb") as stream:
+            np.save(stream, np.zeros(3))
+    elif content == "other archive":
+        np.savez(path, run=np.array("{}"))
+    else:
+        np.savez(path, run=np.array([{}], dtype=object))
+    with pytest.raises(InputError, match=r"checkpoint\.npz: file: expected a checkpoint of training") as caught:
+        read_checkpoint(path, SETTINGS)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,205 @@
+"""What training refuses before it begins, and what it reads."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gspure.cameras import write_cameras
+from gspure.errors import InputError
+from gspure.model.points import read_point_ply, write_point_ply
+from gspure.training.dataset import extent, fingerprint, read_dataset, read_photographs
+from tests.training_cases import colmap_project, ring, turned_away
+
+POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
+
+
+@pytest.fixture
+def project(tmp_path):
+    return colmap_project(tmp_path / "project", ring(), POINTS)
+
+
+def refusal(source, scale="native", **settings):
+    with pytest.raises(InputError) as caught:
+        read_dataset(source, scale, **settings)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_colmap_project_is_read(project):
+    found = read_dataset(project, "16px")
+    assert [view.name for view in found.test] == ["orbit_000", "orbit_008"]
+    assert len(found.train) == 7
+    np.testing.assert_allclose(found.xyz, POINTS)
+    assert found.rgb.tolist() == [[200, 100, 50]] * 20
+    assert {image.shape for image in read_photographs(found.train)} == {(12, 16, 3)}
+
+
+def test_the_extent_is_that_of_the_training_cameras(project):
+    found = read_dataset(project, "native")
+    centres = np.array([view.centre for view in found.train])
+    expected = 1.1 * max(np.linalg.norm(centre - centres.mean(axis=0)) for centre in centres)
+    assert found.extent == pytest.approx(expected)
+
+
+def test_a_missing_photograph_is_named(project):
+    (project / "images" / "orbit_003.png").unlink()
+    assert "orbit_003.image: expected an existing photograph" in refusal(project)
+
+
+def test_a_photograph_that_is_no_image_is_named(project):
+    (project / "images" / "orbit_003.png").write_bytes(b"no image")
+    assert "orbit_003.png: file: expected an image" in refusal(project)
+
+
+def test_a_truncated_photograph_is_named_when_it_is_read(project):
+    photo = project / "images" / "orbit_003.png"
+    photo.write_bytes(photo.read_bytes()[:-600])
+    with pytest.raises(InputError, match=r"orbit_003\.png: file: expected an image"):
+        read_photographs(read_dataset(project, "native").train)
+
+
+@pytest.mark.parametrize("size", [(24, 32), (32, 20), (40, 24)])
+def test_a_photograph_of_another_shape_than_its_camera_is_named(project, size):
+    Image.new("RGB", size).save(project / "images" / "orbit_003.png")
+    assert "orbit_003.image: expected" in refusal(project, "8px")
+    assert f"found {size[0]}x{size[1]}" in refusal(project, "8px")
+
+
+def test_a_photograph_smaller_than_its_view_is_named(project):
+    Image.new("RGB", (16, 12)).save(project / "images" / "orbit_003.png")
+    assert "orbit_003.image: expected a photograph of at least 32x24, found 16x12" in refusal(project)
+    assert read_dataset(project, "16px").train[0].width == 16
+
+
+def test_views_that_all_look_away_from_the_points_are_refused(tmp_path):
+    away = colmap_project(tmp_path / "away", [turned_away(view) for view in ring()], POINTS)
+    assert refusal(away).endswith("training views: expected some that see points, found all look away from them")
+
+
+def test_views_without_points_that_share_no_place_are_refused(tmp_path):
+    apart = colmap_project(tmp_path / "apart", [turned_away(view) for view in ring(3)], [])
+    assert "training views: expected some that see the same place" in refusal(apart)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_training_views_all_in_one_place_are_refused(tmp_path, count):
+    assert "training views: expected several" in refusal(colmap_project(tmp_path / "few", ring(count), POINTS))
+
+
+@pytest.mark.parametrize("points", [[], POINTS[:3]])
+def test_with_next_to_no_points_random_ones_stand_in_and_it_is_said(tmp_path, capsys, points):
+    bare = colmap_project(tmp_path / "bare", ring(), points)
+    found = read_dataset(bare, "native", seed=5)
+    assert "starting from 10000 random ones" in capsys.readouterr().err
+    assert found.xyz.shape == found.rgb.shape == (10_000, 3)
+    np.testing.assert_array_equal(found.xyz, read_dataset(bare, "native", seed=5).xyz)
+    assert not np.array_equal(found.xyz, read_dataset(bare, "native", seed=6).xyz)
+
+
+def test_a_colmap_project_without_a_point_file_starts_at_random(project, capsys):
+    (project / "sparse" / "0" / "points3D.txt").unlink()
+    assert len(read_dataset(project, "native").xyz) == 10_000
+    assert "has no points" in capsys.readouterr().err
+
+
+def test_photographs_of_another_folder_are_found_by_the_views_names(project, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    for view in ring():
+        Image.new("RGB", (64, 48), (255, 0, 0)).save(other / f"{view.name}.jpg")
+    found = read_dataset(project, "native", photographs=other)
+    assert {view.image.parent for view in found.train} == {other}
+    (other / "orbit_004.jpg").unlink()
+    assert "orbit_004.image: expected an existing photograph" in refusal(project, photographs=other)
+
+
+def test_a_planted_scene_is_trained_from_its_ray_traced_photographs(tmp_path):
+    write_cameras(tmp_path / "cameras.json", ring())
+    (tmp_path / "truth" / "scene").mkdir(parents=True)
+    for view in ring():
+        Image.new("RGB", (32, 24)).save(tmp_path / "truth" / "scene" / f"{view.name}.png")
+    for source in (tmp_path, tmp_path / "cameras.json"):
+        assert read_dataset(source, "native").train[0].image == tmp_path / "truth" / "scene" / "orbit_001.png"
+
+
+def test_cameras_without_photographs_are_refused(tmp_path):
+    write_cameras(tmp_path / "cameras.json", ring())
+    assert "orbit_000.image: expected a photograph, found none named" in refusal(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["points3D.ply", "sparse_pc.ply"])
+def test_points_beside_a_transforms_file_are_read(tmp_path, name):
+    frames = []
+    for view in ring():
+        Image.new("RGB", (32, 24)).save(tmp_path / f"{view.name}.png")
+        pose = np.linalg.inv(view.viewmat) @ np.diag([1.0, -1, -1, 1])
+        frames.append({"file_path": f"{view.name}.png", "transform_matrix": pose.tolist()})
+    fx = ring()[0].K[0, 0]
+    (tmp_path / "transforms.json").write_text(json.dumps({"w": 32, "h": 24, "fl_x": fx, "fl_y": fx, "frames": frames}))
+    write_point_ply(tmp_path / name, POINTS, np.full((20, 3), 7, np.uint8))
+    found = read_dataset(tmp_path / "transforms.json", "native")
+    np.testing.assert_array_equal(found.xyz, POINTS.astype(np.float32))
+    assert (found.rgb == 7).all()
+
+
+def test_points_survive_their_file(tmp_path):
+    rgb = np.random.default_rng(1).integers(256, size=(20, 3), dtype=np.uint8)
+    write_point_ply(tmp_path / "input.ply", POINTS, rgb)
+    found = read_point_ply(tmp_path / "input.ply")
+    np.testing.assert_array_equal(found[0], POINTS.astype(np.float32))
+    np.testing.assert_array_equal(found[1], rgb)
+
+
+def header(*properties, count=1):
+    lines = ["ply", "format ascii 1.0", f"element vertex {count}", *(f"property {p}" for p in properties), "end_header"]
+    return "\n".join(lines) + "\n"
+
+
+XYZ = ("float x", "float y", "float z")
+
+
+def test_points_without_colour_are_grey(tmp_path):
+    (tmp_path / "a.ply").write_text(header(*XYZ) + "1 2 3\n")
+    assert read_point_ply(tmp_path / "a.ply")[1].tolist() == [[128, 128, 128]]
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [
+        ("", "file"),
+        ("nothing of the kind", "file"),
+        (header("float x", "float y") + "1 2\n", "z"),
+        (header(*XYZ) + "1 nan 3\n", "point 0"),
+        (header(*XYZ, "float red", "float green", "float blue") + "1 2 3 1 1 1\n", "red"),
+        (header(*XYZ, count=9) + "1 2 3\n", "file"),
+        (header(*XYZ, count=10**15) + "1 2 3\n", "file"),
+        ("ply\nformat ascii 1.0\nelement face 0\nend_header\n", "element vertex"),
+    ],
+)
+def test_a_file_that_holds_no_points_is_refused(tmp_path, text, field):
+    path = tmp_path / "points.ply"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_point_ply(path)
+    assert str(caught.value).startswith(f"{path}: {field}: expected ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_point_file_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"none\.ply: file: expected an existing"):
+        read_point_ply(tmp_path / "none.ply")
+
+
+def test_the_fingerprint_tells_one_photograph_or_camera_from_another(project):
+    found = read_dataset(project, "native")
+    images = read_photographs(found.train)
+    changed = [*images[:-1], images[-1] + np.float32(1e-3)]
+    assert fingerprint(found, images) == fingerprint(read_dataset(project, "native"), images)
+    smaller = read_dataset(project, "16px")
+    assert len({fingerprint(found, images), fingerprint(found, changed), fingerprint(smaller, images)}) == 3
+
+
+def test_one_view_has_no_extent():
+    assert extent(ring(1)) == 0

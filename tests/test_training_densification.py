@@ -1,0 +1,151 @@
+"""Cloning, splitting, pruning and opacity resets."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gspure.opencl.trainable import Parameters, TrainState
+from gspure.training.densification import densify, reset_opacities
+from tests.camera_cases import rotation_from
+from tests.training_cases import parameters, same_bits, state, statistics
+
+SMALL, LARGE = 1e-4, 3e-4
+"""Mean gradients below and above the threshold."""
+
+
+def opaque(count, size=0.05, **columns):
+    """A state in which nothing is pruned, with random moments; `columns` replace parameters."""
+    found = state(count, size=size)
+    logits = np.full(count, 2.0, np.float32)
+    return TrainState(
+        Parameters(**{**vars(found.parameters), "opacity_logits": logits, **columns}), found.first, found.second
+    )
+
+
+def grow(before, gradients, *, extent=1.0, prune_big=False, seed=0, **settings):
+    rng = np.random.default_rng(seed)
+    return densify(before, statistics(gradients), extent=extent, prune_big=prune_big, rng=rng, **settings)
+
+
+def rows_of(before, rows):
+    return TrainState(*(Parameters(*(array[rows] for array in vars(part).values())) for part in vars(before).values()))
+
+
+def test_what_has_small_gradients_stays_as_it_is():
+    before = opaque(20)
+    assert same_bits(grow(before, np.full(20, SMALL)), before)
+
+
+def test_a_gradient_is_the_mean_over_the_views_that_show_the_gaussian():
+    before = opaque(3, size=0.001)
+    seen = statistics([LARGE, SMALL, 0.0], views=[10, 10, 0])
+    after = densify(before, seen, extent=1.0, prune_big=False, rng=np.random.default_rng(0))
+    assert len(after.parameters) == 4
+    np.testing.assert_array_equal(after.parameters.means[3], before.parameters.means[0])
+
+
+def test_a_small_gaussian_is_cloned_and_the_clone_starts_without_moments():
+    before = opaque(4, size=0.001)
+    after = grow(before, [SMALL, LARGE, SMALL, LARGE])
+    assert same_bits(rows_of(after, slice(4)), before)
+    clones = rows_of(after, slice(4, None))
+    for name, array in vars(clones.parameters).items():
+        np.testing.assert_array_equal(array, getattr(before.parameters, name)[[1, 3]])
+    assert not any(array.any() for part in (clones.first, clones.second) for array in vars(part).values())
+
+
+def test_a_large_gaussian_gives_way_to_two_smaller_ones():
+    before = opaque(4, size=0.5)
+    after = grow(before, [SMALL, LARGE, SMALL, LARGE])
+    assert same_bits(rows_of(after, slice(2)), rows_of(before, [0, 2]))
+    halves, parents = rows_of(after, slice(2, None)), rows_of(before, [1, 3, 1, 3])
+    np.testing.assert_allclose(
+        np.exp(halves.parameters.log_scales), np.exp(parents.parameters.log_scales) / 1.6, rtol=1e-5
+    )
+    for name in ("quats", "opacity_logits", "sh_coeffs"):
+        np.testing.assert_array_equal(getattr(halves.parameters, name), getattr(parents.parameters, name))
+    assert not any(array.any() for part in (halves.first, halves.second) for array in vars(part).values())
+
+
+def test_halves_are_drawn_from_their_parent():
+    count, quat, scales = 20_000, np.array([0.7, -0.5, 0.9, 0.2]), np.array([0.5, 0.1, 0.03])
+    parents = opaque(
+        count,
+        means=np.zeros((count, 3), np.float32) + np.float32(2),
+        quats=np.tile(quat, (count, 1)).astype(np.float32),
+        log_scales=np.tile(np.log(scales), (count, 1)).astype(np.float32),
+    )
+    drawn = grow(parents, np.full(count, LARGE)).parameters.means.astype(np.float64)
+    assert len(drawn) == 2 * count
+    rotation = rotation_from(quat)
+    np.testing.assert_allclose(drawn.mean(axis=0), 2, atol=0.02)
+    np.testing.assert_allclose(np.cov(drawn.T), rotation @ np.diag(scales**2) @ rotation.T, atol=0.005)
+
+
+def test_the_size_that_parts_clones_from_splits_is_relative_to_the_extent():
+    before = opaque(5, size=0.05)
+    gradients = np.full(5, LARGE)
+    clones, halves = (grow(before, gradients, extent=extent).parameters for extent in (100.0, 0.1))
+    assert same_bits(TrainState(clones, clones, clones), rows_of(TrainState(clones, clones, clones), list(range(10))))
+    np.testing.assert_array_equal(clones.log_scales[5:], before.parameters.log_scales)
+    assert (halves.log_scales[5:] < before.parameters.log_scales).all()
+
+
+def test_transparent_gaussians_are_pruned():
+    logits = np.log(np.array([0.0049, 0.0051, 0.5]) / (1 - np.array([0.0049, 0.0051, 0.5]))).astype(np.float32)
+    before = opaque(3, opacity_logits=logits)
+    assert same_bits(grow(before, np.zeros(3)), rows_of(before, [1, 2]))
+
+
+@pytest.mark.parametrize(("prune_big", "kept"), [(False, [0, 1, 2]), (True, [0, 2])])
+def test_big_gaussians_are_pruned_when_asked(prune_big, kept):
+    log_scales = np.log([[0.05, 0.05, 0.05], [0.05, 0.21, 0.05], [0.19, 0.05, 0.19]]).astype(np.float32)
+    before = opaque(3, log_scales=log_scales)
+    assert same_bits(grow(before, np.zeros(3), extent=2.0, prune_big=prune_big), rows_of(before, kept))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 40), st.integers(0, 90), st.sampled_from([0.001, 0.02, 0.5]), st.integers(0, 9))
+def test_a_bound_on_the_number_is_kept_and_lets_the_largest_gradients_grow(count, bound, size, seed):
+    before = opaque(count, size=size)
+    gradients = np.random.default_rng(seed).permutation(np.linspace(0, 2 * LARGE, count))
+    after = grow(before, gradients, max_gaussians=bound)
+    wanted = int((gradients >= 2e-4).sum())
+    grown = min(wanted, max(0, bound - count))
+    assert len(after.parameters) == count + grown
+    parents = np.argsort(-gradients)[:grown]
+    others = np.setdiff1d(np.arange(count), parents)
+    kept = {mean.tobytes() for mean in after.parameters.means}
+    assert all(before.parameters.means[row].tobytes() in kept for row in others)
+
+
+def test_a_seed_decides_where_halves_lie():
+    before = opaque(10, size=0.5)
+    first, again, other = (grow(before, np.full(10, LARGE), seed=seed) for seed in (1, 1, 2))
+    assert same_bits(first, again)
+    assert not same_bits(first, other)
+
+
+def test_densification_leaves_what_it_was_given_alone():
+    before, copy = opaque(10, size=0.5), opaque(10, size=0.5)
+    grow(before, np.full(10, LARGE))
+    reset_opacities(before)
+    assert same_bits(before, copy)
+
+
+def test_a_reset_lowers_opacities_and_forgets_their_moments_only():
+    before = state(30)
+    after = reset_opacities(before)
+    old, new = (1 / (1 + np.exp(-s.parameters.opacity_logits.astype(float))) for s in (before, after))
+    np.testing.assert_allclose(new, np.minimum(old, 0.01), rtol=1e-5)
+    for part in ("first", "second"):
+        assert not getattr(after, part).opacity_logits.any()
+    for part in vars(before):
+        for name in ("means", "quats", "log_scales", "sh_coeffs"):
+            np.testing.assert_array_equal(getattr(getattr(after, part), name), getattr(getattr(before, part), name))
+
+
+def test_every_row_may_go():
+    faint = Parameters(**{**vars(parameters(3)), "opacity_logits": np.full(3, -9, np.float32)})
+    assert len(grow(TrainState.fresh(faint), np.zeros(3)).parameters) == 0

@@ -1,0 +1,62 @@
+"""When a run does what, against the numbers that 3DGS publishes."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.training.schedule import Schedule
+
+lengths = st.integers(1, 100_000)
+
+
+def times(schedule, what):
+    return [i for i in range(1, schedule.iterations + 1) if getattr(schedule, what)(i)]
+
+
+def test_thirty_thousand_iterations_are_scheduled_as_3dgs_does():
+    schedule = Schedule.scaled(30_000)
+    assert times(schedule, "densifies") == list(range(600, 15_000, 100))
+    assert times(schedule, "resets_opacities") == [3000, 6000, 9000, 12_000]
+    assert [schedule.sh_degree(i) for i in (1, 999, 1000, 2000, 3000, 30_000)] == [0, 0, 1, 2, 3, 3]
+    assert not schedule.prunes_big(3000)
+    assert schedule.prunes_big(3100)
+
+
+def test_a_short_run_keeps_its_distances():
+    schedule = Schedule.scaled(3000)
+    assert times(schedule, "densifies") == list(range(200, 1500, 50))
+    assert times(schedule, "resets_opacities") == [600, 1200]
+    assert [schedule.sh_degree(i) for i in (99, 100, 300)] == [0, 1, 3]
+
+
+def test_positions_slow_down_log_linearly_from_first_to_last_rate():
+    schedule = Schedule.scaled(3000)
+    first, middle, last = (schedule.rates(i, extent=2.0).means for i in (0, 1500, 3000))
+    np.testing.assert_allclose([first, middle, last], [3.2e-4, 3.2e-5, 3.2e-6], rtol=1e-12)
+
+
+def test_only_positions_slow_down_or_depend_on_the_extent():
+    early, late = (vars(Schedule.scaled(100).rates(i, extent)) for i, extent in ((1, 1.0), (99, 7.0)))
+    assert {name for name in early if early[name] != late[name]} == {"means"}
+
+
+@given(lengths)
+def test_opacities_are_reset_only_with_densification_of_statistics_already_used(length):
+    schedule = Schedule.scaled(length)
+    resets = range(schedule.reset_every, length + 1, schedule.reset_every)
+    assert all(schedule.densifies(i) for i in resets if schedule.resets_opacities(i))
+
+
+@given(lengths, st.data())
+def test_a_run_rests_where_no_statistics_are_under_way(length, data):
+    schedule = Schedule.scaled(length)
+    iteration = data.draw(st.integers(1, length))
+    later = [i for i in range(iteration + 1, length + 1) if schedule.densifies(i)]
+    assert schedule.rests(iteration) or later or iteration < schedule.densify_until
+    assert not (schedule.rests(iteration) and later and not schedule.densifies(iteration))
+
+
+def test_a_run_has_an_iteration():
+    with pytest.raises(ValueError, match="at least one"):
+        Schedule.scaled(0)

@@ -1,0 +1,89 @@
+"""Small things to train from, shared by the training tests."""
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from gspure.cameras import Camera, intrinsics, orbit_cameras
+from gspure.opencl.adam import LearningRates
+from gspure.opencl.trainable import Parameters, Statistics, TrainState
+
+RATES = LearningRates(means=1e-3, quats=1e-3, scales=5e-3, opacities=0.05, sh_dc=2.5e-3, sh_rest=1.25e-4)
+
+
+def ring(count=9, width=32, height=24) -> list[Camera]:
+    """Views from all sides of the unit cube around the origin."""
+    corners = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3), axis=-1).reshape(-1, 3)
+    return orbit_cameras(corners, np.ones(8), count=count, width=width, height=height)
+
+
+def parameters(count, seed=0, *, bands=16, size=0.05) -> Parameters:
+    rng = np.random.default_rng(seed)
+
+    def normal(*shape):
+        return rng.normal(size=shape).astype(np.float32)
+
+    return Parameters(
+        means=normal(count, 3) * np.float32(0.3),
+        quats=normal(count, 4),
+        log_scales=np.float32(np.log(size)) + normal(count, 3) * np.float32(0.3),
+        opacity_logits=normal(count),
+        sh_coeffs=normal(count, bands, 3) * np.float32(0.3),
+    )
+
+
+def state(count, seed=0, **settings) -> TrainState:
+    """Random parameters with random moments."""
+    return TrainState(*(parameters(count, seed + part, **settings) for part in range(3)))
+
+
+def statistics(gradients, views=1) -> Statistics:
+    """As if each Gaussian had shown these mean gradients in so many views."""
+    gradients = np.asarray(gradients, np.float32)
+    views = np.broadcast_to(np.asarray(views, np.uint32), gradients.shape)
+    return Statistics(gradients * views, views)
+
+
+def same_bits(a: TrainState, b: TrainState) -> bool:
+    return all(
+        np.array_equal(getattr(x, name), getattr(y, name))
+        for x, y in zip(vars(a).values(), vars(b).values(), strict=True)
+        for name in vars(x)
+    )
+
+
+def colmap_project(folder: Path, cameras, points, images=None) -> Path:
+    """Write a COLMAP text model with photographs: noise, unless given."""
+    sparse = folder / "sparse" / "0"
+    sparse.mkdir(parents=True)
+    (folder / "images").mkdir()
+    first = cameras[0]
+    fx, fy, cx, cy = first.K[0, 0], first.K[1, 1], first.K[0, 2], first.K[1, 2]
+    (sparse / "cameras.txt").write_text(f"1 PINHOLE {first.width} {first.height} {fx} {fy} {cx} {cy}\n")
+    lines = []
+    for i, camera in enumerate(cameras):
+        w, x, y, z = quaternion(camera.viewmat[:3, :3])
+        t = " ".join(map(repr, camera.viewmat[:3, 3].tolist()))
+        lines.append(f"{i + 1} {w!r} {x!r} {y!r} {z!r} {t} 1 {camera.name}.png\n\n")
+        noise = np.random.default_rng(i).integers(256, size=(camera.height, camera.width, 3), dtype=np.uint8)
+        pixels = noise if images is None else np.round(images[i].clip(0, 1) * 255).astype(np.uint8)
+        Image.fromarray(pixels).save(folder / "images" / f"{camera.name}.png")
+    (sparse / "images.txt").write_text("".join(lines))
+    rows = (f"{i} {x!r} {y!r} {z!r} 200 100 50 0.5\n" for i, (x, y, z) in enumerate(np.asarray(points, float).tolist()))
+    (sparse / "points3D.txt").write_text("".join(rows))
+    return folder
+
+
+def quaternion(rotation):
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
+    return w, x, y, z
+
+
+def turned_away(camera: Camera) -> Camera:
+    """The same place, looking the other way."""
+    viewmat = np.diag([-1.0, 1.0, -1.0, 1.0]) @ camera.viewmat
+    K = intrinsics(*(camera.K[at] for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
+    return Camera(camera.name, camera.width, camera.height, K, viewmat, camera.image)
