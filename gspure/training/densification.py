@@ -65,21 +65,23 @@ def densify(
         If there would be more, only those with the largest gradients grow.
 
     """
-    scales = np.exp(state.parameters.log_scales).max(axis=1)
+    before = state.parameters
+    sizes = np.exp(before.log_scales).max(axis=1)
     grown = _grown(statistics, max_gaussians)
-    split = grown & (scales > DENSE_SHARE * extent)
+    split = grown & (sizes > DENSE_SHARE * extent)
     kept, clones, parents = (np.flatnonzero(mask) for mask in (~split, grown & ~split, split))
     rows = np.concatenate([kept, clones, parents, parents])
-    halves = slice(len(kept) + len(clones), None)
-    parameters = _rows(state.parameters, rows)
-    parameters.means[halves] += _offsets(_rows(parameters, halves), rng)
-    parameters.log_scales[halves] -= np.float32(np.log(SPLIT_SHRINK))
-    first, second = (_rows(moments, rows) for moments in (state.first, state.second))
-    for moments in (first, second):
-        for array in _arrays(moments):
-            array[len(kept) :] = 0
-    stay = np.flatnonzero(~_pruned(parameters, BIG_SHARE * extent if prune_big else np.inf))
-    return TrainState(_rows(parameters, stay), _rows(first, stay), _rows(second, stay))
+    new, half = (np.arange(len(rows)) >= first for first in (len(kept), len(kept) + len(clones)))
+    largest = BIG_SHARE * extent if prune_big else np.inf
+    small = sizes[rows] / np.where(half, SPLIT_SHRINK, 1.0) <= largest
+    stay = small & (sigmoid(before.opacity_logits)[rows] >= OPACITY_MIN)
+    rows, new, half = rows[stay], new[stay], half[stay]
+    after, first, second = (_rows(part, rows) for part in (before, state.first, state.second))
+    after.means[half] += _offsets(_rows(after, half), rng)
+    after.log_scales[half] -= np.float32(np.log(SPLIT_SHRINK))
+    for array in (*_arrays(first), *_arrays(second)):
+        array[new] = 0
+    return TrainState(after, first, second)
 
 
 def reset_opacities(state: TrainState) -> TrainState:
@@ -113,12 +115,7 @@ def _offsets(parameters: Parameters, rng: np.random.Generator) -> Float32:
     return np.asarray(local + scalar * turned + np.cross(vector, turned), np.float32)
 
 
-def _pruned(parameters: Parameters, size: float) -> NDArray[np.bool_]:
-    transparent = sigmoid(parameters.opacity_logits) < OPACITY_MIN
-    return np.asarray(transparent | (np.exp(parameters.log_scales).max(axis=1) > size))
-
-
-def _rows(parameters: Parameters, rows: NDArray[np.intp] | slice) -> Parameters:
+def _rows(parameters: Parameters, rows: NDArray[Any]) -> Parameters:
     return Parameters(*(array[rows] for array in _arrays(parameters)))
 
 

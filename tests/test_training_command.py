@@ -1,0 +1,130 @@
+"""``gspure train`` from a folder of photographs to a folder that others open."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from gspure.cli import main
+from gspure.evaluation.comparison import read_metrics
+from gspure.images import read_image
+from gspure.model import read_model
+from gspure.renderer import Renderer
+from gspure.training import checkpoints
+from tests.models import gaussians
+from tests.training_cases import colmap_project, ring
+
+ITERATIONS = 410
+"""The shortest run that densifies."""
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """Pictures of three blobs, and points near them."""
+    colors = np.array([[0.9, 0.2, 0.1], [0.1, 0.8, 0.3], [0.2, 0.3, 0.9]])
+    means = [[-0.25, 0, 0], [0.2, 0.2, 0], [0.1, -0.2, 0.2]]
+    model = gaussians(means=means, scales=[0.1, 0.15, 0.08], opacities=0.95, colors=colors)
+    views, renderer = ring(16), Renderer(model)
+    points = np.random.default_rng(3).normal(scale=0.25, size=(60, 3))
+    return colmap_project(
+        tmp_path_factory.mktemp("data") / "blobs", views, points, [renderer.image(view) for view in views]
+    )
+
+
+def train(project, out, *more):
+    return main(["train", str(project), "--out", str(out), "--iterations", str(ITERATIONS), *more])
+
+
+@pytest.fixture(scope="module")
+def trained(project, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out") / "trained"
+    assert train(project, out) == 0
+    return out
+
+
+def ply(out):
+    return (out / "point_cloud" / f"iteration_{ITERATIONS}" / "point_cloud.ply").read_bytes()
+
+
+def test_held_out_views_look_like_their_photographs(trained):
+    rows = read_metrics(trained / "metrics.csv")
+    assert [row.view for row in rows] == ["orbit_000", "orbit_008"]
+    assert min(row.psnr for row in rows) > 25
+    for row in rows:
+        for folder in ("gt", "renders"):
+            image = read_image(trained / "test" / f"ours_{ITERATIONS}" / folder / f"{row.view}.png")
+            assert image.shape == (24, 32, 3)
+
+
+def test_the_output_is_a_model_folder_to_other_commands(trained, capsys):
+    assert main(["info", str(trained)]) == 0
+    assert str(len(read_model(trained))) in capsys.readouterr().out
+    renders = trained / "again"
+    assert main(["render", str(trained), "--cameras", str(trained), "--out", str(renders), "--split", "test"]) == 0
+    held_out = trained / "test" / f"ours_{ITERATIONS}" / "renders"
+    for file in held_out.iterdir():
+        assert (renders / file.name).read_bytes() == file.read_bytes()
+
+
+def test_nothing_but_the_result_is_left(trained):
+    assert {path.name for path in trained.iterdir()} >= {"cameras.json", "cfg_args", "input.ply", "metrics.csv"}
+    assert not (trained / "checkpoint.npz").exists()
+    record = json.loads((trained / "point_cloud" / f"iteration_{ITERATIONS}" / "point_cloud.ply.json").read_text())
+    assert record["settings"]["iterations"] == ITERATIONS
+
+
+def test_the_same_command_gives_the_same_file(project, trained, tmp_path):
+    assert train(project, tmp_path) == 0
+    assert ply(tmp_path) == ply(trained)
+
+
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_the_number_of_threads_does_not_matter(project, trained, tmp_path, threads):
+    """On PoCL, whose threads an environment variable sets."""
+    arguments = ["train", str(project), "--out", str(tmp_path), "--iterations", str(ITERATIONS)]
+    environment = {**os.environ, "POCL_MAX_PTHREAD_COUNT": threads}
+    subprocess.run([sys.executable, "-m", "gspure", *arguments], env=environment, check=True, capture_output=True)
+    assert ply(tmp_path) == ply(trained)
+
+
+def test_a_killed_run_resumed_gives_the_same_file(project, trained, tmp_path, monkeypatch, capsys):
+    write = checkpoints.write_checkpoint
+
+    def write_and_die(*args):
+        write(*args)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("gspure.cli.train._SECONDS_BETWEEN_CHECKPOINTS", 0)
+        patched.setattr(checkpoints, "write_checkpoint", write_and_die)
+        assert train(project, tmp_path) == 130
+    assert train(project, tmp_path, "--resume", "--seed", "1") == 2
+    assert "seed: expected 1, found 0" in capsys.readouterr().err
+    assert train(project, tmp_path, "--resume") == 0
+    assert "going on from iteration" in capsys.readouterr().err
+    assert ply(tmp_path) == ply(trained)
+    assert not (tmp_path / "checkpoint.npz").exists()
+
+
+def test_without_a_checkpoint_to_resume_a_run_begins(project, trained, tmp_path):
+    assert train(project, tmp_path, "--resume") == 0
+    assert ply(tmp_path) == ply(trained)
+
+
+def test_progress_is_told_in_lines_where_there_is_no_terminal(project, tmp_path, capsys):
+    assert train(project, tmp_path, "--max-gaussians", "50") == 0
+    told = capsys.readouterr().err
+    last = next(line for line in told.splitlines() if line.startswith(f"train: {ITERATIONS} of {ITERATIONS}"))
+    for word in ("loss", "PSNR", "Gaussians", "it/s"):
+        assert word in last
+    assert len(read_model(tmp_path)) <= 50
+
+
+@pytest.mark.parametrize("option", ["--iterations=0", "--seed=-1", "--max-gaussians=3", "--resolution=huge"])
+def test_a_setting_out_of_range_is_refused_before_anything_is_written(project, tmp_path, capsys, option):
+    assert main(["train", str(project), "--out", str(tmp_path / "out"), option]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
