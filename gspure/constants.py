@@ -62,6 +62,8 @@ NOISE_LABEL: Final = -1
 
 ADAM_BETA1: Final = 0.9
 ADAM_BETA2: Final = 0.999
+ADAM_EPSILON: Final = 1e-15
+"""3DGS's, far below Adam's default: gradients of a mean over pixels are small."""
 
 # --- Evaluation ------------------------------------------------------------------------------------------------------
 

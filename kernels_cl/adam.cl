@@ -3,12 +3,10 @@
 // A work-item handles LANES positions. Parameters are kept raw, as the PLY stores them (log scales, opacity logits); the
 // renderer's activated copy is written along. Gradients arrive with respect to the activated values.
 
-#define ADAM_EPSILON 1e-15f
-
-// One step; corrections = 1 / (1 - beta^t).
+// One step; corrections = 1 / (1 - beta^t), gains = 1 - beta.
 inline V adam_step(V gradient, float rate, float first_correction, float second_correction, V *first, V *second) {
-    *first = ADAM_BETA1 * *first + (1.0f - ADAM_BETA1) * gradient;
-    *second = ADAM_BETA2 * *second + (1.0f - ADAM_BETA2) * gradient * gradient;
+    *first = ADAM_BETA1 * *first + ADAM_GAIN1 * gradient;
+    *second = ADAM_BETA2 * *second + ADAM_GAIN2 * gradient * gradient;
     return rate * first_correction * *first / (sqrt(second_correction * *second) + ADAM_EPSILON);
 }
 

@@ -28,8 +28,14 @@ RENDERER_CONSTANTS = {
         "SSIM_C2",
         "ADAM_BETA1",
         "ADAM_BETA2",
+        "ADAM_EPSILON",
     )
-} | {"LOG2_ALPHA_MIN": math.log2(constants.ALPHA_MIN)}
+} | {
+    "LOG2_ALPHA_MIN": math.log2(constants.ALPHA_MIN),
+    # Subtracted in single precision, 1 - 0.999 would be 5e-5 off.
+    "ADAM_GAIN1": 1.0 - constants.ADAM_BETA1,
+    "ADAM_GAIN2": 1.0 - constants.ADAM_BETA2,
+}
 
 # Never -cl-fast-relaxed-math: it breaks exp2_polynomial (vector.cl).
 BUILD_OPTIONS = ("-cl-std=CL1.2",)
