@@ -35,6 +35,8 @@ class Margins:
     """|t* / NEAR_PLANE - 1|: does the ray's maximum lie in front of the near plane? Energy ``ray`` only."""
     order: Float64
     """Relative difference in depth of two Gaussians blended next to each other: which comes first?"""
+    clamp: Float64
+    """|o E / ALPHA_MAX - 1|: is alpha clamped, so that nothing flows back through it? Concerns gradients only."""
 
 
 @dataclass(frozen=True)
@@ -93,11 +95,12 @@ def blend(projection: Splats | Rays, camera: Camera, features: Float64, backgrou
 
     for i, row in enumerate(projection.rows):
         energies, depths = projection.evaluate(i, u, v)
-        alpha = np.minimum(ALPHA_MAX, projection.opacities[i] * energies)
+        unclamped = projection.opacities[i] * energies
+        alpha = np.minimum(ALPHA_MAX, unclamped)
         after = transmittance * (1 - alpha)
         touched = alive & (alpha >= ALPHA_MIN)
         blended = touched & (after >= TRANSMITTANCE_MIN)
-        near_misses.meet(projection, i, alpha=alpha, after=after, depths=depths, alive=alive, touched=touched)
+        near_misses.meet(projection, i, unclamped=unclamped, after=after, depths=depths, alive=alive, touched=touched)
 
         weight = np.where(blended, alpha * transmittance, 0.0)
         channels += weight[..., None] * features[row]
@@ -115,7 +118,7 @@ class Discontinuities:
     """Collects the margins while the Gaussians go by."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
-        self.margins = Margins(*(np.full(shape, np.inf) for _ in range(5)))
+        self.margins = Margins(*(np.full(shape, np.inf) for _ in range(6)))
         self.last_depth = np.full(shape, -np.inf)
 
     def meet(
@@ -123,7 +126,7 @@ class Discontinuities:
         projection: Splats | Rays,
         i: int,
         *,
-        alpha: Float64,
+        unclamped: Float64,
         after: Float64,
         depths: Float64,
         alive: NDArray[np.bool_],
@@ -131,7 +134,8 @@ class Discontinuities:
     ) -> None:
         """Take note of the i-th Gaussian at the pixels that it reaches."""
         margins, z = self.margins, projection.depths[i]
-        shrink(margins.alpha, np.abs(alpha / ALPHA_MIN - 1), alive)
+        shrink(margins.alpha, np.abs(unclamped / ALPHA_MIN - 1), alive)
+        shrink(margins.clamp, np.abs(unclamped / ALPHA_MAX - 1), touched)
         shrink(margins.stop, np.abs(after / TRANSMITTANCE_MIN - 1), touched)
         shrink(margins.median, np.abs(after / MEDIAN_TRANSMITTANCE - 1), touched)
         shrink(margins.order, 1 - self.last_depth / z, touched)

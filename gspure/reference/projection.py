@@ -130,25 +130,30 @@ def rotation_matrices(quats: NDArray[Any]) -> Float64:
 
 
 def splat_covariances(covs: Float64, means: Float64, camera: Camera) -> Float64:
-    """Return Sigma' = J Sigma J^T + 0.3 I [V,2,2] in square pixels from view-space covariances and centres.
-
-    J is the Jacobian of the perspective projection at the centre, which is first moved into the image's frustum
-    widened by a margin: beyond it the linearization is useless (Zwicker et al. 2001; bounds as in the 3DGS rasterizer).
-    """
-    fx, fy, cx, cy = camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2]
-    z = means[:, 2]
-    x = z * clamped_slope(means[:, 0] / z, fx, cx, camera.width)
-    y = z * clamped_slope(means[:, 1] / z, fy, cy, camera.height)
-    J = np.zeros((len(means), 2, 3))
-    J[:, 0, 0], J[:, 0, 2] = fx / z, -fx * x / z**2
-    J[:, 1, 1], J[:, 1, 2] = fy / z, -fy * y / z**2
+    """Return Sigma' = J Sigma J^T + 0.3 I [V,2,2] in square pixels from view-space covariances and centres."""
+    J = projection_jacobians(means, camera)
     return J @ covs @ J.transpose(0, 2, 1) + EWA_DILATION * np.eye(2)
 
 
-def clamped_slope(slope: Float64, focal: float, principal: float, size: int) -> Float64:
-    """Clamp x/z (or y/z) to what the image sees, widened at both sides by a share of its half extent."""
+def projection_jacobians(means: Float64, camera: Camera) -> Float64:
+    """Return the Jacobians J [V,2,3] of the perspective projection at view-space centres.
+
+    Each centre is first moved into the image's frustum widened by a margin: beyond it the linearization is useless
+    (Zwicker et al. 2001; bounds as in the 3DGS rasterizer).
+    """
+    J, slopes = np.zeros((len(means), 2, 3)), clamped_slopes(means, camera)
+    for axis in (0, 1):
+        J[:, axis, axis] = camera.K[axis, axis] / means[:, 2]
+        J[:, axis, 2] = -J[:, axis, axis] * slopes[:, axis]
+    return J
+
+
+def clamped_slopes(means: Float64, camera: Camera) -> Float64:
+    """Return x/z and y/z [V,2], clamped to what the image sees, widened at both sides by a share of its half extent."""
+    focal, principal = np.diag(camera.K)[:2], camera.K[:2, 2]
+    size = np.array([camera.width, camera.height])
     margin = EWA_FRUSTUM_MARGIN * size / (2 * focal)
-    return np.clip(slope, -principal / focal - margin, (size - principal) / focal + margin)
+    return np.clip(means[:, :2] / means[:, 2:], -principal / focal - margin, (size - principal) / focal + margin)
 
 
 def pixel_rays(intrinsics: Float64, u: Float64, v: Float64) -> Float64:
