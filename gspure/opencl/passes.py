@@ -21,7 +21,7 @@ from gspure.opencl.storage import Storage
 
 @dataclass(frozen=True)
 class Rendered:
-    """A frame on the device, valid until the engine renders the next one; `lists` are those of its last band."""
+    """A frame on the device, valid until the engine renders the next one; `lists` are good if it has one band."""
 
     frame: Pass
     camera: Camera
@@ -66,7 +66,7 @@ def backward(engine: Engine, storage: Storage, seen: Rendered, image_gradient: c
     clear_splat_gradients(engine, frame, storage)
     for band in seen.bands:
         lists = seen.lists
-        if lists.band != band:
+        if len(seen.bands) > 1:  # all bands share the lists' buffers
             lists = bin_tiles(engine, frame, seen.projected, seen.footprints, seen.order, camera, band)
         blend_band_backward(engine, frame, camera, seen.projected, seen.order, lists, seen.canvas.image, image_gradient)
     return project_backward(engine, frame, camera, storage, seen.channels, seen.projected)
