@@ -126,14 +126,14 @@ __kernel void project_backward(uint count, int width, int height, __constant con
     sh_colour(channels, position, delta[0], delta[1], delta[2], colour);
 #pragma unroll
     for (int c = 0; c < 3; c++)  // nothing flows through the clamp at black
-        gcolour[c] = (visible & MASK(colour[c] > (V)0.0f)) ? CHANNEL_GRADIENT(c) : (V)0.0f;
+        gcolour[c] = colour[c] > (V)0.0f ? CHANNEL_GRADIENT(c) : (V)0.0f;
 #pragma unroll
     for (int b = 0; b < SH_BANDS; b++) {
         dbasis[b] = (V)0.0f;
 #pragma unroll
         for (int c = 0; c < 3; c++) {
             dbasis[b] += gcolour[c] * LOAD_ATTRIBUTE(channels, CHANNEL_ATTRIBUTES, 3 * b + c, position);
-            STORE_ATTRIBUTE(basis[b] * gcolour[c], channel_gradients, CHANNEL_ATTRIBUTES, 3 * b + c);
+            STORE_ATTRIBUTE(visible ? basis[b] * gcolour[c] : (V)0.0f, channel_gradients, CHANNEL_ATTRIBUTES, 3 * b + c);
         }
     }
     for (int i = 3 * SH_BANDS; i < CHANNEL_ATTRIBUTES; i++)  // bands that are not in use yet
