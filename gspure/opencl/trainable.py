@@ -13,7 +13,7 @@ from gspure.opencl.adam import LearningRates, Moments, activate, adam_step
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Pass
-from gspure.opencl.gradients import by_row
+from gspure.opencl.gradients import DeviceGradients, by_row
 from gspure.opencl.losses import Plane, image_loss, padded_target
 from gspure.opencl.morton import morton_order
 from gspure.opencl.passes import Rendered, backward, forward
@@ -44,13 +44,18 @@ class Parameters:
         """[K,11]: all but the colours."""
         return np.concatenate([self.means, self.quats, self.log_scales, self.opacity_logits[:, None]], axis=1)
 
+    @property
+    def channels(self) -> Float32:
+        """[K,3 S]: the colours."""
+        return self.sh_coeffs.reshape(len(self), 3 * self.sh_coeffs.shape[1])
+
     @staticmethod
     def of(geometry: Float32, sh_coeffs: Float32) -> Parameters:
         """Take `geometry` [K,11] and `sh_coeffs` [K,3 S] apart."""
         means, quats, log_scales, logits = (
             np.ascontiguousarray(part) for part in np.split(geometry, [3, 7, 10], axis=1)
         )
-        return Parameters(means, quats, log_scales, logits[:, 0], sh_coeffs.reshape(len(geometry), -1, 3))
+        return Parameters(means, quats, log_scales, logits[:, 0], sh_coeffs.reshape(-1, sh_coeffs.shape[1] // 3, 3))
 
     def zeros(self) -> Parameters:
         """Return zeros of the same shapes."""
@@ -139,15 +144,7 @@ class TrainableModel:
         plane, photograph = self._targets[target]
         loss, image_gradient = image_loss(engine, plane, seen.canvas.image, photograph, ssim_weight)
         gradients = backward(engine, storage, seen, image_gradient)
-        engine.run(
-            engine.kernel(
-                "accumulate_statistics", *("vector", "layout", "adam"), CHANNEL_ATTRIBUTES=0, RAY=0, CHANNELS=0
-            ),
-            storage.count,
-            *(np.uint32(storage.count), np.float32(camera.width / 2), np.float32(camera.height / 2)),
-            *(seen.projected.depth_keys, gradients.centres, self._norms, self._views),
-            group=64,
-        )
+        self._note(seen, gradients)
         self.step_count += 1
         adam_step(
             *(engine, storage.count, self.step_count, rates, gradients),
@@ -198,13 +195,27 @@ class TrainableModel:
 
         parts = (parameters, state.first, state.second)
         self._geometry = uploaded(*(part.geometry for part in parts))
-        self._sh_coeffs = uploaded(*(part.sh_coeffs.reshape(count, -1) for part in parts))
+        self._sh_coeffs = uploaded(*(part.channels for part in parts))
         activated = engine.allocate(4 * GEOMETRY_ATTRIBUTES * (count + BLOCK))
         self._storage = Storage.along(engine, order, activated)
         if count:
             activate(engine, count, self._geometry.raw, activated)
         self._norms, self._views = engine.allocate(4 * count), engine.allocate(4 * count)
         self.reset_statistics()
+
+    def _note(self, seen: Rendered, gradients: DeviceGradients) -> None:
+        """Add a view to the statistics."""
+        if self.count:
+            kernel = self._engine.kernel(
+                "accumulate_statistics", *("vector", "layout", "adam"), CHANNEL_ATTRIBUTES=0, RAY=0, CHANNELS=0
+            )
+            self._engine.run(
+                kernel,
+                self.count,
+                *(np.uint32(self.count), np.float32(seen.camera.width / 2), np.float32(seen.camera.height / 2)),
+                *(seen.projected.depth_keys, gradients.centres, self._norms, self._views),
+                group=64,
+            )
 
     def _forward(self, camera: Camera, background: Sequence[float]) -> Rendered:
         frame = Pass("ewa", channels=3, sh_degree=self.sh_degree_active, stored_sh_degree=self.sh_degree)
