@@ -102,21 +102,16 @@ class Renderer:
             If the model holds no colour (no ``f_dc`` columns).
 
         """
-        if self.model.sh_degree < 0:
-            raise InputError("model", "f_dc_0", expected="spherical-harmonic colour", found="none")
-        frame = Pass(self.energy, channels=3, sh_degree=self.model.sh_degree)
-        canvas = self._render(frame, camera, self._sh_coeffs, background).canvas
+        frame, channels = self._channels(None)
+        canvas = self._render(frame, camera, channels, background).canvas
         return self._engine.read(canvas.image, (camera.height, camera.width, 3), np.float32)
 
     def feature_map(self, camera: Camera, features: Float32, background: Sequence[float] | None = None) -> Float32:
         """Return the blended `features` [K,C] of a view: [H,W,C]. `background` [C] is zero by default."""
-        count, channels = features.shape
-        if count != len(self.model):
-            raise ValueError(f"features are of {count} Gaussians, the model has {len(self.model)}")
-        frame = Pass(self.energy, channels=channels)
-        background = [0.0] * channels if background is None else background
-        canvas = self._render(frame, camera, upload_features(self._engine, self._storage, features), background).canvas
-        return self._engine.read(canvas.image, (camera.height, camera.width, channels), np.float32)
+        frame, channels = self._channels(features)
+        background = [0.0] * frame.channels if background is None else background
+        canvas = self._render(frame, camera, channels, background).canvas
+        return self._engine.read(canvas.image, (camera.height, camera.width, frame.channels), np.float32)
 
     def contributions(self, camera: Camera) -> NDArray[np.void]:
         """Return omega_{k,v} (paper, Eq. for omega): what each touched Gaussian gives to the view, as `CONTRIBUTION`.
@@ -166,16 +161,15 @@ class Renderer:
         Raises
         ------
         ValueError
-            If the renderer's energy is not "ewa", the one that models are trained with.
+            If the renderer's energy is not "ewa", the one that models are trained with, or `features` has another
+            number of rows than the model.
+        InputError
+            If there are no `features` and the model holds no colour.
 
         """
         if self.energy != "ewa":
             raise ValueError("gradients exist for the energy that models are trained with, 'ewa'")
-        if features is None:
-            frame, channels = Pass("ewa", channels=3, sh_degree=self.model.sh_degree), self._sh_coeffs
-        else:
-            frame = Pass("ewa", channels=features.shape[1])
-            channels = upload_features(self._engine, self._storage, features)
+        frame, channels = self._channels(features)
         seen = self._render(frame, camera, channels, [0.0] * frame.channels if background is None else background)
         shape = (camera.height, camera.width, frame.channels)
 
@@ -198,9 +192,20 @@ class Renderer:
             quats=geometry[:, 3:7],
             scales=geometry[:, 7:10],
             opacities=geometry[:, 10],
-            channels=channels.reshape(storage.count, -1, 3) if frame.sh_degree >= 0 else channels,
+            channels=channels.reshape(-1, frame.channel_attributes // 3, 3) if frame.sh_degree >= 0 else channels,
             means2d=by_row(engine, storage, found.centres, 2),
         )
+
+    def _channels(self, features: Float32 | None) -> tuple[Pass, object]:
+        """Return the pass that blends `features`, or the model's own colours, and those on the device."""
+        if features is None:
+            if self.model.sh_degree < 0:
+                raise InputError("model", "f_dc_0", expected="spherical-harmonic colour", found="none")
+            return Pass(self.energy, channels=3, sh_degree=self.model.sh_degree), self._sh_coeffs
+        count, channels = features.shape
+        if count != len(self.model):
+            raise ValueError(f"features are of {count} Gaussians, the model has {len(self.model)}")
+        return Pass(self.energy, channels=channels), upload_features(self._engine, self._storage, features)
 
     @cached_property
     def _sh_coeffs(self) -> object:
