@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
     from gspure.artifacts import write_provenance
-    from gspure.progress import say
+    from gspure.progress import say, track
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
     from gspure.training.output import write_output
 
@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> None:
             field = f"--{name.replace('_', '-')}"
             raise InputError("train", field, expected=f"at least {least}", found=str(value))
     dataset = read_dataset(args.data, args.resolution, photographs=args.images, seed=args.seed)
-    images = read_photographs(dataset.train)
+    images = read_photographs(track(dataset.train, "photographs"))
     size = f"{dataset.train[0].width}x{dataset.train[0].height}"
     views = f"{len(dataset.train)} views of {size}, {len(dataset.test)} held out"
     say(f"{views}, {len(dataset.xyz)} points, extent {dataset.extent:.3g}")

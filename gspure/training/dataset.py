@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -17,7 +17,7 @@ from gspure.cameras.photographs import photograph_size
 from gspure.errors import InputError
 from gspure.images import read_image
 from gspure.model.points import read_point_ply
-from gspure.progress import say, track
+from gspure.progress import say
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, seen
 
 Float32 = NDArray[np.float32]
@@ -106,9 +106,9 @@ def extent(cameras: Sequence[Camera]) -> float:
     return float(EXTENT_MARGIN * np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
 
 
-def read_photographs(cameras: Sequence[Camera]) -> list[Float32]:
+def read_photographs(cameras: Iterable[Camera]) -> list[Float32]:
     """Read the photograph [H,W,3] of each view at the view's size."""
-    return [read_image(_photograph(camera), (camera.width, camera.height)) for camera in track(cameras, "photographs")]
+    return [read_image(_photograph(camera), (camera.width, camera.height)) for camera in cameras]
 
 
 def fingerprint(dataset: Dataset, images: Sequence[Float32]) -> str:
