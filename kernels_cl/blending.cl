@@ -18,10 +18,13 @@ inline V log2_alpha(V dx, V dy, const float *s, V *depth) {
     return *depth > (V)NEAR_PLANE ? exponent : (V)-1000.0f;
 }
 #else
+inline V ewa_exponent(V across, V down, const float *s) {
+    return (s[SPLAT_LOG2_OPACITY] - down * down) - across * across;
+}
+
 inline V log2_alpha(V dx, V dy, const float *s, V *depth) {
     *depth = (V)s[SPLAT_DEPTH];
-    V across = s[SPLAT_A] * dx + s[SPLAT_B] * dy, down = s[SPLAT_C] * dy;
-    return (s[SPLAT_LOG2_OPACITY] - down * down) - across * across;
+    return ewa_exponent(s[SPLAT_A] * dx + s[SPLAT_B] * dy, s[SPLAT_C] * dy, s);
 }
 #endif
 

@@ -5,7 +5,9 @@
 //   dL/dalpha = T c . g - F / (1 - alpha)          (F after the update; the background is in the final colour)
 //   dL/dc     = w g
 // The exponent p = log2 alpha is a quadratic form of the pixel's offset d from the splat's centre, so its gradients are
-// the moments of dL/dp: 1, dx, dy, dx^2, dx dy, dy^2, summed over the tile and kept in the entry's slot.
+// the moments of dL/dp, summed over the tile and kept in the entry's slot. They are taken in the splat's own measures
+// a = A dx + B dy and b = C dy (layout.cl): 1, a, b, a^2, a b, b^2. Moments of dx and dy would, for needles, be large
+// numbers with a small difference.
 
 #define CHECK_EVERY 16  // entries between looks at which rows are still alive
 
@@ -55,12 +57,13 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
         int begin = max(first_row, (int)ceil(max(centre - extent, -1.0f)));
         int stop = min(last_row, (int)floor(min(centre + extent, (float)TILE)));
         float16 dx = column - s[SPLAT_U];
-        float16 m0 = (float16)0.0f, m1 = (float16)0.0f, m2 = (float16)0.0f, dc[CHANNELS];
+        float16 moments[MOMENTS], dc[CHANNELS];
+        for (int i = 0; i < MOMENTS; i++) moments[i] = (float16)0.0f;
         for (int c = 0; c < CHANNELS; c++) dc[c] = (float16)0.0f;
         for (int r = begin; r <= stop; r++) {
             float dy = (top + r + 0.5f) - s[SPLAT_V];
-            float16 depth, before = T[r];
-            float16 exponent = log2_alpha(dx, (float16)dy, s, &depth);
+            float16 a = s[SPLAT_A] * dx + s[SPLAT_B] * dy, b = (float16)(s[SPLAT_C] * dy);
+            float16 exponent = ewa_exponent(a, b, s);
             float16 weight = blend(exponent, &T[r]);
             float16 along = (float16)0.0f;
 #pragma unroll
@@ -69,23 +72,21 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
                 dc[c] += weight * g[r * CHANNELS + c];
             }
             F[r] -= weight * along;
-            // alpha = weight / before where it was blended; elsewhere, and at the clamp, nothing flows back.
+            // Where it was not blended, and at the clamp, nothing flows back.
             float16 alpha = exp2_polynomial(exponent);
             int16 flows = (weight > (float16)0.0f) & (alpha < (float16)ALPHA_MAX);
             float16 dp = LN2 * (weight * along - F[r] * (alpha / (1.0f - alpha)));
             dp = flows ? dp : (float16)0.0f;
-            m0 += dp;
-            m1 += dp * dy;
-            m2 += dp * (dy * dy);
+            float16 dpa = dp * a, dpb = dp * b;
+            moments[0] += dp;
+            moments[1] += dpa;
+            moments[2] += dpb;
+            moments[3] += dpa * a;
+            moments[4] += dpa * b;
+            moments[5] += dpb * b;
         }
         __global float *out = slot_gradients + (size_t)SLOT_GRADIENT * slots[next];
-        float16 m0x = m0 * dx;
-        out[0] = sum16(m0);
-        out[1] = sum16(m0x);
-        out[2] = sum16(m1);
-        out[3] = sum16(m0x * dx);
-        out[4] = sum16(m1 * dx);
-        out[5] = sum16(m2);
+        for (int i = 0; i < MOMENTS; i++) out[i] = sum16(moments[i]);
         for (int c = 0; c < CHANNELS; c++) out[MOMENTS + c] = sum16(dc[c]);
         if (walked % CHECK_EVERY == CHECK_EVERY - 1) {
             while (first_row <= last_row && !alive(T[first_row])) first_row++;

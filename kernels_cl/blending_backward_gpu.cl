@@ -22,10 +22,11 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
     }
 
     for (uint entry = tile_starts[tile]; entry < tile_starts[tile + 1]; entry++) {
-        float s[SPLAT_CHANNELS + CHANNELS], values[SLOT_GRADIENT], depth;
+        float s[SPLAT_CHANNELS + CHANNELS], values[SLOT_GRADIENT];
         for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splats[(size_t)SPLAT * entries[entry] + i];
         float dx = x + 0.5f - s[SPLAT_U], dy = y + 0.5f - s[SPLAT_V];
-        float exponent = log2_alpha(dx, dy, s, &depth), weight = blend(exponent, &T), along = 0.0f;
+        float a = s[SPLAT_A] * dx + s[SPLAT_B] * dy, b = s[SPLAT_C] * dy;
+        float exponent = ewa_exponent(a, b, s), weight = blend(exponent, &T), along = 0.0f;
         for (int c = 0; c < CHANNELS; c++) {
             along += g[c] * s[SPLAT_CHANNELS + c];
             values[MOMENTS + c] = weight * g[c];
@@ -35,11 +36,11 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
         bool flows = weight > 0.0f && alpha < ALPHA_MAX;
         float dp = flows ? LN2 * (weight * along - F * (alpha / (1.0f - alpha))) : 0.0f;
         values[0] = dp;
-        values[1] = dp * dx;
-        values[2] = dp * dy;
-        values[3] = dp * dx * dx;
-        values[4] = dp * dx * dy;
-        values[5] = dp * dy * dy;
+        values[1] = dp * a;
+        values[2] = dp * b;
+        values[3] = dp * a * a;
+        values[4] = dp * a * b;
+        values[5] = dp * b * b;
         for (int i = 0; i < SLOT_GRADIENT; i++) {
             sums[item] = values[i];
             barrier(CLK_LOCAL_MEM_FENCE);

@@ -35,7 +35,7 @@
 #define SPLAT ((SPLAT_CHANNELS + CHANNELS + 15) / 16 * 16)
 
 // A *slot gradient* is what the backward pass keeps per entry: the moments of dL/d(log2 alpha) over the tile's pixels (1,
-// dx, dy, dx^2, dx dy, dy^2), and dL/dchannel.
+// a, b, a^2, a b, b^2 with a = A dx + B dy, b = C dy), and dL/dchannel.
 #define MOMENTS 6
 #define SLOT_GRADIENT (MOMENTS + CHANNELS)
 

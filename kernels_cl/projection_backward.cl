@@ -72,31 +72,26 @@ __kernel void project_backward(uint count, int width, int height, __constant con
         V area = scale[a] * scale[b] * (ux[a] * uy[b] - ux[b] * uy[a]);
         determinant += area * area;
     }
-    V inverse = 1.0f / determinant;
-    V A = yy * inverse, B = -xy * inverse, C = xx * inverse;  // conic: p = log2 o - HALF_LOG2E (A dx^2 + 2 B dx dy + C dy^2)
+    // p = log2 o - |n|^2 with n = F d, F = [[A, B], [0, C]] (layout.cl), F'F = HALF_LOG2E Sigma'^-1.
+    V C = sqrt((V)HALF_LOG2E / yy), A = C / sqrt(determinant) * yy, B = -C / sqrt(determinant) * xy;
+    V gU = 2.0f * A * MOMENT(1), gV = 2.0f * (B * MOMENT(1) + C * MOMENT(2));  // d = pixel - centre
 
-    // Quadratic form and centre: d = pixel - centre.
-    V gU = HALF_LOG2E * 2.0f * (A * MOMENT(1) + B * MOMENT(2));
-    V gV = HALF_LOG2E * 2.0f * (B * MOMENT(1) + C * MOMENT(2));
-    V gA = -HALF_LOG2E * MOMENT(3), gB = -2.0f * HALF_LOG2E * MOMENT(4), gC = -HALF_LOG2E * MOMENT(5);
-    // Conic = Sigma'^-1: dL/dSigma' = -conic G conic, G = [[gA, gB / 2], [gB / 2, gC]].
-    V gxx = -(A * A * gA + A * B * gB + B * B * gC);
-    V gyy = -(B * B * gA + B * C * gB + C * C * gC);
-    V gxy = -(2.0f * A * B * gA + (A * C + B * B) * gB + 2.0f * B * C * gC);
-
+    // Sigma' = sum of v v' + dilation, v = scale u: dL/dSigma' = F'NF / HALF_LOG2E with N the moments of n n', hence
+    // dL/dv = 2 F'N (F v) / HALF_LOG2E. For needles F v keeps the digits that a product with Sigma'^-1 loses.
+    V naa = MOMENT(3) * (2.0f / HALF_LOG2E), nab = MOMENT(4) * (2.0f / HALF_LOG2E), nbb = MOMENT(5) * (2.0f / HALF_LOG2E);
     V gaxes[9], gscale[3], gjx = (V)0.0f, gjy = (V)0.0f, giz = (V)0.0f;
 #pragma unroll
     for (int a = 0; a < 3; a++) {
-        V vx = scale[a] * ux[a], vy = scale[a] * uy[a];
-        V gvx = 2.0f * vx * gxx + vy * gxy, gvy = 2.0f * vy * gyy + vx * gxy;
-        gscale[a] = gvx * ux[a] + gvy * uy[a];
-        V sx = gvx * scale[a] * fx, sy = gvy * scale[a] * fy;  // dL/d(iz (axis - j axis_z))
-        giz += sx * (axes[3 * a] - jx * axes[3 * a + 2]) + sy * (axes[3 * a + 1] - jy * axes[3 * a + 2]);
-        gaxes[3 * a] = sx * iz;
-        gaxes[3 * a + 1] = sy * iz;
-        gaxes[3 * a + 2] = -(sx * jx + sy * jy) * iz;
-        gjx -= sx * iz * axes[3 * a + 2];
-        gjy -= sy * iz * axes[3 * a + 2];
+        V across = A * ux[a] + B * uy[a], down = C * uy[a];  // F u
+        V ga = scale[a] * (naa * across + nab * down), gb = scale[a] * (nab * across + nbb * down);
+        gscale[a] = ga * across + gb * down;
+        giz += gscale[a] * scale[a] * mean[2];  // u is proportional to iz
+        V sx = A * ga * scale[a] * (fx * iz), sy = (B * ga + C * gb) * scale[a] * (fy * iz);  // u = f iz (axis - j axis_z)
+        gaxes[3 * a] = sx;
+        gaxes[3 * a + 1] = sy;
+        gaxes[3 * a + 2] = -(sx * jx + sy * jy);
+        gjx -= sx * axes[3 * a + 2];
+        gjy -= sy * axes[3 * a + 2];
     }
     V gx = fx * gU + (jx == x ? gjx : (V)0.0f), gy = fy * gV + (jy == y ? gjy : (V)0.0f);
     giz += gx * mean[0] + gy * mean[1];
