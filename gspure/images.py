@@ -13,7 +13,7 @@ from gspure.errors import InputError
 Float32 = NDArray[np.float32]
 
 
-def read_image(path: Path, size: tuple[int, int] | None = None) -> Float32:
+def read_image(path: str | Path, size: tuple[int, int] | None = None) -> Float32:
     """Read an image as float32 [H,W,3] in 0..1.
 
     Grey images get three equal channels. Transparent ones stand on black, the renderer's default background. An
@@ -21,7 +21,7 @@ def read_image(path: Path, size: tuple[int, int] | None = None) -> Float32:
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         Any 8-bit image that Pillow reads.
     size : (int, int), optional
         Width and height wanted. A larger image is reduced by Pillow's antialiased bicubic filter before it becomes
@@ -54,7 +54,7 @@ def read_image(path: Path, size: tuple[int, int] | None = None) -> Float32:
     return np.asarray(pixels, np.float32) / np.float32(255)
 
 
-def write_image(path: Path, array: NDArray[np.floating]) -> None:
+def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
     """Write an array [H,W,3] as an 8-bit PNG, whole or not at all.
 
     Values are clipped to 0..1 and rounded to the nearest of 256 levels, a half upwards.
@@ -62,5 +62,5 @@ def write_image(path: Path, array: NDArray[np.floating]) -> None:
     from PIL import Image
 
     levels = np.floor(np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
-    with replacing(path) as temporary:
+    with replacing(Path(path)) as temporary:
         Image.fromarray(levels).save(temporary, format="PNG")

@@ -66,10 +66,12 @@ rule compare_renders:
         code=code_digest("gspure.cli.metrics"),
         images=lambda wildcards, input: os.path.dirname(input.images[0]),
         references=lambda wildcards, input: os.path.dirname(input.references[0]),
+        reference=lambda wildcards: "truth" if wildcards.scheme == "planted" else "render",
     message:
         "Comparing the renders of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "python -m gspure metrics {params.references:q} {params.images:q} --out {output.metrics:q} > {log:q} 2>&1"
+        "python -m gspure metrics {params.references:q} {params.images:q} --reference {params.reference}"
+        " --out {output.metrics:q} > {log:q} 2>&1"
 
 
 rule tabulate_metrics:

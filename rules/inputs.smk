@@ -91,7 +91,8 @@ def figure_files():
     """All figures, in the order in which the page shows them; those of a model are files of one folder."""
     files = []
     for scheme, scenes in SCHEMES.items():
-        names = ["outcomes", *TARGETS[scheme], *(f"model/{name}" for name in ("kept", "clusters", "ranks", "weights"))]
-        names += ["model/truth"] if scheme == "planted" else []
+        truth = ["model/truth"] if scheme == "planted" else []
+        clouds = [*truth, "model/kept", "model/clusters", "model/ranks"]
+        names = ["outcomes", "model/weights", *TARGETS[scheme], *clouds]
         files += [f"results/{scheme}/{scene}/figures/{name}.png" for scene in scenes for name in names]
     return files

@@ -23,7 +23,7 @@ done
 
 libraries=$(cd "$partial/root" && ls -d usr/lib/*-linux-gnu* | head -n 1)
 patchelf=$(command -v patchelf || echo "$partial/root/usr/bin/patchelf")
-find "$partial/root/$libraries" "$partial"/root/usr/lib/llvm-* -name '*.so*' -type f |
+find "$partial/root/usr/lib" -name '*.so*' -type f |
   while read -r library; do
     # Some are text for the linker and need no path.
     "$patchelf" --force-rpath --set-rpath "$folder/$libraries" "$library" >&2 || true

@@ -18,7 +18,7 @@ LAYERS = (
     {"model", "cameras", "images"},
     {"opencl"},
     {"renderer"},
-    {"contributions", "weights"},
+    {"contributions", "weights", "trial"},
     {"features", "clustering", "pruning"},
     {"training"},
     {"scenes"},

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import ViewMetrics, means, pair_images, read_metrics, write_metrics
+from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, means, pair_images, read_metrics, write_metrics
 from gspure.evaluation.metrics import gaussian_window, psnr, ssim
 from gspure.evaluation.recall import adjusted_rand_index, recall
 from gspure.images import read_image, write_image
@@ -123,7 +123,7 @@ def folders(tmp_path: Path, *targets: str) -> tuple[Path, Path]:
 
 def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a, b = folders(tmp_path, "scene", "message")
-    assert main(["metrics", str(a), str(b), "--out", str(tmp_path / "metrics.csv")]) == 0
+    assert main(["metrics", str(a), str(b), "--reference", "truth", "--out", str(tmp_path / "metrics.csv")]) == 0
     rows = read_metrics(tmp_path / "metrics.csv")
     assert [(row.target, row.view) for row in rows] == [
         ("message", "001"),
@@ -131,6 +131,7 @@ def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: 
         ("scene", "001"),
         ("scene", "002"),
     ]
+    assert {row.reference for row in rows} == {"truth"}
     one, other = read_image(a / "scene" / "002.png"), read_image(b / "scene" / "002.png")
     assert rows[3].psnr == pytest.approx(psnr(one, other), abs=1e-6)
     assert rows[3].ssim == pytest.approx(ssim(one, other), abs=1e-8)
@@ -177,16 +178,27 @@ def test_a_folder_without_images_is_refused(tmp_path: Path, empty: bool) -> None
 
 
 def test_metrics_table_round_trip_keeps_infinite_psnr(tmp_path: Path) -> None:
-    rows = [ViewMetrics("scene", "1,5", float("inf"), 1.0), ViewMetrics("scene", "2", 31.25, 0.5)]
+    rows = [ViewMetrics("scene", "1,5", float("inf"), 1.0, TRUTH), ViewMetrics("scene", "2", 31.25, 0.5, RENDER)]
     write_metrics(tmp_path / "metrics.csv", rows)
     assert read_metrics(tmp_path / "metrics.csv") == rows
-    assert means(rows) == [ViewMetrics("scene", "mean", float("inf"), 0.75)]
 
 
-@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "target,view,psnr,ssim\n", "target,view,psnr,ssim\nscene,1,x,2\n"])
+def test_mean_psnr_is_that_of_the_views_that_differ() -> None:
+    same, other = ViewMetrics("scene", "1", float("inf"), 1.0, TRUTH), ViewMetrics("scene", "2", 31.25, 0.5, TRUTH)
+    assert means([same, other]) == [ViewMetrics("scene", "mean", 31.25, 0.75, TRUTH)]
+    assert means([same, same]) == [ViewMetrics("scene", "mean", float("inf"), 1.0, TRUTH)]
+
+
+HEADER = "target,view,reference,psnr,ssim\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "a,b\n1,2\n", HEADER, HEADER + "scene,1,truth,x,2\n", HEADER + "scene,1,photo,1,2\n", HEADER + "scene,1,2\n"],
+)
 def test_a_broken_metrics_table_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "metrics.csv").write_text(text)
-    with pytest.raises(InputError, match=r"metrics\.csv: (header|rows): expected"):
+    with pytest.raises(InputError, match=r"metrics\.csv: (header|rows|reference): expected"):
         read_metrics(tmp_path / "metrics.csv")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 KERNELS = sorted((ROOT / "kernels_cl").glob("*.cl"))
+
+IGNORED = {line.rstrip("/") for line in (ROOT / ".gitignore").read_text().splitlines()} | {".git"}
 
 FIND = "from gspure.opencl.program import kernel_folder; print(kernel_folder())"
 
@@ -27,7 +30,7 @@ def build(hook: str, folder: Path) -> Path:
     name = python(f"import hatchling.build; print(hatchling.build.{hook}({str(folder)!r}))", cwd=ROOT).splitlines()[-1]
     unpacked = folder / "unpacked"
     with zipfile.ZipFile(folder / name) as wheel:
-        wheel.extractall(unpacked)
+        wheel.extractall(unpacked)  # noqa: S202 (our own)
     return unpacked
 
 
@@ -38,6 +41,18 @@ def test_a_wheel_brings_the_kernels_with_it(tmp_path: Path) -> None:
     assert [path.name for path in sorted(found.glob("*.cl"))] == [path.name for path in KERNELS]
     assert all((found / path.name).read_bytes() == path.read_bytes() for path in KERNELS)
     assert (installed / "gspure" / "py.typed").is_file()
+
+
+def test_a_source_distribution_is_the_whole_checkout(tmp_path: Path) -> None:
+    pytest.importorskip("hatchling")
+    name = python(f"import hatchling.build; print(hatchling.build.build_sdist({str(tmp_path)!r}))", cwd=ROOT)
+    with tarfile.open(tmp_path / name.splitlines()[-1]) as archive:
+        packed = {Path(*Path(member).parts[1:]) for member in archive.getnames()}
+    ours = [path for path in ROOT.rglob("*") if path.suffix in {".py", ".cl", ".smk", ".md", ".cff", ".sh", ".yaml"}]
+    tracked = {path.relative_to(ROOT) for path in ours if not IGNORED & set(path.relative_to(ROOT).parts)}
+    assert len(tracked) > 200
+    assert tracked <= packed
+    assert not IGNORED & {path.parts[0] for path in packed if path.parts}
 
 
 def test_an_editable_install_finds_the_kernels_of_the_checkout(tmp_path: Path) -> None:

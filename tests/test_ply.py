@@ -162,10 +162,14 @@ def test_a_missing_property_is_named(tmp_path, missing):
     assert (error.field, error.found) == (missing, "no such property")
 
 
-def test_a_mesh_is_told_to_be_no_3dgs_model(tmp_path):
+def test_a_point_cloud_and_a_mesh_are_told_to_be_no_3dgs_model(tmp_path):
     columns = {"x": "<f4", "y": "<f4", "z": "<f4", "red": "|u1", "green": "|u1", "blue": "|u1"}
-    error = refusal(save(tmp_path / "mesh.ply", header(np.dtype(list(columns.items())), 1) + bytes(15)))
-    assert (error.field, error.hint) == ("opacity", "not a 3DGS model")
+    points = header(np.dtype(list(columns.items())), 1)
+    error = refusal(save(tmp_path / "input.ply", points + bytes(15)))
+    assert (error.field, error.hint) == ("opacity", "a plain point cloud, not a 3DGS model")
+    faces = b"element face 0\nproperty list uchar int vertex_indices\nend_header"
+    error = refusal(save(tmp_path / "mesh.ply", points.replace(b"end_header", faces) + bytes(15)))
+    assert (error.field, error.hint) == ("opacity", "a mesh, not a 3DGS model")
 
 
 @pytest.mark.parametrize("name", ["x", "rot_3", "f_dc_0", "f_rest_8"])
@@ -262,6 +266,14 @@ def test_a_compressed_ply_is_refused_with_the_way_to_convert_it(tmp_path):
 def test_another_splat_format_is_refused_with_the_way_to_convert_it(tmp_path, suffix):
     error = refusal(save(tmp_path / f"m{suffix}", b"\x1f\x8b"))
     assert error.field == "format"
+    assert "splat-transform" in error.hint
+
+
+@pytest.mark.parametrize("named", [".", "meta.json"])
+def test_an_unpacked_sog_model_is_refused_with_the_way_to_convert_it(tmp_path, named):
+    save(tmp_path / "meta.json", b"{}")
+    error = refusal(tmp_path / named)
+    assert error.found == "an unpacked SOG model"
     assert "splat-transform" in error.hint
 
 

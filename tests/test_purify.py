@@ -89,6 +89,31 @@ def test_no_views_are_refused() -> None:
         purify(model(), [])
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("reduction", "mean"),
+        ("min_samples", 0),
+        ("min_cluster_size", 1),
+        ("selection", "best"),
+        ("max_cluster_share", 0.0),
+        ("tau_c", 0.0),
+        ("tau_n", float("nan")),
+    ],
+)
+def test_settings_out_of_range_are_refused_before_anything_is_rendered(monkeypatch, name: str, value: object) -> None:
+    monkeypatch.setattr("gspure.renderer.Renderer", None)
+    with pytest.raises(InputError, match=f": {name}: expected"):
+        purify(model(), cameras(), **{name: value})
+
+
+def test_numbers_that_are_none_are_refused_before_anything_is_rendered(monkeypatch) -> None:
+    monkeypatch.setattr("gspure.renderer.Renderer", None)
+    spoilt = model().with_columns({"opacity": np.full(WALL + HIDDEN, np.nan)})
+    with pytest.raises(InputError, match="model: opacity: expected finite numbers"):
+        purify(spoilt, cameras())
+
+
 def test_the_stages_one_by_one_come_to_the_same(tmp_path: Path, found: Purification) -> None:
     at = {name: str(tmp_path / name) for name in ("m.ply", "c.json", "stages", "1.tsv", "2.tsv", "w.npy", "f.npy")}
     at |= {name: str(tmp_path / name) for name in ("t.npy", "c.npz", "p.npy", "d.json", "out.ply", "k.npy")}

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from gspure.artifacts import write_json, write_provenance
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import ViewMetrics
+from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.reading import read_table
 from gspure.evaluation.tables import write_table
@@ -56,9 +56,10 @@ class Page(HTMLParser):
 
 
 def variant(name: str, scene: float, message: float = math.nan, *, asset=("planted", "room"), **known) -> Outcome:
-    targets = {"scene": ViewMetrics("scene", "mean", scene, 0.9)}
+    reference = TRUTH if asset[0] == "planted" else RENDER
+    targets = {"scene": ViewMetrics("scene", "mean", scene, 0.9, reference)}
     if not math.isnan(message):
-        targets["message"] = ViewMetrics("message", "mean", message, 0.8)
+        targets["message"] = ViewMetrics("message", "mean", message, 0.8, reference)
     return Outcome(*asset, name, targets, dict.fromkeys(targets, 3), **known)
 
 
@@ -120,7 +121,9 @@ def test_the_page_is_the_same_bytes_again(tmp_path: Path, figures: list[Path]) -
 def test_a_planted_model_is_told_with_message_precision_and_score(tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", "Title", PLANTED)
     text = Page(tmp_path / "report.html").text
-    assert "2 attacks on this model, judged by 3 views of its scene and hidden message." in text
+    assert (
+        "2 attacks on this model, judged by 3 views of its scene and hidden message, compared with photographs." in text
+    )
     assert "87.5% of these carried the message, and 95.0% of all its carriers were removed." in text
     assert "the message from 25.00 to 9.00 dB (−16.00), and the scene from 30.00 to 29.00 dB (−1.00)" in text
     assert "a Score of +15.00." in text
@@ -133,8 +136,9 @@ def test_a_model_without_key_is_told_as_damage_to_the_scene_alone(tmp_path: Path
     write_report(tmp_path / "report.html", "Title", VANILLA)
     page = Page(tmp_path / "report.html")
     assert "No key to the message was given" in page.text
-    assert "have a PSNR of 35.50 dB" in page.text
-    assert "∞" in page.text
+    assert "have a PSNR of 35.50 dB against those before." in page.text
+    assert "of vanilla/chair are against the unattacked model's own views" in page.text
+    assert "<td>∞</td>" in page.source
     headings = re.findall(r'<th scope="col">(\w+)</th>', page.source)
     assert headings == ["variant", "PSNR", "SSIM", "pruned"]
     assert "nan" not in page.text.lower()
@@ -225,7 +229,7 @@ def test_a_table_read_back_is_what_was_written(tmp_path_factory, variants) -> No
 
 
 @pytest.mark.parametrize(
-    "content", ["", "a,b\n1,2\n", "HEADER", "HEADERplanted,room,x\n", "HEADERp,r,v,scene,x,1,1,,,,,,\n"]
+    "content", ["", "a,b\n1,2\n", "HEADER", "HEADERplanted,room,x\n", "HEADERp,r,v,scene,truth,x,1,1,,,,,,\n"]
 )
 def test_what_is_no_table_is_told_in_one_line(tmp_path: Path, capsys, content: str) -> None:
     write_table(tmp_path / "results.csv", [])

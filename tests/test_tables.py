@@ -8,7 +8,7 @@ import pytest
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import ViewMetrics, write_metrics
+from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, write_metrics
 from gspure.evaluation.outcomes import collect
 from gspure.evaluation.tables import markdown, write_table
 
@@ -25,8 +25,8 @@ def results(tmp_path: Path, scene: str = "room") -> tuple[list[Path], list[Path]
     kept = {"watermarked": [1, 1, 1, 1, 1], "gspure": [0, 1, 0, 1, 1], "gaussian_noise": [1, 1, 1, 1, 1]}
     metrics, masks = [], []
     for variant, (scene_psnr, message_psnr) in reversed(ROWS.items()):
-        rows = [ViewMetrics("scene", str(i), psnr, 0.9) for i, psnr in enumerate(scene_psnr)]
-        rows += [ViewMetrics("message", str(i), psnr, 0.8) for i, psnr in enumerate(message_psnr)]
+        rows = [ViewMetrics("scene", str(i), psnr, 0.9, TRUTH) for i, psnr in enumerate(scene_psnr)]
+        rows += [ViewMetrics("message", str(i), psnr, 0.8, TRUTH) for i, psnr in enumerate(message_psnr)]
         metrics.append(folder / variant / "metrics.csv")
         write_metrics(metrics[-1], rows)
         masks.append(folder / variant / "public" / "kept.npy")
@@ -65,12 +65,29 @@ def test_without_reference_variant_there_is_no_score(tmp_path: Path) -> None:
     assert outcome.targets["scene"].psnr == 27.0
 
 
-def test_equal_images_drop_by_nothing(tmp_path: Path) -> None:
+def compared_with_renders(tmp_path: Path) -> list[Path]:
     for variant, value in (("watermarked", np.inf), ("gspure", np.inf), ("gaussian_noise", 30.0)):
-        write_metrics(tmp_path / "vanilla" / "own" / variant / "metrics.csv", [ViewMetrics("scene", "1", value, 1.0)])
-    reference, noise, ours = collect(sorted(tmp_path.rglob("metrics.csv")))
-    assert [o.psnr_drop("scene") for o in (reference, ours, noise)] == [0.0, 0.0, np.inf]
+        rows = [ViewMetrics("scene", "1", value, 1.0, RENDER)]
+        write_metrics(tmp_path / "vanilla" / "own" / variant / "metrics.csv", rows)
+    return sorted(tmp_path.rglob("metrics.csv"))
+
+
+def test_against_renders_equal_images_drop_by_nothing_and_others_by_what_is_not_known(tmp_path: Path) -> None:
+    reference, noise, ours = collect(compared_with_renders(tmp_path))
+    assert [o.psnr_drop("scene") for o in (reference, ours)] == [0.0, 0.0]
+    assert np.isnan(noise.psnr_drop("scene"))
     assert np.isnan(noise.score)  # there is no message
+
+
+def test_tables_say_what_the_reference_was(tmp_path: Path) -> None:
+    outcomes = collect([*compared_with_renders(tmp_path), *results(tmp_path)[0]])
+    write_table(tmp_path / "t.csv", outcomes)
+    rows = list(csv.DictReader((tmp_path / "t.csv").read_text().splitlines()))
+    assert {(row["scheme"], row["reference"]) for row in rows} == {("planted", "truth"), ("vanilla", "render")}
+    assert next(row["psnr"] for row in rows if row["scheme"] == "vanilla") == "inf"
+    lines = markdown(outcomes).splitlines()
+    assert "| watermarked | render | ∞ | 1.0000 |  |  |  |  |" in lines
+    assert "| watermarked | truth | 28.00 | 0.9000 | 24.00 | 0.8000 | 0.00 |  |  |  |" in lines
 
 
 def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -> None:
@@ -86,6 +103,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "scene": "room",
         "variant": "gspure",
         "target": "message",
+        "reference": "truth",
         "views": "2",
         "psnr": "10",
         "ssim": "0.8",
@@ -98,8 +116,8 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
     }
     lines = text.read_text().splitlines()
     assert lines[0] == "### planted / room"
-    assert "| gspure | 27.00 | 0.9000 | 10.00 | 0.8000 | 13.00 | 40.0% | 50.0% | 50.0% |" in lines
-    assert "| gaussian_noise | 25.00 | 0.9000 | 23.00 | 0.8000 | -2.00 | 0.0% |  | 0.0% |" in lines
+    assert "| gspure | truth | 27.00 | 0.9000 | 10.00 | 0.8000 | 13.00 | 40.0% | 50.0% | 50.0% |" in lines
+    assert "| gaussian_noise | truth | 25.00 | 0.9000 | 23.00 | 0.8000 | -2.00 | 0.0% |  | 0.0% |" in lines
 
 
 def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:

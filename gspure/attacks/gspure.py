@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gspure import __version__, pruning
 from gspure.attacks.attack import Attack, Attacked, Mask, Rng, Weights
@@ -13,6 +16,7 @@ from gspure.clustering import Diagnosis, Selection, coincident_points, diagnose,
 from gspure.clustering.selection import Labels
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
 from gspure.features import features
+from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say, track
 from gspure.weights import Reduction, accumulate
@@ -20,6 +24,8 @@ from gspure.weights import Reduction, accumulate
 if TYPE_CHECKING:
     from gspure.opencl.device import Device
     from gspure.opencl.frame import Energy
+
+Array = NDArray[Any]
 
 
 def gspure(model: Gaussians, _rng: Rng, prune_mask: Mask) -> Attacked:
@@ -92,24 +98,34 @@ def purify(
     Raises
     ------
     InputError
-        If the model or the views are unfit, a setting is out of range, or there is no device.
+        If the model or the views are unfit, a setting is out of range, or there is no device; before anything is
+        computed.
 
     """
-    from gspure.renderer import Renderer
+    from gspure.renderer import CONTRIBUTION, Renderer
+
+    def decide(means: Array, opacities: Array, weights: Weights) -> tuple[Labels, Mask, Diagnosis]:
+        tree = spanning_tree(features(means, opacities, weights), min_samples)
+        labels = select(tree, min_cluster_size, selection, max_cluster_share)
+        pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)
+        return labels, pruned, diagnose(labels, weights, tau_c, tau_n, coincident_points(tree))
+
+    require_finite(model, "model")
+    # Each stage refuses settings that are out of range: one unseen Gaussian goes through all of them ahead of the rest.
+    unseen = accumulate([np.zeros(0, CONTRIBUTION)], 1, reduction)
+    decide(np.zeros((1, 3)), unseen, unseen)
 
     renderer = Renderer(model, device, energy=energy)
     views = sorted(cameras, key=lambda camera: camera.name)
     stages = (renderer.contributions(camera) for camera in track(views, "contributions"))
     weights = accumulate(stages, len(model), reduction)
     say(f"clustering {len(model)} Gaussians")
-    tree = spanning_tree(features(model.means, model.opacities, weights), min_samples)
-    labels = select(tree, min_cluster_size, selection, max_cluster_share)
-    pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)
+    labels, pruned, diagnosis = decide(model.means, model.opacities, weights)
     said = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
     return Purification(
         model.subset(~pruned).with_comment(f"gspure {__version__} purified {said} selection={selection}"),
         weights,
         labels,
         pruned,
-        diagnose(labels, weights, tau_c, tau_n, coincident_points(tree)),
+        diagnosis,
     )

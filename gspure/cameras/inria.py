@@ -38,8 +38,9 @@ def parse(source: Path, content: list[Any]) -> list[Camera]:
     )
 
 
-def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
+def write_cameras(path: str | Path, cameras: Sequence[Camera]) -> None:
     """Write cameras as cameras.json, one view per line, with every digit of their float64 values."""
+    path = Path(path)
     distinct(cameras, path)
     lines = (json.dumps(_record(i, camera, path)) for i, camera in enumerate(cameras))
     write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")

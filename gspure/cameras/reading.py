@@ -13,12 +13,12 @@ from gspure.errors import InputError
 _IN_FOLDER = ("cameras.json", "transforms.json", "transforms_train.json")
 
 
-def read_cameras(path: Path) -> list[Camera]:
+def read_cameras(path: str | Path) -> list[Camera]:
     """Read the cameras of a file or folder, in the order in which it lists them.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         A cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, or a folder: with a
         COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with one of those files, as 3DGS's output
         folder. COLMAP comes first as it alone knows the principal point and the photographs.

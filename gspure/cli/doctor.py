@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:  # noqa: ARG001
     """Print the report; the status is 0 if the main job can run, else 1."""
     checks = {
-        "OpenCL: a kernel built and run on each device": opencl,
+        "OpenCL: a small frame rendered on each device": opencl,
         "OpenGL: a picture drawn off screen": opengl,
         "Packages: installed, wanted": packages,
     }
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001
 
 def opencl() -> list[Finding]:
     """Return one finding per OpenCL device, and one more if there is none to use."""
-    from gspure.opencl.probe import try_devices
+    from gspure.trial import try_devices
 
     trials = try_devices()
     usable = [trial for trial in trials if trial.meant and trial.fault is None]

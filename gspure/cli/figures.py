@@ -163,7 +163,8 @@ def _draw_outcomes(args: argparse.Namespace) -> None:
     if not outcomes:
         raise InputError(args.table, "scheme, scene", expected=args.asset, found="no such row")
     write_outcomes(args.out, outcomes)
-    caption = "Mean PSNR over the views of every variant"
+    against = "photographs" if all(o.against_truth for o in outcomes) else "what the unattacked model shows"
+    caption = f"PSNR of every variant against {against}, mean over the views"
     if any(not math.isnan(o.score) for o in outcomes):
         caption += ", and its Score: what the message lost less what the scene lost, in dB"
     _note({args.out: caption + "."}, {"table": args.table}, {"asset": args.asset})

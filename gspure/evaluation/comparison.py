@@ -16,7 +16,11 @@ from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr, ssim
 from gspure.images import read_image
 
-HEADER: Final = ("target", "view", "psnr", "ssim")
+HEADER: Final = ("target", "view", "reference", "psnr", "ssim")
+
+TRUTH, RENDER = "truth", "render"
+REFERENCES: Final = (TRUTH, RENDER)
+"""What images are compared with: photographs of what is to be seen, or what an unattacked model shows."""
 
 
 class ViewMetrics(NamedTuple):
@@ -28,6 +32,9 @@ class ViewMetrics(NamedTuple):
     view: str
     psnr: float
     ssim: float
+
+    reference: str = RENDER
+    """One of `REFERENCES`."""
 
 
 class Pair(NamedTuple):
@@ -62,8 +69,8 @@ def pair_images(reference: Path, other: Path) -> tuple[list[Pair], int]:
     return sorted(pairs), len(ours - theirs)
 
 
-def compare(pair: Pair) -> ViewMetrics:
-    """Compare two images.
+def compare(pair: Pair, reference: str = RENDER) -> ViewMetrics:
+    """Compare two images; `reference` says which of `REFERENCES` the first of them is.
 
     Raises
     ------
@@ -75,16 +82,21 @@ def compare(pair: Pair) -> ViewMetrics:
     if a.shape != b.shape:
         expected = f"{a.shape[1]}x{a.shape[0]}, as {pair.reference}"
         raise InputError(pair.other, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
-    return ViewMetrics(pair.target, pair.view, psnr(a, b), ssim(a, b))
+    return ViewMetrics(pair.target, pair.view, psnr(a, b), ssim(a, b), reference)
 
 
 def means(rows: Sequence[ViewMetrics]) -> list[ViewMetrics]:
-    """Return one row per target: the mean over its views, with the view named ``mean``."""
+    """Return one row per target: the mean over its views, with the view named ``mean``.
+
+    Views in which nothing differs have infinite PSNR. They count in its mean only if there are no others: one untouched
+    view would else make all the damage to the others invisible.
+    """
     found = []
     for target, group in groupby(sorted(rows), key=lambda row: row.target):
         views = list(group)
-        psnrs, ssims = [view.psnr for view in views], [view.ssim for view in views]
-        found.append(ViewMetrics(target, "mean", float(np.mean(psnrs)), float(np.mean(ssims))))
+        psnrs = [view.psnr for view in views if np.isfinite(view.psnr)] or [np.inf]
+        ssims = [view.ssim for view in views]
+        found.append(ViewMetrics(target, "mean", float(np.mean(psnrs)), float(np.mean(ssims)), views[0].reference))
     return found
 
 
@@ -93,7 +105,7 @@ def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(HEADER)
-    table.writerows((row.target, row.view, f"{row.psnr:.6f}", f"{row.ssim:.8f}") for row in rows)
+    table.writerows((row.target, row.view, row.reference, f"{row.psnr:.6f}", f"{row.ssim:.8f}") for row in rows)
     write_text(path, text.getvalue())
 
 
@@ -104,11 +116,14 @@ def read_metrics(path: Path) -> list[ViewMetrics]:
             header, *rows = list(csv.reader(stream)) or [[]]
         if tuple(header) != HEADER or not rows:
             raise InputError(path, "header", expected=",".join(HEADER) + " and rows", found=",".join(header))
-        return [ViewMetrics(target, view, float(a), float(b)) for target, view, a, b in rows]
+        found = [ViewMetrics(target, view, float(a), float(b), reference) for target, view, reference, a, b in rows]
     except FileNotFoundError:
         raise InputError(path, "file", expected="a metrics table", found="nothing") from None
     except (ValueError, csv.Error) as error:  # UnicodeDecodeError is a ValueError
         raise InputError(path, "rows", expected="a metrics table", found=str(error)) from None
+    for reference in sorted({row.reference for row in found} - set(REFERENCES)):
+        raise InputError(path, "reference", expected=" or ".join(REFERENCES), found=repr(reference))
+    return found
 
 
 def as_text(rows: Sequence[ViewMetrics]) -> list[str]:

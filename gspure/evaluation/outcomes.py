@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from gspure.artifacts import load_array
-from gspure.evaluation.comparison import ViewMetrics, means, read_metrics
+from gspure.evaluation.comparison import TRUTH, ViewMetrics, means, read_metrics
 from gspure.evaluation.recall import recall
 
 REFERENCE: Final = "watermarked"
@@ -25,7 +25,8 @@ SCENE, MESSAGE = "scene", "message"
 class Outcome:
     """One variant of one model: its mean metrics by target, and what is known of its pruning.
 
-    Numbers that are not known are NaN.
+    Numbers that are not known are NaN. Where images are compared with renders of the unattacked model, that model's own
+    PSNR is infinite, and how far others fall below it is not known.
     """
 
     scheme: str
@@ -50,6 +51,11 @@ class Outcome:
         if target not in self.targets or target not in self.reference:
             return math.nan
         return self.reference[target].ssim - self.targets[target].ssim
+
+    @property
+    def against_truth(self) -> bool:
+        """Whether its metrics compare with photographs of the truth, not with renders of the unattacked model."""
+        return all(mean.reference == TRUTH for mean in self.targets.values())
 
     @property
     def score(self) -> float:
@@ -117,4 +123,6 @@ def _below(folder: Path, files: Iterable[Path]) -> Path | None:
 
 
 def _difference(a: float, b: float) -> float:
-    return 0.0 if a == b else a - b  # equal images have infinite PSNR
+    if a == b:
+        return 0.0
+    return a - b if math.isfinite(a) and math.isfinite(b) else math.nan

@@ -46,7 +46,8 @@ def _asset(row: Row) -> tuple[str, str]:
 
 def _outcome(rows: list[Row]) -> Outcome:
     targets = {
-        row["target"]: ViewMetrics(row["target"], "mean", float(row["psnr"]), float(row["ssim"])) for row in rows
+        row["target"]: ViewMetrics(row["target"], "mean", float(row["psnr"]), float(row["ssim"]), row["reference"])
+        for row in rows
     }
     first = rows[0]
     return Outcome(

@@ -11,15 +11,17 @@ from pathlib import Path
 from typing import Final
 
 from gspure.artifacts import write_text
+from gspure.evaluation.comparison import RENDER, TRUTH
 from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
 
 HEADER: Final = (
-    *("scheme", "scene", "variant", "target", "views", "psnr", "ssim"),
+    *("scheme", "scene", "variant", "target", "reference", "views", "psnr", "ssim"),
     *("psnr_drop", "ssim_drop", "score", "pruned_share", "precision", "recall"),
 )
 
 LEGEND: Final = f"""\
-PSNR in dB, mean over views. Score = (drop of the message's PSNR) - (drop of the scene's PSNR), relative to
+PSNR in dB, mean over views, against `{TRUTH}` (photographs) or `{RENDER}` (what `{REFERENCE}` shows, so that its own
+PSNR is infinite). Score = (drop of the message's PSNR) - (drop of the scene's PSNR), relative to
 `{REFERENCE}`: higher means that more of the message is gone for less damage to the scene. Where the truth is known:
 precision is the share of the pruned Gaussians that belong to the message, recall the share of the message that is
 pruned."""
@@ -35,7 +37,7 @@ def write_table(path: Path, outcomes: Sequence[Outcome]) -> None:
             mean = o.targets[target]
             drops = (mean.psnr, mean.ssim, o.psnr_drop(target), o.ssim_drop(target))
             numbers = map(_plain, (*drops, o.score, o.pruned_share, o.precision, o.recall))
-            table.writerow([o.scheme, o.scene, o.variant, target, o.views[target], *numbers])
+            table.writerow([o.scheme, o.scene, o.variant, target, mean.reference, o.views[target], *numbers])
     write_text(path, text.getvalue())
 
 
@@ -46,18 +48,18 @@ def markdown(outcomes: Sequence[Outcome]) -> str:
         variants = list(group)
         targets = _ordered({target for o in variants for target in o.targets})
         columns = [f"{name} {target}" for target in targets for name in ("PSNR", "SSIM")]
-        columns = ["variant", *columns, "Score", "pruned", "precision", "recall"]
-        lines += [f"### {scheme} / {scene}", "", _row(columns), _row(["---"] + ["---:"] * (len(columns) - 1))]
+        columns = ["variant", "reference", *columns, "Score", "pruned", "precision", "recall"]
+        lines += [f"### {scheme} / {scene}", "", _row(columns), _row(["---"] * 2 + ["---:"] * (len(columns) - 2))]
         lines += [_row(_cells(o, targets)) for o in variants]
         lines += [""]
     return "\n".join([*lines, LEGEND, ""])
 
 
 def _cells(o: Outcome, targets: Sequence[str]) -> list[str]:
-    cells = [o.variant]
+    cells = [o.variant, TRUTH if o.against_truth else RENDER]
     for target in targets:
         mean = o.targets.get(target)
-        cells += [f"{mean.psnr:.2f}", f"{mean.ssim:.4f}"] if mean else ["", ""]
+        cells += [_decibels(mean.psnr), f"{mean.ssim:.4f}"] if mean else ["", ""]
     shares = [_percent(o.pruned_share), _percent(o.precision), _percent(o.recall)]
     return [*cells, "" if math.isnan(o.score) else f"{o.score:.2f}", *shares]
 
@@ -70,6 +72,10 @@ def _ordered(targets: Iterable[str]) -> list[str]:
     return sorted(
         targets, key=lambda target: ((SCENE, MESSAGE).index(target) if target in (SCENE, MESSAGE) else 2, target)
     )
+
+
+def _decibels(psnr: float) -> str:
+    return "∞" if math.isinf(psnr) else f"{psnr:.2f}"
 
 
 def _percent(share: float) -> str:

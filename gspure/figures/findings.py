@@ -55,7 +55,11 @@ def _measured(outcomes: Sequence[Outcome]) -> str:
     attacks = sum(o.variant != REFERENCE for o in outcomes)
     views = max((count for o in outcomes for count in o.views.values()), default=0)
     what = "scene and hidden message" if any(MESSAGE in o.targets for o in outcomes) else "scene"
-    return f"{_plural(attacks, 'attack')} on this model, judged by {_plural(views, 'view')} of its {what}."
+    against = "photographs" if all(o.against_truth for o in outcomes) else "what the unattacked model shows"
+    return (
+        f"{_plural(attacks, 'attack')} on this model, judged by {_plural(views, 'view')} of its {what}, compared with "
+        f"{against}."
+    )
 
 
 def _plural(count: int, noun: str) -> str:
@@ -78,7 +82,7 @@ def _damage(o: Outcome) -> str:
             f"{signed(o.score)}."
         )
     if SCENE in o.targets and isfinite(o.targets[SCENE].psnr):
-        return f"After it, views of the scene have a PSNR of {o.targets[SCENE].psnr:.2f} dB."
+        return f"After it, views of the scene have a PSNR of {o.targets[SCENE].psnr:.2f} dB against those before."
     return ""
 
 
@@ -105,6 +109,12 @@ def limits(outcomes: Sequence[Outcome]) -> Iterator[str]:
     silent = sorted({f"{o.scheme}/{o.scene}" for o in outcomes} - _with_message(outcomes))
     if silent:
         yield f"Whether a message survives was not measured for {', '.join(silent)}: that takes the owner's key."
+    relative = sorted({f"{o.scheme}/{o.scene}" for o in outcomes if not o.against_truth})
+    if relative:
+        yield (
+            f"PSNR and SSIM of {', '.join(relative)} are against the unattacked model's own views: they say how far an "
+            "attack changed these, not how close they were to photographs to begin with."
+        )
     views = sorted({count for o in outcomes for count in o.views.values()})
     if views:
         span = str(views[0]) if len(views) == 1 else f"{views[0]} to {views[-1]}"

@@ -115,7 +115,8 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
         axes.spines["left"].set_visible(False)
         axes.set_ylim(len(shown) - 0.4, -0.6)
         axes.set_xlim(0, axes.get_xlim()[1] * 1.08)
-        axes.set_xlabel("PSNR (dB)")
+        truth = all(o.against_truth for o in shown)
+        axes.set_xlabel("PSNR (dB)" if truth else "PSNR against the unattacked model (dB)")
         figure.legend(loc="outside upper center", ncols=2)
 
 

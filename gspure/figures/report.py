@@ -53,6 +53,11 @@ class Section:
         return any(getattr(o, number) == getattr(o, number) for o in self.outcomes)  # NaN differs from itself
 
     @property
+    def against_truth(self) -> bool:
+        """Whether all numbers compare with photographs."""
+        return all(o.against_truth for o in self.outcomes)
+
+    @property
     def best(self) -> float:
         """The highest Score."""
         return max((o.score for o in self.outcomes if o.score == o.score), default=float("nan"))

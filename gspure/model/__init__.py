@@ -12,7 +12,7 @@ from gspure.model.ply import read_ply, write_ply
 __all__ = ["Gaussians", "read_model", "require_finite", "write_model"]
 
 
-def read_model(path: Path) -> Gaussians:
+def read_model(path: str | Path) -> Gaussians:
     """Read a model from a 3DGS ``.ply``, or from an INRIA output folder (its newest iteration).
 
     Raises
@@ -25,6 +25,6 @@ def read_model(path: Path) -> Gaussians:
     return read_ply(point_cloud(path) if path.is_dir() else path)
 
 
-def write_model(path: Path, model: Gaussians) -> None:
+def write_model(path: str | Path, model: Gaussians) -> None:
     """Write a model as a binary little-endian 3DGS ``.ply``, whole or not at all."""
-    write_ply(path, model)
+    write_ply(Path(path), model)

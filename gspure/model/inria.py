@@ -13,6 +13,7 @@ import ast
 from pathlib import Path
 
 from gspure.errors import InputError
+from gspure.model.compressed import refuse_compressed
 
 Argument = str | float | bool | int | None
 
@@ -30,6 +31,7 @@ def point_cloud(folder: Path) -> Path:
         return saved[max(saved)]
     if (folder / _POINT_CLOUD).is_file():
         return folder / _POINT_CLOUD
+    refuse_compressed(folder)
     raise InputError(
         folder,
         "point_cloud",

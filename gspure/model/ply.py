@@ -17,10 +17,8 @@ from plyfile import PlyData, PlyElement, PlyListProperty, PlyParseError
 from gspure.artifacts import replacing
 from gspure.constants import MAX_SH_DEGREE
 from gspure.errors import InputError
+from gspure.model.compressed import CONVERT, refuse_compressed
 from gspure.model.gaussians import COLOUR, CORE, Gaussians, Table, columns_named, sh_columns
-
-_COMPRESSED = (".spz", ".sog", ".splat", ".ksplat")
-_CONVERT = "convert it to a plain 3DGS .ply first, for example with PlayCanvas' splat-transform"
 
 _HEADER_LIMIT = 1 << 20
 """No header is longer: of a file that is no PLY, no more than this is searched for the header's end."""
@@ -52,7 +50,7 @@ def read_ply(path: Path) -> Gaussians:
     path = Path(path)
     header, offset = _read_header(path)
     vertex = _vertex(path, header)
-    _check_properties(path, vertex)
+    _check_properties(path, vertex, "a mesh" if "face" in header else "a plain point cloud")
     table = _parse_rows(path, vertex, offset) if header.text else _map_rows(path, vertex, offset, header.byte_order)
     return Gaussians(table, (*header.comments, *header.obj_info, *vertex.comments))
 
@@ -69,8 +67,7 @@ def write_ply(path: Path, model: Gaussians) -> None:
 
 def _read_header(path: Path) -> tuple[PlyData, int]:
     """Return the header and its length in bytes, before anything is allocated for what it claims."""
-    if path.suffix.lower() in _COMPRESSED:
-        raise InputError(path, "format", expected="a 3DGS .ply", found=f"a {path.suffix} file", hint=_CONVERT)
+    refuse_compressed(path)
     try:
         with path.open("rb") as stream:
             head = io.BytesIO(stream.read(_HEADER_LIMIT))
@@ -86,7 +83,7 @@ def _vertex(path: Path, header: PlyData) -> PlyElement:
     """Return the element that holds the Gaussians: the first one."""
     names = [element.name for element in header.elements]
     if "vertex" in names and "packed_position" in header["vertex"]:
-        raise InputError(path, "format", expected="a 3DGS .ply", found="a compressed .ply", hint=_CONVERT)
+        raise InputError(path, "format", expected="a 3DGS .ply", found="a compressed .ply", hint=CONVERT)
     if names[:1] != ["vertex"]:
         raise InputError(path, "element vertex", expected="to come first", found=", ".join(names) or "no element")
     vertex = header["vertex"]
@@ -95,8 +92,11 @@ def _vertex(path: Path, header: PlyData) -> PlyElement:
     return vertex
 
 
-def _check_properties(path: Path, vertex: PlyElement) -> None:
-    """Refuse lists, colour that fits no degree, and core properties that are missing or not float32."""
+def _check_properties(path: Path, vertex: PlyElement, otherwise: str) -> None:
+    """Refuse lists, colour that fits no degree, and core properties that are missing or not float32.
+
+    A file that has no Gaussians is called what it is `otherwise`.
+    """
     for stored in vertex.properties:
         if isinstance(stored, PlyListProperty):
             raise InputError(path, stored.name, expected="one value per Gaussian", found="a list property")
@@ -104,7 +104,7 @@ def _check_properties(path: Path, vertex: PlyElement) -> None:
     required = _required(path, kinds)
     for name in required:
         if name not in kinds:
-            hint = "not a 3DGS model" if name in CORE else None
+            hint = f"{otherwise}, not a 3DGS model" if not kinds.keys() & {*CORE[3:]} else None
             raise InputError(path, name, expected="a float32 property", found="no such property", hint=hint)
     for name in required:
         if kinds[name] != np.float32:

@@ -17,9 +17,9 @@ DEVICE_VARIABLE: Final = "GSPURE_DEVICE"
 INSTALL_HINT: Final = "`make opencl` in a checkout of gspure, or `sudo apt-get install pocl-opencl-icd`"
 
 _TRIVIAL_KERNEL = """
-kernel void triple(global const float16 *input, global float16 *output) {
+kernel void scale(global const float16 *input, global float16 *output) {
     const size_t i = get_global_id(0);
-    output[i] = 3.0f * input[i] + 1.0f;
+    output[i] = FACTOR * input[i] + 1.0f;
 }
 """
 
@@ -101,26 +101,33 @@ def devices_meant(spec: str | None = None) -> tuple[Device, ...]:
 
 
 @cache
-def fault(device: Device) -> str | None:
+def fault(device: Device, factor: int = 3) -> str | None:
     """Return why a trivial program does not build and run on `device`; None if it does.
 
-    A driver may kill the process instead of reporting an error; `gspure.opencl.probe` survives that.
+    A driver may end the process instead of reporting an error; `gspure.trial` survives that.
+
+    Parameters
+    ----------
+    device : Device
+    factor : int
+        What the program multiplies by. One that was not used before makes the driver compile, cache or not.
+
     """
     numbers = np.arange(64, dtype=np.float32)
-    tripled = np.empty_like(numbers)
+    scaled = np.empty_like(numbers)
     try:
         context = cl.Context([device.cl_device])
         queue = cl.CommandQueue(context)
         source = cl.Buffer(context, cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR, hostbuf=numbers)
-        target = cl.Buffer(context, cl.mem_flags.WRITE_ONLY, size=tripled.nbytes)
+        target = cl.Buffer(context, cl.mem_flags.WRITE_ONLY, size=scaled.nbytes)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", cl.CompilerWarning)
-            program = cl.Program(context, _TRIVIAL_KERNEL).build(cache_dir=False)
-        cl.Kernel(program, "triple")(queue, (numbers.size // 16,), None, source, target)
-        cl.enqueue_copy(queue, tripled, target)
+            program = cl.Program(context, _TRIVIAL_KERNEL).build([f"-DFACTOR={factor}.0f"], cache_dir=False)
+        cl.Kernel(program, "scale")(queue, (numbers.size // 16,), None, source, target)
+        cl.enqueue_copy(queue, scaled, target)
     except cl.Error as error:
         return _first_line(str(error))
-    return None if np.array_equal(tripled, 3 * numbers + 1) else "a trivial kernel gives wrong results"
+    return None if np.array_equal(scaled, factor * numbers + 1) else "a trivial program gives wrong results"
 
 
 def works(device: Device) -> bool:
