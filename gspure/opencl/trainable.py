@@ -138,10 +138,21 @@ class TrainableModel:
         background: Sequence[float] = (0.0, 0.0, 0.0),
         ssim_weight: float = SSIM_WEIGHT,
     ) -> float:
-        """Render `camera`, compare with photograph number `target`, and move every parameter; return the loss."""
+        """Render `camera`, compare with photograph number `target`, and move every parameter; return the loss.
+
+        Raises
+        ------
+        ValueError
+            If the photograph is not of the camera's size.
+
+        """
         engine, storage = self._engine, self._storage
-        seen = self._forward(camera, background)
         plane, photograph = self._targets[target]
+        if (plane.width, plane.height) != (camera.width, camera.height):
+            raise ValueError(
+                f"a photograph of {plane.width}x{plane.height} for a view of {camera.width}x{camera.height}"
+            )
+        seen = self._forward(camera, background)
         loss, image_gradient = image_loss(engine, plane, seen.canvas.image, photograph, ssim_weight)
         gradients = backward(engine, storage, seen, image_gradient)
         self._note(seen, gradients)
