@@ -67,6 +67,31 @@ def assert_contributions_agree(actual, reference, *, tight=5e-6):
     assert flipped.sum() <= 1 + 50 * tight * reference.pixels.sum(), f"{flipped.sum()} touched pixels differ"
 
 
+def steady_pixels(margins, tight=5e-6):
+    """Pixels [H,W] whose gradient does not hang on rounding: no step is near, nor the kink where alpha is clamped."""
+    return ~(may_flip(margins, tight) | may_swap(margins) | (margins.clamp < 50 * tight))
+
+
+def assert_gradients_agree(actual, expected, model, *, tight=1e-5):
+    """Compare gradients of a loss on `steady_pixels` row by row, relative to the row's size and a little of others'.
+
+    A round Gaussian's quaternion has no gradient, as the sum of turns that would each change its shape; so a row's size
+    is there also that of its scales' gradient.
+    """
+    turns = np.linalg.norm(expected.scales * model.scales, axis=1) / np.linalg.norm(model.quats, axis=1)
+    for name in ("means", "quats", "scales", "opacities", "channels", "means2d"):
+        found, true = getattr(actual, name), getattr(expected, name)
+        assert found.shape == true.shape, name
+        assert np.isfinite(found).all(), name
+        if not true.size:
+            continue
+        error, size = (np.linalg.norm(part.reshape(len(model), -1), axis=1) for part in (found - true, true))
+        size = size + (turns if name == "quats" else 0.0)
+        relative = error / (size + 0.01 * np.sqrt((size**2).mean()) + 1e-12)
+        mean, worst = relative.mean(), relative.max()
+        assert (mean < tight) & (worst < 50 * tight), f"{name}: {mean:.2e}, {worst:.2e} in row {relative.argmax()}"
+
+
 def assert_tight(errors, tight):
     """Bound the mean, the 99 % quantile and the maximum."""
     if errors.size:

@@ -170,7 +170,7 @@ def off_centre() -> Case:
 def stacked() -> Case:
     """A hundred opaque layers: pixels stop early."""
     means = np.stack([np.zeros(100), np.zeros(100), np.linspace(3, 9, 100)], axis=1)
-    return gaussians(means=means, scales=0.5, opacities=0.95, colors=np.linspace(0, 1, 300).reshape(100, 3)), camera()
+    return gaussians(means=means, scales=0.5, opacities=0.95, colors=np.linspace(0.1, 1, 300).reshape(100, 3)), camera()
 
 
 AWKWARD: dict[str, Callable[[], Case]] = {

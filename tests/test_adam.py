@@ -1,0 +1,140 @@
+"""Adam over parameters on the device, against float64."""
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+
+from gspure.opencl.adam import LearningRates, Moments, activate, adam_step
+from gspure.opencl.engine import Engine
+from gspure.opencl.gradients import DeviceGradients, by_row
+from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, Storage, upload_attributes
+from gspure.reference.adam import adam_step as reference_step
+
+RATES = LearningRates(means=1e-3, quats=2e-3, scales=5e-3, opacities=0.05, sh_dc=2.5e-3, sh_rest=1e-4)
+OF_GEOMETRY = np.repeat(astuple(RATES)[:4], [3, 4, 3, 1])
+
+
+def of_channels(attributes):
+    return np.where(np.arange(attributes) < 3, RATES.sh_dc, RATES.sh_rest)
+
+
+def activated(geometry):
+    """(what the renderer takes, its derivative by what is stored) of raw geometry [K,11]."""
+    values, slopes = geometry.astype(np.float64), np.ones(geometry.shape)
+    values[:, 7:10] = slopes[:, 7:10] = np.exp(values[:, 7:10])
+    values[:, 10] = 1 / (1 + np.exp(-values[:, 10]))
+    slopes[:, 10] = values[:, 10] * (1 - values[:, 10])
+    return values, slopes
+
+
+class OnDevice:
+    """Parameters of `count` Gaussians in a storage order of no particular kind, stepped on a device."""
+
+    def __init__(self, device, style, geometry, channels):
+        self.engine = Engine(device.cl_device, style)
+        self.count, self.attributes = len(geometry), channels.shape[1]
+        order = np.random.default_rng(9).permutation(self.count).astype(np.uint32)
+        self.storage = Storage.along(self.engine, order, self.uploaded(np.zeros_like(geometry), order))
+        self.geometry, self.channels = (
+            Moments(self.uploaded(part), *(self.uploaded(np.zeros_like(part)) for _ in range(2)))
+            for part in (geometry, channels)
+        )
+        activate(self.engine, self.count, self.geometry.raw, self.storage.geometry)
+
+    def uploaded(self, rows, order=None):
+        order = self.storage.order if order is None else order
+        return upload_attributes(self.engine, order, rows.shape[1], rows.__getitem__)
+
+    def step(self, number, geometry_gradients, channel_gradients):
+        found = DeviceGradients(*map(self.uploaded, (geometry_gradients, channel_gradients)), None)
+        adam_step(
+            *(self.engine, self.count, number, RATES, found),
+            *(self.geometry, self.storage.geometry, self.channels, self.attributes),
+        )
+
+    def rows(self, buffer, attributes=GEOMETRY_ATTRIBUTES):
+        return by_row(self.engine, self.storage, buffer, attributes)
+
+
+def parameters(count, attributes=12, seed=0):
+    rng = np.random.default_rng(seed)
+    geometry = rng.normal(0, 1.5, (count, GEOMETRY_ATTRIBUTES)).astype(np.float32)
+    return geometry, rng.normal(size=(count, attributes)).astype(np.float32)
+
+
+def random_gradients(shape, seed):
+    """Of all sizes from 1e-12 to 1e4; a third are exactly zero, as those of what is not seen."""
+    rng = np.random.default_rng(seed)
+    gradients = rng.normal(size=shape) * 10 ** rng.uniform(-12, 4, shape)
+    return np.where(rng.random(shape) < 1 / 3, 0, gradients).astype(np.float32)
+
+
+@pytest.mark.parametrize("count", [1, 16, 17, 257])
+@pytest.mark.parametrize("first_step", [1, 5000])
+def test_steps_agree_with_the_reference(device, style, count, first_step):
+    """Group by group, several in a row, near the start, where the corrections matter, and far from it."""
+    geometry, channels = parameters(count)
+    model = OnDevice(device, style, geometry, channels)
+    parts = [(geometry, model.geometry, OF_GEOMETRY), (channels, model.channels, of_channels(12))]
+    states = [(raw.astype(np.float64), np.zeros(raw.shape), np.zeros(raw.shape)) for raw, _, _ in parts]
+    largest = [np.zeros(raw.shape) for raw, _, _ in parts]
+    for number in range(first_step, first_step + 4):
+        gradients = [random_gradients(raw.shape, number + i) for i, (raw, _, _) in enumerate(parts)]
+        model.step(number, *gradients)
+        gradients[0] = gradients[0] * activated(states[0][0])[1]
+        states = [
+            reference_step(*state, gradient, rate, number)
+            for state, gradient, (_, _, rate) in zip(states, gradients, parts, strict=True)
+        ]
+        largest = [np.maximum(most, np.abs(gradient)) for most, gradient in zip(largest, gradients, strict=True)]
+    for (_, buffers, rate), state, most in zip(parts, states, largest, strict=True):
+        found = (model.rows(buffer, most.shape[1]) for buffer in (buffers.raw, buffers.first, buffers.second))
+        errors = [np.abs(part - true) for part, true in zip(found, state, strict=True)]
+        assert (errors[0] <= 5e-5 * rate + 3e-7 * np.abs(state[0])).all()
+        assert (errors[1] <= 1e-6 * most).all()
+        assert (errors[2] <= 1e-8 * most**2 + 1e-37).all()
+    renderers = model.rows(model.storage.geometry)
+    np.testing.assert_allclose(renderers, activated(states[0][0])[0], rtol=1e-5)
+
+
+def test_the_first_step_is_as_long_as_the_rate(device, style):
+    """Whatever the gradient's size, as long as it is above epsilon."""
+    geometry, channels = parameters(33)
+    model = OnDevice(device, style, geometry, channels)
+    gradients = [
+        np.where(random_gradients(part.shape, 3) > 0, 1e-9, -1e4).astype(np.float32) for part in parameters(33)
+    ]
+    model.step(1, *gradients)
+    moved = (model.rows(model.geometry.raw) - geometry) / OF_GEOMETRY
+    np.testing.assert_allclose(moved, -np.sign(gradients[0]), atol=1e-3)
+    moved = (model.rows(model.channels.raw, 12) - channels) / of_channels(12)
+    np.testing.assert_allclose(moved, -np.sign(gradients[1]), atol=4e-3)
+
+
+def test_vanishing_gradients_move_next_to_nothing(device, style):
+    """Far below epsilon their squares vanish in single precision; the step must vanish as well, not explode."""
+    geometry, channels = parameters(17)
+    model = OnDevice(device, style, geometry, channels)
+    model.step(1, np.full_like(geometry, 1e-25), np.full_like(channels, 1e-30))
+    assert np.array_equal(model.rows(model.geometry.raw), geometry)
+    assert np.array_equal(model.rows(model.channels.raw, 12), channels)
+    model.step(2, np.zeros_like(geometry), np.zeros_like(channels))
+    assert np.isfinite(model.rows(model.geometry.raw)).all()
+
+
+def test_what_has_no_gradient_keeps_moving_for_a_while(device, style):
+    """Adam remembers; a Gaussian out of view coasts, as in 3DGS."""
+    geometry, channels = parameters(17)
+    model = OnDevice(device, style, geometry, channels)
+    model.step(1, np.ones_like(geometry), np.ones_like(channels))
+    before = model.rows(model.channels.raw, 12)
+    model.step(2, np.zeros_like(geometry), np.zeros_like(channels))
+    assert (model.rows(model.channels.raw, 12) < before).all()
+
+
+def test_no_gaussians_take_no_step(device, style):
+    geometry, channels = parameters(0)
+    model = OnDevice(device, style, geometry, channels)
+    model.step(1, geometry, channels)
+    assert model.rows(model.geometry.raw).shape == (0, 11)

@@ -1,0 +1,288 @@
+"""The renderer's vjp against the reference, and its invariants, on every device, in both kernel styles."""
+
+import os
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gspure.errors import InputError
+from gspure.model.gaussians import Gaussians
+from gspure.reference.blending import render
+from gspure.reference.gradients import pull_back
+from gspure.renderer import Renderer
+from tests.comparison import assert_gradients_agree, steady_pixels
+from tests.exact import GRADIENT_OF, Exact, smooth_pixels
+from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
+
+BACKGROUND = np.array([0.1, 0.5, 0.9])
+ROUNDING = {"flakes": 1e-4, "close_needles": 5e-3}
+"""Tolerances of cases that float32 cannot hold better."""
+
+
+def random_gradient(view, channels=3, seed=0):
+    return np.random.default_rng(seed).normal(size=(view.height, view.width, channels)).astype(np.float32)
+
+
+def assert_gradients_of(renderer, view, *, features=None, background=BACKGROUND, tight=1e-5):
+    """Compare a vjp of random numbers with the reference, where rounding decides nothing."""
+    settings = {"features": features, "background": background}
+    rendered = render(renderer.model, view, "ewa", **settings)
+    gradient = random_gradient(view, rendered.channels.shape[2]) * steady_pixels(rendered.margins)[..., None]
+    _, pullback = renderer.vjp(view, **settings)
+    expected = pull_back(renderer.model, view, gradient, **settings)
+    assert_gradients_agree(pullback(gradient), expected, renderer.model, tight=tight)
+
+
+def gradients(renderer, view, seed=0, **settings):
+    image, pullback = renderer.vjp(view, **settings)
+    return pullback(random_gradient(view, image.shape[2], seed))
+
+
+def bits(found):
+    return [getattr(found, field.name).tobytes() for field in fields(found)]
+
+
+# --- agreement with the reference -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", AWKWARD)
+def test_gradients_of_awkward_models_agree_with_the_reference(device, style, case):
+    model, view = AWKWARD[case]()
+    assert_gradients_of(Renderer(model, device, style=style), view, tight=ROUNDING.get(case, 1e-5))
+
+
+@pytest.mark.parametrize("count", [1, 17, 257])
+def test_gradients_of_any_number_of_gaussians_agree(device, style, count):
+    assert_gradients_of(Renderer(blobs(count, count), device, style=style), tilted_camera(33, 31))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (15, 17), (16, 16), (17, 15), (33, 31)], ids="{0[0]}x{0[1]}".format)
+def test_gradients_of_any_image_size_agree(device, style, size):
+    """One short of a tile, a tile, and one more, in both directions."""
+    assert_gradients_of(Renderer(blobs(120, 1), device, style=style), tilted_camera(*size))
+
+
+@pytest.mark.parametrize("sh_degree", [0, 1, 2, 3])
+def test_gradients_of_any_degree_of_spherical_harmonics_agree(device, style, sh_degree):
+    assert_gradients_of(Renderer(blobs(60, 2, sh_degree=sh_degree), device, style=style), tilted_camera(33, 31))
+
+
+@pytest.mark.parametrize("channels", [1, 3, 16])
+def test_gradients_of_any_number_of_features_agree(device, style, channels):
+    rng = np.random.default_rng(channels)
+    features = rng.normal(size=(60, channels)).astype(np.float32)
+    renderer = Renderer(blobs(60, 3, sh_degree=0), device, style=style)
+    assert_gradients_of(renderer, camera(33, 31), features=features, background=rng.normal(size=channels))
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    seed=st.integers(0, 2**31),
+    count=st.integers(1, 60),
+    size=st.tuples(st.integers(1, 34), st.integers(1, 34)),
+    largest=st.floats(0.05, 3.0),
+    focal=st.floats(10.0, 200.0),
+)
+def test_gradients_of_random_scenes_agree(device, style, seed, count, size, largest, focal):
+    model = blobs(count, seed, sh_degree=1, size=(0.02, largest))
+    assert_gradients_of(Renderer(model, device, style=style), tilted_camera(*size, focal=focal), tight=1e-4)
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**31), name=st.sampled_from(sorted(GRADIENT_OF)), largest=st.floats(0.05, 1.0))
+def test_gradients_are_slopes_of_random_scenes(device, style, seed, name, largest):
+    """Straight from float64 finite differences of the reference's image, past its own backward pass."""
+    model, view = blobs(20, seed, size=(0.03, largest)), tilted_camera(24, 20, focal=30.0)
+    exact = Exact.of(model)
+    gradient = random_gradient(view) * smooth_pixels(render(exact, view, "ewa").margins)[..., None]
+    _, pullback = Renderer(model, device, style=style).vjp(view)
+    direction = exact.natural_direction(name, np.random.default_rng(seed))
+    terms = getattr(pullback(gradient), GRADIENT_OF[name]) * direction
+    slope = exact.slope(name, direction, view, gradient)
+    assert slope == pytest.approx(terms.sum(), abs=1e-4 * np.linalg.norm(terms) + 1e-5)
+
+
+# --- the rules --------------------------------------------------------------------------------------------------------
+
+
+def test_nothing_but_colour_flows_through_a_clamped_alpha(device, style):
+    opaque = gaussians(means=[[0, 0, 4], [0, 0, 5]], scales=50.0, opacities=[0.999, 0.5], colors=[[0.9], [0.2]])
+    found = gradients(Renderer(opaque, device, style=style), camera(17, 17))
+    for name in ("quats", "scales", "opacities", "means2d", "means"):
+        assert not getattr(found, name)[0].any(), name
+        assert name == "quats" or getattr(found, name)[1].any(), name
+    assert found.channels.all()
+
+
+def test_what_lies_behind_the_stop_has_no_gradient(device, style):
+    means = [[0, 0, z] for z in (3.0, 4.0, 5.0, 6.0)]
+    model = gaussians(means=means, scales=9.0, opacities=[0.98, 0.98, 0.9, 0.9])  # T: 0.02, 0.0004, too dark
+    found = gradients(Renderer(model, device, style=style), camera(17, 17))
+    for field in fields(found):
+        assert not getattr(found, field.name)[2:].any(), field.name
+    assert found.opacities[:2].all()
+
+
+def test_the_background_enters(device, style):
+    """A Gaussian alone, in the background's colour, changes nothing by being there."""
+    model, view = gaussians(means=[0, 0, 4], scales=0.3, colors=BACKGROUND), camera(33, 31)
+    renderer = Renderer(model, device, style=style)
+    alike, apart = (gradients(renderer, view, background=background) for background in (BACKGROUND, BACKGROUND + 1))
+    assert np.abs(alike.opacities) < 1e-5 * np.abs(apart.opacities)
+    assert (np.abs(alike.means2d) < 1e-5 * np.abs(apart.means2d)).all()
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"x": np.nan},
+        {"opacity": np.nan},
+        {"scale_0": np.inf},
+        {"rot_1": np.nan},
+        {"x": 0.0, "y": 0.0, "z": 0.0},
+        dict.fromkeys(("rot_0", "rot_1", "rot_2", "rot_3"), 0.0),
+    ],
+    ids=" ".join,
+)
+def test_a_row_that_is_not_drawn_has_no_gradient_and_leaves_no_trace(device, style, columns):
+    """No Gaussian at all, or one at the camera's centre."""
+    model, view = blobs(17, 4), camera(33, 31)
+    broken = model.with_columns({"opacity": 3.0} | columns).subset(np.arange(17) < 3)
+    alone = gradients(Renderer(model, device, style=style), view)
+    among = gradients(Renderer(joined(model, broken), device, style=style), view)
+    for field in fields(alone):
+        found = getattr(among, field.name)
+        assert found[:17].tobytes() == getattr(alone, field.name).tobytes(), field.name
+        assert not found[17:].any(), field.name
+
+
+# --- invariants -------------------------------------------------------------------------------------------------------
+
+
+def test_the_image_of_a_vjp_is_the_image(device, style):
+    model, view = blobs(60, 3), tilted_camera(33, 31)
+    renderer, features = Renderer(model, device, style=style), model.means
+    assert np.array_equal(renderer.vjp(view, background=BACKGROUND)[0], renderer.image(view, BACKGROUND))
+    assert np.array_equal(renderer.vjp(view, features)[0], renderer.feature_map(view, features))
+
+
+def test_gradients_are_linear_in_the_images(device, style):
+    view = tilted_camera(33, 31)
+    _, pullback = Renderer(blobs(60, 3), device, style=style).vjp(view)
+    gradient = random_gradient(view)
+    once, twice, none = pullback(gradient), pullback(2 * gradient), pullback(0 * gradient)
+    for field in fields(once):
+        assert np.array_equal(2 * getattr(once, field.name), getattr(twice, field.name)), field.name
+        assert not getattr(none, field.name).any(), field.name
+
+
+def test_the_gradient_of_a_feature_is_the_gaussians_contribution(device, style):
+    model, view = blobs(100, 4, sh_degree=0), tilted_camera()
+    renderer = Renderer(model, device, style=style)
+    contributions = renderer.contributions(view)
+    _, pullback = renderer.vjp(view, np.zeros((100, 1), np.float32))
+    found = pullback(np.ones((view.height, view.width, 1), np.float32)).channels[:, 0]
+    np.testing.assert_allclose(found[contributions["index"]], contributions["sum"], rtol=1e-5, atol=1e-5)
+    assert np.count_nonzero(found) == len(contributions)
+
+
+def test_an_image_stays_as_the_world_grows_around_the_camera(device, style):
+    """So gradients of means and scales along that growth cancel; likewise a quaternion's along itself."""
+    model, view = blobs(100, 5), tilted_camera()
+    found = gradients(Renderer(model, device, style=style), view)
+    growth = (found.means * (model.means - view.centre)).sum(axis=1) + (found.scales * model.scales).sum(axis=1)
+    size = np.linalg.norm(found.means, axis=1) * np.linalg.norm(model.means - view.centre, axis=1)
+    assert (np.abs(growth) < 2e-5 * (size + 0.01 * size.mean())).all()
+    along, size = (found.quats * model.quats).sum(axis=1), np.linalg.norm(found.scales * model.scales, axis=1)
+    assert (np.abs(along) < 2e-5 * (size + 0.01 * size.mean())).all()
+    assert np.count_nonzero(found.quats) > 100
+
+
+# --- determinism ------------------------------------------------------------------------------------------------------
+
+
+def test_a_second_vjp_gives_the_same_bits(device, style):
+    model, view = blobs(257, 7), tilted_camera()
+    first, second = (Renderer(model, device, style=style) for _ in range(2))
+    expected = bits(gradients(first, view))
+    assert bits(gradients(second, view)) == expected
+    gradients(second, camera(17, 15))
+    second.feature_map(camera(), np.ones((257, 5), np.float32))
+    _, pullback = second.vjp(view)
+    assert bits(pullback(random_gradient(view))) == expected
+    assert bits(pullback(random_gradient(view))) == expected
+
+
+@pytest.mark.parametrize("budget", [1, 100, 600])
+def test_bands_give_the_same_gradients(device, style, budget):
+    """Small Gaussians, which not every band shows."""
+    model, view = blobs(257, 8, sh_degree=0, size=(0.01, 0.05)), tilted_camera(65, 128, focal=100.0)
+    whole, banded = (Renderer(model, device, style=style, **settings) for settings in ({}, {"entry_budget": budget}))
+    expected = bits(gradients(whole, view))
+    _, pullback = banded.vjp(view)
+    assert bits(pullback(random_gradient(view))) == expected
+    assert bits(pullback(random_gradient(view))) == expected
+
+
+HASH_IN_ANOTHER_PROCESS = """
+import hashlib
+from gspure.renderer import Renderer
+from tests.models import blobs, tilted_camera
+from tests.test_gradients import bits, gradients
+print(hashlib.sha256(b"".join(bits(gradients(Renderer(blobs(257, 10)), tilted_camera(65, 47))))).hexdigest())
+"""
+
+
+def test_the_number_of_threads_does_not_matter(device):
+    """On PoCL, whose threads an environment variable sets."""
+    if "Portable Computing Language" not in device.platform:
+        pytest.skip("not PoCL")
+    hashes = {
+        subprocess.check_output(
+            [sys.executable, "-c", HASH_IN_ANOTHER_PROCESS],
+            env={**os.environ, "POCL_MAX_PTHREAD_COUNT": threads},
+            cwd=Path(__file__).parents[1],
+        )
+        for threads in ("1", "2", "3")
+    }
+    assert len(hashes) == 1
+
+
+# --- refusals ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_pullback_ends_with_the_renderers_next_image(device):
+    renderer, view = Renderer(blobs(3), device), camera(8, 8)
+    _, pullback = renderer.vjp(view)
+    renderer.image(view)
+    with pytest.raises(RuntimeError, match="another image"):
+        pullback(random_gradient(view))
+
+
+def test_a_gradient_of_another_shape_is_refused(device):
+    _, pullback = Renderer(blobs(3), device).vjp(camera(8, 9))
+    with pytest.raises(ValueError, match=r"\(8, 9, 3\).*\(9, 8, 3\)"):
+        pullback(np.ones((8, 9, 3), np.float32))
+
+
+def test_gradients_exist_for_one_energy_only(device):
+    with pytest.raises(ValueError, match="ewa"):
+        Renderer(blobs(3), device, energy="ray").vjp(camera(8, 8))
+
+
+def test_a_vjp_needs_colours_or_features_for_each_row(device):
+    table = blobs(3).table
+    renderer = Renderer(Gaussians(table[[name for name in table.dtype.names if not name.startswith("f_")]]), device)
+    assert renderer.vjp(camera(8, 8), np.ones((3, 2), np.float32))[0].shape == (8, 8, 2)
+    with pytest.raises(InputError, match="f_dc_0"):
+        renderer.vjp(camera(8, 8))
+    with pytest.raises(ValueError, match="features"):
+        renderer.vjp(camera(8, 8), np.ones((4, 2), np.float32))
+    with pytest.raises(ValueError, match="background"):
+        renderer.vjp(camera(8, 8), np.ones((3, 2), np.float32), background=[0.0])
