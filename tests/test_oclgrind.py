@@ -29,6 +29,36 @@ renderer.depth(view)
 renderer.contributions(view)
 """
 
+GRADIENTS = """
+import numpy as np
+from gspure.opencl.device import list_devices
+from gspure.reference.blending import render
+from gspure.reference.gradients import pull_back
+from gspure.renderer import Renderer
+from tests.comparison import assert_gradients_agree, steady_pixels
+from tests.models import blobs, tilted_camera
+(device,) = list_devices()
+model, view = blobs(17, 1, sh_degree=1), tilted_camera(20, 18)
+_, pullback = Renderer(model, device, style={style!r}).vjp(view)
+gradient = np.random.default_rng(0).normal(size=(18, 20, 3)).astype(np.float32)
+gradient *= steady_pixels(render(model, view, "ewa").margins)[..., None]
+assert_gradients_agree(pullback(gradient), pull_back(model, view, gradient), model)
+"""
+
+TRAIN = """
+import numpy as np
+from gspure.opencl.device import list_devices
+from gspure.opencl.trainable import TrainableModel, TrainState
+from tests.models import tilted_camera
+from tests.test_trainable import RATES, parameters, scene
+(device,) = list_devices()
+model = TrainableModel(TrainState.fresh(parameters(scene(17))), device=device, style={style!r})
+model.set_targets([np.random.default_rng(0).random((18, 20, 3), np.float32)])
+model.step(tilted_camera(20, 18), 0, RATES)
+model.statistics()
+model.replace(model.state())
+"""
+
 WRITE = """
 import numpy as np
 import pyopencl as cl
@@ -86,3 +116,8 @@ def test_the_simulator_reports_races_and_invalid_accesses(simulate):
 
 def test_the_kernels_have_no_race_and_no_invalid_access(simulate, style, energy):
     assert simulate(RENDER.format(style=style, energy=energy)) == ""
+
+
+@pytest.mark.parametrize("program", [GRADIENTS, TRAIN], ids=["gradients", "training"])
+def test_the_kernels_of_training_have_no_race_and_no_invalid_access(simulate, style, program):
+    assert simulate(program.format(style=style)) == ""
