@@ -2,6 +2,7 @@ rule plant_scene:
     output:
         model="results/planted/{scene}/public/point_cloud.ply",
         cameras="results/planted/{scene}/cameras.json",
+        points="results/planted/{scene}/points3D.ply",
         key="results/planted/{scene}/key/planted_key.npz",
         carriers="results/planted/{scene}/key/carriers.npy",
         scene=directory("results/planted/{scene}/truth/scene"),

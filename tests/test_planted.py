@@ -13,12 +13,14 @@ from gspure.images import read_image
 from gspure.model import read_model, write_model
 from gspure.model.gaussians import Gaussians
 from gspure.renderer import Renderer
-from gspure.scenes import lighting, plant, read_key, reveal, trace, write_key
+from gspure.scenes import lighting, plant, read_key, reveal, seen_points, trace, write_key
 from gspure.scenes.planted import HIDDEN
 from gspure.scenes.scene import Lamp, Scene
 from gspure.scenes.solids import Box, Sphere
+from gspure.scenes.sparse_points import PER_VIEW
 from gspure.scenes.surfels import SPREAD, tile
 from gspure.scenes.textures import checker, plain
+from gspure.training.dataset import read_dataset
 
 SMALL = {"gaussians": 1200, "views": 3, "width": 32, "height": 24}
 
@@ -234,6 +236,17 @@ def test_renderings_resemble_the_photographs(device):
     assert psnr(Renderer(message, device).image(view), trace(planted.message, view)[0]) > 21.0
 
 
+def test_points_lie_where_a_photograph_shows_them_in_its_colours(planted):
+    view = planted.cameras[0]
+    image, depth = trace(planted.scene, view)
+    xyz, rgb = seen_points(view, image, depth, np.random.default_rng(0))
+    x, y, z = view.K @ (view.viewmat[:3, :3] @ xyz.T + view.viewmat[:3, 3:])
+    rows, columns = np.floor(y / z).astype(int), np.floor(x / z).astype(int)
+    assert len({*zip(rows.tolist(), columns.tolist(), strict=True)}) == PER_VIEW
+    np.testing.assert_allclose(z, depth[rows, columns], rtol=1e-6)
+    np.testing.assert_allclose(rgb / 255, image[rows, columns], atol=0.5 / 255 + 1e-6)
+
+
 def test_the_commands_write_a_whole_planted_folder_and_reveal_its_message(planted, tmp_path):
     options = [f"--{name}={value}" for name, value in SMALL.items()]
     assert main(["plant", "--out", str(tmp_path), *options]) == 0
@@ -246,6 +259,9 @@ def test_the_commands_write_a_whole_planted_folder_and_reveal_its_message(plante
         photo = read_image(tmp_path / "truth" / "message" / f"{camera.name}.png")
         np.testing.assert_allclose(photo, trace(planted.message, wanted)[0], atol=0.5 / 255 + 1e-6)
         assert (tmp_path / "truth" / "scene" / f"{camera.name}.png").exists()
+    data = read_dataset(tmp_path, "native")
+    assert {view.image.parent for view in data.train} == {tmp_path / "truth" / "scene"}
+    assert len(data.xyz) == 3 * PER_VIEW
     message = tmp_path / "message.ply"
     assert main(["message", str(model), "--key", str(tmp_path / "key" / "planted_key.npz"), "--out", str(message)]) == 0
     assert read_model(message).table.tobytes() == reveal(planted.public, planted.key).table.tobytes()

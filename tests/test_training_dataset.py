@@ -115,15 +115,6 @@ def test_photographs_of_another_folder_are_found_by_the_views_names(project, tmp
     assert "orbit_004.image: expected an existing photograph" in refusal(project, photographs=other)
 
 
-def test_a_planted_scene_is_trained_from_its_ray_traced_photographs(tmp_path):
-    write_cameras(tmp_path / "cameras.json", ring())
-    (tmp_path / "truth" / "scene").mkdir(parents=True)
-    for view in ring():
-        Image.new("RGB", (32, 24)).save(tmp_path / "truth" / "scene" / f"{view.name}.png")
-    for source in (tmp_path, tmp_path / "cameras.json"):
-        assert read_dataset(source, "native").train[0].image == tmp_path / "truth" / "scene" / "orbit_001.png"
-
-
 def test_cameras_without_photographs_are_refused(tmp_path):
     write_cameras(tmp_path / "cameras.json", ring())
     assert "orbit_000.image: expected a photograph, found none named" in refusal(tmp_path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from gspure.errors import InputError
@@ -14,6 +15,7 @@ EXAMPLES = """\
 
 It writes public/point_cloud.ply, cameras.json, key/planted_key.npz (private opacity and colour), key/carriers.npy (bool
 [K], true for Gaussians of the message), and ray-traced photographs truth/scene/VIEW.png and truth/message/VIEW.png.
+With points3D.ply, points on the scene's surfaces, it is also what `gspure train` takes.
 """
 
 _LEAST = {"seed": 0, "gaussians": 100, "views": 1, "width": 16, "height": 16}
@@ -43,12 +45,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Plant, photograph and write."""
+    import numpy as np
+
     from gspure.artifacts import save_array, write_provenance
     from gspure.cameras import write_cameras
     from gspure.images import write_image
     from gspure.model import write_model
+    from gspure.model.points import write_point_ply
     from gspure.progress import say, track
-    from gspure.scenes import plant, trace, write_key
+    from gspure.scenes import plant, seen_points, trace, write_key
 
     for name, least in _LEAST.items():
         if getattr(args, name) < least:
@@ -56,10 +61,16 @@ def run(args: argparse.Namespace) -> None:
     names = ("scene", "message", "placement", "gaussians", "views", "width", "height", "seed")
     settings = {name: getattr(args, name) for name in names}
     planted = plant(**settings)
-    for camera in track(planted.cameras, "photograph"):
-        for kind, scene in (("scene", planted.scene), ("message", planted.message)):
-            write_image(args.out / "truth" / kind / f"{camera.name}.png", trace(scene, camera)[0])
-    write_cameras(args.out / "cameras.json", planted.cameras)
+    scene, message = (args.out / "truth" / kind for kind in ("scene", "message"))
+    cameras = [replace(camera, image=scene / f"{camera.name}.png") for camera in planted.cameras]
+    rng, points = np.random.default_rng(args.seed), []
+    for camera in track(cameras, "photograph"):
+        image, depth = trace(planted.scene, camera)
+        points.append(seen_points(camera, image, depth, rng))
+        write_image(scene / f"{camera.name}.png", image)
+        write_image(message / f"{camera.name}.png", trace(planted.message, camera)[0])
+    write_cameras(args.out / "cameras.json", cameras)
+    write_point_ply(args.out / "points3D.ply", *map(np.concatenate, zip(*points, strict=True)))
     write_key(args.out / "key" / "planted_key.npz", planted.key)
     save_array(args.out / "key" / "carriers.npy", planted.carries_message)
     model = args.out / "public" / "point_cloud.ply"

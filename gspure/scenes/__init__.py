@@ -6,6 +6,7 @@ from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.planted import STAGES, Planted, plant
 from gspure.scenes.planted_key import PlantedKey, read_key, reveal, write_key
 from gspure.scenes.ray_tracer import trace
+from gspure.scenes.sparse_points import seen_points
 
 __all__ = [
     "PLACEMENTS",
@@ -17,6 +18,7 @@ __all__ = [
     "plant",
     "read_key",
     "reveal",
+    "seen_points",
     "stage_cameras",
     "trace",
     "write_key",

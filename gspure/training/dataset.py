@@ -29,10 +29,8 @@ ASPECT_TOLERANCE: Final = 0.01
 """Relative; a photograph that was reduced to whole pixels stays within it, one that was cropped or turned does not."""
 
 POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.ply")
-"""Sparse points beside a camera file: of COLMAP tools, of 3DGS for Blender scenes, of nerfstudio, of 3DGS's output."""
-
-TRACED: Final = Path("truth") / "scene"
-"""Where `gspure plant` leaves the photographs of its scene."""
+"""Sparse points beside a camera file: of COLMAP tools and `gspure plant`, of 3DGS for Blender scenes, of nerfstudio, of
+3DGS's output."""
 
 _GREY: Final = 128
 
@@ -70,7 +68,7 @@ def read_dataset(source: Path, scale: str, *, photographs: Path | None = None, s
     Parameters
     ----------
     source : Path
-        A COLMAP project, a file or folder that `gspure.cameras.read_cameras` takes, or what `gspure plant` wrote.
+        A COLMAP project, a file or folder that `gspure.cameras.read_cameras` takes.
     scale : str
         Image size, a rule of `gspure.cameras.scaled`.
     photographs : Path, optional
@@ -86,7 +84,7 @@ def read_dataset(source: Path, scale: str, *, photographs: Path | None = None, s
 
     """
     source = Path(source)
-    cameras = _with_photographs(read_cameras(source), source, photographs)
+    cameras = _with_photographs(read_cameras(source), photographs)
     views = scaled(cameras, scale)
     require_images(views, source)
     _require_shapes(cameras, source)
@@ -122,13 +120,10 @@ def _photograph(camera: Camera) -> Path:
     return camera.image
 
 
-def _with_photographs(cameras: list[Camera], source: Path, photographs: Path | None) -> list[Camera]:
-    """Return the cameras with the photographs of their names in `photographs`; else their own, or the ray-traced."""
+def _with_photographs(cameras: list[Camera], photographs: Path | None) -> list[Camera]:
+    """Return the cameras with the photographs of their names in `photographs`, if that is given."""
     if photographs is None:
-        traced = _folder(source) / TRACED
-        if not traced.is_dir():
-            return cameras
-        return [replace(c, image=c.image or traced / f"{c.name}.png") for c in cameras]
+        return cameras
     files = sorted(path for path in photographs.rglob("*") if path.is_file())
     named = {"_".join(path.relative_to(photographs).with_suffix("").parts): path for path in files}
     return [replace(c, image=named.get(c.name, photographs / c.name)) for c in cameras]
