@@ -31,7 +31,7 @@ LAYERS = (
 DEPTH = {part: depth for depth, layer in enumerate(LAYERS) for part in layer}
 REFERENCE_MAY_IMPORT = {"constants", "model", "cameras", "reference"}
 
-# Packages that only one part knows, and packages too slow to import before they are needed.
+# Packages that only one part or module knows, and packages too slow to import before they are needed.
 OWNERS = {
     "pyopencl": ("opencl",),
     "pyvista": ("figures",),
@@ -42,7 +42,7 @@ OWNERS = {
     "plyfile": ("model",),
     "hdbscan": ("clustering",),
     "snakemake": (),
-    "torch": (),
+    "torch": ("schemes", "training/torch_bridge.py"),
     "pickle": (),
 }
 HEAVY = {"hdbscan", "jinja2", "matplotlib", "pyvista", "rich", "scipy", "sklearn", "vtk", "vtkmodules"}
@@ -106,8 +106,9 @@ def test_no_two_parts_import_each_other() -> None:
 
 def test_a_package_with_an_owner_is_imported_by_it_only() -> None:
     def stray(source: Path) -> set[str]:
-        packages = {name.split(".")[0] for name in imported(TREES[source])}
-        return {package for package in packages if part_of(source) not in OWNERS.get(package, part_of(source))}
+        packages = {name.split(".")[0] for name in imported(TREES[source])} & OWNERS.keys()
+        place = source.relative_to(PACKAGE)
+        return {package for package in packages if not any(place.is_relative_to(owner) for owner in OWNERS[package])}
 
     assert offences(stray) == []
 
@@ -117,3 +118,11 @@ def test_heavy_packages_are_imported_where_they_are_needed() -> None:
         return HEAVY & {name.split(".")[0] for s in run_at_import(TREES[source]) for name in imported(s)}
 
     assert offences(early) == []
+
+
+def test_the_core_does_not_import_the_bridge_to_torch() -> None:
+    def bridged(source: Path) -> set[str]:
+        names = {name for name in imported(TREES[source]) if name.startswith("gspure.training.torch_bridge")}
+        return set() if part_of(source) == "schemes" else names
+
+    assert offences(bridged) == []

@@ -1,0 +1,213 @@
+"""The renderer as a differentiable function of PyTorch tensors, so that networks can be trained over what it renders.
+
+>>> from gspure.training.torch_bridge import TorchRenderer  # doctest: +SKIP
+>>> render = TorchRenderer()  # doctest: +SKIP
+>>> features = torch.zeros(len(means), 16, requires_grad=True)  # doctest: +SKIP
+>>> feature_map = render(camera, means, quats, scales, opacities, features)  # doctest: +SKIP
+>>> loss(decoder(feature_map.permute(2, 0, 1))).backward()  # doctest: +SKIP
+
+No other module of the core needs torch, which is optional (``pip install gspure[torch]``); without it, importing this
+one raises `InputError`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.errors import InputError
+from gspure.opencl.device import Device, choose_device
+from gspure.opencl.engine import Engine, Style
+from gspure.opencl.frame import Pass
+from gspure.opencl.gradients import by_row
+from gspure.opencl.morton import morton_order
+from gspure.opencl.passes import backward, forward
+from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, Rows, Storage, upload_attributes
+from gspure.renderer import ENTRY_BUDGET
+
+try:
+    import torch
+    from torch.autograd.function import once_differentiable
+except ImportError as error:
+    hint = "pip install gspure[torch]"
+    raise InputError("torch", "package", expected="PyTorch", found=str(error), hint=hint) from None
+
+Float32 = NDArray[np.float32]
+
+_BANDS = (1, 4, 9, 16)
+"""Spherical-harmonic coefficients per colour, of degrees 0 to 3."""
+
+
+class TorchRenderer:
+    """Renders Gaussians that are given as tensors; gradients flow back to all of them.
+
+    Images and gradients are those of `gspure.renderer.Renderer` with energy "ewa", to the last bit. Tensors are float32
+    on the CPU; they are read where they lie and copied once, to the OpenCL device.
+
+    Any number of images may be rendered before ``backward()``, in any order. The device keeps the last of them; for
+    every other one, the backward pass renders it again.
+
+    Parameters
+    ----------
+    device : Device, optional
+        By default the one that `gspure.opencl.device.choose_device` picks.
+    style : "cpu" or "gpu", optional
+        Kernel style; by default the one that suits the device.
+
+    """
+
+    def __init__(self, device: Device | None = None, style: Style | None = None) -> None:
+        self._frames = _Frames(Engine((device or choose_device()).cl_device, style))
+
+    def __call__(
+        self,
+        camera: Camera,
+        means: torch.Tensor,
+        quats: torch.Tensor,
+        scales: torch.Tensor,
+        opacities: torch.Tensor,
+        features: torch.Tensor | None = None,
+        sh_coeffs: torch.Tensor | None = None,
+        background: torch.Tensor | Sequence[float] | None = None,
+    ) -> torch.Tensor:
+        """Return an image [H,W,C] of blended features, or of spherical-harmonic colours (C = 3, not clipped above).
+
+        Parameters
+        ----------
+        camera : Camera
+        means, quats, scales, opacities : tensors [K,3], [K,4], [K,3], [K]
+            Activated, as `gspure.model.Gaussians` has them: world units; quaternions (w, x, y, z) of any norm;
+            `scales` > 0; `opacities` in (0, 1). To optimize logarithms and logits, as 3DGS does, pass their ``exp()``
+            and ``sigmoid()``.
+        features : tensor [K,C], optional
+            What to blend, of any number of channels.
+        sh_coeffs : tensor [K,S,3], optional
+            Spherical-harmonic coefficients, S = 1, 4, 9 or 16; instead of `features`.
+        background : tensor or sequence of C floats, optional
+            What lies behind; zero by default.
+
+        Raises
+        ------
+        TypeError
+            A tensor is not float32 on the CPU.
+        ValueError
+            A tensor has another shape, or not exactly one of `features` and `sh_coeffs` is given.
+
+        """
+        if (features is None) == (sh_coeffs is None):
+            raise ValueError("give either features or sh_coeffs")
+        count = len(means)
+        if features is not None:
+            channels, width = features, features.shape[-1]
+            _require("features", features, (count, width))
+        else:
+            channels, width = sh_coeffs, 3
+            _require("sh_coeffs", channels, *((count, bands, 3) for bands in _BANDS))
+        behind = torch.zeros(width) if background is None else torch.as_tensor(background, dtype=torch.float32)
+        _require("background", behind, (width,))
+        _require("means", means, (count, 3))
+        _require("quats", quats, (count, 4))
+        _require("scales", scales, (count, 3))
+        _require("opacities", opacities, (count,))
+        image: torch.Tensor = _Image.apply(self._frames, camera, behind, means, quats, scales, opacities, channels)
+        return image
+
+
+class _Frames:
+    """The device's side: frames are numbered, and the last one is there to be read and pulled back."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self.last = 0
+
+    def draw(
+        self,
+        camera: Camera,
+        background: Float32,
+        means: Float32,
+        quats: Float32,
+        scales: Float32,
+        opacities: Float32,
+        channels: Float32,
+    ) -> int:
+        """Render, and return the frame's number; `channels` are features [K,C] or spherical harmonics [K,S,3]."""
+        self.last += 1
+        engine, order = self._engine, morton_order(means)
+        sh_degree = _BANDS.index(channels.shape[1]) if channels.ndim == 3 else -1
+        frame = Pass("ewa", channels=channels.shape[-1], sh_degree=sh_degree)
+        flat = channels.reshape(len(channels), frame.channel_attributes)
+
+        def geometry(rows: Rows) -> Float32:
+            return np.concatenate([means[rows], quats[rows], scales[rows], opacities[rows, None]], axis=1)
+
+        self._storage = Storage.along(engine, order, upload_attributes(engine, order, GEOMETRY_ATTRIBUTES, geometry))
+        self._seen = forward(
+            *(engine, self._storage, frame, camera),
+            channels=upload_attributes(engine, order, frame.channel_attributes, flat.__getitem__),
+            background=background.tolist(),
+            entry_budget=ENTRY_BUDGET,
+        )
+        return self.last
+
+    def image(self) -> Float32:
+        """Return the last frame's image [H,W,C]."""
+        camera, canvas = self._seen.camera, self._seen.canvas
+        shape = (camera.height, camera.width, self._seen.frame.channels)
+        return self._engine.read(canvas.image, shape, np.float32)
+
+    def pull_back(self, image_gradient: Float32, wanted: Sequence[bool]) -> list[Float32 | None]:
+        """Return the `wanted` gradients of the last frame, in the order of `draw`: [C], [K,...]; others may be None."""
+        engine, storage, seen = self._engine, self._storage, self._seen
+        gradients: list[Float32 | None] = [None] * 6
+        found = backward(engine, storage, seen, engine.upload("image_gradient", image_gradient))
+        if wanted[0]:
+            transmittance = engine.read(seen.canvas.transmittance, image_gradient.shape[:2], np.float32)
+            behind = np.einsum("hw,hwc->c", transmittance, image_gradient, dtype=np.float64)
+            gradients[0] = behind.astype(np.float32)
+        if any(wanted[1:5]):
+            geometry = by_row(engine, storage, found.geometry, GEOMETRY_ATTRIBUTES)
+            gradients[1:5] = np.split(geometry, [3, 7, 10], axis=1)
+        if wanted[5]:
+            gradients[5] = by_row(engine, storage, found.channels, seen.frame.channel_attributes)
+        return gradients
+
+
+class _Image(torch.autograd.Function):  # type: ignore[misc]
+    """An image as autograd sees it. Tensors: background, means, quats, scales, opacities, channels."""
+
+    @staticmethod
+    def forward(ctx: Any, frames: _Frames, camera: Camera, *tensors: torch.Tensor) -> torch.Tensor:
+        ctx.save_for_backward(*tensors)
+        ctx.frames, ctx.camera = frames, camera
+        ctx.number = frames.draw(camera, *map(_array, tensors))
+        return torch.from_numpy(frames.image())
+
+    @staticmethod
+    @once_differentiable  # type: ignore[untyped-decorator]
+    def backward(ctx: Any, image_gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
+        tensors = ctx.saved_tensors  # torch refuses tensors that were changed since
+        if ctx.frames.last != ctx.number:
+            ctx.number = ctx.frames.draw(ctx.camera, *map(_array, tensors))
+        found = ctx.frames.pull_back(_array(image_gradient), ctx.needs_input_grad[2:])
+        shaped = (
+            None if g is None else torch.from_numpy(g).reshape(t.shape) for g, t in zip(found, tensors, strict=True)
+        )
+        return (None, None, *shaped)
+
+
+def _array(tensor: torch.Tensor) -> Float32:
+    """Return the tensor's own memory as an array."""
+    array: Float32 = tensor.detach().numpy()
+    return array
+
+
+def _require(name: str, tensor: torch.Tensor, *shapes: tuple[int, ...]) -> None:
+    """Refuse a tensor of another type or none of these shapes."""
+    if tensor.dtype != torch.float32 or tensor.device.type != "cpu":
+        raise TypeError(f"{name}: expected float32 on the CPU, found {tensor.dtype} on {tensor.device}")
+    if tuple(tensor.shape) not in shapes:
+        raise ValueError(f"{name}: expected shape {' or '.join(map(str, shapes))}, found {tuple(tensor.shape)}")

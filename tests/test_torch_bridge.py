@@ -1,0 +1,222 @@
+"""The torch bridge: gradients of the renderer as autograd carries them, and networks trained over them."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gspure.renderer import Renderer
+from tests.models import blobs, camera, gaussians, tilted_camera
+
+torch = pytest.importorskip("torch")
+
+from gspure.training.torch_bridge import TorchRenderer  # noqa: E402
+
+NAMES = ("means", "quats", "scales", "opacities", "features", "sh_coeffs", "background")
+
+
+def tensors(model, *, features=None, background=None, grad=True):
+    """What a model is rendered from, each a leaf."""
+    arrays = {name: getattr(model, name) for name in NAMES[:4]}
+    arrays |= {"sh_coeffs": model.sh_coeffs} if features is None else {"features": features}
+    if background is not None:
+        arrays["background"] = np.asarray(background, np.float32)
+    return {name: torch.tensor(array, requires_grad=grad) for name, array in arrays.items()}
+
+
+def random_features(count, channels, seed=0):
+    return np.random.default_rng(seed).normal(size=(count, channels)).astype(np.float32)
+
+
+def glass():
+    """Large panes before the camera: no pixel is near a cut-off of alpha, and none is near opaque."""
+    rng = np.random.default_rng(4)
+    means = np.column_stack([rng.uniform(-0.4, 0.4, (6, 2)), np.linspace(4, 8, 6)])
+    model = gaussians(
+        means=means,
+        quats=rng.normal(size=(6, 4)),
+        scales=rng.uniform(1.5, 3.0, (6, 3)),
+        opacities=rng.uniform(0.2, 0.6, 6),
+        colors=rng.uniform(0.2, 0.8, (6, 3)),
+    )
+    return model, camera(20, 14, focal=30.0)
+
+
+def gradients_of(leaves):
+    return {name: leaf.grad.numpy() for name, leaf in leaves.items()}
+
+
+def assert_same_bits(found, expected):
+    assert found.keys() == expected.keys()
+    for name, array in found.items():
+        assert np.ascontiguousarray(array).tobytes() == np.ascontiguousarray(expected[name]).tobytes(), name
+
+
+def as_named(gradients, channels):
+    named = {name: getattr(gradients, name) for name in NAMES[:4]}
+    return named | {channels: gradients.channels}
+
+
+@pytest.mark.parametrize("sh_degree", [0, 3])
+def test_colours_and_their_gradients_are_those_of_the_renderer(device, style, sh_degree):
+    model, view = blobs(300, sh_degree=sh_degree), tilted_camera()
+    expected, pullback = Renderer(model, device, style=style).vjp(view, background=(0.1, 0.5, 0.9))
+    leaves = tensors(model)
+    image = TorchRenderer(device, style)(view, **leaves, background=(0.1, 0.5, 0.9))
+    assert image.numpy(force=True).tobytes() == expected.tobytes()
+    weights = random_features(expected.size, 1).reshape(expected.shape)
+    image.backward(torch.from_numpy(weights))
+    assert_same_bits(gradients_of(leaves), as_named(pullback(weights), "sh_coeffs"))
+
+
+@pytest.mark.parametrize("channels", [1, 3, 16])
+def test_features_and_their_gradients_are_those_of_the_renderer(device, style, channels):
+    model, view, features = blobs(300, 1), tilted_camera(), random_features(300, channels)
+    expected, pullback = Renderer(model, device, style=style).vjp(view, features)
+    leaves = tensors(model, features=features)
+    feature_map = TorchRenderer(device, style)(view, **leaves)
+    assert feature_map.numpy(force=True).tobytes() == expected.tobytes()
+    (feature_map * 2).sum().backward()
+    assert_same_bits(gradients_of(leaves), as_named(pullback(np.full_like(expected, 2)), "features"))
+
+
+@pytest.mark.parametrize("name", ["means", "quats", "scales", "opacities", "features", "background"])
+def test_a_gradient_predicts_how_a_loss_changes(name):
+    model, view = glass()
+    leaves = tensors(model, features=random_features(6, 4), background=(0.3, -0.2, 0.8, 0.1))
+    render, weights = TorchRenderer(), torch.from_numpy(random_features(14 * 20, 4, 1).reshape(14, 20, 4))
+
+    def loss(**moved):
+        return (render(view, **leaves | moved).double().square() * weights).sum()
+
+    loss().backward()
+    direction = torch.from_numpy(random_features(leaves[name].numel(), 1, 2).reshape(leaves[name].shape))
+    step = 1e-2 * direction
+    with torch.no_grad():
+        change = loss(**{name: leaves[name] + step}) - loss(**{name: leaves[name] - step})
+    predicted = 2 * (leaves[name].grad.double() * step).sum()
+    assert change.item() == pytest.approx(predicted.item(), rel=2e-3)
+
+
+def test_a_decoder_and_its_features_are_trained_together():
+    torch.manual_seed(0)
+    model, view = blobs(200, 2), tilted_camera(48, 32)
+    target = torch.from_numpy(Renderer(model).image(view)).permute(2, 0, 1)
+    leaves = tensors(model, features=random_features(200, 16) * np.float32(0.1), grad=False)
+    leaves["features"].requires_grad_()
+    decoder, render = torch.nn.Conv2d(16, 3, 3, padding=1), TorchRenderer()
+    optimizer = torch.optim.Adam([leaves["features"], *decoder.parameters()], lr=0.02)
+    losses = []
+    for _ in range(60):
+        optimizer.zero_grad()
+        loss = (decoder(render(view, **leaves).permute(2, 0, 1)) - target).abs().mean()
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.item())
+    assert losses[-1] < 0.25 * losses[0]
+    assert sum(later < earlier for earlier, later in pairwise(losses)) > 40
+
+
+def test_gradients_of_several_frames_add_up_whatever_was_rendered_last():
+    model, views = blobs(150, 3), [tilted_camera(33, 31), camera(20, 40)]
+    render, leaves = TorchRenderer(), tensors(model)
+    images = [render(view, **leaves) for view in views]
+    render(camera(), **tensors(blobs(400, 4), grad=False))  # needs larger buffers
+    sum(image.square().sum() for image in images).backward()
+    apart = []
+    for view in views:
+        alone = tensors(model)
+        TorchRenderer()(view, **alone).square().sum().backward()
+        apart.append(gradients_of(alone))
+    for name, leaf in leaves.items():
+        np.testing.assert_allclose(leaf.grad.numpy(), apart[0][name] + apart[1][name], rtol=1e-6, atol=1e-6)
+
+
+def test_a_frame_can_be_pulled_back_again():
+    model, view = blobs(50), tilted_camera()
+    leaves = tensors(model)
+    render = TorchRenderer()
+    image = render(view, **leaves)
+    image.sum().backward(retain_graph=True)
+    first = {name: array.copy() for name, array in gradients_of(leaves).items()}
+    render(camera(), **tensors(blobs(20), grad=False))
+    for leaf in leaves.values():
+        leaf.grad = None
+    image.sum().backward()
+    assert_same_bits(gradients_of(leaves), first)
+
+
+def test_what_was_changed_between_forward_and_backward_is_refused():
+    leaves = tensors(blobs(20))
+    image = TorchRenderer()(tilted_camera(), **leaves)
+    with torch.no_grad():
+        leaves["means"] += 1
+    with pytest.raises(RuntimeError, match="modified by an inplace operation"):
+        image.sum().backward()
+
+
+@pytest.mark.parametrize("needed", ["means", "opacities", "sh_coeffs", "background"])
+def test_only_what_requires_a_gradient_gets_one(needed):
+    model, view, background = blobs(60, 5), tilted_camera(), (0.2, 0.4, 0.6)
+    everything = tensors(model, background=background)
+    TorchRenderer()(view, **everything).square().sum().backward()
+    leaves = tensors(model, background=background, grad=False)
+    leaves[needed].requires_grad_()
+    TorchRenderer()(view, **leaves).square().sum().backward()
+    assert [name for name, leaf in leaves.items() if leaf.grad is not None] == [needed]
+    assert torch.equal(leaves[needed].grad, everything[needed].grad)
+
+
+def test_the_background_gets_what_the_gaussians_let_through():
+    model, view = blobs(60, 6), tilted_camera()
+    leaves = tensors(model, background=(0.2, 0.4, 0.6))
+    TorchRenderer()(view, **leaves).sum().backward()
+    expected = Renderer(model).transmittance(view).sum(dtype=np.float64)
+    np.testing.assert_allclose(leaves["background"].grad, np.full(3, expected), rtol=1e-6)
+
+
+def test_tensors_that_are_views_and_gradients_that_are_broadcast_do():
+    model, view = blobs(70, 7), tilted_camera()
+    plain = tensors(model)
+    image = TorchRenderer()(view, **plain)
+    image.mean().backward()
+    table = torch.cat([leaf.detach().reshape(70, -1) for leaf in plain.values()], dim=1).requires_grad_()
+    parts = dict(zip(plain, table.split([leaf[0].numel() for leaf in plain.values()], dim=1), strict=True))
+    views = {name: part.reshape(plain[name].shape) for name, part in parts.items()}
+    again = TorchRenderer()(view, **views)
+    again.mean().backward()
+    assert torch.equal(again, image)
+    assert torch.equal(table.grad, torch.cat([leaf.grad.reshape(70, -1) for leaf in plain.values()], dim=1))
+
+
+def test_without_gaussians_there_is_the_background():
+    leaves = tensors(blobs(1).subset(np.zeros(1, bool)), background=(0.2, 0.4, 0.6))
+    image = TorchRenderer()(camera(5, 3), **leaves)
+    assert (image == leaves["background"]).all()
+    image.sum().backward()
+    assert leaves["background"].grad.tolist() == [15, 15, 15]
+    assert leaves["sh_coeffs"].grad.shape == leaves["sh_coeffs"].shape
+
+
+def test_no_gradient_is_recorded_where_none_is_wanted():
+    with torch.no_grad():
+        assert not TorchRenderer()(camera(5, 3), **tensors(blobs(5))).requires_grad
+
+
+@pytest.mark.parametrize(
+    ("changed", "error", "message"),
+    [
+        ({"means": torch.zeros(9, 3, dtype=torch.float64)}, TypeError, "means: expected float32 on the CPU"),
+        ({"quats": torch.zeros(9, 3)}, ValueError, r"quats: expected shape \(9, 4\), found \(9, 3\)"),
+        ({"opacities": torch.zeros(9, 1)}, ValueError, r"opacities: expected shape \(9,\), found \(9, 1\)"),
+        ({"sh_coeffs": torch.zeros(9, 2, 3)}, ValueError, r"sh_coeffs: .* or \(9, 16, 3\), found \(9, 2, 3\)"),
+        ({"features": torch.zeros(9, 2)}, ValueError, "either features or sh_coeffs"),
+        ({"sh_coeffs": None}, ValueError, "either features or sh_coeffs"),
+        ({"sh_coeffs": None, "features": torch.zeros(8, 2)}, ValueError, r"features: expected shape \(9, 2\)"),
+        ({"background": (0, 0)}, ValueError, r"background: expected shape \(3,\), found \(2,\)"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, dict) else "",
+)
+def test_tensors_of_another_kind_are_refused(changed, error, message):
+    with pytest.raises(error, match=message):
+        TorchRenderer()(camera(), **tensors(blobs(9), grad=False) | changed)

@@ -1,0 +1,14 @@
+"""Without torch all works but the bridge to it, which says what to install."""
+
+import sys
+
+import pytest
+
+from gspure.errors import InputError
+
+
+def test_the_bridge_without_torch_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "gspure.training.torch_bridge", raising=False)
+    with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install gspure\[torch\]"):
+        import gspure.training.torch_bridge  # noqa: F401
