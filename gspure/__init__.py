@@ -14,7 +14,7 @@ Cameras
     `read_cameras`, `write_cameras`: a list of `gspure.cameras.Camera` and its file; `orbit_cameras`: views around a
     model that came without.
 Rendering
-    `Renderer`: images, feature maps, contributions, depth and transmittance of a model's views.
+    `Renderer`: images, feature maps, their gradients, contributions, depth and transmittance of a model's views.
 The method
     `purify`: GSPure on one model.
 Metrics

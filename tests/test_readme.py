@@ -14,6 +14,7 @@ from gspure.cli import main
 from gspure.model import read_model, write_model
 from gspure.scenes import lighting, plant
 from tests.documentation import ROOT, blocks, edges, workflow_edges
+from tests.training_cases import colmap_project, ring
 
 README = ROOT / "README.md"
 
@@ -45,16 +46,26 @@ def test_the_program_runs(folder, planted):
     names = {}
     exec(program, names)  # noqa: S102
     assert names["image"].shape == (36, 48, 3)
+    assert names["gradients"].means.shape == names["found"].model.means.shape
     kept = ~names["found"].pruned
     assert read_model(Path("purified.ply")).table.tobytes() == planted.public.table[kept].tobytes()
 
 
 def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys):
     for arguments in commands("gspure"):
-        assert main(arguments) == 0
+        if arguments[0] != "train":
+            assert main(arguments) == 0
     assert re.search(r"^mean +\d+\.\d+ +\d\.\d+$", capsys.readouterr().out, re.MULTILINE)
     assert {path.name for path in folder.iterdir()} >= {"purified", "before", "after"}
     assert np.load("purified/pruned.npy").any()
+
+
+def test_the_training_command_leaves_a_model(tmp_path, monkeypatch):
+    colmap_project(tmp_path / "garden", ring(), np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3)))
+    monkeypatch.chdir(tmp_path)
+    (arguments,) = (arguments for arguments in commands("gspure") if arguments[0] == "train")
+    assert main([*arguments, "--iterations", "3"]) == 0
+    assert len(read_model(Path("trained"))) == 20
 
 
 @pytest.mark.workflow

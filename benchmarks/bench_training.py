@@ -1,0 +1,165 @@
+"""One iteration of training, whole and stage by stage, beside a frame that is only looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from findings import Findings
+from room import camera, room
+from stages import Stages
+from timing import Measure
+
+from gspure.cameras.camera import Camera
+from gspure.model import Gaussians
+from gspure.opencl.adam import LearningRates, Moments, activate, adam_step
+from gspure.opencl.engine import Engine
+from gspure.opencl.frame import Pass
+from gspure.opencl.gradients import DeviceGradients, blend_band_backward, clear_splat_gradients, project_backward
+from gspure.opencl.losses import Plane, image_loss, padded_target
+from gspure.opencl.storage import BLOCK, GEOMETRY_ATTRIBUTES
+from gspure.opencl.trainable import SSIM_WEIGHT, Parameters, TrainableModel, TrainState
+
+FRAME = Pass("ewa", channels=3, sh_degree=3)
+AT_REST = LearningRates(*(0.0,) * 6)
+"""Adam does all its work, but every iteration meets the same model."""
+ITERATIONS = 5
+"""In a row, as in training: one prepares while another still computes."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A room of `count` Gaussians and the size of its photograph.
+
+    Goals: at least `least_speed` iterations per second on two cores; an iteration takes at most `most_frames` frames.
+    """
+
+    name: str
+    count: int
+    width: int
+    height: int
+    least_speed: float | None
+    most_frames: float | None
+
+    @property
+    def camera(self) -> Camera:
+        """The view."""
+        return camera(self.width, self.height)
+
+    @property
+    def photograph(self) -> np.ndarray:
+        """Noise: what is learned does not matter."""
+        return np.random.default_rng(0).random((self.height, self.width, 3), np.float32)
+
+
+each_case = pytest.mark.parametrize(
+    "case",
+    [
+        Case("20k @160x120", 20_000, 160, 120, least_speed=100.0, most_frames=None),
+        Case("100k @320x240", 100_000, 320, 240, least_speed=None, most_frames=4.0),
+    ],
+    ids=lambda case: case.name,
+)
+
+
+class TrainingStages(Stages):
+    """The stages of one iteration: those of a frame, and those from its image back to its parameters."""
+
+    image_gradient: object
+    gradients: DeviceGradients
+
+    def __init__(self, engine: Engine, model: Gaussians, case: Case) -> None:
+        super().__init__(engine, model, case.camera, FRAME)
+        self.plane = Plane(case.height, case.width, 3)
+        self.target = engine.uploaded(padded_target(case.photograph))
+        floats = {"geometry": GEOMETRY_ATTRIBUTES, "sh_coeffs": FRAME.channel_attributes}
+        self.moments = {name: Moments(*(self._zeros(n) for _ in range(3))) for name, n in floats.items()}
+        self.activated = self._zeros(GEOMETRY_ATTRIBUTES)
+        activate(engine, self.storage.count, self.moments["geometry"].raw, self.activated)
+
+    def loss(self) -> None:
+        """Compare the image with the photograph."""
+        _, self.image_gradient = image_loss(self.engine, self.plane, self.canvas.image, self.target, SSIM_WEIGHT)
+        self.engine.queue.finish()
+
+    def blend_backward(self) -> None:
+        """Carry the image's gradient to the splats."""
+        clear_splat_gradients(self.engine, self.frame, self.storage)
+        arguments = (self.projected, self.order, self.lists, self.canvas.image, self.image_gradient)
+        blend_band_backward(self.engine, self.frame, self.camera, *arguments)
+        self.engine.queue.finish()
+
+    def project_backward(self) -> None:
+        """Carry the splats' gradients to the Gaussians."""
+        arguments = (self.frame, self.camera, self.storage, self.sh_coeffs, self.projected)
+        self.gradients = project_backward(self.engine, *arguments)
+        self.engine.queue.finish()
+
+    def adam(self) -> None:
+        """Take a step, with other parameters than those that are rendered: these stay as they are."""
+        geometry, channels = self.moments["geometry"], self.moments["sh_coeffs"]
+        arguments = (self.gradients, geometry, self.activated, channels, FRAME.channel_attributes)
+        adam_step(self.engine, self.storage.count, 1, AT_REST, *arguments)
+        self.engine.queue.finish()
+
+    def _zeros(self, floats: int) -> object:
+        nbytes = 4 * floats * (self.storage.count + BLOCK)
+        self.engine.clear(buffer := self.engine.allocate(nbytes), nbytes)
+        return buffer
+
+
+@each_case
+def test_stages_of_training(case: Case, engine: Engine, measure: Measure, findings: Findings) -> None:
+    stages = TrainingStages(engine, room(case.count), case)
+    times = measure(
+        {
+            "project": stages.project,
+            "sort by depth": stages.sort,
+            "bin": stages.bin,
+            "blend": stages.blend,
+            "loss": stages.loss,
+            "blend backward": stages.blend_backward,
+            "project backward": stages.project_backward,
+            "Adam": stages.adam,
+        },
+        rounds=31,
+    )
+    findings.figure("visible Gaussians", stages.order.visible)
+    findings.figure("tile entries", stages.entries())
+    findings.figure("blend backward / blend", times["blend backward"] / times["blend"], at_most=2.2)
+
+
+@each_case
+def test_iteration(case: Case, measure: Measure, findings: Findings) -> None:
+    model = trainable(room(case.count))
+    model.set_targets([case.photograph])
+
+    def repeat(run: Callable[[], object]) -> None:
+        for _ in range(ITERATIONS):
+            run()
+        model.image(case.camera)  # waits for all of it
+
+    times = measure(
+        {
+            "one frame more": lambda: repeat(lambda: None),
+            "frames": lambda: repeat(lambda: model.image(case.camera)),
+            "iterations": lambda: repeat(lambda: model.step(case.camera, 0, AT_REST)),
+        },
+        rounds=21,
+    )
+    frame, frames, iterations = (np.array(times[name].per_core) for name in times)
+    per_iteration = float(np.median(iterations - frame)) / ITERATIONS
+    walls = np.subtract(times["iterations"].wall, times["one frame more"].wall)
+    findings.figure("iteration / frame", np.median((iterations - frame) / (frames - frame)), at_most=case.most_frames)
+    findings.figure("iterations per second, CPU / cores", 1 / per_iteration, at_least=case.least_speed)
+    findings.figure("iterations per second, wall", ITERATIONS / np.median(walls))
+
+
+def trainable(model: Gaussians) -> TrainableModel:
+    """Return a model at the beginning of its training."""
+    opacities = np.clip(model.opacities, 1e-6, 1 - 1e-6)
+    logits = np.log(opacities) - np.log1p(-opacities)
+    arrays = (model.means, model.quats, np.log(model.scales), logits, model.sh_coeffs)
+    return TrainableModel(TrainState.fresh(Parameters(*(np.asarray(a, np.float32) for a in arrays))))
