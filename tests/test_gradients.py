@@ -120,12 +120,26 @@ def test_nothing_but_colour_flows_through_a_clamped_alpha(device, style):
     assert found.channels.all()
 
 
+def test_means_move_colours_through_the_direction_of_view(device, style):
+    """Alone: each Gaussian covers the image and is clamped, so that its place in it does not matter."""
+    view = tilted_camera(5, 4)
+    for seed in range(8):
+        model = blobs(1, seed, size=(200.0, 300.0)).with_columns({"opacity": np.full(1, 9.0)})
+        found = gradients(Renderer(model, device, style=style), view)
+        expected = pull_back(model, view, random_gradient(view)).means
+        np.testing.assert_allclose(found.means, expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
+        assert expected.any()
+
+
 def test_what_lies_behind_the_stop_has_no_gradient(device, style):
-    means = [[0, 0, z] for z in (3.0, 4.0, 5.0, 6.0)]
-    model = gaussians(means=means, scales=9.0, opacities=[0.98, 0.98, 0.9, 0.9])  # T: 0.02, 0.0004, too dark
-    found = gradients(Renderer(model, device, style=style), camera(17, 17))
+    """Not even one left over from a view that showed it, from the side."""
+    means = np.stack([np.zeros(40), np.zeros(40), np.arange(3.0, 43.0)], axis=1)
+    renderer = Renderer(gaussians(means=means, scales=0.3, opacities=0.98), device, style=style)
+    side = np.array([[0.0, 0, 1, -23], [0, 1, 0, 0], [-1, 0, 0, 45], [0, 0, 0, 1]])
+    assert gradients(renderer, camera(17, 17, focal=17.0, viewmat=side)).opacities.all()
+    found = gradients(renderer, camera(17, 17, focal=300.0))
     for field in fields(found):
-        assert not getattr(found, field.name)[2:].any(), field.name
+        assert not getattr(found, field.name)[8:].any(), field.name
     assert found.opacities[:2].all()
 
 
