@@ -11,6 +11,7 @@ from stages import Stages
 
 from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.program import build_options, kernel_source
+from gspure.renderer import CONTRIBUTION
 
 FLOPS_PER_EVAL = 27
 """Energy "ewa", three channels, no contributions; an FMA counts as two, 2^x as its polynomial."""
@@ -41,5 +42,5 @@ def count_evals(stages: Stages) -> int:
     counting = Stages(engine, stages.model, stages.camera, replace(stages.frame, contributions=True))
     for stage in (counting.project, counting.sort, counting.bin, counting.blend, counting.sum):
         stage()
-    pixels: Any = engine.read(counting.canvas.pixels, (len(stages.model),), np.uint32)
-    return int(pixels.sum(dtype=np.int64))
+    records: Any = engine.read(counting.canvas.records, (len(stages.model),), CONTRIBUTION)
+    return int(records["pixels"].sum(dtype=np.int64))

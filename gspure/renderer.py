@@ -119,15 +119,9 @@ class Renderer:
         Rows are ordered by index; Gaussians that touch no pixel are left out.
         """
         canvas = self._render(Pass(self.energy, contributions=True), camera).canvas
-        count = len(self.model)
-        pixels = self._engine.read(canvas.pixels, (count,), np.uint32)
-        touched = np.flatnonzero(pixels)
-        found = np.empty(len(touched), CONTRIBUTION)
-        found["index"] = touched
-        found["pixels"] = pixels[touched]
-        found["sum"] = self._engine.read(canvas.sums, (count,), np.float32)[touched]
-        found["max"] = self._engine.read(canvas.maxima, (count,), np.float32)[touched]
-        return found
+        with self._engine.mapped(canvas.records, (len(self.model),), CONTRIBUTION) as records:
+            # numpy selects 16-byte numbers several times faster than 16-byte structures.
+            return records.view(np.complex128).compress(records["pixels"] > 0).view(CONTRIBUTION)
 
     def transmittance(self, camera: Camera) -> Float32:
         """Return what is left of the background in each pixel [H,W], 0 to 1."""

@@ -12,45 +12,51 @@
 // slot and one place whatever the number of threads.
 
 typedef struct {
-    float x, y, slope, width2, inverse_syy, extent_y, y_extreme;
+    float x, y, slope, y_extreme, inverse_syy, width2;
     int first, last, top, bottom;  // tile rectangle, inclusive
-    bool unbounded;                // no ellipse: x to y_extreme do not hold
+    bool unbounded;                // no ellipse
 } Footprint;
 
+// Comparisons, since PoCL's clamp, floor and ceil take several times as long.
+#define CLAMP(v, low, high) ((v) < (low) ? (low) : (v) > (high) ? (high) : (v))
+
 inline Footprint load_footprint(float8 f, int band_first, int band_last) {
+    uint columns = as_uint(f.s5), rows = as_uint(f.s6);
     Footprint p;
-    float sxx = f.s2, sxy = f.s3, syy = f.s4;
     p.x = f.s0 - 0.5f;
     p.y = f.s1;
-    p.inverse_syy = 1.0f / syy;
-    p.slope = sxy * p.inverse_syy;
+    p.slope = f.s2;
+    p.y_extreme = f.s3;
+    p.inverse_syy = f.s4;
     p.width2 = f.s7;
-    p.extent_y = sqrt(syy);
-    p.y_extreme = sxy * rsqrt(sxx);  // where the ellipse reaches furthest in x
-    uint columns = as_uint(f.s5), rows = as_uint(f.s6);
     p.first = columns & 0xffff;
     p.last = columns >> 16;
     p.top = max((int)(rows & 0xffff), band_first);
     p.bottom = min((int)(rows >> 16), band_last);
-    p.unbounded = isinf(sxx);
+    p.unbounded = p.inverse_syy == 0.0f;
     return p;
 }
 
-// Tile columns [begin, end) of tile row `ty` that hold a pixel centre of the ellipse.
+inline float half_width(const Footprint *p, float y) {
+    float square = p->width2 * (1.0f - y * y * p->inverse_syy);
+    return sqrt(square > 0.0f ? square : 0.0f);
+}
+
+// Tile columns [begin, end) of tile row `ty` (one of the rectangle's) that hold a pixel centre of the ellipse.
 inline int2 row_span(const Footprint *p, int ty) {
     if (p->unbounded || p->first == p->last) return (int2)(p->first, p->last + 1);
     // The band of pixel centres, relative to the centre; x over it is extreme at the ellipse's own extreme points, or at
     // the band's edges.
     float low = ty * TILE + (0.5f - FOOTPRINT_MARGIN) - p->y, high = low + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
-    if (low > p->extent_y || high < -p->extent_y) return (int2)(0, 0);
-    float y_right = clamp(p->y_extreme, low, high), y_left = clamp(-p->y_extreme, low, high);
-    float right = p->slope * y_right + sqrt(max(p->width2 * (1.0f - y_right * y_right * p->inverse_syy), 0.0f));
-    float left = p->slope * y_left - sqrt(max(p->width2 * (1.0f - y_left * y_left * p->inverse_syy), 0.0f));
-    float limit = (p->last + 1) * TILE;  // keeps the conversion to int defined
-    int first = (int)ceil(clamp(p->x + left - FOOTPRINT_MARGIN, 0.0f, limit)) / TILE;
-    int last = (int)floor(clamp(p->x + right + FOOTPRINT_MARGIN, -1.0f, limit));
-    if (last < 0) return (int2)(0, 0);
-    return (int2)(max(p->first, first), min(p->last, last / TILE) + 1);
+    float y_left = CLAMP(-p->y_extreme, low, high), y_right = CLAMP(p->y_extreme, low, high);
+    float left = p->x + (p->slope * y_left - half_width(p, y_left)) - FOOTPRINT_MARGIN;
+    float right = p->x + (p->slope * y_right + half_width(p, y_right)) + FOOTPRINT_MARGIN;
+    if (right < 0.0f) return (int2)(0, 0);
+    float limit = (p->last + 1) * TILE;  // keeps the conversions to int defined
+    left = CLAMP(left, 0.0f, limit);
+    int first = left, last = right < limit ? right : limit;
+    first += first < left;  // rounds up
+    return (int2)(max(p->first, first / TILE), min(p->last, last / TILE) + 1);
 }
 
 #if RAY

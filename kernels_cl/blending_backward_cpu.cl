@@ -53,9 +53,8 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
         __global const float *from = splats + (size_t)SPLAT * entries[next];
         float s[SPLAT];
         for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, from), i, s);
-        float centre = s[SPLAT_ROW_CENTRE] - (top + 0.5f), extent = s[SPLAT_ROW_EXTENT] + FOOTPRINT_MARGIN;
-        int begin = max(first_row, (int)ceil(max(centre - extent, -1.0f)));
-        int stop = min(last_row, (int)floor(min(centre + extent, (float)TILE)));
+        uint reach = as_uint(s[SPLAT_ROWS]);
+        int begin = max(first_row, (int)(reach & 0xffff) - top), stop = min(last_row, (int)(reach >> 16) - top);
         float16 dx = column - s[SPLAT_U];
         float16 moments[MOMENTS], dc[CHANNELS];
         for (int i = 0; i < MOMENTS; i++) moments[i] = (float16)0.0f;

@@ -15,12 +15,17 @@ inline float max16(float16 v) {
     return MAX(c.x, c.y);
 }
 
-// Bits of the row blocks that a splat's row interval meets in the tile whose first row centre is at `top`.
-inline uint blocks_touched(float centre, float extent, float top) {
-    float first = max(ceil(centre - extent - FOOTPRINT_MARGIN - top), 0.0f);
-    float last = min(floor(centre + extent + FOOTPRINT_MARGIN - top), TILE - 1.0f);
-    if (first > last) return 0;
-    return (2u << ((uint)last / ROWS)) - (1u << ((uint)first / ROWS));
+// Bits of the row blocks that a splat's rows (first | last << 16) meet in the tile whose first row is `top`.
+inline uint blocks_touched(uint rows, int top) {
+    int first = max((int)(rows & 0xffff) - top, 0), last = min((int)(rows >> 16) - top, TILE - 1);
+    return first > last ? 0 : (2u << (uint)last / ROWS) - (1u << (uint)first / ROWS);
+}
+
+// Interleaves 16 colours; compiles to shuffles, a tenth of the time of 48 stores.
+inline void store_colours(float16 r, float16 g, float16 b, __global float *pixels) {
+    vstore16((float16)(r.s0, g.s0, b.s0, r.s1, g.s1, b.s1, r.s2, g.s2, b.s2, r.s3, g.s3, b.s3, r.s4, g.s4, b.s4, r.s5), 0, pixels);
+    vstore16((float16)(g.s5, b.s5, r.s6, g.s6, b.s6, r.s7, g.s7, b.s7, r.s8, g.s8, b.s8, r.s9, g.s9, b.s9, r.sa, g.sa), 1, pixels);
+    vstore16((float16)(b.sa, r.sb, g.sb, b.sb, r.sc, g.sc, b.sc, r.sd, g.sd, b.sd, r.se, g.se, b.se, r.sf, g.sf, b.sf), 2, pixels);
 }
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
@@ -57,10 +62,12 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
     uint next = begin;
     while (next < end && live) {
         uint count = min((uint)CHUNK, end - next);
-        for (uint j = 0; j < count; j++) {
+        for (uint j = 0; j < count; j++) {  // nothing but loads, so that many cache misses are under way at a time
             __global const float *s = splats + (size_t)SPLAT * entries[next + j];
             for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, s), i, staged + SPLAT * j);
-            touched[j] = blocks_touched(staged[SPLAT * j + SPLAT_ROW_CENTRE], staged[SPLAT * j + SPLAT_ROW_EXTENT], top + 0.5f);
+        }
+        for (uint j = 0; j < count; j++) {
+            touched[j] = blocks_touched(as_uint(staged[SPLAT * j + SPLAT_ROWS]), top);
 #if CONTRIBUTIONS
             sums[j] = maxima[j] = (float16)0.0f;
             pixels[j] = (int16)0;
@@ -146,6 +153,13 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
             float f[16];
         } lane;
         float16 rest = fabs(T[r]);
+#if CHANNELS == 3
+        if (columns == TILE) {
+            float16 colour[3];
+            for (int i = 0; i < 3; i++) colour[i] = channels[3 * r + i] + rest * background[i];
+            store_colours(colour[0], colour[1], colour[2], image + 3 * pixel);
+        } else
+#endif
 #if CHANNELS > 0
         for (int i = 0; i < CHANNELS; i++) {
             lane.v = channels[r * CHANNELS + i] + rest * background[i];

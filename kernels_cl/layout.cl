@@ -7,11 +7,13 @@
 //         N = 1 + 2 (LX dx + LY dy) + MXX dx^2 + 2 MXY dx dy + MYY dy^2 = |direction|^2 relative to the centre's ray
 // As a sum of squares Q is never negative, and keeps its digits for needles, where XX dx^2 + XY dx dy + YY dy^2 is the small
 // difference of large terms.
-// ROW_CENTRE, ROW_EXTENT bound the pixel rows it touches. Channels (colour or features) follow.
+// ROWS holds the pixel rows that it can touch. Channels (colour or features) follow.
 //
 // A *footprint* is what tiles need: an ellipse {d : d' S^-1 d <= 1} around (X, Y) that holds every pixel with
-// alpha >= ALPHA_MIN, and its tile rectangle. SXX = INFINITY marks a footprint that is no ellipse (the Gaussian reaches
-// behind the camera, or nearly): its rectangle is the image.
+// alpha >= ALPHA_MIN, and its tile rectangle. At height y over the centre the ellipse spans
+// SLOPE y +- sqrt(WIDTH2 (1 - y^2 INVERSE_SYY)) in x; its rightmost point lies at Y_EXTREME, its leftmost at -Y_EXTREME.
+// INVERSE_SYY = 0 marks a footprint that is no ellipse (the Gaussian reaches behind the camera, or nearly): its rectangle
+// is the image.
 
 #define SPLAT_U 0
 #define SPLAT_V 1
@@ -20,17 +22,16 @@
 #define SPLAT_C 4
 #define SPLAT_LOG2_OPACITY 5
 #define SPLAT_DEPTH 6
-#define SPLAT_ROW_CENTRE 7
-#define SPLAT_ROW_EXTENT 8
+#define SPLAT_ROWS 7  // first | last << 16, both inclusive
 #if RAY
-#define SPLAT_LX 9
-#define SPLAT_LY 10
-#define SPLAT_MXX 11
-#define SPLAT_MXY 12
-#define SPLAT_MYY 13
-#define SPLAT_CHANNELS 14
+#define SPLAT_LX 8
+#define SPLAT_LY 9
+#define SPLAT_MXX 10
+#define SPLAT_MXY 11
+#define SPLAT_MYY 12
+#define SPLAT_CHANNELS 13
 #else
-#define SPLAT_CHANNELS 9
+#define SPLAT_CHANNELS 8
 #endif
 #define SPLAT ((SPLAT_CHANNELS + CHANNELS + 15) / 16 * 16)
 
@@ -42,12 +43,12 @@
 #define FOOTPRINT 8
 #define FOOTPRINT_X 0
 #define FOOTPRINT_Y 1
-#define FOOTPRINT_SXX 2
-#define FOOTPRINT_SXY 3
-#define FOOTPRINT_SYY 4
+#define FOOTPRINT_SLOPE 2
+#define FOOTPRINT_Y_EXTREME 3
+#define FOOTPRINT_INVERSE_SYY 4
 #define FOOTPRINT_TILES_X 5  // first | last << 16, both inclusive
 #define FOOTPRINT_TILES_Y 6
-#define FOOTPRINT_WIDTH2 7  // SXX - SXY^2 / SYY: squared half width at a fixed y, free of cancellation
+#define FOOTPRINT_WIDTH2 7  // SXX - SXY^2 / SYY, free of cancellation
 
 // Depth key of a Gaussian that is not drawn; positive floats order as their bits do.
 #define NOT_VISIBLE 0xffffffffu

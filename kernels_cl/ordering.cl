@@ -4,25 +4,26 @@
 //   count_digits    histogram of its part's digits
 //   scan_chunks     (counting.cl), then prefix sums over the digits on the host
 //   scatter_digits  move keys and positions to their places
-// Keys lie in storage order, by *position*. The first pass walks them in row order (positions = position of each row) and
-// leaves out what is not visible, so equal depths end up in row order. Later passes have FIRST_PASS 0.
+// Keys lie in storage order, by *position*. The first pass brings them into row order (positions = position of each row)
+// and leaves out what is not visible, so equal depths end up in row order. Later passes have FIRST_PASS 0.
 
 #define DIGIT(key) ((key) >> shift & ((1u << RADIX_BITS) - 1))
-#if FIRST_PASS
-#define KEY(i) keys[positions[i]]
-#else
-#define KEY(i) keys[i]
-#endif
 
 __kernel void count_digits(uint count, uint chunks, uint shift, __global const uint *keys,
-                           __global const uint *positions, __global uint *histogram) {
+                           __global const uint *positions, __global uint *row_keys, __global uint *histogram) {
     uint chunk = get_global_id(0);
     if (chunk >= chunks) return;
     uint size = (count + chunks - 1) / chunks, begin = min(chunk * size, count), end = min(begin + size, count);
     __global uint *h = histogram + (chunk << RADIX_BITS);
     for (uint digit = 0; digit < 1u << RADIX_BITS; digit++) h[digit] = 0;
-    for (uint i = begin; i < end; i++)
-        if (KEY(i) != NOT_VISIBLE) h[DIGIT(KEY(i))]++;
+    for (uint i = begin; i < end; i++) {
+#if FIRST_PASS
+        uint key = row_keys[i] = keys[positions[i]];
+#else
+        uint key = keys[i];
+#endif
+        if (key != NOT_VISIBLE) h[DIGIT(key)]++;
+    }
 }
 
 __kernel void scatter_digits(uint count, uint chunks, uint shift, __global const uint *keys,
@@ -34,7 +35,7 @@ __kernel void scatter_digits(uint count, uint chunks, uint shift, __global const
     uint size = (count + chunks - 1) / chunks, begin = min(chunk * size, count), end = min(begin + size, count);
     __global uint *h = histogram + (chunk << RADIX_BITS);
     for (uint i = begin; i < end; i++) {
-        uint key = KEY(i);
+        uint key = keys[i];
         if (key == NOT_VISIBLE) continue;
         uint place = digit_starts[DIGIT(key)] + h[DIGIT(key)]++;
         sorted_keys[place] = key;

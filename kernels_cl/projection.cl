@@ -150,16 +150,19 @@ inline Ellipse ewa_form(__constant const float *camera, int width, int height, c
 }
 #endif
 
-// First | last << 16 of the tiles whose pixel centres meet [centre - extent, centre + extent]; clears `visible` if none.
-inline U tile_range(V centre, V extent, int pixels, I *visible) {
+// First | last << 16 of the pixels whose centres lie in [centre - extent, centre + extent]; clears `visible` if none.
+inline U pixel_range(V centre, V extent, int pixels, I *visible) {
     V low = MAX(centre - extent - (0.5f + FOOTPRINT_MARGIN), (V)-1.0f);
     V high = MIN(centre + extent - (0.5f - FOOTPRINT_MARGIN), (V)(pixels - 1));
     low = MIN(low, (V)pixels);
     high = MAX(high, (V)-1.0f);
     I first = MAX(TO_INT(ceil(low)), (I)0), last = TO_INT(floor(high));
     *visible &= MASK(first <= last);
-    return AS_UINT(first / TILE) | (AS_UINT(MAX(last, (I)0) / TILE) << 16);
+    return AS_UINT(first) | (AS_UINT(MAX(last, (I)0)) << 16);
 }
+
+// The same of the tiles that hold these pixels.
+inline U tile_range(U pixels) { return (pixels & 0xffffu) / TILE | ((pixels >> 16) / TILE << 16); }
 
 __kernel void project(uint count, int width, int height, __constant const float *camera,
                       __global const float *geometry,
@@ -203,16 +206,16 @@ __kernel void project(uint count, int width, int height, __constant const float 
         e.syy = MAX(e.syy, (V)1e-12f);
         V extent_x = e.unbounded ? (V)INFINITY : sqrt(e.sxx), extent_y = e.unbounded ? (V)INFINITY : sqrt(e.syy);
         V x = e.unbounded ? (V)0.0f : e.x, y = e.unbounded ? (V)0.0f : e.y;
-        splat.v[SPLAT_ROW_CENTRE] = y;
-        splat.v[SPLAT_ROW_EXTENT] = extent_y;
+        U columns = pixel_range(x, extent_x, width, &visible), rows = pixel_range(y, extent_y, height, &visible);
+        splat.v[SPLAT_ROWS] = AS_FLOAT(rows);
         footprint.v[FOOTPRINT_X] = x;
         footprint.v[FOOTPRINT_Y] = y;
-        footprint.v[FOOTPRINT_SXX] = e.unbounded ? (V)INFINITY : e.sxx;
-        footprint.v[FOOTPRINT_SXY] = e.sxy;
+        footprint.v[FOOTPRINT_SLOPE] = e.sxy / e.syy;
+        footprint.v[FOOTPRINT_Y_EXTREME] = e.sxy / sqrt(e.sxx);
+        footprint.v[FOOTPRINT_INVERSE_SYY] = e.unbounded ? (V)0.0f : 1.0f / e.syy;
         footprint.v[FOOTPRINT_WIDTH2] = MAX(e.width2, (V)0.0f);
-        footprint.v[FOOTPRINT_SYY] = e.syy;
-        footprint.v[FOOTPRINT_TILES_X] = AS_FLOAT(tile_range(x, extent_x, width, &visible));
-        footprint.v[FOOTPRINT_TILES_Y] = AS_FLOAT(tile_range(y, extent_y, height, &visible));
+        footprint.v[FOOTPRINT_TILES_X] = AS_FLOAT(tile_range(columns));
+        footprint.v[FOOTPRINT_TILES_Y] = AS_FLOAT(tile_range(rows));
     }
 #if CHANNELS > 0
     if (ANY(visible)) {

@@ -27,9 +27,7 @@ class Canvas:
     image: cl.Buffer
     transmittance: cl.Buffer
     median_depth: cl.Buffer
-    sums: cl.Buffer
-    maxima: cl.Buffer
-    pixels: cl.Buffer
+    records: cl.Buffer
 
 
 def prepare_canvas(engine: Engine, frame: Pass, camera: Camera, count: int) -> Canvas:
@@ -40,10 +38,9 @@ def prepare_canvas(engine: Engine, frame: Pass, camera: Camera, count: int) -> C
         engine.buffer("image", 4 * size * frame.channels),
         engine.buffer("transmittance", 4 * size),
         engine.buffer("median_depth", 4 * size * frame.median_depth),
-        *(engine.buffer(name, 4 * rows) for name in ("sums", "maxima", "pixels")),
+        engine.buffer("records", 16 * rows),
     )
-    for buffer in (canvas.sums, canvas.maxima, canvas.pixels):
-        engine.clear(buffer, 4 * rows)
+    engine.clear(canvas.records, 16 * rows)
     return canvas
 
 
@@ -89,7 +86,7 @@ def sum_slots(engine: Engine, order: DepthOrder, storage: Storage, lists: TileLi
             engine.kernel("sum_slots", "contributions"),
             order.visible,
             *(np.uint32(order.visible), order.positions, storage.rows, lists.slot_ranges, engine.buffer("partials", 0)),
-            *(canvas.sums, canvas.maxima, canvas.pixels),
+            canvas.records,
             group=64,
         )
 

@@ -31,7 +31,6 @@ def prefix_sums(engine: Engine, name: str, counts: cl.Buffer, length: int) -> tu
     The sums are of 32 bits; a total that does not fit is told truly, and the sums are then not to be used.
     """
     starts = np.zeros(length + 1, np.uint64)
-    if length:
-        with engine.mapped(counts, (length,), np.uint32) as values:
-            np.cumsum(values, out=starts[1:])
+    with engine.mapped(counts, (length,), np.uint32) as values:
+        np.cumsum(values, out=starts[1:])
     return engine.upload(name, starts.astype(np.uint32)), int(starts[-1])

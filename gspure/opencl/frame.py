@@ -54,4 +54,4 @@ class Pass:
     @property
     def staged_floats(self) -> int:
         """Floats of a splat that blending reads."""
-        return (14 if self.energy == "ray" else 9) + self.channels
+        return (13 if self.energy == "ray" else 8) + self.channels

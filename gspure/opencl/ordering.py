@@ -30,6 +30,7 @@ def sort_by_depth(engine: Engine, projected: Projected, storage: Storage) -> Dep
     parts = chunks(engine, visible)
     histogram = engine.buffer("histogram", 4 * parts << _RADIX_BITS)
     keys, positions = projected.depth_keys, storage.positions
+    row_keys = engine.buffer("row_keys", 4 * projected.count)
     for digit in range(_PASSES):
         shape = (np.uint32(visible), np.uint32(parts), np.uint32(digit * _RADIX_BITS))
         sorted_keys = engine.buffer(f"sorted_keys_{digit % 2}", 4 * projected.count)
@@ -40,7 +41,8 @@ def sort_by_depth(engine: Engine, projected: Projected, storage: Storage) -> Dep
             )
             for name in ("count_digits", "scatter_digits")
         )
-        engine.run(count_digits, parts, *shape, keys, positions, histogram)
+        engine.run(count_digits, parts, *shape, keys, positions, row_keys, histogram)
+        keys = keys if digit else row_keys
         digit_starts, visible = first_places(engine, "digit_starts", histogram, parts, 1 << _RADIX_BITS)
         engine.run(
             scatter_digits,
