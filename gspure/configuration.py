@@ -54,13 +54,13 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
 
 
 def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
-    """Return a copy of a validated configuration in which models are files and every variant names its attack.
+    """Return a copy of a validated configuration in which given models are files and every variant names its attack.
 
     Raises
     ------
     InputError
-        If there is no model at all, or one of them or its cameras do not exist, or an attack or a setting of it is not
-        known.
+        If there is no model at all, or one of them, its cameras or its photographs do not exist, or a model is both
+        given and to be trained, or an attack or a setting of it is not known.
 
     """
     from gspure.attacks import attacks
@@ -70,11 +70,13 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     if not settled["assets"] and not settled["planted"]:
         raise InputError(source, "assets", expected="at least one model", found="none")
     for scene, asset in settled["assets"].items():
-        for field in ("model", "cameras"):
-            if not Path(asset[field]).exists() and (field == "model" or asset[field] not in GENERATED):
+        for field in (name for name in ("model", "cameras", "train") if name in asset):
+            if field != "train" and "train" in asset:
+                raise InputError(source, f"assets.{scene}.{field}", expected="nothing beside train", found=asset[field])
+            if not Path(asset[field]).exists() and not (field == "cameras" and asset[field] in GENERATED):
                 raise InputError(source, f"assets.{scene}.{field}", expected="an existing path", found=asset[field])
-        model = Path(asset["model"])
-        asset["model"] = str(point_cloud(model) if model.is_dir() else model)
+        if "model" in asset and (model := Path(asset["model"])).is_dir():
+            asset["model"] = str(point_cloud(model))
     available = attacks()
     for variant, settings in settled["variants"].items():
         attack = settings.setdefault("attack", variant)

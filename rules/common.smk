@@ -40,9 +40,9 @@ shell.prefix(prefix)
 
 
 def options(settings, *names):
-    """Command-line options for some of `settings`: `--tau-c 4.0 --tau-n 4.0`."""
+    """Command-line options for some of `settings`: `--tau-c 4.0 --tau-n 4.0`; none for one that is null."""
     words = []
     for name in names:
-        value = settings[name]
-        words += [f"--{name.replace('_', '-')}", *(value if isinstance(value, list) else [value])]
+        if (value := settings[name]) is not None:
+            words += [f"--{name.replace('_', '-')}", *(value if isinstance(value, list) else [value])]
     return shlex.join(map(str, words))

@@ -1,8 +1,8 @@
-CAMERA_FILES = [
-    f"{folder}{name}"
-    for folder in ("", "sparse/0/", "sparse/")
-    for name in ("cameras.bin", "images.bin", "cameras.txt", "images.txt", "cameras.json", "transforms.json")
-]
+from gspure.cameras import read_cameras
+from gspure.training.dataset import POINT_FILES
+
+CAMERA_FILES = ["cameras.bin", "images.bin", "cameras.txt", "images.txt"]
+CAMERA_FILES += ["cameras.json", "transforms.json", "transforms_train.json"]
 EVIDENCE = {
     "weights": "results/{scheme}/{scene}/omega.npy",
     "prune_mask": "results/{scheme}/{scene}/prune_mask.npy",
@@ -11,26 +11,49 @@ TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}
 
 
 def public_model(wildcards):
-    """The model that everybody sees: the planted one, or the user's file where it lies."""
-    if wildcards.scheme == "planted":
-        return f"results/planted/{wildcards.scene}/public/point_cloud.ply"
-    return config["assets"][wildcards.scene]["model"]
+    """The model that everybody sees: the user's file where it lies, or the one that is planted or trained here."""
+    made = f"results/{wildcards.scheme}/{wildcards.scene}/public/point_cloud.ply"
+    return SCHEMES[wildcards.scheme][wildcards.scene].get("model", made)
+
+
+def files_of(source, names):
+    """The files of these names in a folder or its COLMAP model; a file stands for itself."""
+    if not Path(source).is_dir():
+        return [source]
+    paths = [os.path.join(source, place, name) for place in ("", "sparse/0", "sparse") for name in names]
+    return [path for path in paths if os.path.exists(path)]
+
+
+def training_files(wildcards):
+    """What a model is trained from: cameras, points, and the photographs that the cameras name."""
+    source = config["assets"][wildcards.scene]["train"]
+    folder = source if Path(source).is_dir() else os.path.dirname(source) or "."
+    points = files_of(folder, ["points3D.bin", "points3D.txt", *POINT_FILES])
+    photographs = [str(camera.image) for camera in read_cameras(Path(source)) if camera.image]
+    return [*files_of(source, CAMERA_FILES), *points, *photographs]
+
+
+def training_options(wildcards):
+    """The settings of training."""
+    settings = config["assets"][wildcards.scene]["training"]
+    return options(settings, *settings)
+
+
+def camera_source(wildcards):
+    """What names the views of an asset: a file or folder, a way to generate them, or what training left."""
+    return config["assets"][wildcards.scene].get("cameras", f"results/vanilla/{wildcards.scene}/trained/cameras.json")
 
 
 def camera_files(wildcards):
-    """What the views of an asset are made from: a file, the camera files of a folder, or nothing if generated."""
-    source = config["assets"][wildcards.scene]["cameras"]
-    if source in GENERATED:
-        return []
-    if Path(source).is_dir():
-        return [path for name in CAMERA_FILES if (path := os.path.join(source, name)) and os.path.exists(path)]
-    return source
+    """What the views of an asset are made from; nothing if they are generated."""
+    source = camera_source(wildcards)
+    return [] if source in GENERATED else files_of(source, CAMERA_FILES)
 
 
 def camera_options(wildcards, input):
     """How the views of an asset are scaled or generated."""
     asset = config["assets"][wildcards.scene]
-    if asset["cameras"] in GENERATED:
+    if camera_source(wildcards) in GENERATED:
         return f"--model {shlex.quote(input.model)} {options(asset['generated'], *asset['generated'])}"
     return options(asset, "scale")
 

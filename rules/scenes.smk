@@ -41,7 +41,7 @@ rule prepare_cameras:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.cameras"),
-        source=lambda wildcards: config["assets"][wildcards.scene]["cameras"],
+        source=camera_source,
         options=camera_options,
     message:
         "Preparing the views of {wildcards.scene}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from jsonschema import Draft202012Validator
 from gspure import constants
 from gspure.attacks import attacks
 from gspure.cli.options import ENERGIES, SPLITS
+from gspure.cli.train import add_arguments
 from gspure.clustering.selection import SELECTIONS
 from gspure.configuration import resolved, validated
 from gspure.errors import InputError
@@ -48,9 +50,8 @@ def test_the_schema_is_valid():
 )
 def test_every_setting_has_a_description_and_a_default_or_is_required(path, subschema):
     assert subschema["description"].endswith(".")
-    assert "default" in subschema or path in {("assets", "*", "model"), ("assets", "*", "cameras")} | {
-        ("variants", "*", "attack")
-    }
+    given = {("assets", "*", name) for name in ("model", "cameras", "train")}
+    assert "default" in subschema or path in given | {("variants", "*", "attack")}
 
 
 @pytest.mark.parametrize("file", sorted((ROOT / "config").glob("*.yaml")), ids=lambda path: path.name)
@@ -69,6 +70,14 @@ def test_defaults_of_the_method_are_the_constants_of_the_code():
     method = filled({})["method"]
     names = ("tau_c", "tau_n", "min_samples", "min_cluster_size", "max_cluster_share")
     assert {name: method[name] for name in names} == {name: getattr(constants, name.upper()) for name in names}
+
+
+def test_defaults_of_training_are_those_of_its_command():
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    defaults = vars(parser.parse_args(["data", "--out", "trained"]))
+    training = filled({"assets": {"desk": {"train": "data"}}})["assets"]["desk"]["training"]
+    assert training == {name: defaults[name] for name in training}
 
 
 def test_choices_are_those_of_the_code():
@@ -114,6 +123,11 @@ def test_the_configuration_handed_in_is_left_alone():
         ({"asets": {}}, "asets: expected one of assets, .* found an unknown key .did you mean assets"),
         ({"method": {"tau": 4}}, "method.tau: expected one of .*tau_c.*unknown key"),
         ({"assets": {"bot": {"model": "bot.ply"}}}, "assets.bot.cameras: expected an entry, found nothing"),
+        ({"assets": {"bot": {"cameras": "orbit"}}}, "assets.bot.model: expected an entry, found nothing"),
+        (
+            {"assets": {"bot": {"train": "data", "training": {"resolution": "half"}}}},
+            "assets.bot.training.resolution: .* found 'half'",
+        ),
         ({"assets": {"a/b": BOT}}, "assets: expected a name that matches .* found 'a/b'"),
         ({"method": {"selection": "best"}}, "method.selection: expected one of eom_capped, eom, leaf, found 'best'"),
         ({"method": {"tau_n": 0}}, "method.tau_n: expected more than 0, found 0"),
@@ -154,6 +168,9 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         ({}, "assets: expected at least one model, found none"),
         ({"assets": {"bot": {"model": "no.ply", "cameras": "orbit"}}}, "assets.bot.model: expected .* found no.ply"),
         ({"assets": {"bot": {"model": __file__, "cameras": "no.json"}}}, "assets.bot.cameras: .* found no.json"),
+        ({"assets": {"bot": {"train": "no"}}}, "assets.bot.train: expected an existing path, found no"),
+        ({"assets": {"bot": {"train": ".", "model": __file__}}}, "assets.bot.model: expected nothing beside train"),
+        ({"assets": {"bot": {"train": ".", "cameras": "orbit"}}}, "assets.bot.cameras: expected nothing beside train"),
         (
             {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {}, "random_pruning": {"share": 1}}},
             "variants.random_pruning.share: expected one of fraction, found an unknown key",

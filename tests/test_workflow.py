@@ -21,7 +21,9 @@ import yaml
 
 from gspure.cameras import read_cameras, split, write_cameras
 from gspure.model import write_model
-from tests.models import blobs, tilted_camera
+from gspure.renderer import Renderer
+from tests.models import blobs, gaussians, tilted_camera
+from tests.training_cases import colmap_project, ring
 
 pytestmark = pytest.mark.workflow
 
@@ -313,6 +315,51 @@ def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(t
     assert "Nothing to be done" in project.run()
     project.run("--report", "snakemake.html")
     assert (project.folder / "snakemake.html").stat().st_size > 100_000
+
+
+@pytest.fixture
+def desk(tmp_path, checkout):
+    """A project with photographs, from which a model is to be trained."""
+    views = ring(9)
+    colors = [[0.9, 0.2, 0.1], [0.1, 0.8, 0.3], [0.2, 0.3, 0.9]]
+    means = [[-0.25, 0, 0], [0.2, 0.2, 0], [0.1, -0.2, 0.2]]
+    renderer = Renderer(gaussians(means=means, scales=0.12, opacities=0.95, colors=colors))
+    points = np.random.default_rng(0).normal(scale=0.25, size=(80, 3))
+    colmap_project(tmp_path / "photos", views, points, [renderer.image(view) for view in views])
+    project = Project(tmp_path, checkout)
+    configure_training(project, iterations=20)
+    return project
+
+
+def configure_training(project, **settings):
+    project.configure({**CONFIG, "assets": {"desk": {"train": "photos", "training": settings}}})
+
+
+def planned(output):
+    """The jobs of a dry run, by rule."""
+    return {rule: int(count) for rule, count in re.findall(r"^(\w+) +(\d+)$", output, re.MULTILINE)}
+
+
+def test_a_model_is_trained_from_photographs_once_for_everything(desk):
+    jobs = planned(desk.run("--dry-run"))
+    assert jobs.items() >= {"train_model": 1, "prepare_cameras": 1, "attack_model": 3, "write_report": 1}.items()
+    (missing := desk.folder / "photos" / "images" / "orbit_003.png").unlink()
+    assert f"photos/images/{missing.name}" in desk.run("--dry-run", status=1)
+
+
+def test_a_trained_model_is_measured_and_trained_anew_when_a_photograph_or_setting_changes(desk):
+    omega, trained = "results/vanilla/desk/omega.npy", desk.folder / "results" / "vanilla" / "desk" / "trained"
+    desk.run(omega)
+    assert np.load(desk.folder / omega).shape == (80,)
+    assert len(read_cameras(trained / "cameras.json")) == 9
+    assert (trained / "metrics.csv").is_file()
+    configure_training(desk, iterations=21)
+    assert planned(desk.run(omega, "--dry-run"))["train_model"] == 1
+    configure_training(desk, iterations=20)
+    assert "Nothing to be done" in desk.run(omega, "--dry-run")
+    photographs = desk.folder / "photos" / "images"
+    shutil.copy(photographs / "orbit_002.png", photographs / "orbit_003.png")
+    assert planned(desk.run(omega, "--dry-run"))["train_model"] == 1
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,31 @@
+# A killed run goes on from its last checkpoint, which lies beside the outputs.
+
+
+rule train_model:
+    input:
+        data=training_files,
+    output:
+        model="results/vanilla/{scene}/public/point_cloud.ply",
+        cameras="results/vanilla/{scene}/trained/cameras.json",
+    log:
+        "results/logs/vanilla/{scene}/train.log",
+    benchmark:
+        "results/benchmarks/vanilla/{scene}/train.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    threads: 16
+    resources:
+        opencl_device=1,
+    params:
+        kernels=KERNELS,
+        code=code_digest("gspure.cli.train"),
+        data=lambda wildcards: config["assets"][wildcards.scene]["train"],
+        folder="results/vanilla/{scene}/trained",
+        iterations=lambda wildcards: config["assets"][wildcards.scene]["training"]["iterations"],
+        options=training_options,
+    message:
+        "Training a model of {wildcards.scene}"
+    shell:
+        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure train {params.data:q} {params.options} --resume"
+        " --out {params.folder:q} > {log:q} 2>&1 &&"
+        " cp {params.folder:q}/point_cloud/iteration_{params.iterations}/point_cloud.ply {output.model:q}"
