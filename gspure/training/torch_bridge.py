@@ -26,7 +26,7 @@ from gspure.opencl.frame import Pass
 from gspure.opencl.gradients import by_row
 from gspure.opencl.morton import morton_order
 from gspure.opencl.passes import backward, forward
-from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, Rows, Storage, upload_attributes
+from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, Storage, upload_attributes
 from gspure.renderer import ENTRY_BUDGET
 
 try:
@@ -46,7 +46,7 @@ class TorchRenderer:
     """Renders Gaussians that are given as tensors; gradients flow back to all of them.
 
     Images and gradients are those of `gspure.renderer.Renderer` with energy "ewa", to the last bit. Tensors are float32
-    on the CPU; they are read where they lie and copied once, to the OpenCL device.
+    on the CPU; they are read where they lie, and uploaded for each image.
 
     Any number of images may be rendered before ``backward()``, in any order. The device keeps the last of them; for
     every other one, the backward pass renders it again.
@@ -139,15 +139,16 @@ class _Frames:
         engine, order = self._engine, morton_order(means)
         sh_degree = _BANDS.index(channels.shape[1]) if channels.ndim == 3 else -1
         frame = Pass("ewa", channels=channels.shape[-1], sh_degree=sh_degree)
-        flat = channels.reshape(len(channels), frame.channel_attributes)
 
-        def geometry(rows: Rows) -> Float32:
-            return np.concatenate([means[rows], quats[rows], scales[rows], opacities[rows, None]], axis=1)
+        def uploaded(rows: Float32) -> Any:
+            return upload_attributes(engine, order, rows.shape[1], rows.__getitem__)
 
-        self._storage = Storage.along(engine, order, upload_attributes(engine, order, GEOMETRY_ATTRIBUTES, geometry))
+        # One table is permuted many times faster than its narrow parts.
+        geometry = np.concatenate([means, quats, scales, opacities[:, None]], axis=1)
+        self._storage = Storage.along(engine, order, uploaded(geometry))
         self._seen = forward(
             *(engine, self._storage, frame, camera),
-            channels=upload_attributes(engine, order, frame.channel_attributes, flat.__getitem__),
+            channels=uploaded(channels.reshape(len(channels), frame.channel_attributes)),
             background=background.tolist(),
             entry_budget=ENTRY_BUDGET,
         )
