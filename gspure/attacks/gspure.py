@@ -102,6 +102,7 @@ def purify(
         computed.
 
     """
+    from gspure.opencl.device import choose_device
     from gspure.renderer import CONTRIBUTION, Renderer
 
     def decide(means: Array, opacities: Array, weights: Weights) -> tuple[Labels, Mask, Diagnosis]:
@@ -115,6 +116,8 @@ def purify(
     unseen = accumulate([np.zeros(0, CONTRIBUTION)], 1, reduction)
     decide(np.zeros((1, 3)), unseen, unseen)
 
+    device = device or choose_device()
+    say(f"{len(model)} Gaussians, {len(cameras)} views, on {device}")
     renderer = Renderer(model, device, energy=energy)
     views = sorted(cameras, key=lambda camera: camera.name)
     stages = (renderer.contributions(camera) for camera in track(views, "contributions"))

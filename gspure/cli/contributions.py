@@ -30,11 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Compute the absent views of this part, then write its index."""
     from gspure.contributions import contribute, write_index
-    from gspure.model import read_model
+    from gspure.model import read_model, require_finite
 
     part, parts = args.part
     views = read_views(args)[part - 1 :: parts]
     model = read_model(args.model)
+    require_finite(model, args.model)
     stages = contribute(model, views, args.stages, device=read_device(args), energy=args.energy)
     write_index(args.index, stages)
 

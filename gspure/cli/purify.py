@@ -62,8 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Purify, then write what was found, metrics of the held-out views, and figures."""
+    from gspure.artifacts import filling
     from gspure.attacks.gspure import purify
     from gspure.cameras import split
+    from gspure.figures.gallery import Evidence, draw
     from gspure.model import read_model, require_finite
     from gspure.opencl.device import choose_device
     from gspure.progress import say
@@ -74,15 +76,17 @@ def run(args: argparse.Namespace) -> None:
     train, test = split(cameras)
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
-    say(f"{len(model)} Gaussians, {len(cameras)} views, on {device}")
-    found = purify(model, train or test, device=device, energy=args.energy, **settings)
-    _write(args.out, found)
-    print("\n".join(found.diagnosis.lines()))
-    if model.sh_degree < 0:
-        say("the model holds no colour: no renders, no metrics")
-    else:
-        _compare(args.out, model, found.model, test, device)
-    _draw(args, model, found, cameras)
+    with filling(args.out) as folder:
+        found = purify(model, train or test, device=device, energy=args.energy, **settings)
+        _write(folder, found)
+        print("\n".join(found.diagnosis.lines()))
+        if model.sh_degree < 0:
+            say("the model holds no colour: no renders, no metrics")
+        else:
+            _compare(folder, model, found.model, test, device)
+        evidence = Evidence(model.means, found.labels, found.weights, found.pruned, None, args.tau_c, args.tau_n)
+        for path, caption in draw(folder / "figures", evidence, cameras).items():
+            print(f"{args.out / path.relative_to(folder)}: {caption}")
     print(f"results in {args.out}")
 
 
@@ -129,11 +133,3 @@ def _compare(folder: Path, before: Gaussians, after: Gaussians, views: Sequence[
     shown = [camera.name for camera in views[:: -(-len(views) // _SHOWN)]]
     images = {title: {view: read_image(path / f"{view}.png") for view in shown} for title, path in files.items()}
     write_panels(folder / "figures" / "before_after.png", images, shown, difference=True)
-
-
-def _draw(args: argparse.Namespace, model: Gaussians, found: Purification, cameras: Sequence[Camera]) -> None:
-    from gspure.figures.gallery import Evidence, draw
-
-    evidence = Evidence(model.means, found.labels, found.weights, found.pruned, None, args.tau_c, args.tau_n)
-    for path, caption in draw(args.out / "figures", evidence, cameras).items():
-        print(f"{path}: {caption}")
