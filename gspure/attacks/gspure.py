@@ -85,7 +85,7 @@ def purify(
     cameras : sequence of Camera
         The N views whose contributions count; they are taken in the order of their names.
     device : Device, optional
-        Default: the first on which a trivial program runs.
+        Default: the first that works.
     energy : {"ray", "ewa"}
         How a Gaussian meets a pixel: the maximum along its ray (the paper's equation), or the 2-D splat.
     reduction : {"sum", "max", "mean_touched"}

@@ -11,11 +11,11 @@ from gspure.errors import InputError
 if TYPE_CHECKING:
     from gspure.attacks.attack import Attack, Setting
 
-HELP = "attack a model"
+HELP = "attack a model: remove Gaussians, scale colours, add noise; and controls"
 EXAMPLES = """\
-  gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out attacked.ply
+  gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
   gspure attack gspure --model point_cloud.ply --prune-mask prune_mask.npy --out purified.ply --kept kept.npy
-  gspure attack plain_weight --model point_cloud.ply --weights omega.npy --set tau=4 --out attacked.ply
+  gspure attack plain_weight --model point_cloud.ply --weights omega.npy --set tau=4 --out plain.ply
 """
 
 

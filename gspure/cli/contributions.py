@@ -11,6 +11,7 @@ HELP = "compute what every Gaussian contributes to each view (stored per view)"
 EXAMPLES = """\
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --index room.tsv
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --part 1/2 --index 1.tsv
+  gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --part 2/2 --index 2.tsv
 """
 
 

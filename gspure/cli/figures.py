@@ -17,8 +17,7 @@ HELP = "draw figures: point clouds and weights, renderings side by side, outcome
 EXAMPLES = """\
   gspure figures model --model point_cloud.ply --weights omega.npy --clusters clusters.npz \\
       --prune-mask prune_mask.npy --cameras cameras.json --out figures
-  gspure figures panels --column photos=truth/scene --column watermarked=watermarked/renders/scene \\
-      --column gspure=gspure/renders/scene --difference --out figures/scene.png
+  gspure figures panels --column before=before --column after=after --difference --out figures/views.png
   gspure figures outcomes --table results.csv --asset planted/room --out figures/outcomes.png
 """
 
@@ -70,14 +69,14 @@ def _add_panels(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--difference", action="store_true", help="add the difference between the last column and the first"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="PNG")
+    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
     parser.set_defaults(draw=_draw_panels)
 
 
 def _add_outcomes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
     parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
-    parser.add_argument("--out", type=Path, required=True, metavar="PNG")
+    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
     parser.set_defaults(draw=_draw_outcomes)
 
 

@@ -22,7 +22,7 @@ HELP = "run GSPure on one model: purified model, weights, clusters, metrics and 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified
   gspure purify output/bicycle --cameras output/bicycle --out purified --tau-n 2 --tau-c 3
-  gspure purify point_cloud.ply --cameras orbit --out purified        (a model that came without cameras)
+  gspure purify point_cloud.ply --cameras orbit --out purified        # a model that came without cameras
 
 what it leaves in DIR:
   purified.ply       the Gaussians that remain, bit-identical
@@ -47,9 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cameras",
         required=True,
         metavar="SOURCE",
-        help="cameras.json, transforms.json, or a folder with one of them or a COLMAP model, at most 1600 pixels wide; "
-        "or `orbit` or `shells` for views around the model. `gspure cameras` has settings for all of these. By name, "
-        "every eighth view is held out for the metrics; weights are measured on the others",
+        help="cameras.json, transforms.json, or a folder with one of them or a COLMAP model (views wider than 1600 "
+        "pixels are reduced to that); or `orbit` or `shells` for views around the model; for other settings write a "
+        "file with `gspure cameras`. By name, every eighth view is held out for the metrics; weights are measured on "
+        "the others",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     add_energy(parser, default="ray")
