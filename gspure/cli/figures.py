@@ -136,6 +136,7 @@ def _named(cameras: list[Camera], name: str, source: Path | None) -> Camera:
 def _draw_panels(args: argparse.Namespace) -> None:
     import numpy as np
 
+    from gspure.figures.findings import spoken
     from gspure.figures.panels import GAIN, write_panels
     from gspure.images import read_image
 
@@ -147,9 +148,11 @@ def _draw_panels(args: argparse.Namespace) -> None:
     images = {title: {view: read_image(folder / f"{view}.png") for view in chosen} for title, folder in folders.items()}
     write_panels(args.out, images, chosen, difference=args.difference)
     titles = list(folders)
-    caption = f"{len(chosen)} of {len(views)} views, with their PSNR against {titles[0]}."
+    caption = f"{len(chosen)} of {len(views)} views, with their PSNR against {spoken(titles[0])}."
     if args.difference:
-        caption += f" Last column: {GAIN} times the absolute difference between {titles[-1]} and {titles[0]}."
+        caption += (
+            f" Last column: {GAIN} times the absolute difference between {spoken(titles[-1])} and {spoken(titles[0])}."
+        )
     inputs = {f"{title} {view}": folders[title] / f"{view}.png" for title in titles for view in chosen}
     _note({args.out: caption}, inputs, {})
 
