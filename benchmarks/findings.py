@@ -55,12 +55,16 @@ class Findings:
         if self.times:
             yield from ("", "| | wall | least | CPU / cores | least | runs |", "|---|--:|--:|--:|--:|--:|")
             for name, times in self.times.items():
-                yield f"| {name} | " + " | ".join(f"{value:.4g}" for value in _summary(times).values()) + " |"
+                yield f"| {name} | " + " | ".join(map(_readable, _summary(times).values())) + " |"
         if self.figures:
             yield from ("", "| | | goal |", "|---|--:|---|")
             for figure in self.figures:
-                yield f"| {figure.name} | {figure.value:.3g} | {figure.goal} |"
+                yield f"| {figure.name} | {_readable(figure.value)} | {figure.goal} |"
         yield ""
+
+
+def _readable(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
 
 
 def _summary(times: Times) -> dict[str, float]:

@@ -1,6 +1,7 @@
 """The work on one model in a process of its own: read it, take the contributions of a view, render the view.
 
-``python one_model.py MODEL WIDTH HEIGHT`` prints the largest resident size in MB after each step.
+``python one_model.py MODEL WIDTH HEIGHT`` prints, after each step, the largest resident size so far, and how much is
+resident without the mapped files; both in MB.
 """
 
 from __future__ import annotations
@@ -16,24 +17,27 @@ from gspure.renderer import Renderer
 
 
 def contributions(model: Gaussians, width: int, height: int) -> None:
-    Renderer(model, energy="ray").contributions(camera(width, height))
+    renderer = Renderer(model, energy="ray")
+    renderer.contributions(camera(width, height))
+    say_sizes("contributions")
 
 
 def image(model: Gaussians, width: int, height: int) -> None:
-    Renderer(model).image(camera(width, height))
+    renderer = Renderer(model)
+    renderer.image(camera(width, height))
+    say_sizes("image")
 
 
-def say_peak(step: str) -> None:
+def say_sizes(step: str) -> None:
     # Linux counts the parent's size into getrusage's ru_maxrss, but not into this.
-    (kib,) = re.findall(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text(encoding="ascii"))
-    print(step, int(kib) * 1024 / 1e6)
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    kib = [int(re.findall(rf"{name}:\s*(\d+) kB", status)[0]) for name in ("VmHWM", "RssAnon")]
+    print(step, *(1024 * size / 1e6 for size in kib))
 
 
 if __name__ == "__main__":
     path, width, height = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-    say_peak("start")
+    say_sizes("start")
     model = read_model(path)
     contributions(model, width, height)
-    say_peak("contributions")
     image(model, width, height)
-    say_peak("image")

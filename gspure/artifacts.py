@@ -5,15 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import shutil
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 
 
 @contextmanager
@@ -27,10 +29,54 @@ def replacing(path: Path) -> Iterator[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
-        yield temporary
+        with _blaming(path, temporary):
+            yield temporary
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _blaming(path: Path, temporary: Path) -> Iterator[None]:
+    """Let an error of the file system about `temporary` name `path`, of which the user knows."""
+    try:
+        yield
+    except OSError as error:
+        if str(error.filename) == str(temporary):
+            error.filename = str(path)
+        raise
+
+
+@contextmanager
+def filling(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder inside `folder`; on success its files move into `folder`, on failure they are removed.
+
+    Several files that belong together so appear together or not at all. A folder that cannot be written to is told
+    before any work is done.
+
+    Raises
+    ------
+    OSError
+        If `folder` is a file, or cannot be made or written to.
+
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    temporary = folder / f".{os.getpid()}"
+    try:
+        with _blaming(folder, temporary):
+            temporary.mkdir()
+        yield temporary
+        for file in [path for path in temporary.rglob("*") if path.is_file()]:
+            target = folder / file.relative_to(temporary)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            file.replace(target)
+        made.clear()
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+        for path in made:
+            with suppress(OSError):  # something else stands in it by now
+                path.rmdir()
 
 
 def write_text(path: Path, text: str) -> None:
@@ -46,34 +92,48 @@ def write_json(path: Path, value: Any) -> None:
 
 def read_json(path: Path) -> Any:
     """Read JSON, or raise `InputError` with the line at which it goes wrong."""
-    try:
+    with reading(path, "JSON", ValueError, RecursionError):  # malformed or a number too long, nested too deep
         return json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="an existing JSON file", found="nothing") from None
-    except (OSError, ValueError, RecursionError) as error:  # unreadable, malformed, a number too long, nested too deep
-        raise InputError(path, "file", expected="JSON", found=str(error)) from None
 
 
 def save_array(path: Path, array: NDArray[Any]) -> None:
     """Write one array as .npy, whole or not at all, without pickle."""
-    with replacing(path) as temporary:
-        np.save(temporary, array, allow_pickle=False)
+    with replacing(path) as temporary, temporary.open("wb") as stream:  # given a name, numpy may add a suffix to it
+        np.save(stream, array, allow_pickle=False)
+
+
+def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write named arrays as .npz, whole or not at all, without pickle."""
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
 def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: tuple[int | None, ...]) -> NDArray[Any]:
-    """Read one .npy array and check its type and shape (``None`` stands for any length)."""
-    try:
-        with Path(path).open("rb") as stream:
-            array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="an existing .npy file", found="nothing") from None
-    except (ValueError, EOFError, OSError) as error:
-        raise InputError(path, "file", expected="a .npy array", found=str(error)) from None
+    """Read one .npy array and check its type, its shape (``None`` stands for any length) and that it is finite."""
+    with reading(path, "a .npy array", ValueError, EOFError), Path(path).open("rb") as stream:
+        array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
     fits = len(array.shape) == len(shape) and all(b in (None, a) for a, b in zip(array.shape, shape, strict=True))
     if array.dtype != np.dtype(dtype) or not fits:
         wanted = f"{np.dtype(dtype)} [{', '.join('any' if n is None else str(n) for n in shape)}]"
         raise InputError(path, "array", expected=wanted, found=f"{array.dtype} {list(array.shape)}")
+    if array.dtype.kind == "f" and not (finite := np.isfinite(array)).all():
+        found = f"others in {array.size - np.count_nonzero(finite)} of {array.size} places"
+        raise InputError(path, "array", expected="finite numbers", found=found)
     return array
+
+
+def load_arrays(path: Path, names: Iterable[str], content: str) -> dict[str, NDArray[Any]]:
+    """Read the named arrays of an .npz archive, which should hold `content`."""
+    with (
+        reading(path, content, ValueError, EOFError, zipfile.BadZipFile),
+        Path(path).open("rb") as stream,
+        zipfile.ZipFile(stream),  # np.load would take a lone array too
+    ):
+        stream.seek(0)
+        archive = np.load(stream, allow_pickle=False)
+        for name in set(names) - set(archive.files):
+            raise InputError(path, name, expected=content, found="no such array")
+        return {name: archive[name] for name in names}
 
 
 def digest(*parts: bytes | str | NDArray[Any]) -> str:

@@ -81,14 +81,21 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     for variant, settings in settled["variants"].items():
         attack = settings.setdefault("attack", variant)
         if attack not in available:
-            raise InputError(
-                source, f"variants.{variant}", expected=f"one of {', '.join(available)}", found=repr(attack)
-            )
-        known = available[attack].settings
-        for name in settings.keys() - known.keys() - {"attack", "seed"}:
-            expected = f"one of {', '.join(known) or 'no settings'}"
-            raise InputError(source, f"variants.{variant}.{name}", expected=expected, found="an unknown key")
+            expected = f"one of {', '.join(available)}"
+            raise InputError(source, f"variants.{variant}", expected=expected, found=repr(attack))
+        _check_settings(settings, available[attack].settings, source, f"variants.{variant}")
     return settled
+
+
+def _check_settings(given: Mapping[str, Any], known: Mapping[str, Any], source: str | Path, variant: str) -> None:
+    """Refuse what is no setting of a variant's attack, and texts for numbers or the other way round."""
+    for name in sorted(given.keys() - {"attack", "seed"}):
+        if name not in known:
+            expected = f"one of {', '.join(known) or 'no settings'}"
+            raise InputError(source, f"{variant}.{name}", expected=expected, found="an unknown key")
+        if isinstance(given[name], str) != isinstance(known[name], str):
+            expected = "a text" if isinstance(known[name], str) else "a number"
+            raise InputError(source, f"{variant}.{name}", expected=expected, found=repr(given[name]))
 
 
 def _filling_validator(base: Any) -> Any:

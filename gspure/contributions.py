@@ -23,7 +23,7 @@ import gspure.opencl
 import gspure.renderer
 from gspure.artifacts import digest, load_array, save_array, write_text
 from gspure.cameras import Camera
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.model import Gaussians, require_finite
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
@@ -144,13 +144,11 @@ def read_index(*paths: Path) -> list[Stage]:
 
 
 def _read_one_index(path: Path) -> list[Stage]:
-    try:
-        with Path(path).open(encoding="utf-8", newline="") as stream:
-            header, *rows = list(csv.reader(stream, delimiter="\t")) or [[]]
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="an index of contributions", found="nothing") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(path, "file", expected="an index of contributions", found=str(error)) from None
+    with (
+        reading(path, "an index of contributions", UnicodeDecodeError, csv.Error),
+        Path(path).open(encoding="utf-8", newline="") as stream,
+    ):
+        header, *rows = list(csv.reader(stream, delimiter="\t")) or [[]]
     if header != INDEX_COLUMNS or any(len(row) != len(INDEX_COLUMNS) for row in rows):
         raise InputError(path, "columns", expected=" ".join(INDEX_COLUMNS), found=" ".join(header) or "nothing")
     return [Stage(view, key, Path(os.path.normpath(path.parent / file))) for view, key, file in rows]

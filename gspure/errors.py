@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -32,3 +34,28 @@ class InputError(Exception):
     def __str__(self) -> str:
         line = f"{self.source}: {self.field}: expected {self.expected}, found {self.found}"
         return f"{line} ({self.hint})" if self.hint else line
+
+
+@contextmanager
+def reading(path: str | Path, content: str, *malformed: type[Exception]) -> Iterator[None]:
+    """Read a file in the block: what goes wrong there becomes an `InputError`.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    content : str
+        What it should hold.
+    malformed : exception types
+        What the block raises if the file holds something else.
+
+    """
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(path, "file", expected=content, found="no such file") from None
+    except OSError as error:
+        raise InputError(path, "file", expected=content, found=error.strerror or str(error)) from None
+    except malformed as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(path, "file", expected=content, found=reason) from None

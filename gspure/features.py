@@ -66,7 +66,6 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
     if bad.any():
         rows = np.flatnonzero(bad.any(axis=1))
         names = ", ".join(COLUMNS[i] for i in np.flatnonzero(bad.any(axis=0)))
-        raise InputError(
-            "features", names, expected="finite values", found=f"{len(rows)} bad rows, the first is row {rows[0]}"
-        )
+        found = f"others in {len(rows)} of {len(raw)} rows, first in row {rows[0]}"
+        raise InputError("features", names, expected="finite values", found=found)
     return standardize(raw)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import replacing
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 
 Float32 = NDArray[np.float32]
 
@@ -35,15 +35,11 @@ def read_image(path: str | Path, size: tuple[int, int] | None = None) -> Float32
     """
     from PIL import Image
 
-    try:
-        with Image.open(path) as image:
-            if image.mode in {"I", "F"} or image.mode.startswith("I;"):
-                raise InputError(path, "pixels", expected="8 bits per channel", found=f"mode {image.mode}")
-            pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="an existing image", found="nothing") from None
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(path, "file", expected="an image", found=str(error)) from None
+    malformed = (SyntaxError, ValueError, Image.DecompressionBombError)
+    with reading(path, "an image", *malformed), Image.open(path) as image:
+        if image.mode in {"I", "F"} or image.mode.startswith("I;"):
+            raise InputError(path, "pixels", expected="8 bits per channel", found=f"mode {image.mode}")
+        pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")
     if pixels.mode == "RGBA":
         pixels = Image.alpha_composite(Image.new("RGBA", pixels.size, (0, 0, 0, 255)), pixels).convert("RGB")
     if size is not None and pixels.size != size:

@@ -15,7 +15,8 @@ source = ", ".join(map(os.path.relpath, workflow.configfiles)) or "--config"
 try:
     config = resolved(validated(config, Path(workflow.basedir) / "schemas" / "config.schema.yaml", source), source)
 except InputError as error:
-    sys.exit(f"gspure: {error}")
+    print(f"gspure: {error}", file=sys.stderr)
+    sys.exit(2)
 
 SCHEMES = {"planted": config["planted"], "vanilla": config["assets"]}
 MODELS = [f"{scheme}/{scene}" for scheme, scenes in SCHEMES.items() for scene in scenes]

@@ -258,13 +258,16 @@ def test_command_applies_settings_in_the_type_of_their_defaults(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["random_pruning", "--set", "fraction=half"], "attack random_pruning: fraction: expected float, found 'half'"),
+        (
+            ["random_pruning", "--set", "fraction=half"],
+            "attack random_pruning: fraction: expected a number, found 'half'",
+        ),
         (["random_pruning", "--set", "part=0.5"], "setting: expected one of fraction, found part"),
         (["plain_weight"], "weights: expected an array, found nothing"),
         (["nothing"], "attack: name: expected one of watermarked"),
         (
             ["plain_weight", "--weights", "absent.npy"],
-            "absent.npy: file: expected an existing .npy file, found nothing",
+            "absent.npy: file: expected a .npy array, found no such file",
         ),
     ],
 )

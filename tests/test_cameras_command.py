@@ -54,7 +54,7 @@ def test_views_are_generated_around_a_model(tmp_path, kind):
         (["SOURCE", "--count", "4"], "source: expected orbit or shells, found a camera file and --count"),
         (["SOURCE", "--scale", "4"], "scale rule: value: expected native, 1/N or Wpx (such as 1600px), found '4'"),
         (["SOURCE", "--require-images"], "c.image: expected an existing photograph"),
-        (["nowhere.json"], "nowhere.json: file: expected an existing JSON file"),
+        (["nowhere.json"], "nowhere.json: file: expected JSON, found no such file"),
     ],
 )
 def test_bad_input_gives_one_line_and_writes_nothing(tmp_path, source, capsys, options, message):

@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from gspure.cli import COMMANDS, MAIN_COMMANDS, STAGES, main
 from gspure.cli.contributions import _part
 from gspure.contributions import read_index, read_stage
 from gspure.images import read_image
-from gspure.model import write_model
+from gspure.model import read_model, write_model
 from gspure.renderer import Renderer
 from tests.models import blobs, camera
 
@@ -24,9 +25,9 @@ HEAVY = ("numpy", "scipy", "pyopencl", "hdbscan", "pyvista", "matplotlib", "plyf
 
 
 def examples(command):
-    """The example lines of a command, remarks in parentheses taken off."""
+    """The words of a command's examples, as a shell splits them."""
     lines = cli._module(command).EXAMPLES.replace("\\\n", " ").splitlines()
-    return [re.split(r"\s{2,}\(", line.strip())[0] for line in lines if line.strip().startswith("gspure ")]
+    return [shlex.split(line, comments=True) for line in lines if line.startswith("  gspure ")]
 
 
 @pytest.fixture
@@ -55,9 +56,21 @@ def test_help_lists_main_commands_before_stages(capsys):
 def test_every_command_shows_examples_that_it_accepts(command):
     assert examples(command)
     for example in examples(command):
-        _, named, *arguments = shlex.split(example)
+        _, named, *arguments = example
         assert named == command
         cli._parser(command).parse_args(arguments)
+
+
+def test_examples_of_the_stages_pasted_one_after_the_other_purify_a_model(asset, monkeypatch):
+    monkeypatch.chdir(asset)
+    write_model("point_cloud.ply", blobs(300))
+    for stage in ("contributions", "weights", "features", "tree", "cluster", "prune", "attack", "figures"):
+        for _, *arguments in examples(stage):
+            if not {"panels", "outcomes"} & {*arguments}:
+                assert main(arguments) == 0
+    pruned = np.load("prune_mask.npy")
+    assert read_model("purified.ply").table.tobytes() == blobs(300).table[~pruned].tobytes()
+    assert Path("figures/kept.png").exists()
 
 
 @pytest.mark.parametrize("argv", [["bogus"], ["--bogus"], ["render"]])

@@ -212,7 +212,7 @@ def test_cluster_file_round_trip_is_exact_and_reproducible(tmp_path: Path) -> No
 @pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 cut off"])
 def test_a_broken_cluster_file_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "clusters.npz").write_bytes(content)
-    with pytest.raises(InputError, match=r"clusters\.npz: file: expected \.npz with labels"):
+    with pytest.raises(InputError, match=r"clusters\.npz: file: expected clusters, as \.npz"):
         read_clusters(tmp_path / "clusters.npz")
 
 

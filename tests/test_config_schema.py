@@ -176,6 +176,13 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
             "variants.random_pruning.share: expected one of fraction, found an unknown key",
         ),
         (
+            {
+                "planted": {"room": {}},
+                "variants": {"watermarked": {}, "gspure": {}, "random_pruning": {"fraction": "x"}},
+            },
+            "variants.random_pruning.fraction: expected a number, found 'x'",
+        ),
+        (
             {"planted": {"room": {}}, "variants": {"watermarked": {"sigma": 1}, "gspure": {}}},
             "variants.watermarked.sigma: expected one of no settings, found an unknown key",
         ),

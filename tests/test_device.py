@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import dataclass, field, replace
 
 import pyopencl as cl
@@ -120,6 +123,18 @@ def test_some_device_of_this_machine_works() -> None:
     chosen = choose_device()
     assert devices.works(chosen)
     assert chosen in list_devices()
+
+
+def test_a_device_works_where_no_home_can_be_written(tmp_path) -> None:
+    (tmp_path / "home").write_text("a file")
+    environment = {
+        name: value for name, value in os.environ.items() if name not in {"XDG_CACHE_HOME", "POCL_CACHE_DIR"}
+    }
+    environment |= {"HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path)}
+    code = "from gspure.opencl.device import choose_device; print(choose_device().name)"
+    child = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
+    assert child.stdout.strip() == choose_device().name
+    assert [path.name for path in tmp_path.iterdir()] == ["home"]
 
 
 def test_a_program_that_does_not_build_is_told_by_its_first_error(monkeypatch) -> None:

@@ -47,7 +47,7 @@ def test_rows_that_are_not_finite_are_refused_with_their_number() -> None:
     means = np.zeros((6, 3))
     means[2, 1], means[4, 0] = np.nan, np.inf
     with pytest.raises(
-        InputError, match="features: x, y: expected finite values, found 2 bad rows, the first is row 2"
+        InputError, match="features: x, y: expected finite values, found others in 2 of 6 rows, first in row 2"
     ):
         features(means, np.full(6, 0.5), np.ones(6))
 

@@ -198,7 +198,7 @@ HEADER = "target,view,reference,psnr,ssim\n"
 )
 def test_a_broken_metrics_table_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "metrics.csv").write_text(text)
-    with pytest.raises(InputError, match=r"metrics\.csv: (header|rows|reference): expected"):
+    with pytest.raises(InputError, match=r"metrics\.csv: (header|file|reference): expected"):
         read_metrics(tmp_path / "metrics.csv")
 
 

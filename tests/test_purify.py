@@ -189,33 +189,18 @@ def test_command_leaves_model_arrays_metrics_and_figures(
     assert "contributions: 15 done" in printed.err  # the held-out views do not count towards the weights
 
 
-@pytest.mark.parametrize(
-    ("spoil", "message"),
-    [
-        (lambda ply, cameras: ply.write_bytes(ply.read_bytes()[:-10]), "model.ply"),
-        (
-            lambda ply, cameras: write_model(ply, model().with_columns({"x": np.full(WALL + HIDDEN, np.nan)})),
-            "model.ply",
-        ),
-        (lambda ply, cameras: cameras.unlink(), "cameras.json"),
-        (lambda ply, cameras: cameras.write_text("{}"), "cameras.json"),
-    ],
-    ids=["truncated model", "NaN rows", "no cameras", "no views"],
-)
-def test_bad_input_gives_one_line_and_leaves_nothing(tmp_path: Path, capsys, spoil, message: str) -> None:
-    ply, views = tmp_path / "model.ply", tmp_path / "cameras.json"
-    write_model(ply, model())
-    write_cameras(views, cameras())
-    spoil(ply, views)
-    assert main(["purify", str(ply), "--cameras", str(views), "--out", str(tmp_path / "out")]) == 2
-    assert message in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_no_such_device_gives_one_line_and_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_that_fails_late_leaves_the_results_of_the_last_one(tmp_path: Path, monkeypatch) -> None:
     write_model(tmp_path / "model.ply", model())
     write_cameras(tmp_path / "cameras.json", cameras())
-    command = ["purify", str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json")]
-    assert main([*command, "--out", str(tmp_path / "out"), "--device", "no such device"]) == 2
-    assert "no such device" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
+    out = tmp_path / "out"
+    (out / "renders").mkdir(parents=True)
+    (out / "purified.ply").write_text("of the last run")
+
+    def draw(*_: object) -> None:
+        raise InputError("figures", "pen", expected="ink", found="none")
+
+    monkeypatch.setattr("gspure.figures.gallery.draw", draw)
+    command = ["purify", str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json"), "--out", str(out)]
+    assert main(command) == 2
+    assert files(out) == ["purified.ply"]
+    assert (out / "purified.ply").read_text() == "of the last run"

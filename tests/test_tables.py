@@ -136,5 +136,5 @@ def test_masks_of_different_models_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_table_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="expected a metrics table, found nothing"):
+    with pytest.raises(InputError, match="expected a metrics table, found no such file"):
         collect([tmp_path / "a" / "b" / "c" / "metrics.csv"])

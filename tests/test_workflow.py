@@ -274,30 +274,18 @@ def test_a_stage_deleted_by_hand_is_reported_and_restored(project):
     assert removed.read_bytes() == content
 
 
-@pytest.mark.parametrize(
-    ("config", "line"),
-    [
-        ({"asets": {}}, r"gspure: config\.yaml: asets: expected one of .*found an unknown key .did you mean assets\?"),
-        (
-            {**CONFIG, "assets": {"bot": {"model": "no.ply", "cameras": "orbit"}}},
-            r"gspure: config\.yaml: .*found no\.ply",
-        ),
-    ],
-    ids=["unknown key", "missing model"],
-)
-def test_a_wrong_configuration_is_refused_in_one_line(tmp_path, started, config, line):
-    project = started.copy(tmp_path / "project")
-    project.configure(config)
-    notice, refusal = project.run("--dry-run", status=1).splitlines()
-    assert notice.startswith("Using workflow specific profile")
-    assert re.match(line, refusal)
-    assert not (project.folder / "results").exists()
-
-
 def test_the_renders_are_the_views_to_evaluate(finished):
     views = split(read_cameras(finished.folder / "views.json"))[1]
     rendered = finished.folder / BOT / "gspure" / "renders" / "scene"
     assert sorted(path.stem for path in rendered.glob("*.png")) == [view.name for view in views]
+
+
+def test_a_model_of_ones_own_is_compared_with_its_own_renders(finished):
+    with (finished.folder / TABLE).open() as table:
+        rows = {row["variant"]: row for row in csv.DictReader(table)}
+    assert {row["reference"] for row in rows.values()} == {"render"}
+    assert rows["watermarked"]["psnr"] == "inf"
+    assert float(rows["gspure"]["psnr"]) < 100
 
 
 def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(tmp_path, started):
@@ -311,6 +299,7 @@ def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(t
     found = {(row["variant"], row["target"]) for row in rows}
     assert found == {(variant, target) for variant in CONFIG["variants"] for target in ("scene", "message")}
     assert all(float(row["recall"]) >= 0 for row in rows)
+    assert {row["reference"] for row in rows} == {"truth"}
     assert "planted/room" in (results / "report.html").read_text()
     assert "Nothing to be done" in project.run()
     project.run("--report", "snakemake.html")

@@ -85,7 +85,7 @@ def purify(
     cameras : sequence of Camera
         The N views whose contributions count; they are taken in the order of their names.
     device : Device, optional
-        Default: the first on which a trivial program runs.
+        Default: the first that works.
     energy : {"ray", "ewa"}
         How a Gaussian meets a pixel: the maximum along its ray (the paper's equation), or the 2-D splat.
     reduction : {"sum", "max", "mean_touched"}
@@ -102,6 +102,7 @@ def purify(
         computed.
 
     """
+    from gspure.opencl.device import choose_device
     from gspure.renderer import CONTRIBUTION, Renderer
 
     def decide(means: Array, opacities: Array, weights: Weights) -> tuple[Labels, Mask, Diagnosis]:
@@ -115,6 +116,8 @@ def purify(
     unseen = accumulate([np.zeros(0, CONTRIBUTION)], 1, reduction)
     decide(np.zeros((1, 3)), unseen, unseen)
 
+    device = device or choose_device()
+    say(f"{len(model)} Gaussians, {len(cameras)} views, on {device}")
     renderer = Renderer(model, device, energy=energy)
     views = sorted(cameras, key=lambda camera: camera.name)
     stages = (renderer.contributions(camera) for camera in track(views, "contributions"))

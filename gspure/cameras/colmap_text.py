@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gspure.cameras.colmap_records import Lens, Points, Pose, parameter_names
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 
 
 def lenses(path: Path) -> list[Lens]:
@@ -61,10 +61,8 @@ def points(path: Path) -> Points:
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield (line number, stripped line), comments left out."""
-    try:
+    with reading(path, "UTF-8 text", UnicodeDecodeError):
         text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(path, "file", expected="UTF-8 text", found=str(error)) from None
     lines = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
     return ((number, line) for number, line in lines if not line.startswith("#"))
 

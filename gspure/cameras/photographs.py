@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gspure.cameras.camera import Camera
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 
 
 def photograph_size(path: Path) -> tuple[int, int]:
@@ -18,15 +18,10 @@ def photograph_size(path: Path) -> tuple[int, int]:
         The file is missing or no image.
 
     """
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
-    try:
-        with Image.open(path) as image:
-            return image.size
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="an existing image", found="nothing") from None
-    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, ValueError) as error:
-        raise InputError(path, "file", expected="an image", found=str(error)) from None
+    with reading(path, "an image", Image.DecompressionBombError, ValueError), Image.open(path) as image:
+        return image.size
 
 
 def require_images(cameras: Sequence[Camera], source: Path | str) -> None:

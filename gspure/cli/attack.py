@@ -11,11 +11,11 @@ from gspure.errors import InputError
 if TYPE_CHECKING:
     from gspure.attacks.attack import Attack, Setting
 
-HELP = "attack a model"
+HELP = "attack a model: remove Gaussians, scale colours, add noise; and controls"
 EXAMPLES = """\
-  gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out attacked.ply
+  gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
   gspure attack gspure --model point_cloud.ply --prune-mask prune_mask.npy --out purified.ply --kept kept.npy
-  gspure attack plain_weight --model point_cloud.ply --weights omega.npy --set tau=4 --out attacked.ply
+  gspure attack plain_weight --model point_cloud.ply --weights omega.npy --set tau=4 --out plain.ply
 """
 
 
@@ -44,12 +44,13 @@ def run(args: argparse.Namespace) -> None:
 
     from gspure.artifacts import load_array, save_array, write_provenance
     from gspure.attacks import Evidence, find_attack
-    from gspure.model import write_model
+    from gspure.model import require_finite, write_model
     from gspure.model.ply import read_ply
 
     attack = find_attack(args.name)
     settings = dict(_parsed(attack, text) for text in args.set)
     model = read_ply(args.model)
+    require_finite(model, args.model)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     types = {"weights": np.float32, "prune_mask": np.bool_}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}
@@ -74,4 +75,5 @@ def _parsed(attack: Attack, text: str) -> tuple[str, Setting]:
     try:
         return name, type(default)(value)
     except ValueError:
-        raise InputError(f"attack {attack.name}", name, expected=type(default).__name__, found=repr(value)) from None
+        expected = "a whole number" if isinstance(default, int) else "a number"
+        raise InputError(f"attack {attack.name}", name, expected=expected, found=repr(value)) from None

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 HELP = "read cameras of any format, or generate views, and write cameras.json"
 EXAMPLES = """\
-  gspure cameras scene/sparse/0 --out cameras.json                    (COLMAP; at most 1600 pixels wide, as 3DGS trains)
+  gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
   gspure cameras scene/transforms.json --out cameras.json --scale 1/4
-  gspure cameras output/bicycle --out cameras.json --scale native     (a training run's own cameras.json)
+  gspure cameras output/bicycle --out cameras.json --scale native     # a training run's own cameras.json
   gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 0 1
-  gspure cameras shells --model point_cloud.ply --out cameras.json    (from all directions, near and far)
+  gspure cameras shells --model point_cloud.ply --out cameras.json    # from all directions, near and far
 """
 
 _GENERATED = ("orbit", "shells")

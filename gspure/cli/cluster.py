@@ -10,7 +10,7 @@ from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 HELP = "select clusters from a spanning tree"
 EXAMPLES = """\
   gspure cluster --tree tree.npy --out clusters.npz
-  gspure cluster --tree tree.npy --selection leaf --min-cluster-size 100 --out clusters.npz
+  gspure cluster --tree tree.npy --selection leaf --min-cluster-size 100 --out leaves.npz
 """
 
 

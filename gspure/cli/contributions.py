@@ -11,6 +11,7 @@ HELP = "compute what every Gaussian contributes to each view (stored per view)"
 EXAMPLES = """\
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --index room.tsv
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --part 1/2 --index 1.tsv
+  gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --part 2/2 --index 2.tsv
 """
 
 
@@ -30,11 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Compute the absent views of this part, then write its index."""
     from gspure.contributions import contribute, write_index
-    from gspure.model import read_model
+    from gspure.model import read_model, require_finite
 
     part, parts = args.part
     views = read_views(args)[part - 1 :: parts]
     model = read_model(args.model)
+    require_finite(model, args.model)
     stages = contribute(model, views, args.stages, device=read_device(args), energy=args.energy)
     write_index(args.index, stages)
 

@@ -24,9 +24,11 @@ def run(args: argparse.Namespace) -> None:
 
     from gspure.artifacts import load_array, save_array, write_provenance
     from gspure.features import features
+    from gspure.model import require_finite
     from gspure.model.ply import read_ply
 
     model = read_ply(args.model)
+    require_finite(model, args.model)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(model),))
     save_array(args.out, features(model.means, model.opacities, weights))
     write_provenance(args.out, inputs={"model": args.model, "weights": args.weights}, settings={})

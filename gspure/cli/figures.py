@@ -17,8 +17,7 @@ HELP = "draw figures: point clouds and weights, renderings side by side, outcome
 EXAMPLES = """\
   gspure figures model --model point_cloud.ply --weights omega.npy --clusters clusters.npz \\
       --prune-mask prune_mask.npy --cameras cameras.json --out figures
-  gspure figures panels --column photos=truth/scene --column watermarked=watermarked/renders/scene \\
-      --column gspure=gspure/renders/scene --difference --out figures/scene.png
+  gspure figures panels --column before=before --column after=after --difference --out figures/views.png
   gspure figures outcomes --table results.csv --asset planted/room --out figures/outcomes.png
 """
 
@@ -70,14 +69,14 @@ def _add_panels(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--difference", action="store_true", help="add the difference between the last column and the first"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="PNG")
+    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
     parser.set_defaults(draw=_draw_panels)
 
 
 def _add_outcomes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
     parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
-    parser.add_argument("--out", type=Path, required=True, metavar="PNG")
+    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
     parser.set_defaults(draw=_draw_outcomes)
 
 
@@ -137,6 +136,7 @@ def _named(cameras: list[Camera], name: str, source: Path | None) -> Camera:
 def _draw_panels(args: argparse.Namespace) -> None:
     import numpy as np
 
+    from gspure.figures.findings import spoken
     from gspure.figures.panels import GAIN, write_panels
     from gspure.images import read_image
 
@@ -148,9 +148,11 @@ def _draw_panels(args: argparse.Namespace) -> None:
     images = {title: {view: read_image(folder / f"{view}.png") for view in chosen} for title, folder in folders.items()}
     write_panels(args.out, images, chosen, difference=args.difference)
     titles = list(folders)
-    caption = f"{len(chosen)} of {len(views)} views, with their PSNR against {titles[0]}."
+    caption = f"{len(chosen)} of {len(views)} views, with their PSNR against {spoken(titles[0])}."
     if args.difference:
-        caption += f" Last column: {GAIN} times the absolute difference between {titles[-1]} and {titles[0]}."
+        caption += (
+            f" Last column: {GAIN} times the absolute difference between {spoken(titles[-1])} and {spoken(titles[0])}."
+        )
     inputs = {f"{title} {view}": folders[title] / f"{view}.png" for title in titles for view in chosen}
     _note({args.out: caption}, inputs, {})
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 HELP = "show what a model holds: counts, extents, quantiles, bad rows, the scheme it looks like"
 EXAMPLES = """\
   gspure info point_cloud.ply
-  gspure info output/bicycle                                   (a training run's folder: its newest iteration)
+  gspure info output/bicycle                                   # a training run's folder: its newest iteration
   gspure info output/bicycle/point_cloud/iteration_7000
   gspure info point_cloud.ply --json
 """

@@ -10,7 +10,7 @@ from gspure.errors import InputError
 HELP = "reveal the planted message in a model, with the owner's key"
 EXAMPLES = """\
   gspure message planted/public/point_cloud.ply --key planted/key/planted_key.npz --out message.ply
-  gspure message purified.ply --key planted/key/planted_key.npz --out message.ply  (then: gspure render message.ply ...)
+  gspure message purified.ply --key planted/key/planted_key.npz --out message.ply    # then render it
 """
 
 

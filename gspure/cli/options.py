@@ -21,8 +21,8 @@ def add_device(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--device",
         metavar="NAME|INDEX",
-        help="OpenCL device, by part of its name or by its index in `gspure doctor`; default: $GSPURE_DEVICE, else the "
-        "first on which a trivial program runs",
+        help="OpenCL device, by part of its name or by its index in `gspure doctor` (default: $GSPURE_DEVICE, else the "
+        "first that works, GPUs before CPUs)",
     )
 
 
@@ -49,7 +49,13 @@ def add_energy(parser: argparse.ArgumentParser, default: str) -> None:
 
 def add_views(parser: argparse.ArgumentParser, split: str) -> None:
     """Add ``--cameras`` and ``--split``."""
-    parser.add_argument("--cameras", type=Path, required=True, metavar="FILE", help="cameras (see `gspure cameras`)")
+    parser.add_argument(
+        "--cameras",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="cameras.json, or any other source that `gspure cameras` reads, at its own size",
+    )
     parser.add_argument(
         "--split",
         choices=SPLITS,

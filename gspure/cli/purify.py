@@ -22,7 +22,7 @@ HELP = "run GSPure on one model: purified model, weights, clusters, metrics and 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified
   gspure purify output/bicycle --cameras output/bicycle --out purified --tau-n 2 --tau-c 3
-  gspure purify point_cloud.ply --cameras orbit --out purified        (a model that came without cameras)
+  gspure purify point_cloud.ply --cameras orbit --out purified        # a model that came without cameras
 
 what it leaves in DIR:
   purified.ply       the Gaussians that remain, bit-identical
@@ -47,9 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cameras",
         required=True,
         metavar="SOURCE",
-        help="cameras.json, transforms.json, or a folder with one of them or a COLMAP model, at most 1600 pixels wide; "
-        "or `orbit` or `shells` for views around the model. `gspure cameras` has settings for all of these. By name, "
-        "every eighth view is held out for the metrics; weights are measured on the others",
+        help="cameras.json, transforms.json, or a folder with one of them or a COLMAP model (views wider than 1600 "
+        "pixels are reduced to that); or `orbit` or `shells` for views around the model; for other settings write a "
+        "file with `gspure cameras`. By name, every eighth view is held out for the metrics; weights are measured on "
+        "the others",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     add_energy(parser, default="ray")
@@ -62,8 +63,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Purify, then write what was found, metrics of the held-out views, and figures."""
+    from gspure.artifacts import filling
     from gspure.attacks.gspure import purify
     from gspure.cameras import split
+    from gspure.figures.gallery import Evidence, draw
     from gspure.model import read_model, require_finite
     from gspure.opencl.device import choose_device
     from gspure.progress import say
@@ -74,15 +77,17 @@ def run(args: argparse.Namespace) -> None:
     train, test = split(cameras)
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
-    say(f"{len(model)} Gaussians, {len(cameras)} views, on {device}")
-    found = purify(model, train or test, device=device, energy=args.energy, **settings)
-    _write(args.out, found)
-    print("\n".join(found.diagnosis.lines()))
-    if model.sh_degree < 0:
-        say("the model holds no colour: no renders, no metrics")
-    else:
-        _compare(args.out, model, found.model, test, device)
-    _draw(args, model, found, cameras)
+    with filling(args.out) as folder:
+        found = purify(model, train or test, device=device, energy=args.energy, **settings)
+        _write(folder, found)
+        print("\n".join(found.diagnosis.lines()))
+        if model.sh_degree < 0:
+            say("the model holds no colour: no renders, no metrics")
+        else:
+            _compare(folder, model, found.model, test, device)
+        evidence = Evidence(model.means, found.labels, found.weights, found.pruned, None, args.tau_c, args.tau_n)
+        for path, caption in draw(folder / "figures", evidence, cameras).items():
+            print(f"{args.out / path.relative_to(folder)}: {caption}")
     print(f"results in {args.out}")
 
 
@@ -129,11 +134,3 @@ def _compare(folder: Path, before: Gaussians, after: Gaussians, views: Sequence[
     shown = [camera.name for camera in views[:: -(-len(views) // _SHOWN)]]
     images = {title: {view: read_image(path / f"{view}.png") for view in shown} for title, path in files.items()}
     write_panels(folder / "figures" / "before_after.png", images, shown, difference=True)
-
-
-def _draw(args: argparse.Namespace, model: Gaussians, found: Purification, cameras: Sequence[Camera]) -> None:
-    from gspure.figures.gallery import Evidence, draw
-
-    evidence = Evidence(model.means, found.labels, found.weights, found.pruned, None, args.tau_c, args.tau_n)
-    for path, caption in draw(args.out / "figures", evidence, cameras).items():
-        print(f"{path}: {caption}")

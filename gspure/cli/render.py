@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
+from gspure.errors import InputError
 
 HELP = "render a model's views to images"
 EXAMPLES = """\
@@ -40,6 +41,9 @@ def run(args: argparse.Namespace) -> None:
     from gspure.progress import track
     from gspure.renderer import Renderer
 
+    if not all(0 <= channel <= 1 for channel in args.background):
+        found = " ".join(map(str, args.background))
+        raise InputError("render", "--background", expected="three numbers from 0 to 1", found=found)
     views = read_views(args)
     model = read_model(args.model)
     require_finite(model, args.model)

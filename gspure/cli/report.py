@@ -7,9 +7,11 @@ from pathlib import Path
 
 HELP = "write a self-contained HTML page: findings, tables, figures, provenance"
 EXAMPLES = """\
-  gspure report --table results.csv --figures planted/room/figures/*.png --out report.html
-  gspure report --table results.csv --figures planted/room/figures/*.png --diagnosis planted/room/diagnosis.json \\
-      --provenance planted/room/*.json --title "How robust is the mark in this room?" --out report.html
+  gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
+  gspure report --table results.csv \\
+      --figures results/planted/room/figures/*.png results/planted/room/figures/model/*.png \\
+      --diagnosis results/planted/room/diagnosis.json --provenance results/planted/room/*.np?.json \\
+      --title "How robust is the mark in this room?" --out report.html
 """
 
 
@@ -36,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="records beside artifacts, to be listed"
     )
     parser.add_argument("--title", default="How robust is the watermark?", help="heading (default: %(default)s)")
-    parser.add_argument("--out", type=Path, required=True, metavar="HTML")
+    parser.add_argument("--out", type=Path, required=True, metavar="HTML", help="the page")
 
 
 def run(args: argparse.Namespace) -> None:

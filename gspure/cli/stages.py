@@ -17,9 +17,15 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("action", choices=["prune"], help="prune: delete every stage file that no index lists")
-    parser.add_argument("--stages", type=Path, default=Path("stages"), help="folder of stages (default: %(default)s)")
     parser.add_argument(
-        "--results", type=Path, default=Path("results"), help="folder searched for indices (default: %(default)s)"
+        "--stages", type=Path, default=Path("stages"), metavar="DIR", help="folder of stages (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=Path("results"),
+        metavar="DIR",
+        help="folder searched for indices (default: %(default)s)",
     )
 
 

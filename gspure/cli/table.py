@@ -7,9 +7,9 @@ from pathlib import Path
 
 HELP = "gather metrics of all variants into one table, with the Score"
 EXAMPLES = """\
-  gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md
+  gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md    # of all models
   gspure table --metrics results/planted/room/*/metrics.csv --kept results/planted/room/*/kept.npy \\
-      --truth results/planted/room/key/message.npy --out results.csv --markdown results.md
+      --truth results/planted/room/key/carriers.npy --out results.csv --markdown results.md
 """
 
 

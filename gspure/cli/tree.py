@@ -10,7 +10,7 @@ from gspure.cli.method_options import add_min_samples
 HELP = "compute HDBSCAN's minimum spanning tree, which depends on min_samples only"
 EXAMPLES = """\
   gspure tree --features features.npy --out tree.npy
-  gspure tree --features features.npy --min-samples 20 --out tree.npy
+  gspure tree --features features.npy --min-samples 20 --out tree_20.npy
 """
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 HELP = "average the contributions over the views: weights omega [K]"
 EXAMPLES = """\
-  gspure weights --index 1.tsv 2.tsv --model point_cloud.ply --out omega.npy
-  gspure weights --index room.tsv --model point_cloud.ply --reduction max --out omega.npy
+  gspure weights --index room.tsv --model point_cloud.ply --out omega.npy
+  gspure weights --index 1.tsv 2.tsv --model point_cloud.ply --reduction max --out omega_max.npy
 """
 
 

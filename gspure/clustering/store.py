@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 
-from gspure.artifacts import replacing
+from gspure.artifacts import load_arrays, save_arrays
 from gspure.clustering.selection import Labels
 from gspure.constants import NOISE_LABEL
 from gspure.errors import InputError
@@ -26,8 +25,7 @@ def write_clusters(path: Path, clusters: Clusters, settings: Mapping[str, int | 
     """Write clusters, and the settings that made them, as .npz without pickle, whole or not at all."""
     entries = {"labels": clusters.labels, "coincident": np.array(clusters.coincident)}
     entries |= {name: np.array(value) for name, value in settings.items()}
-    with replacing(path) as temporary:
-        np.savez_compressed(temporary, allow_pickle=False, **entries)
+    save_arrays(path, entries)
 
 
 def read_clusters(path: Path) -> Clusters:
@@ -39,14 +37,10 @@ def read_clusters(path: Path) -> Clusters:
         If the file is not one that `write_clusters` has written.
 
     """
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as entries:  # closed even if it is no zip
-            labels, coincident = entries["labels"], int(entries["coincident"])
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="an existing .npz file", found="nothing") from None
-    except (ValueError, EOFError, OSError, KeyError, AttributeError, TypeError, BadZipFile) as error:
-        raise InputError(path, "file", expected=".npz with labels and coincident", found=str(error)) from None
+    labels, coincident = load_arrays(path, ("labels", "coincident"), "clusters, as .npz").values()
     if labels.ndim != 1 or labels.dtype != np.int32 or labels.min(initial=NOISE_LABEL) < NOISE_LABEL:
         found = f"{labels.dtype} {list(labels.shape)}"
         raise InputError(path, "labels", expected=f"int32 [any], {NOISE_LABEL} or more", found=found)
-    return Clusters(labels, coincident)
+    if coincident.ndim or coincident.dtype.kind != "i":
+        raise InputError(path, "coincident", expected="a whole number", found=f"{coincident.dtype} {coincident.shape}")
+    return Clusters(labels, int(coincident))

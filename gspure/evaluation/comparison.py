@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.artifacts import write_text
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.evaluation.metrics import psnr, ssim
 from gspure.images import read_image
 
@@ -111,16 +111,14 @@ def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
 
 def read_metrics(path: Path) -> list[ViewMetrics]:
     """Read ``metrics.csv``, or raise `InputError`."""
-    try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            header, *rows = list(csv.reader(stream)) or [[]]
+    with (
+        reading(path, "a metrics table", ValueError, csv.Error),
+        path.open(encoding="utf-8", newline="") as stream,
+    ):
+        header, *rows = list(csv.reader(stream)) or [[]]
         if tuple(header) != HEADER or not rows:
             raise InputError(path, "header", expected=",".join(HEADER) + " and rows", found=",".join(header))
         found = [ViewMetrics(target, view, float(a), float(b), reference) for target, view, reference, a, b in rows]
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="a metrics table", found="nothing") from None
-    except (ValueError, csv.Error) as error:  # UnicodeDecodeError is a ValueError
-        raise InputError(path, "rows", expected="a metrics table", found=str(error)) from None
     for reference in sorted({row.reference for row in found} - set(REFERENCES)):
         raise InputError(path, "reference", expected=" or ".join(REFERENCES), found=repr(reference))
     return found

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.evaluation.comparison import ViewMetrics
 from gspure.evaluation.outcomes import REFERENCE, Outcome
 from gspure.evaluation.tables import HEADER
@@ -25,17 +25,15 @@ def read_table(path: Path) -> list[Outcome]:
         If the file is not such a table.
 
     """
-    try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            table = csv.DictReader(stream, strict=True)
-            if tuple(table.fieldnames or ()) != HEADER:
-                raise InputError(path, "header", expected=",".join(HEADER), found=",".join(table.fieldnames or ()))
-            variants = [list(rows) for _, rows in groupby(table, key=lambda row: (*_asset(row), row["variant"]))]
+    with (
+        reading(path, "a table of outcomes", ValueError, TypeError, csv.Error),  # missing cells are None
+        path.open(encoding="utf-8", newline="") as stream,
+    ):
+        table = csv.DictReader(stream, strict=True)
+        if tuple(table.fieldnames or ()) != HEADER:
+            raise InputError(path, "header", expected=",".join(HEADER), found=",".join(table.fieldnames or ()))
+        variants = [list(rows) for _, rows in groupby(table, key=lambda row: (*_asset(row), row["variant"]))]
         outcomes = [_outcome(rows) for rows in variants]
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="a table of outcomes", found="nothing") from None
-    except (ValueError, TypeError, csv.Error) as error:  # UnicodeDecodeError is a ValueError; missing cells are None
-        raise InputError(path, "rows", expected="a table of outcomes", found=str(error)) from None
     references = {(o.scheme, o.scene): o.targets for o in outcomes if o.variant == REFERENCE}
     return [replace(o, reference=references.get((o.scheme, o.scene), {})) for o in outcomes]
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 _COLOURS: Final = {SCENE: style.SCENE, MESSAGE: style.MESSAGE}
 _BINS: Final = 72
-_DECADES: Final = 9  # below the largest weight; smaller ones are drawn in the lowest bin
+_DECADES: Final = 9  # at most, below the largest weight
+_TAIL: Final = 5e-4  # share of the weights that may lie below the axis; they are drawn in its lowest bin
 
 
 def write_weight_histogram(
@@ -71,11 +72,11 @@ def write_weight_histogram(
 
 
 def _range(decades: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the decades that the axis spans: up to the largest weight, down to the smallest, but not too far."""
+    """Return the decades that the axis spans: up to the largest weight, down to all but a few of the smallest."""
     if not len(decades):
         return -3.0, 0.0
     high = float(decades.max()) + 0.05
-    return max(float(decades.min()) - 0.05, high - _DECADES), high
+    return max(float(np.quantile(decades, _TAIL)) - 0.05, high - _DECADES), high
 
 
 def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> list[Artist]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gspure.artifacts import read_json, write_text
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
 from gspure.figures import findings, style
 
@@ -145,12 +145,9 @@ def _picture(file: Path) -> Picture:
 
     note = file.with_name(file.name + ".json")
     caption = _record(note)["settings"].get("caption", "") if note.exists() else ""
-    try:
-        with Image.open(file) as image:
-            wide = image.width > 1.2 * style.COLUMN * style.DPI
-            data = _embedded(image.convert("RGB"))
-    except (OSError, SyntaxError) as error:
-        raise InputError(file, "file", expected="a PNG image", found=str(error)) from None
+    with reading(file, "a PNG image", SyntaxError), Image.open(file) as image:
+        wide = image.width > 1.2 * style.COLUMN * style.DPI
+        data = _embedded(image.convert("RGB"))
     companions = (other.name for suffix in _OTHER_FORMATS if (other := file.with_suffix(suffix)).exists())
     return Picture(file.stem.replace("_", " "), caption, data, wide, tuple(companions))
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
+import tempfile
 import warnings
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
@@ -165,11 +169,24 @@ def choose_device(spec: str | None = None) -> Device:
 
 
 def _platforms() -> list[cl.Platform]:
+    if not _can_cache():
+        os.environ["XDG_CACHE_HOME"] = folder = tempfile.mkdtemp(prefix="gspure-cache-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
     try:
         platforms: list[cl.Platform] = cl.get_platforms()
     except cl.Error:  # the loader found no driver
         return []
     return platforms
+
+
+def _can_cache() -> bool:
+    """Return whether caches can be written: where not, PoCL shows no device and pyopencl runs no kernel."""
+    try:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # no such home, or no home at all
+        return False
+    return os.access(folder, os.W_OK)
 
 
 def _devices(platform: cl.Platform) -> list[cl.Device]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import replacing
+from gspure.artifacts import load_arrays, save_arrays
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
 
@@ -64,8 +63,7 @@ def reveal(attacked: Gaussians, key: PlantedKey) -> Gaussians:
 
 def write_key(path: Path, key: PlantedKey) -> None:
     """Write a key as .npz without pickle, whole or not at all."""
-    with replacing(path) as temporary:
-        np.savez(temporary, **asdict(key))
+    save_arrays(path, asdict(key))
 
 
 def read_key(path: Path) -> PlantedKey:
@@ -77,20 +75,10 @@ def read_key(path: Path) -> PlantedKey:
         The file is missing or no .npz, or an array is missing, of another type or shape, or not finite.
 
     """
-    try:
-        with Path(path).open("rb") as stream, zipfile.ZipFile(stream):  # np.load takes a lone array too
-            stream.seek(0)
-            archive = np.load(stream, allow_pickle=False)
-            arrays = {name: archive[name] for name in _ARRAYS if name in archive}
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="an existing key", found="nothing") from None
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(path, "file", expected="an .npz archive without pickle", found=str(error)) from None
-    count = len(arrays.get("rows", ()))
+    arrays = load_arrays(path, _ARRAYS, "the owner's key, as .npz")
+    count = arrays["rows"].size
     for name, (dtype, trailing) in _ARRAYS.items():
-        array, expected = arrays.get(name), f"{dtype} {[count, *trailing]}"
-        if array is None:
-            raise InputError(path, name, expected=expected, found="nothing")
+        array, expected = arrays[name], f"{dtype} {[count, *trailing]}"
         if array.dtype != dtype or array.shape != (count, *trailing):
             raise InputError(path, name, expected=expected, found=f"{array.dtype} {list(array.shape)}")
         if not np.isfinite(array).all():

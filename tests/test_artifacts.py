@@ -1,0 +1,118 @@
+"""Files and folders of results: whole or absent, and checked when read."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.artifacts import digest, filling, load_array, load_arrays, replacing, save_array, save_arrays
+from gspure.errors import InputError, reading
+
+
+def half_written(path: Path) -> None:
+    path.write_text("half")
+    raise ZeroDivisionError
+
+
+def content(folder: Path) -> dict[str, str]:
+    return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
+    with replacing(tmp_path / "new" / "file.txt") as temporary:
+        temporary.write_text("whole")
+        assert not (tmp_path / "new" / "file.txt").exists()
+    assert content(tmp_path) == {"new/file.txt": "whole"}
+
+
+def test_a_file_that_was_there_stays_when_its_successor_fails(tmp_path: Path) -> None:
+    (tmp_path / "file.txt").write_text("old")
+    with pytest.raises(ZeroDivisionError), replacing(tmp_path / "file.txt") as temporary:
+        half_written(temporary)
+    assert content(tmp_path) == {"file.txt": "old"}
+
+
+def test_the_files_of_a_folder_appear_together_beside_those_of_others(tmp_path: Path) -> None:
+    (tmp_path / "out" / "sub").mkdir(parents=True)
+    (tmp_path / "out" / "sub" / "a").write_text("old")
+    (tmp_path / "out" / "other").write_text("kept")
+    with filling(tmp_path / "out") as folder:
+        (folder / "sub").mkdir()
+        (folder / "sub" / "a").write_text("new")
+        (folder / "b").write_text("new")
+        assert content(tmp_path / "out")["sub/a"] == "old"
+    assert content(tmp_path / "out") == {"sub/a": "new", "b": "new", "other": "kept"}
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["b", "other", "sub"]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_nothing_of_a_folder_appears_when_the_work_fails(tmp_path: Path, there: bool) -> None:
+    out = tmp_path / "deep" / "out"
+    if there:
+        out.mkdir(parents=True)
+    with pytest.raises(ZeroDivisionError), filling(out) as folder:
+        half_written(folder / "a")
+    assert [path.name for path in tmp_path.rglob("*")] == (["deep", "out"] if there else [])
+
+
+def test_an_array_is_read_back_under_any_file_name(tmp_path: Path) -> None:
+    for name in ("a.npy", "weights", "a.b"):
+        save_array(tmp_path / name, np.arange(3.0))
+        np.testing.assert_array_equal(load_array(tmp_path / name, dtype=np.float64, shape=(None,)), np.arange(3.0))
+    assert len([*tmp_path.iterdir()]) == 3
+
+
+@pytest.mark.parametrize(
+    ("array", "refusal"),
+    [
+        (np.zeros(3, np.float32), r"array: expected float64 \[any, 2\], found float32 \[3\]"),
+        (np.zeros((3, 1)), r"array: expected float64 \[any, 2\], found float64 \[3, 1\]"),
+        (np.array([[0, np.nan], [np.inf, 1]]), "array: expected finite numbers, found others in 2 of 4 places"),
+    ],
+)
+def test_an_array_of_another_kind_is_refused(tmp_path: Path, array: np.ndarray, refusal: str) -> None:
+    save_array(tmp_path / "a.npy", array)
+    with pytest.raises(InputError, match=r"a\.npy: " + refusal):
+        load_array(tmp_path / "a.npy", dtype=np.float64, shape=(None, 2))
+
+
+def test_pickled_objects_are_not_read(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.array([{}]), allow_pickle=True)
+    with pytest.raises(InputError, match="allow_pickle=False"):
+        load_array(tmp_path / "a.npy", dtype=object, shape=(None,))
+
+
+def test_named_arrays_are_read_back(tmp_path: Path) -> None:
+    save_arrays(tmp_path / "a.npz", {"x": np.arange(3), "y": np.ones(2)})
+    (x,) = load_arrays(tmp_path / "a.npz", ["x"], "numbers").values()
+    np.testing.assert_array_equal(x, np.arange(3))
+    with pytest.raises(InputError, match=r"a\.npz: z: expected numbers, found no such array"):
+        load_arrays(tmp_path / "a.npz", ["x", "z"], "numbers")
+    save_array(tmp_path / "lone.npz", np.ones(2))
+    with pytest.raises(InputError, match=r"lone\.npz: file: expected numbers, found File is not a zip file"):
+        load_arrays(tmp_path / "lone.npz", ["x"], "numbers")
+
+
+def test_digests_tell_type_shape_and_boundaries_apart() -> None:
+    zeros = [np.zeros(4, np.float32), np.zeros(2, np.float64), np.zeros((2, 2), np.float32)]
+    assert len({digest(array) for array in zeros} | {digest("ab", "c"), digest("a", "bc"), digest("abc")}) == 6
+
+
+@pytest.mark.parametrize(
+    ("error", "found"),
+    [
+        (FileNotFoundError(2, "No such file or directory"), "no such file"),
+        (PermissionError(13, "Permission denied"), "Permission denied"),
+        (ValueError("two\nlines"), "two lines"),
+        (EOFError(), "EOFError"),
+    ],
+)
+def test_what_goes_wrong_while_reading_is_told_in_one_line(error: Exception, found: str) -> None:
+    with pytest.raises(InputError) as caught, reading("x.json", "JSON", ValueError, EOFError):
+        raise error
+    assert str(caught.value) == f"x.json: file: expected JSON, found {found}"
+
+
+def test_a_bug_while_reading_stays_a_bug() -> None:
+    with pytest.raises(KeyError), reading("x.json", "JSON", ValueError):
+        raise KeyError

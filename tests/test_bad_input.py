@@ -1,0 +1,284 @@
+"""Bad input: one line that names file and field, exit status 2, and nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.artifacts import save_array
+from gspure.cameras import write_cameras
+from gspure.cli import main
+from gspure.clustering import Clusters, write_clusters
+from gspure.images import write_image
+from gspure.model import Gaussians, read_model, write_model
+from tests.models import blobs, camera
+
+ROOT = Path(__file__).parents[1]
+COUNT = 60
+COMMANDS = {
+    "purify": "purify model.ply --cameras cameras.json --out out",
+    "purify orbit": "purify model.ply --cameras orbit --out out",
+    "render": "render model.ply --cameras cameras.json --out out",
+    "info": "info model.ply",
+    "cameras": "cameras cameras.json --out out",
+    "cameras orbit": "cameras orbit --model model.ply --out out",
+    "contributions": "contributions --model model.ply --cameras cameras.json --stages out --index out.tsv",
+    "features": "features --model model.ply --weights weights.npy --out out",
+    "attack": "attack plain_weight --model model.ply --weights weights.npy --out out --kept out.npy",
+    "metrics": "metrics a b --out out",
+    "figures": "figures model --model model.ply --weights weights.npy --clusters clusters.npz --prune-mask mask.npy "
+    "--cameras cameras.json --out out",
+}
+OF_MODEL = [name for name, command in COMMANDS.items() if "model.ply" in command]
+OF_CAMERAS = [name for name, command in COMMANDS.items() if "cameras.json" in command]
+OF_NUMBERS = [name for name in OF_MODEL if name not in {"info", "cameras orbit"}]  # these two pass over bad rows
+OF_WEIGHTS = [name for name, command in COMMANDS.items() if "weights.npy" in command]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A user's folder in which everything is as it should be; it is the current one."""
+    monkeypatch.chdir(tmp_path)
+    write_model("model.ply", blobs(COUNT))
+    write_cameras("cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
+    for name, array in {"weights": np.ones(COUNT, np.float32), "mask": np.zeros(COUNT, bool)}.items():
+        save_array(Path(f"{name}.npy"), array)
+    write_clusters(Path("clusters.npz"), Clusters(np.zeros(COUNT, np.int32), 0), {})
+    rng = np.random.default_rng(0)
+    for side in "ab":
+        for view in "12":
+            write_image(f"{side}/{view}.png", rng.random((20, 30, 3)))
+    return tmp_path
+
+
+def refusal(folder, capsys, command):
+    """Run a command that must be refused; returns its one line."""
+    before = sorted(folder.rglob("*"))
+    assert main(command.split()) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1, error
+    assert sorted(folder.rglob("*")) == before, "something was left behind"
+    name = command.split()[0]
+    assert error.startswith(f"gspure {name}: ")
+    return error.removeprefix(f"gspure {name}: ")
+
+
+def cut(path, size):
+    Path(path).write_bytes(Path(path).read_bytes()[:size])
+
+
+def spoil_row(**values):
+    """Let row 7 of the model hold these values."""
+    model = read_model("model.ply")
+    write_model(
+        "model.ply",
+        model.with_columns({n: np.where(np.arange(COUNT) == 7, v, model.table[n]) for n, v in values.items()}),
+    )
+
+
+def in_doubles():
+    table = read_model("model.ply").table
+    write_model("model.ply", Gaussians(table.astype([(name, "<f8") for name in table.dtype.names])))
+
+
+def without_rows():
+    header, _, _ = Path("model.ply").read_bytes().partition(b"end_header\n")
+    Path("model.ply").write_bytes(header.replace(b"vertex 60", b"vertex 0") + b"end_header\n")
+
+
+BAD_MODELS = {
+    "truncated": (lambda: cut("model.ply", -10), "model.ply: element vertex: expected 60 rows, found room for 59"),
+    "header cut": (lambda: cut("model.ply", 100), "model.ply: header: expected the header of a PLY"),
+    "empty": (lambda: cut("model.ply", 0), "model.ply: header: expected the header of a PLY"),
+    "wrong type": (in_doubles, "model.ply: x: expected a float32 property, found float64"),
+    "no Gaussians": (without_rows, "model.ply: element vertex: expected at least one Gaussian, found 0 rows"),
+    "missing": (lambda: Path("model.ply").unlink(), "model.ply: file: expected a readable .ply"),
+}
+BAD_ROWS = {
+    "NaN position": ({"y": np.nan}, "model.ply: y: expected finite numbers, found infinity or not-a-number in 1 of 60"),
+    "infinite scale": ({"scale_1": np.inf}, "model.ply: scale_1: expected finite numbers"),
+    "NaN colour": ({"f_rest_3": np.nan}, "model.ply: f_rest_3: expected finite numbers"),
+}
+
+
+@pytest.mark.parametrize("command", OF_MODEL)
+@pytest.mark.parametrize(("spoil", "line"), BAD_MODELS.values(), ids=BAD_MODELS)
+def test_a_bad_model_is_refused_by_every_command(folder, capsys, command, spoil, line):
+    spoil()
+    assert refusal(folder, capsys, COMMANDS[command]).startswith(line)
+
+
+@pytest.mark.parametrize("command", OF_NUMBERS)
+@pytest.mark.parametrize(("values", "line"), BAD_ROWS.values(), ids=BAD_ROWS)
+def test_numbers_that_are_none_are_refused_with_their_column_and_row(folder, capsys, command, values, line):
+    spoil_row(**values)
+    error = refusal(folder, capsys, COMMANDS[command])
+    assert error.startswith(line)
+    assert "first in row 7" in error
+
+
+def edit_cameras(edit):
+    views = json.loads(Path("cameras.json").read_text())
+    edit(views)
+    Path("cameras.json").write_text(json.dumps(views))
+
+
+BAD_CAMERAS = {
+    "zero focal length": (lambda views: views[3].update(fx=0), "[3].fx: expected a positive number, found 0"),
+    "NaN focal length": (
+        lambda views: views[3].update(fy=float("nan")),
+        "[3].fy: expected a positive number, found nan",
+    ),
+    "size in words": (lambda views: views[2].update(width="wide"), "[2].width: expected a whole number of pixels"),
+    "no position": (lambda views: views[2].pop("position"), "[2].position: expected finite numbers [3], found nothing"),
+    "no rotation": (lambda views: views[0].update(rotation=[[1, 0, 0]] * 3), "[0].rotation: expected a rotation"),
+    "a name twice": (lambda views: views.append(views[0]), "view names: expected each name once, found 'view_0'"),
+    "no view": (lambda views: views.clear(), "views: expected at least one, found none"),
+}
+
+
+@pytest.mark.parametrize("command", OF_CAMERAS)
+@pytest.mark.parametrize(("edit", "line"), BAD_CAMERAS.values(), ids=BAD_CAMERAS)
+def test_bad_cameras_are_refused_by_every_command(folder, capsys, command, edit, line):
+    edit_cameras(edit)
+    assert refusal(folder, capsys, COMMANDS[command]).startswith(f"cameras.json: {line}")
+
+
+@pytest.mark.parametrize("command", OF_CAMERAS)
+@pytest.mark.parametrize("content", [b"", b'[{"id"', b"3", bytes(range(256))], ids=["empty", "cut", "number", "binary"])
+def test_a_file_that_holds_no_cameras_is_refused_by_every_command(folder, capsys, command, content):
+    Path("cameras.json").write_bytes(content)
+    assert refusal(folder, capsys, COMMANDS[command]).startswith("cameras.json: file: expected ")
+
+
+@pytest.mark.parametrize("command", OF_WEIGHTS)
+@pytest.mark.parametrize(
+    ("weights", "line"),
+    [
+        (np.ones(3, np.float32), "expected float32 [60], found float32 [3]"),
+        (np.ones(COUNT), "expected float32 [60], found float64 [60]"),
+        (np.full(COUNT, np.nan, np.float32), "expected finite numbers, found others in 60 of 60 places"),
+    ],
+    ids=["of another model", "wrong type", "NaN"],
+)
+def test_bad_weights_are_refused_by_every_command(folder, capsys, command, weights, line):
+    save_array(Path("weights.npy"), weights)
+    assert refusal(folder, capsys, COMMANDS[command]) == f"weights.npy: array: {line}\n"
+
+
+BAD_IMAGES = {
+    "missing": (lambda: Path("a/2.png").unlink(), "a/2.png: file: expected a counterpart of b/2.png, found nothing"),
+    "cut": (lambda: cut("b/2.png", 900), "b/2.png: file: expected an image"),
+    "no image": (lambda: Path("b/2.png").write_text("no image"), "b/2.png: file: expected an image"),
+    "other size": (lambda: write_image("b/2.png", np.zeros((9, 9, 3))), "b/2.png: size: expected 30x20, as a/2.png"),
+    "no folder": (lambda: Path("b").rename("c"), "b: folder: expected PNG files, found no such folder"),
+}
+
+
+@pytest.mark.parametrize(("spoil", "line"), BAD_IMAGES.values(), ids=BAD_IMAGES)
+def test_bad_images_are_refused(folder, capsys, spoil, line):
+    spoil()
+    assert refusal(folder, capsys, COMMANDS["metrics"]).startswith(line)
+
+
+def test_views_without_photographs_are_refused_where_they_are_required(folder, capsys):
+    error = refusal(folder, capsys, COMMANDS["cameras"] + " --require-images")
+    assert error == "cameras.json: view_0.image: expected a photograph, found none named\n"
+
+
+BAD_OPTIONS = {
+    "purify --tau-c 0": "pruning: tau_c: expected a number above 0, found 0.0",
+    "purify --min-samples 0": "clustering: min_samples: expected at least 1, found 0",
+    "purify --min-cluster-size 1": "clustering: min_cluster_size: expected at least 2, found 1",
+    "render --background 0 0 nan": "render: --background: expected three numbers from 0 to 1, found 0.0 0.0 nan",
+    "cameras --scale half": "scale rule: value: expected native, 1/N or Wpx",
+    "cameras orbit --count 0": "orbit views: count: expected at least one view, found none",
+    "attack --set tau=x": "attack plain_weight: tau: expected a number, found 'x'",
+    "attack --set size=1": "attack plain_weight: setting: expected one of tau, found size",
+    "attack --seed -1": "attack plain_weight: seed: expected at least 0, found -1",
+}
+
+
+@pytest.mark.parametrize(("options", "line"), BAD_OPTIONS.items(), ids=BAD_OPTIONS)
+def test_options_out_of_range_are_refused(folder, capsys, options, line):
+    command, _, option = options.partition(" --")
+    assert refusal(folder, capsys, f"{COMMANDS[command]} --{option}").startswith(line)
+
+
+@pytest.mark.parametrize("command", sorted({*COMMANDS} - {"info"}))
+def test_an_output_that_cannot_be_written_is_named(folder, capsys, command):
+    Path("file").touch()
+    words = ["file/out" if word == "out" else word for word in COMMANDS[command].split()]
+    before = sorted(folder.rglob("*"))
+    assert main(words) == 2
+    error = capsys.readouterr().err.splitlines()[-1]  # others tell of work that was done before
+    assert error.startswith(f"gspure {words[0]}: file"), error
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_folder_without_permission_is_named_and_not_a_temporary_file(folder, capsys, monkeypatch):
+    def mkdir(path, *_, **__):
+        if path.name.startswith("."):
+            raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "mkdir", mkdir)
+    assert refusal(folder, capsys, COMMANDS["purify"]) == "out: Permission denied\n"
+
+
+@pytest.mark.parametrize("command", ["purify", "render", "contributions"])
+def test_a_device_that_is_not_there_is_refused(folder, capsys, monkeypatch, command):
+    monkeypatch.setenv("GSPURE_DEVICE", "nope")
+    error = refusal(folder, capsys, COMMANDS[command])
+    assert error.startswith("OpenCL: device: expected one that 'nope' means, found ")
+    assert refusal(folder, capsys, COMMANDS[command] + " --device 99").startswith(
+        "OpenCL: device: expected one that '99'"
+    )
+
+
+def python(folder, *arguments, **environment):
+    """Run a module in a process of its own, as a user would."""
+    return subprocess.run(
+        [sys.executable, "-m", *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_no_device_at_all_is_told_with_what_to_do(folder):
+    before = sorted(folder.rglob("*"))
+    done = python(folder, "gspure", *COMMANDS["purify"].split(), OCL_ICD_VENDORS="/nonexistent")
+    assert done.returncode == 2
+    assert done.stderr.startswith("gspure purify: OpenCL: device: expected ")
+    assert "found no device (`make opencl`" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.workflow
+@pytest.mark.parametrize(
+    ("config", "line"),
+    [
+        ("assets: {m: {model: model.ply, cameras: orbit}}\ntau: 3\n", "tau: expected one of .*, found an unknown key"),
+        ("assets: {m: {model: no.ply, cameras: orbit}}\n", "assets.m.model: expected an existing path, found no.ply"),
+        ("assets: {m: {model: model.ply}}\n", "assets.m.cameras: expected an entry, found nothing"),
+    ],
+    ids=["unknown key", "missing model", "no cameras"],
+)
+def test_a_wrong_configuration_is_refused_by_snakemake_in_one_line(folder, config, line):
+    Path("mine.yaml").write_text(config)
+    arguments = ("--snakefile", str(ROOT / "Snakefile"), "--configfile", "mine.yaml", "--cores", "1")
+    done = python(folder, "snakemake", *arguments)
+    assert done.returncode == 2
+    (error,) = [text for text in done.stderr.splitlines() if not text.startswith("Using workflow specific profile")]
+    assert re.fullmatch(f"gspure: mine.yaml: {line}", error)
+    assert not Path("results").exists()
