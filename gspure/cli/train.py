@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 HELP = "train a 3DGS model from photographs"
 EXAMPLES = """\
-  gspure train scene --out trained                     (COLMAP project: scene/images and scene/sparse/0)
+  gspure train scene --out trained                     # COLMAP project: scene/images and scene/sparse/0
   gspure train scene/transforms.json --out trained --resolution 1/4 --iterations 7000
-  gspure train planted --out trained                   (what `gspure plant` wrote: its ray-traced scene)
+  gspure train planted --out trained                   # what `gspure plant` wrote: its ray-traced scene
   gspure train planted --out message --images planted/truth/message
-  gspure train scene --out trained --resume            (go on where a killed run was)
+  gspure train scene --out trained --resume            # go on where a killed run was
 
 3DGS's own settings are --iterations 30000 --resolution 1600px; the defaults suit a laptop without a GPU. By name, every
 eighth view is held out and compared at the end. What it leaves in DIR is what 3DGS's trainer and render script leave:
