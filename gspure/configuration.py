@@ -56,6 +56,8 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
 def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     """Return a copy of a validated configuration in which given models are files and every variant names its attack.
 
+    An asset to be trained gets the entry ``photographs``: the files that its cameras name.
+
     Raises
     ------
     InputError
@@ -64,6 +66,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
 
     """
     from gspure.attacks import attacks
+    from gspure.cameras import read_cameras
     from gspure.model.inria import point_cloud
 
     settled = deepcopy(dict(config))
@@ -77,6 +80,8 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
                 raise InputError(source, f"assets.{scene}.{field}", expected="an existing path", found=asset[field])
         if "model" in asset and (model := Path(asset["model"])).is_dir():
             asset["model"] = str(point_cloud(model))
+        if "train" in asset:
+            asset["photographs"] = [str(camera.image) for camera in read_cameras(asset["train"]) if camera.image]
     available = attacks()
     for variant, settings in settled["variants"].items():
         attack = settings.setdefault("attack", variant)

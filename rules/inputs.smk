@@ -1,4 +1,3 @@
-from gspure.cameras import read_cameras
 from gspure.training.dataset import POINT_FILES
 
 CAMERA_FILES = ["cameras.bin", "images.bin", "cameras.txt", "images.txt"]
@@ -29,8 +28,7 @@ def training_files(wildcards):
     source = config["assets"][wildcards.scene]["train"]
     folder = source if Path(source).is_dir() else os.path.dirname(source) or "."
     points = files_of(folder, ["points3D.bin", "points3D.txt", *POINT_FILES])
-    photographs = [str(camera.image) for camera in read_cameras(Path(source)) if camera.image]
-    return [*files_of(source, CAMERA_FILES), *points, *photographs]
+    return [*files_of(source, CAMERA_FILES), *points, *config["assets"][wildcards.scene]["photographs"]]
 
 
 def training_options(wildcards):

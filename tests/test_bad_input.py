@@ -268,17 +268,25 @@ def test_no_device_at_all_is_told_with_what_to_do(folder):
 @pytest.mark.parametrize(
     ("config", "line"),
     [
-        ("assets: {m: {model: model.ply, cameras: orbit}}\ntau: 3\n", "tau: expected one of .*, found an unknown key"),
-        ("assets: {m: {model: no.ply, cameras: orbit}}\n", "assets.m.model: expected an existing path, found no.ply"),
-        ("assets: {m: {model: model.ply}}\n", "assets.m.cameras: expected an entry, found nothing"),
+        (
+            "assets: {m: {model: model.ply, cameras: orbit}}\ntau: 3\n",
+            "mine.yaml: tau: expected one of .*, found an unknown key",
+        ),
+        (
+            "assets: {m: {model: no.ply, cameras: orbit}}\n",
+            "mine.yaml: assets.m.model: expected an existing path, found no.ply",
+        ),
+        ("assets: {m: {train: cut}}\n", r"cut/cameras.json: \[0\].width: expected a whole number .*, found nothing"),
     ],
-    ids=["unknown key", "missing model", "no cameras"],
+    ids=["unknown key", "missing model", "photographs without cameras"],
 )
 def test_a_wrong_configuration_is_refused_by_snakemake_in_one_line(folder, config, line):
+    Path("cut").mkdir()
+    Path("cut/cameras.json").write_text('[{"id": 0}]')
     Path("mine.yaml").write_text(config)
     arguments = ("--snakefile", str(ROOT / "Snakefile"), "--configfile", "mine.yaml", "--cores", "1")
     done = python(folder, "snakemake", *arguments)
     assert done.returncode == 2
     (error,) = [text for text in done.stderr.splitlines() if not text.startswith("Using workflow specific profile")]
-    assert re.fullmatch(f"gspure: mine.yaml: {line}", error)
+    assert re.fullmatch(f"gspure: {line}", error)
     assert not Path("results").exists()
