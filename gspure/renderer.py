@@ -14,7 +14,7 @@ from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
-from gspure.opencl.frame import Energy, Pass
+from gspure.opencl.frame import ENERGIES, Energy, Pass
 from gspure.opencl.gradients import by_row
 from gspure.opencl.passes import Rendered, backward, forward
 from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, store, upload_features, upload_sh_coeffs
@@ -87,6 +87,8 @@ class Renderer:
         style: Style | None = None,
         entry_budget: int = ENTRY_BUDGET,
     ) -> None:
+        if energy not in ENERGIES:
+            raise ValueError(f"the energy is one of {', '.join(ENERGIES)}, not {energy!r}")
         self.model = model
         self.energy: Energy = energy
         self._entry_budget = entry_budget

@@ -268,3 +268,8 @@ def test_features_of_another_shape_are_refused(device, rows, background):
     renderer = Renderer(blobs(3), device)
     with pytest.raises(ValueError, match=r"features|background"):
         renderer.feature_map(camera(8, 8), np.ones((rows, 5), np.float32), background)
+
+
+def test_an_unknown_energy_is_refused(device):
+    with pytest.raises(ValueError, match="'typo'"):
+        Renderer(blobs(1), device, energy="typo")

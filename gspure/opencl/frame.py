@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal, get_args
 
 Energy = Literal["ewa", "ray"]
+ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)
 
 
 @dataclass(frozen=True)
