@@ -61,9 +61,8 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
         for (int c = 0; c < CHANNELS; c++) dc[c] = (float16)0.0f;
         for (int r = begin; r <= stop; r++) {
             float dy = (top + r + 0.5f) - s[SPLAT_V];
-            float16 a = s[SPLAT_A] * dx + s[SPLAT_B] * dy;
-            float b = s[SPLAT_C] * dy;
-            float16 exponent = ewa_exponent(a, (float16)b, s);
+            float16 a = s[SPLAT_A] * dx + s[SPLAT_B] * dy, b = (float16)(s[SPLAT_C] * dy);
+            float16 exponent = ewa_exponent(a, b, s);
             float16 weight = blend(exponent, &T[r]);
             float16 along = (float16)0.0f;
 #pragma unroll
@@ -71,23 +70,22 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
                 along += g[r * CHANNELS + c] * s[SPLAT_CHANNELS + c];
                 dc[c] += weight * g[r * CHANNELS + c];
             }
-            float16 given = weight * along;
-            F[r] -= given;
+            F[r] -= weight * along;
             // Where it was not blended, and at the clamp, nothing flows back.
             float16 alpha = exp2_polynomial(exponent);
             int16 flows = (weight > (float16)0.0f) & (alpha < (float16)ALPHA_MAX);
-            float16 dp = given - F[r] * (alpha / (1.0f - alpha));
+            float16 dp = LN2 * (weight * along - F[r] * (alpha / (1.0f - alpha)));
             dp = flows ? dp : (float16)0.0f;
-            float16 dpa = dp * a;
+            float16 dpa = dp * a, dpb = dp * b;
             moments[0] += dp;
             moments[1] += dpa;
-            moments[2] += dp * b;
+            moments[2] += dpb;
             moments[3] += dpa * a;
             moments[4] += dpa * b;
-            moments[5] += dp * (b * b);
+            moments[5] += dpb * b;
         }
         __global float *out = slot_gradients + (size_t)SLOT_GRADIENT * slots[next];
-        for (int i = 0; i < MOMENTS; i++) out[i] = LN2 * sum16(moments[i]);
+        for (int i = 0; i < MOMENTS; i++) out[i] = sum16(moments[i]);
         for (int c = 0; c < CHANNELS; c++) out[MOMENTS + c] = sum16(dc[c]);
         if (walked % CHECK_EVERY == CHECK_EVERY - 1) {
             while (first_row <= last_row && !alive(T[first_row])) first_row++;

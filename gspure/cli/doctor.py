@@ -21,7 +21,7 @@ import gspure
 HELP = "check the set-up: OpenCL devices, OpenGL, packages; say what is missing and how to get it"
 EXAMPLES = """\
   gspure doctor
-  GSPURE_DEVICE=1 gspure doctor                                (would that device do?)
+  GSPURE_DEVICE=1 gspure doctor  # would that device do?
 """
 
 _CHECKOUT: Final = Path(gspure.__file__).resolve().parents[1]  # where gspure was not installed as a wheel
