@@ -339,3 +339,18 @@ def test_no_damage_to_a_file_breaks_the_reader(folder, data):
         end = data.draw(st.integers(at, min(at + 20, len(content))))
         content[at:end] = data.draw(st.binary(max_size=20))
     assert_read_or_refused(save(folder / "fuzz.ply", bytes(content)))
+
+
+def test_released_pages_are_read_again_as_they_were(tmp_path):
+    write_model(tmp_path / "model.ply", blobs(3000))
+    model = read_model(tmp_path / "model.ply")
+    before = model.table.tobytes()
+    model.release_pages()
+    assert model.table.tobytes() == before
+
+
+def test_a_model_in_memory_keeps_its_table():
+    model = blobs(3000)
+    before = model.table.tobytes()
+    model.release_pages()
+    assert model.table.tobytes() == before

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from mmap import MADV_DONTNEED, mmap
 from typing import Any
 
 import numpy as np
@@ -108,6 +109,17 @@ class Gaussians:
         for start in range(0, len(self), _BLOCK_ROWS):
             rows = slice(start, start + _BLOCK_ROWS)
             yield rows, self.table[rows]
+
+    def release_pages(self) -> None:
+        """Let the system take back the memory of a mapped file; what is used again is read again.
+
+        A pass over a large model then needs no more room than the part at hand.
+        """
+        base: Any = self.table
+        while base is not None and not isinstance(base, mmap):
+            base = base.base if isinstance(base, np.ndarray) else None
+        if base is not None:
+            base.madvise(MADV_DONTNEED)
 
     def subset(self, keep: NDArray[np.bool_]) -> Gaussians:
         """Return the rows where `keep` [K] is true, bit-identical and in the same order."""
