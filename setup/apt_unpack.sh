@@ -9,7 +9,7 @@ shift
 partial=$folder.partial
 rm -rf "$partial"
 trap 'rm -rf "$partial"' EXIT
-mkdir -p "$partial"/apt/{lists,archives}/partial "$partial/root"
+mkdir -p "$partial"/apt/{lists,archives}/partial "$partial/tree"
 
 echo "setup: no root here, unpacking the Debian packages $*"
 apt=(apt-get -q -y -o Debug::NoLocking=1 -o Dir::Cache="$partial/apt" -o Dir::State::Lists="$partial/apt/lists")
@@ -18,15 +18,15 @@ apt=(apt-get -q -y -o Debug::NoLocking=1 -o Dir::Cache="$partial/apt" -o Dir::St
   "${apt[@]}" install --download-only --no-install-recommends "$@" patchelf
 } >&2
 for package in "$partial"/apt/archives/*.deb; do
-  dpkg-deb -x "$package" "$partial/root"
+  dpkg-deb -x "$package" "$partial/tree"
 done
 
-libraries=$(cd "$partial/root" && ls -d usr/lib/*-linux-gnu* | head -n 1)
-patchelf=$(command -v patchelf || echo "$partial/root/usr/bin/patchelf")
-find "$partial/root/usr/lib" -name '*.so*' -type f |
+libraries=$(cd "$partial/tree" && ls -d usr/lib/*-linux-gnu* | head -n 1)
+patchelf=$(command -v patchelf || echo "$partial/tree/usr/bin/patchelf")
+find "$partial/tree/usr/lib" -name '*.so*' -type f |
   while read -r library; do
     # Some are text for the linker and need no path.
     "$patchelf" --force-rpath --set-rpath "$folder/$libraries" "$library" >&2 || true
   done
 rm -rf "$folder"
-mv "$partial/root" "$folder"
+mv "$partial/tree" "$folder"
