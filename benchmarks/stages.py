@@ -11,9 +11,9 @@ from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Pass
 from gspure.opencl.ordering import DepthOrder, sort_by_depth
+from gspure.opencl.passes import ENTRY_BUDGET
 from gspure.opencl.projection import Projected, project
 from gspure.opencl.storage import store, upload_sh_coeffs
-from gspure.renderer import ENTRY_BUDGET
 
 
 class Stages:

@@ -16,16 +16,13 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import ENERGIES, Energy, Pass
 from gspure.opencl.gradients import by_row
-from gspure.opencl.passes import Rendered, backward, forward
+from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
 from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, store, upload_features, upload_sh_coeffs
 
 Float32 = NDArray[np.float32]
 
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
 """One touched Gaussian of one view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""
-
-ENTRY_BUDGET = 1 << 26
-"""Most tile entries held at a time; at 28 bytes each, 1.9 GB. Larger frames are rendered in bands, to the same bits."""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,9 @@ from gspure.opencl.ordering import DepthOrder, sort_by_depth
 from gspure.opencl.projection import Projected, project
 from gspure.opencl.storage import Storage
 
+ENTRY_BUDGET = 1 << 26
+"""Most tile entries held at a time; at 28 bytes each, 1.9 GB. Larger frames are rendered in bands, to the same bits."""
+
 
 @dataclass(frozen=True)
 class Rendered:

@@ -16,14 +16,12 @@ from gspure.opencl.frame import Pass
 from gspure.opencl.gradients import DeviceGradients, by_row
 from gspure.opencl.losses import Plane, image_loss, padded_target
 from gspure.opencl.morton import morton_order
-from gspure.opencl.passes import Rendered, backward, forward
+from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
 from gspure.opencl.storage import BLOCK, GEOMETRY_ATTRIBUTES, Storage, upload_attributes
 
 Float32 = NDArray[np.float32]
 SSIM_WEIGHT = 0.2
 """Share of 1 - SSIM in the loss; the rest is L1 (Kerbl et al. 2023)."""
-
-_ENTRY_BUDGET = 1 << 26
 
 
 @dataclass(frozen=True)
@@ -234,5 +232,5 @@ class TrainableModel:
             *(self._engine, self._storage, frame, camera),
             channels=self._sh_coeffs.raw,
             background=background,
-            entry_budget=_ENTRY_BUDGET,
+            entry_budget=ENTRY_BUDGET,
         )

@@ -25,9 +25,8 @@ from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Pass
 from gspure.opencl.gradients import by_row
 from gspure.opencl.morton import morton_order
-from gspure.opencl.passes import backward, forward
+from gspure.opencl.passes import ENTRY_BUDGET, backward, forward
 from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, Storage, upload_attributes
-from gspure.renderer import ENTRY_BUDGET
 
 try:
     import torch
