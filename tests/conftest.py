@@ -26,3 +26,11 @@ def style(request):
 @pytest.fixture(params=["ewa", "ray"])
 def energy(request):
     return request.param
+
+
+@pytest.fixture(scope="session")
+def pair_folder(tmp_path_factory):
+    """A ray-traced pair of 12 small views."""
+    from pair_cases import small_pair
+
+    return small_pair(tmp_path_factory.mktemp("pair"))

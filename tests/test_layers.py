@@ -22,6 +22,7 @@ LAYERS = (
     {"features", "clustering", "pruning"},
     {"training"},
     {"scenes"},
+    {"schemes"},
     {"attacks"},
     {"evaluation"},
     {"figures"},

@@ -18,6 +18,7 @@ from gspure.errors import InputError
 
 MAIN_COMMANDS = ("purify", "train", "render", "metrics", "info", "doctor")
 STAGES = (
+    "pair",
     "plant",
     "cameras",
     "contributions",

@@ -49,11 +49,11 @@ def run(args: argparse.Namespace) -> None:
 
     from gspure.artifacts import save_array, write_provenance
     from gspure.cameras import write_cameras
-    from gspure.images import write_image
     from gspure.model import write_model
     from gspure.model.points import write_point_ply
-    from gspure.progress import say, track
-    from gspure.scenes import plant, seen_points, trace, write_key
+    from gspure.progress import say
+    from gspure.scenes import plant, write_key
+    from gspure.scenes.photography import photograph
 
     for name, least in _LEAST.items():
         if getattr(args, name) < least:
@@ -61,16 +61,12 @@ def run(args: argparse.Namespace) -> None:
     names = ("scene", "message", "placement", "gaussians", "views", "width", "height", "seed")
     settings = {name: getattr(args, name) for name in names}
     planted = plant(**settings)
-    scene, message = (args.out / "truth" / kind for kind in ("scene", "message"))
-    cameras = [replace(camera, image=scene / f"{camera.name}.png") for camera in planted.cameras]
-    rng, points = np.random.default_rng(args.seed), []
-    for camera in track(cameras, "photograph"):
-        image, depth = trace(planted.scene, camera)
-        points.append(seen_points(camera, image, depth, rng))
-        write_image(scene / f"{camera.name}.png", image)
-        write_image(message / f"{camera.name}.png", trace(planted.message, camera)[0])
+    truth = args.out / "truth"
+    cameras = [replace(camera, image=truth / "scene" / f"{camera.name}.png") for camera in planted.cameras]
+    points = photograph(planted.scene, cameras, truth / "scene", np.random.default_rng(args.seed))
+    photograph(planted.message, cameras, truth / "message", np.random.default_rng(args.seed))
     write_cameras(args.out / "cameras.json", cameras)
-    write_point_ply(args.out / "points3D.ply", *map(np.concatenate, zip(*points, strict=True)))
+    write_point_ply(args.out / "points3D.ply", *points)
     write_key(args.out / "key" / "planted_key.npz", planted.key)
     save_array(args.out / "key" / "carriers.npy", planted.carries_message)
     model = args.out / "public" / "point_cloud.ply"

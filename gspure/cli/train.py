@@ -126,12 +126,12 @@ def _train(
     )
     views, photographs = _watched(dataset)
 
-    def quality() -> float:
+    def quality() -> str:
         shown = (model.image(view, args.background).clip(0, 1) for view in views)
-        return sum(map(psnr, shown, photographs)) / len(views)
+        return f"PSNR {sum(map(psnr, shown, photographs)) / len(views):.2f}  {model.count} Gaussians"
 
     began = saved = time.monotonic()
-    for _ in watched(trainer, args.iterations, quality):
+    for _ in watched(trainer, args.iterations, quality, start.iteration):
         if trainer.rests and time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
             write_checkpoint(_checkpoint(args), trainer.snapshot(), settings)
             saved = time.monotonic()

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
 
 from gspure.progress import say
-from gspure.training.trainer import Trainer
 
 _SECONDS = {True: 1.0, False: 10.0}
 """Between two reports: on a terminal, and in a log."""
@@ -18,30 +17,32 @@ _SECONDS = {True: 1.0, False: 10.0}
 Show = Callable[[int, str], None]
 
 
-def watched(trainer: Trainer, iterations: int, psnr: Callable[[], float]) -> Iterator[float]:
-    """Train, and report the mean loss since the last report, PSNR, number of Gaussians and iterations per second.
+def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], done: int = 0) -> Iterator[float]:
+    """Pass `losses` on, one per iteration, and report their mean since the last report, `state` and speed.
 
     Parameters
     ----------
-    trainer : Trainer
+    losses : iterable of float
+        The run itself: each step of the iteration is one of training.
     iterations : int
         Length of the run.
-    psnr : callable
-        Measures the model as it is; called once per report.
+    state : callable
+        Describes the model as it is, such as ``"PSNR 30.12  12000 Gaussians"``; called once per report.
+    done : int
+        Iterations done before.
 
     """
     terminal = sys.stderr.isatty()
     with (_bar if terminal else _lines)(iterations) as show:
-        losses, last = [], time.monotonic()
-        for loss in trainer:
+        recent: list[float] = []
+        last = time.monotonic()
+        for iteration, loss in enumerate(losses, done + 1):
             yield loss
-            losses.append(loss)
+            recent.append(loss)
             seconds = time.monotonic() - last
-            if seconds > _SECONDS[terminal] or trainer.iteration == iterations:
-                speed = f"{len(losses) / seconds:.1f} it/s"
-                quality = f"loss {np.mean(losses):.4f}  PSNR {psnr():.2f}"
-                show(trainer.iteration, f"{quality}  {trainer.model.count} Gaussians  {speed}")
-                losses, last = [], time.monotonic()
+            if seconds > _SECONDS[terminal] or iteration == iterations:
+                show(iteration, f"loss {np.mean(recent):.4f}  {state()}  {len(recent) / seconds:.1f} it/s")
+                recent, last = [], time.monotonic()
 
 
 @contextmanager

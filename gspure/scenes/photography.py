@@ -1,0 +1,29 @@
+"""Photographs of a lit scene as files, and points on what they show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.images import write_image
+from gspure.progress import track
+from gspure.scenes.lighting import LitScene
+from gspure.scenes.ray_tracer import trace
+from gspure.scenes.sparse_points import seen_points
+
+
+def photograph(
+    scene: LitScene, cameras: Sequence[Camera], folder: Path, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Write ``folder/VIEW.png`` of each view; return points [P,3] on what they show and their 8-bit colours [P,3]."""
+    points = []
+    for camera in track(cameras, f"photograph {folder.name}"):
+        image, depth = trace(scene, camera)
+        write_image(folder / f"{camera.name}.png", image)
+        points.append(seen_points(camera, image, depth, rng))
+    xyz, rgb = zip(*points, strict=True)
+    return np.concatenate(xyz), np.concatenate(rgb)

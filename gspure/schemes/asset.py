@@ -1,0 +1,100 @@
+"""A public model: what everybody gets, in the form that its scheme publishes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import digest
+from gspure.cameras.camera import Camera
+from gspure.contributions import geometry_digest
+from gspure.model import Gaussians, read_model, write_model
+from gspure.opencl.device import Device
+from gspure.opencl.frame import Energy
+from gspure.renderer import CONTRIBUTION, Renderer
+
+Float32 = NDArray[np.float32]
+Units = NDArray[np.intp]
+View = Callable[[Camera], Float32]
+"""From a camera to its image [H,W,3], not clipped."""
+
+Background = Sequence[float]
+BLACK: Background = (0.0, 0.0, 0.0)
+
+
+class Asset:
+    """A public model whose Gaussians are its rows: vanilla 3DGS, and the base of all others.
+
+    *Units* are the rows of its file, which attacks remove or change: Gaussians here, anchors in Scaffold-GS. What else
+    belongs to the model (decoders, networks) lies in files beside it and stays as it is.
+
+    Parameters
+    ----------
+    units : Gaussians
+        The rows [K] of the model's file.
+
+    """
+
+    def __init__(self, units: Gaussians) -> None:
+        self.units = units
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a model: its .ply, or the folder that holds it; what belongs to it lies beside the .ply."""
+        return cls(read_model(path))
+
+    def write(self, path: Path) -> None:
+        """Write the .ply, and what belongs to the model beside it."""
+        write_model(path, self.units)
+
+    def with_units(self, units: Gaussians) -> Self:
+        """Return the same model with other rows: what an attack leaves of it."""
+        return type(self)(units)
+
+    def prune(self, pruned: NDArray[np.bool_]) -> Self:
+        """Return the model without the units where `pruned` [K] is true."""
+        return self.with_units(self.units.subset(~pruned))
+
+    def gaussians(self, camera: Camera) -> tuple[Gaussians, Units]:  # noqa: ARG002
+        """Return the Gaussians that a camera sees, and the unit (row) that each belongs to."""
+        return self.units, np.arange(len(self.units))
+
+    def scene(self, device: Device | None = None, background: Background = BLACK) -> View:
+        """Return what everybody sees."""
+        renderer = Renderer(self.units, device)
+        return lambda camera: renderer.image(camera, background)
+
+    def opacities(self, cameras: Sequence[Camera]) -> Float32:  # noqa: ARG002
+        """Return the opacity [K] of each unit, 0 to 1, by which units are clustered."""
+        return self.units.opacities
+
+    def contributions(self, device: Device | None = None, energy: Energy = "ray") -> Callable[[Camera], NDArray[Any]]:
+        """Return what gives, for a camera, each touched unit's `gspure.renderer.CONTRIBUTION`."""
+        return Renderer(self.units, device, energy=energy).contributions
+
+    def geometry_digest(self) -> str:
+        """Return a digest of all that contributions depend on."""
+        return geometry_digest(self.units)
+
+
+def of_units(records: NDArray[Any], units: Units) -> NDArray[Any]:
+    """Return the contributions of units, given those of Gaussians and the unit of each Gaussian.
+
+    A unit's sum and pixels are the sums of its Gaussians', its maximum is the largest of theirs.
+    """
+    owners, places = np.unique(units[records["index"]], return_inverse=True)
+    merged = np.zeros(len(owners), CONTRIBUTION)
+    merged["index"] = owners
+    merged["sum"] = np.bincount(places, records["sum"], len(owners))
+    merged["pixels"] = np.bincount(places, records["pixels"], len(owners))
+    np.maximum.at(merged["max"], places, records["max"])
+    return merged
+
+
+def digest_of(asset: Asset, *parts: Any) -> str:
+    """Return a digest of an asset's rows as stored, and of `parts`."""
+    return digest(np.ascontiguousarray(asset.units.table), *parts)

@@ -1,0 +1,102 @@
+"""A pair: views of the scene that everybody sees, and of the message at the same poses.
+
+::
+
+    <pair>/cameras.json             the views; each names its photograph scene/<view>.png
+    <pair>/points3D.ply             points on the scene's surfaces
+    <pair>/scene/<view>.png
+    <pair>/message/<view>.png       the hidden scene, seen from where the scene is
+    <pair>/message/points3D.ply     points on the message's surfaces, in the same world
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras import Camera
+from gspure.errors import InputError
+from gspure.images import read_image
+from gspure.model.points import read_point_ply
+from gspure.training.dataset import Dataset, read_dataset, read_photographs
+
+Float32 = NDArray[np.float32]
+Points = tuple[NDArray[np.float64], NDArray[np.uint8]]
+
+PROBES: Final = 2
+"""How many views the quality in a progress report is the mean of."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """What a message is embedded from; all is in memory.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The scene's views, split into training and held-out ones, and its points.
+    scene, message : list of array [H,W,3]
+        Photographs of the training views, 0 to 1.
+    message_points : (xyz [P,3], rgb [P,3])
+        On the message's surfaces; P may be 0.
+    probes : list of (Camera, scene, message)
+        A few views, held out if there are any, to watch the quality by.
+
+    """
+
+    dataset: Dataset
+    scene: list[Float32]
+    message: list[Float32]
+    message_points: Points
+    probes: list[tuple[Camera, Float32, Float32]]
+
+    @property
+    def views(self) -> list[Camera]:
+        """The training views."""
+        return self.dataset.train
+
+    @property
+    def points(self) -> Points:
+        """The points of both scenes: where Gaussians start, since the surfaces of both need some."""
+        xyz, rgb = self.message_points
+        return np.concatenate([self.dataset.xyz, xyz]), np.concatenate([self.dataset.rgb, rgb])
+
+
+def read_pair(folder: Path, resolution: str = "native") -> Pair:
+    """Read a pair; `resolution` is a rule of `gspure.cameras.scaled`.
+
+    Raises
+    ------
+    InputError
+        Something is missing or cannot be read; or a message's view has another shape than the scene's.
+
+    """
+    folder = Path(folder)
+    dataset = read_dataset(folder, resolution)
+    probes = dataset.test[:PROBES] or dataset.train[:PROBES]
+    points = folder / "message" / "points3D.ply"
+    return Pair(
+        dataset,
+        read_photographs(dataset.train),
+        _messages(folder, dataset.train),
+        read_point_ply(points) if points.is_file() else (np.empty((0, 3)), np.empty((0, 3), np.uint8)),
+        list(zip(probes, read_photographs(probes), _messages(folder, probes), strict=True)),
+    )
+
+
+def message_view(folder: Path, view: str) -> Path:
+    """Return where a pair keeps the message's view."""
+    return folder / "message" / f"{view}.png"
+
+
+def _messages(folder: Path, views: Sequence[Camera]) -> list[Float32]:
+    files = [message_view(folder, camera.name) for camera in views]
+    for file in files:
+        if not file.is_file():
+            raise InputError(file, "file", expected="the message at this view", found="nothing")
+    return [read_image(f, (c.width, c.height)) for f, c in zip(files, views, strict=True)]

@@ -1,0 +1,102 @@
+"""What a watermarking scheme is: a way to hide a message in a scene, and its owner's way to see it again."""
+
+from __future__ import annotations
+
+import inspect
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from gspure.cameras.camera import Camera
+from gspure.errors import InputError
+from gspure.model import Gaussians
+from gspure.opencl.device import Device
+from gspure.schemes.asset import BLACK, Asset, Background, Units, View
+from gspure.schemes.pair import Pair
+
+Setting = float | int | str
+REQUIRED = frozenset({"iterations", "message_weight"})
+"""Settings that every scheme has: the length of its training, and the message's share in its loss (0 hides nothing)."""
+
+
+class Key(ABC):
+    """All that is private to the owner."""
+
+    extractions: ClassVar[tuple[str, ...]] = ("message",)
+    """Ways to look for the message; the first is the scheme's own."""
+
+    @abstractmethod
+    def write(self, folder: Path) -> None:
+        """Write the key's files."""
+
+    @abstractmethod
+    def message(
+        self, asset: Asset, extraction: str, device: Device | None = None, background: Background = BLACK
+    ) -> View:
+        """Return what the owner sees of the message in a public or attacked model."""
+
+    @abstractmethod
+    def gaussians(self, asset: Asset, camera: Camera, extraction: str) -> tuple[Gaussians, Units]:
+        """Return the Gaussians whose blending shows the message, and the unit of `asset` that each belongs to."""
+
+    @abstractmethod
+    def wrong(self, rng: np.random.Generator) -> Key:
+        """Return a key of the same form that holds nothing of this one: what a stranger would try."""
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A scheme: its name and its three functions.
+
+    Parameters
+    ----------
+    name : str
+        Unique; a folder of results.
+    embed : callable
+        ``embed(pair, seed, device, *, iterations=..., message_weight=..., setting=default, ...) -> (Asset, Key)``:
+        trains; the same bits for the same arguments. With ``message_weight=0`` nothing is hidden and the asset is the
+        clean model of the same form.
+    read_asset : callable
+        ``read_asset(path) -> Asset``: a model's .ply, or its folder.
+    read_key : callable
+        ``read_key(folder) -> Key``: what `Key.write` wrote.
+
+    """
+
+    name: str
+    embed: Callable[..., tuple[Asset, Key]]
+    read_asset: Callable[[Path], Asset]
+    read_key: Callable[[Path], Key]
+
+    @property
+    def settings(self) -> dict[str, Setting]:
+        """The settings of `embed` and their defaults."""
+        parameters = inspect.signature(self.embed).parameters.values()
+        return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+
+    def require_settings(self, settings: Mapping[str, Setting]) -> None:
+        """Refuse settings that the scheme does not have."""
+        for name in settings.keys() - self.settings.keys():
+            known = ", ".join(self.settings)
+            raise InputError(f"scheme {self.name}", "setting", expected=f"one of {known}", found=name)
+
+
+def hide(
+    scheme: Scheme, pair: Pair, *, seed: int = 0, device: Device | None = None, **settings: Setting
+) -> tuple[Asset, Key]:
+    """Embed the pair's message in its scene.
+
+    Raises
+    ------
+    InputError
+        A setting is unknown or out of range.
+
+    """
+    scheme.require_settings(settings)
+    if seed < 0:
+        raise InputError(f"scheme {scheme.name}", "seed", expected="at least 0", found=str(seed))
+    return scheme.embed(pair, seed, device, **settings)

@@ -1,0 +1,14 @@
+"""A small ray-traced pair, made once per session, for the tests of schemes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gspure.cli import main
+
+
+def small_pair(folder: Path, placement: str = "raised", views: int = 12) -> Path:
+    """Return the folder of a pair of `views` views of 48x36 pixels."""
+    size = ("--views", str(views), "--width", "48", "--height", "36")
+    assert main(["pair", "room", "vault", "--placement", placement, *size, "--out", str(folder)]) == 0
+    return folder
