@@ -31,6 +31,6 @@ def energy(request):
 @pytest.fixture(scope="session")
 def pair_folder(tmp_path_factory):
     """A ray-traced pair of 12 small views."""
-    from pair_cases import small_pair
+    from tests.pair_cases import small_pair
 
     return small_pair(tmp_path_factory.mktemp("pair"))

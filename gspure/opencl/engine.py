@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 from functools import cache
 from typing import Any, Literal
 
@@ -48,6 +49,12 @@ class Engine:
         self._flags = cl.mem_flags.READ_WRITE | (cl.mem_flags.ALLOC_HOST_PTR if device.host_unified_memory else 0)
         self._buffers: dict[str, cl.Buffer] = {}
         self._kernels: dict[tuple[Any, ...], dict[str, cl.Kernel]] = {}
+
+    def beside(self) -> Engine:
+        """Return an engine of the same device, queue and kernels, with buffers of its own."""
+        other = copy(self)
+        other._buffers = {}  # noqa: SLF001
+        return other
 
     def kernel(self, name: str, *sources: str, **defines: int) -> cl.Kernel:
         """Return kernel `name` of the program made of `sources` (built once, then kept)."""

@@ -105,16 +105,23 @@ class TrainableModel:
         Steps already taken (Adam's bias correction).
     device : Device, optional
     style : "cpu" or "gpu", optional
+    beside : TrainableModel, optional
+        Work on its device and in its queue, with buffers of one's own.
 
     """
 
     def __init__(
-        self, state: TrainState, step_count: int = 0, device: Device | None = None, style: Style | None = None
+        self,
+        state: TrainState,
+        step_count: int = 0,
+        device: Device | None = None,
+        style: Style | None = None,
+        beside: TrainableModel | None = None,
     ) -> None:
         self.step_count = step_count
         self.sh_degree = round(state.parameters.sh_coeffs.shape[1] ** 0.5) - 1
         self.sh_degree_active = self.sh_degree
-        self._engine = Engine((device or choose_device()).cl_device, style)
+        self.engine: Engine = beside.engine.beside() if beside else Engine((device or choose_device()).cl_device, style)
         self._targets: list[tuple[Plane, object]] = []
         self.replace(state)
 
@@ -125,7 +132,7 @@ class TrainableModel:
 
     def set_targets(self, images: Sequence[Float32]) -> None:
         """Upload the photographs [H,W,3], values 0 to 1."""
-        self._targets = [(Plane(*image.shape), self._engine.uploaded(padded_target(image))) for image in images]
+        self._targets = [(Plane(*image.shape), self.engine.uploaded(padded_target(image))) for image in images]
 
     def step(
         self,
@@ -144,40 +151,58 @@ class TrainableModel:
             If the photograph is not of the camera's size.
 
         """
-        engine, storage = self._engine, self._storage
+        loss, seen, gradients = self.differentiate(camera, target, background, ssim_weight)
+        self._note(seen, gradients)
+        self.update(rates, gradients)
+        return loss
+
+    def differentiate(
+        self,
+        camera: Camera,
+        target: int,
+        background: Sequence[float] = (0.0, 0.0, 0.0),
+        ssim_weight: float = SSIM_WEIGHT,
+    ) -> tuple[float, Rendered, DeviceGradients]:
+        """Return the loss of a view, its frame and gradients; these stay valid until the next view."""
         plane, photograph = self._targets[target]
         if (plane.width, plane.height) != (camera.width, camera.height):
             raise ValueError(
                 f"a photograph of {plane.width}x{plane.height} for a view of {camera.width}x{camera.height}"
             )
         seen = self._forward(camera, background)
-        loss, image_gradient = image_loss(engine, plane, seen.canvas.image, photograph, ssim_weight)
-        gradients = backward(engine, storage, seen, image_gradient)
-        self._note(seen, gradients)
+        loss, image_gradient = image_loss(self.engine, plane, seen.canvas.image, photograph, ssim_weight)
+        return loss, seen, backward(self.engine, self._storage, seen, image_gradient)
+
+    def update(self, rates: LearningRates, gradients: DeviceGradients) -> None:
+        """Move every parameter against its gradient."""
         self.step_count += 1
         adam_step(
-            *(engine, storage.count, self.step_count, rates, gradients),
-            *(self._geometry, storage.geometry, self._sh_coeffs, seen.frame.channel_attributes),
+            *(self.engine, self.count, self.step_count, rates, gradients),
+            *(self._geometry, self._storage.geometry, self._sh_coeffs, 3 * (self.sh_degree + 1) ** 2),
         )
-        return loss
 
     def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
         """Return the image [H,W,3] of a view."""
         canvas = self._forward(camera, background).canvas
-        return self._engine.read(canvas.image, (camera.height, camera.width, 3), np.float32)
+        return self.engine.read(canvas.image, (camera.height, camera.width, 3), np.float32)
+
+    @property
+    def statistics_buffers(self) -> tuple[object, object]:
+        """The statistics on the device, by storage position."""
+        return self._norms, self._views
 
     def statistics(self) -> Statistics:
         """Read the statistics."""
         order, count = self._storage.order, self.count
         norms, views = np.empty(count, np.float32), np.empty(count, np.uint32)
-        norms[order] = self._engine.read(self._norms, (count,), np.float32)
-        views[order] = self._engine.read(self._views, (count,), np.uint32)
+        norms[order] = self.engine.read(self._norms, (count,), np.float32)
+        views[order] = self.engine.read(self._views, (count,), np.uint32)
         return Statistics(norms, views)
 
     def reset_statistics(self) -> None:
         """Begin the statistics anew."""
         for buffer in (self._norms, self._views):
-            self._engine.clear(buffer, 4 * self.count)
+            self.engine.clear(buffer, 4 * self.count)
 
     def state(self) -> TrainState:
         """Read parameters and moments."""
@@ -185,8 +210,8 @@ class TrainableModel:
         return TrainState(
             *(
                 Parameters.of(
-                    by_row(self._engine, self._storage, getattr(self._geometry, part), GEOMETRY_ATTRIBUTES),
-                    by_row(self._engine, self._storage, getattr(self._sh_coeffs, part), attributes),
+                    by_row(self.engine, self._storage, getattr(self._geometry, part), GEOMETRY_ATTRIBUTES),
+                    by_row(self.engine, self._storage, getattr(self._sh_coeffs, part), attributes),
                 )
                 for part in ("raw", "first", "second")
             )
@@ -194,7 +219,7 @@ class TrainableModel:
 
     def replace(self, state: TrainState) -> None:
         """Go on from `state`, of any number of Gaussians; the statistics begin anew."""
-        engine, parameters, count = self._engine, state.parameters, len(state.parameters)
+        engine, parameters, count = self.engine, state.parameters, len(state.parameters)
         order = morton_order(parameters.means)
 
         def uploaded(raw: Float32, first: Float32, second: Float32) -> Moments:
@@ -215,10 +240,10 @@ class TrainableModel:
     def _note(self, seen: Rendered, gradients: DeviceGradients) -> None:
         """Add a view to the statistics."""
         if self.count:
-            kernel = self._engine.kernel(
+            kernel = self.engine.kernel(
                 "accumulate_statistics", *("vector", "layout", "adam"), CHANNEL_ATTRIBUTES=0, RAY=0, CHANNELS=0
             )
-            self._engine.run(
+            self.engine.run(
                 kernel,
                 self.count,
                 *(np.uint32(self.count), np.float32(seen.camera.width / 2), np.float32(seen.camera.height / 2)),
@@ -229,7 +254,7 @@ class TrainableModel:
     def _forward(self, camera: Camera, background: Sequence[float]) -> Rendered:
         frame = Pass("ewa", channels=3, sh_degree=self.sh_degree_active, stored_sh_degree=self.sh_degree)
         return forward(
-            *(self._engine, self._storage, frame, camera),
+            *(self.engine, self._storage, frame, camera),
             channels=self._sh_coeffs.raw,
             background=background,
             entry_budget=ENTRY_BUDGET,

@@ -6,7 +6,7 @@ widths before it tests them, so that no published model was trained with it.
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -36,6 +36,27 @@ RESET_OPACITY: Final = 0.01
 """Upper bound of opacities after a reset."""
 
 
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Which Gaussians there are next, N in all: those that stay, clones, first halves, second halves.
+
+    Parameters
+    ----------
+    rows : array [N]
+        The Gaussian that each one was, or comes from.
+    new, half : bool [N]
+        Which ones are new, and which of these are halves of a split one.
+    offsets : array [halves,3]
+        From the centre of a split Gaussian to those of its halves.
+
+    """
+
+    rows: NDArray[np.intp]
+    new: NDArray[np.bool_]
+    half: NDArray[np.bool_]
+    offsets: Float32
+
+
 def densify(
     state: TrainState,
     statistics: Statistics,
@@ -45,14 +66,37 @@ def densify(
     rng: np.random.Generator,
     max_gaussians: int | None = None,
 ) -> TrainState:
-    """Clone and split what has large gradients, then prune what is transparent or too big.
+    """Clone and split what has large gradients, then prune what is transparent or too big; see `plan`."""
+    before = state.parameters
+    opacities = sigmoid(before.opacity_logits)
+    growth = plan(
+        *(before, opacities, statistics),
+        extent=extent,
+        prune_big=prune_big,
+        rng=rng,
+        max_gaussians=max_gaussians,
+    )
+    return grow(state, growth)
 
-    Rows are ordered: those that stay, clones, first halves, second halves. New rows start with zero moments.
+
+def plan(
+    parameters: Parameters,
+    opacities: Float32,
+    statistics: Statistics,
+    *,
+    extent: float,
+    prune_big: bool,
+    rng: np.random.Generator,
+    max_gaussians: int | None = None,
+) -> Growth:
+    """Decide what grows and what goes.
 
     Parameters
     ----------
-    state : TrainState
+    parameters : Parameters
         K Gaussians.
+    opacities : array [K]
+        By which they are judged transparent.
     statistics : Statistics
         What has been seen of them since the last time.
     extent : float
@@ -65,8 +109,7 @@ def densify(
         If there would be more, only those with the largest gradients grow.
 
     """
-    before = state.parameters
-    sizes = np.exp(before.log_scales).max(axis=1)
+    sizes = np.exp(parameters.log_scales).max(axis=1)
     grown = _grown(statistics, max_gaussians)
     split = grown & (sizes > DENSE_SHARE * extent)
     kept, clones, parents = (np.flatnonzero(mask) for mask in (~split, grown & ~split, split))
@@ -74,13 +117,18 @@ def densify(
     new, half = (np.arange(len(rows)) >= first for first in (len(kept), len(kept) + len(clones)))
     largest = BIG_SHARE * extent if prune_big else np.inf
     small = sizes[rows] / np.where(half, SPLIT_SHRINK, 1.0) <= largest
-    stay = small & (sigmoid(before.opacity_logits)[rows] >= OPACITY_MIN)
+    stay = small & (opacities[rows] >= OPACITY_MIN)
     rows, new, half = rows[stay], new[stay], half[stay]
-    after, first, second = (_rows(part, rows) for part in (before, state.first, state.second))
-    after.means[half] += _offsets(_rows(after, half), rng)
-    after.log_scales[half] -= np.float32(np.log(SPLIT_SHRINK))
+    return Growth(rows, new, half, _offsets(_rows(parameters, rows[half]), rng))
+
+
+def grow(state: TrainState, growth: Growth) -> TrainState:
+    """Return the Gaussians of a plan; new ones start with zero moments."""
+    after, first, second = (_rows(part, growth.rows) for part in (state.parameters, state.first, state.second))
+    after.means[growth.half] += growth.offsets
+    after.log_scales[growth.half] -= np.float32(np.log(SPLIT_SHRINK))
     for array in (*_arrays(first), *_arrays(second)):
-        array[new] = 0
+        array[growth.new] = 0
     return TrainState(after, first, second)
 
 

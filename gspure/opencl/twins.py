@@ -1,0 +1,92 @@
+"""Two models of one geometry that learn together: the same Gaussians, with two opacities and two colours each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.opencl.adam import LearningRates
+from gspure.opencl.device import Device
+from gspure.opencl.engine import LANES, Style
+from gspure.opencl.trainable import Statistics, TrainableModel, TrainState
+
+Float32 = NDArray[np.float32]
+States = tuple[TrainState, TrainState]
+
+
+class TwinModel:
+    """Gaussians that learn two scenes at once: means, quaternions and scales from both, the rest from one each.
+
+    Results are the same to the last bit from run to run and for any number of threads.
+
+    Parameters
+    ----------
+    states : two of TrainState
+        Where to begin; the same geometry in both, bit for bit.
+    weight : float
+        Share of the second scene's loss in what the geometry learns; that of the first is 1.
+    device : Device, optional
+    style : "cpu" or "gpu", optional
+
+    """
+
+    def __init__(self, states: States, weight: float, device: Device | None = None, style: Style | None = None) -> None:
+        first = TrainableModel(states[0], 0, device, style)
+        self.models = (first, TrainableModel(states[1], beside=first))
+        self._weight = weight
+
+    @property
+    def count(self) -> int:
+        """Number of Gaussians."""
+        return self.models[0].count
+
+    def set_targets(self, first: Sequence[Float32], second: Sequence[Float32]) -> None:
+        """Upload the photographs [H,W,3] of both scenes, view by view."""
+        for model, images in zip(self.models, (first, second), strict=True):
+            model.set_targets(images)
+
+    def use_sh_degree(self, degree: int) -> None:
+        """Let spherical harmonics up to this degree take part."""
+        for model in self.models:
+            model.sh_degree_active = degree
+
+    def step(
+        self, camera: Camera, target: int, rates: LearningRates, background: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> float:
+        """Render both scenes at `camera`, and move every parameter; return the first loss plus the weighted second."""
+        found = [model.differentiate(camera, target, background) for model in self.models]
+        (loss, seen, gradients), (other_loss, other_seen, other_gradients) = found
+        engine = self.models[0].engine
+        if self.count:
+            kernel = engine.kernel(
+                "share_gradients", *("vector", "layout", "twins"), CHANNEL_ATTRIBUTES=0, RAY=0, CHANNELS=0
+            )
+            engine.run(
+                kernel,
+                -(-self.count // LANES[engine.style]),
+                *(np.uint32(self.count), np.float32(self._weight)),
+                *(np.float32(camera.width / 2), np.float32(camera.height / 2)),
+                *(seen.projected.depth_keys, other_seen.projected.depth_keys),
+                *(gradients.geometry, other_gradients.geometry, gradients.centres, other_gradients.centres),
+                *self.models[0].statistics_buffers,
+            )
+        for model, (_, _, own) in zip(self.models, found, strict=True):
+            model.update(rates, own)
+        return loss + self._weight * other_loss
+
+    def statistics(self) -> Statistics:
+        """Read the statistics of the sum of both losses."""
+        return self.models[0].statistics()
+
+    def states(self) -> States:
+        """Read parameters and moments."""
+        first, second = (model.state() for model in self.models)
+        return first, second
+
+    def replace(self, states: States) -> None:
+        """Go on from `states`, of any number of Gaussians; the statistics begin anew."""
+        for model, state in zip(self.models, states, strict=True):
+            model.replace(state)
