@@ -132,6 +132,14 @@ class Gaussians:
             table[name] = column
         return Gaussians(table, self.comments)
 
+    def with_appearance(self, opacity_logits: NDArray[Any], sh_coeffs: NDArray[Any]) -> Gaussians:
+        """Return a copy with other opacities, raw [K], and colours [K,S,3], S as stored."""
+        rest = self.columns_named("f_rest_")
+        stored = len(rest) // 3  # per channel, channel-major
+        values = {name: sh_coeffs[:, 0, channel] for channel, name in enumerate(COLOUR)}
+        values |= {name: sh_coeffs[:, 1 + i % stored, i // stored] for i, name in enumerate(rest)}
+        return self.with_columns(values | {"opacity": opacity_logits})
+
     def with_comment(self, comment: str) -> Gaussians:
         """Return the same rows with one more comment line."""
         return Gaussians(self.table, (*self.comments, comment))

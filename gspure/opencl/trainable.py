@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,10 @@ class Parameters:
             np.ascontiguousarray(part) for part in np.split(geometry, [3, 7, 10], axis=1)
         )
         return Parameters(means, quats, log_scales, logits[:, 0], sh_coeffs.reshape(-1, sh_coeffs.shape[1] // 3, 3))
+
+    def rows(self, rows: NDArray[Any]) -> Parameters:
+        """Return these rows: indices, or a mask."""
+        return Parameters(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def zeros(self) -> Parameters:
         """Return zeros of the same shapes."""

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras import Camera
 from gspure.errors import InputError
+from gspure.evaluation.metrics import psnr
 from gspure.images import read_image
 from gspure.model.points import read_point_ply
 from gspure.training.dataset import Dataset, read_dataset, read_photographs
@@ -65,6 +66,14 @@ class Pair:
         """The points of both scenes: where Gaussians start, since the surfaces of both need some."""
         xyz, rgb = self.message_points
         return np.concatenate([self.dataset.xyz, xyz]), np.concatenate([self.dataset.rgb, rgb])
+
+    def quality(self, *views: Callable[[Camera], Float32]) -> str:
+        """Return the mean PSNR at the probes: of the scene's view, and of the message's if that is given too."""
+        means = [
+            np.mean([psnr(view(camera).clip(0, 1), truth[i]) for camera, *truth in self.probes])
+            for i, view in enumerate(views)
+        ]
+        return f"PSNR {' / '.join(f'{mean:.2f}' for mean in means)}"
 
 
 def read_pair(folder: Path, resolution: str = "native") -> Pair:

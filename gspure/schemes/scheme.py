@@ -58,8 +58,8 @@ class Scheme:
         Unique; a folder of results.
     embed : callable
         ``embed(pair, seed, device, *, iterations=..., message_weight=..., setting=default, ...) -> (Asset, Key)``:
-        trains; the same bits for the same arguments. With ``message_weight=0`` nothing is hidden and the asset is the
-        clean model of the same form.
+        trains; the same bits for the same arguments. With ``message_weight=0`` nothing is hidden: the asset is the
+        clean model of the same form, and there is no key (None).
     read_asset : callable
         ``read_asset(path) -> Asset``: a model's .ply, or its folder.
     read_key : callable
@@ -68,7 +68,7 @@ class Scheme:
     """
 
     name: str
-    embed: Callable[..., tuple[Asset, Key]]
+    embed: Callable[..., tuple[Asset, Key | None]]
     read_asset: Callable[[Path], Asset]
     read_key: Callable[[Path], Key]
 
@@ -87,7 +87,7 @@ class Scheme:
 
 def hide(
     scheme: Scheme, pair: Pair, *, seed: int = 0, device: Device | None = None, **settings: Setting
-) -> tuple[Asset, Key]:
+) -> tuple[Asset, Key | None]:
     """Embed the pair's message in its scene.
 
     Raises

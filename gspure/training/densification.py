@@ -119,12 +119,12 @@ def plan(
     small = sizes[rows] / np.where(half, SPLIT_SHRINK, 1.0) <= largest
     stay = small & (opacities[rows] >= OPACITY_MIN)
     rows, new, half = rows[stay], new[stay], half[stay]
-    return Growth(rows, new, half, _offsets(_rows(parameters, rows[half]), rng))
+    return Growth(rows, new, half, _offsets(parameters.rows(rows[half]), rng))
 
 
 def grow(state: TrainState, growth: Growth) -> TrainState:
     """Return the Gaussians of a plan; new ones start with zero moments."""
-    after, first, second = (_rows(part, growth.rows) for part in (state.parameters, state.first, state.second))
+    after, first, second = (part.rows(growth.rows) for part in (state.parameters, state.first, state.second))
     after.means[growth.half] += growth.offsets
     after.log_scales[growth.half] -= np.float32(np.log(SPLIT_SHRINK))
     for array in (*_arrays(first), *_arrays(second)):
@@ -161,10 +161,6 @@ def _offsets(parameters: Parameters, rng: np.random.Generator) -> Float32:
     local = np.exp(parameters.log_scales) * rng.standard_normal(parameters.means.shape)
     turned = 2 * np.cross(vector, local)  # q v q* = v + w t + u x t, with t = 2 u x v
     return np.asarray(local + scalar * turned + np.cross(vector, turned), np.float32)
-
-
-def _rows(parameters: Parameters, rows: NDArray[Any]) -> Parameters:
-    return Parameters(*(array[rows] for array in _arrays(parameters)))
 
 
 def _arrays(parameters: Parameters) -> list[NDArray[Any]]:

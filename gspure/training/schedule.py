@@ -7,8 +7,11 @@ gradients of enough views have been seen, has a least distance.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
+
+import numpy as np
 
 from gspure.constants import MAX_SH_DEGREE
 from gspure.opencl.adam import LearningRates
@@ -116,3 +119,9 @@ class Schedule:
     def rests(self, iteration: int) -> bool:
         """Tell whether the model's state is then all that matters of it: no statistics are under way."""
         return self.densifies(iteration) or iteration >= self.densify_until
+
+
+def shuffled(count: int, rng: np.random.Generator) -> Iterator[int]:
+    """Yield numbers below `count` at random for ever, none again before all have come."""
+    while True:
+        yield from rng.permutation(count).tolist()

@@ -1,0 +1,132 @@
+"""Embedding: train both scenes, map the opacities, hide the colours, publish (arXiv 2412.03121).
+
+What the paper leaves open is ours: the loss is L(scene) + message_weight L(message), both as in 3DGS; means,
+quaternions and scales are shared; and once the opacity mapping is known, the hidden colours are trained on for a while
+under the opacities that it gives, since those, not the trained ones, are what the owner will see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from gspure.errors import InputError
+from gspure.model.gaussians import sigmoid
+from gspure.opencl.device import Device, choose_device
+from gspure.opencl.morton import morton_order
+from gspure.opencl.trainable import Parameters, TrainableModel
+from gspure.progress import say
+from gspure.schemes.asset import Asset
+from gspure.schemes.pair import Pair
+from gspure.schemes.splats_in_splats import bits
+from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.opacity_mapping import fit, logits
+from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
+from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
+from gspure.training.monitor import watched
+from gspure.training.output import as_gaussians
+from gspure.training.schedule import Schedule
+from gspure.training.trainer import Trainer, beginning
+
+OPACITY_THRESHOLD: Final = 0.25
+"""tau of the paper: Gaussians that are more opaque than this in the message are those that the key remembers."""
+
+REFINED: Final = 0.2
+"""Iterations under the mapped opacities, as a share of those before. Ours."""
+
+
+def embed(
+    pair: Pair,
+    seed: int,
+    device: Device | None = None,
+    *,
+    iterations: int = 3000,
+    message_weight: float = 1.0,
+    max_gaussians: int = 30_000,
+    shift: int = bits.SHIFT,
+) -> tuple[Asset, SplatsInSplatsKey | None]:
+    """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
+
+    Parameters
+    ----------
+    pair : Pair
+    seed : int
+    device : Device, optional
+    iterations : int
+        Length of the joint training.
+    message_weight : float
+        Share of the message's loss; that of the scene is 1.
+    max_gaussians : int
+        More than that do not grow.
+    shift : int
+        k of `gspure.schemes.splats_in_splats.bits`.
+
+    """
+    least, most = bits.SHIFT_RANGE
+    _require("iterations", iterations, "at least 1", fits=iterations >= 1)
+    _require("message_weight", message_weight, "at least 0", fits=message_weight >= 0)
+    _require("max_gaussians", max_gaussians, f"at least {LEAST_POINTS}", fits=max_gaussians >= LEAST_POINTS)
+    _require("shift", shift, f"{least} to {most}", fits=least <= shift <= most)
+    device = device or choose_device()
+    begin = gaussians_at(*thinned(*pair.points, max_gaussians, seed))
+    schedule = Schedule.scaled(iterations)
+    if not message_weight:
+        return Asset(as_gaussians(_clean(pair, begin, schedule, max_gaussians, seed, device))), None
+    run = TwinTrainer(
+        *(pair, begin, schedule),
+        message_weight=message_weight,
+        max_gaussians=max_gaussians,
+        seed=seed,
+        device=device,
+    )
+    _run(run, schedule, pair, *run.model.models)
+    shown, hidden = (state.parameters for state in run.model.states())
+    return _published(pair, shown, hidden, shift, round(REFINED * iterations), seed, device)
+
+
+def _clean(
+    pair: Pair, begin: Parameters, schedule: Schedule, max_gaussians: int, seed: int, device: Device
+) -> Parameters:
+    """Train on the scene alone."""
+    snapshot = beginning(begin, seed)
+    model = TrainableModel(snapshot.state, device=device)
+    model.set_targets(pair.scene)
+    trainer = Trainer(model, pair.views, schedule, snapshot, extent=pair.dataset.extent, max_gaussians=max_gaussians)
+    _run(trainer, schedule, pair, model)
+    return model.state().parameters
+
+
+def _run(trainer: Iterable[float], schedule: Schedule, pair: Pair, *models: TrainableModel) -> None:
+    """Train to the end, and report on the way."""
+
+    def state() -> str:
+        return f"{pair.quality(*(model.image for model in models))}  {models[0].count} Gaussians"
+
+    for _ in watched(trainer, schedule.iterations, state):
+        pass
+
+
+def _published(
+    pair: Pair, shown: Parameters, hidden: Parameters, shift: int, steps: int, seed: int, device: Device
+) -> tuple[Asset, SplatsInSplatsKey]:
+    """Return the public model, and the key to what it hides."""
+    known = np.flatnonzero(sigmoid(hidden.opacity_logits) > OPACITY_THRESHOLD)
+    known = known[morton_order(hidden.means[known])]
+    opacities = sigmoid(shown.opacity_logits)[known]
+    mapping = fit(opacities, sigmoid(hidden.opacity_logits)[known], np.random.default_rng(seed))
+    # What the owner will see: these Gaussians with mapped opacities, and no others.
+    seen = replace(hidden.rows(known), opacity_logits=logits(mapping(opacities)))
+    seen = refine(seen, pair.views, pair.message, steps, seed, device)
+    colours = hidden.sh_coeffs.copy()
+    colours[known] = seen.sh_coeffs
+    public = replace(shown, sh_coeffs=bits.embed(shown.sh_coeffs, colours, shift))
+    say(f"{len(known)} of {len(shown)} Gaussians are more than {OPACITY_THRESHOLD} opaque in the message")
+    return Asset(as_gaussians(public)), SplatsInSplatsKey(hidden.means[known], mapping, shift, as_gaussians(hidden))
+
+
+def _require(name: str, value: float, expected: str, *, fits: bool) -> None:
+    if not fits:
+        raise InputError("scheme splats_in_splats", name, expected=expected, found=str(value))

@@ -1,0 +1,161 @@
+"""The owner's key: the opacity mapping and where the message's Gaussians stand; and, apart, what was hidden.
+
+::
+
+    <key>/splats_in_splats.npz   the key proper: mapping, positions of the Gaussians that the message needs, shift
+    <key>/hidden.ply             all Gaussians with their hidden attributes, exactly: for `message_oracle` only
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import load_arrays, save_arrays
+from gspure.cameras.camera import Camera
+from gspure.contributions import GEOMETRY
+from gspure.errors import InputError
+from gspure.model import Gaussians, read_model, write_model
+from gspure.opencl.device import Device
+from gspure.renderer import Renderer
+from gspure.schemes.asset import BLACK, Asset, Background, Units, View
+from gspure.schemes.scheme import Key
+from gspure.schemes.splats_in_splats import bits
+from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, logits
+
+Float32 = NDArray[np.float32]
+
+LITERAL: Final = "message"
+ORACLE: Final = "message_oracle"
+
+NEAR: Final = 1e-6
+"""A Gaussian is found again within this share of the key's extent: files that went through text are not exact. Ours."""
+
+_FILE: Final = "splats_in_splats.npz"
+_HIDDEN: Final = "hidden.ply"
+
+
+@dataclass(frozen=True, eq=False)
+class SplatsInSplatsKey(Key):
+    """What is private.
+
+    Parameters
+    ----------
+    positions : float32 [I,3]
+        Centres of the Gaussians that the message needs, along a space-filling curve.
+    mapping : OpacityMapping
+        Their hidden opacities, given their shown ones in this order.
+    shift : int
+        k of `gspure.schemes.splats_in_splats.bits`.
+    hidden : Gaussians
+        All Gaussians with their hidden opacity and colour.
+
+    """
+
+    extractions: ClassVar[tuple[str, ...]] = (LITERAL, ORACLE)
+
+    positions: Float32
+    mapping: OpacityMapping
+    shift: int
+    hidden: Gaussians
+
+    def message(
+        self, asset: Asset, extraction: str, device: Device | None = None, background: Background = BLACK
+    ) -> View:
+        """Return the message's view."""
+        renderer = Renderer(self._revealed(asset, extraction)[0], device)
+        return lambda camera: renderer.image(camera, background)
+
+    def gaussians(self, asset: Asset, camera: Camera, extraction: str) -> tuple[Gaussians, Units]:  # noqa: ARG002
+        """Return the message that a model still holds, and its rows there.
+
+        ``message`` reads the model alone, as the scheme has it: colours from the bits, opacities from the mapping, and
+        nothing of Gaussians that the key does not know. ``message_oracle`` gives each surviving Gaussian exactly what
+        was hidden in it. Geometry is the model's own in both.
+        """
+        return self._revealed(asset, extraction)
+
+    def wrong(self, rng: np.random.Generator) -> SplatsInSplatsKey:
+        """Return an untrained mapping, over the same number of Gaussians at places drawn from all, and no truth."""
+        chosen = np.sort(rng.choice(len(self.hidden), len(self.positions), replace=False))
+        strange = rng.permutation(len(self.hidden))
+        opacities, sh_coeffs = self.hidden.table["opacity"][strange], self.hidden.sh_coeffs[strange]
+        stranger = self.hidden.with_appearance(opacities, sh_coeffs)
+        return SplatsInSplatsKey(self.hidden.means[chosen], OpacityMapping.fresh(rng), self.shift, stranger)
+
+    def write(self, folder: Path) -> None:
+        """Write both files."""
+        arrays = {"positions": self.positions, "shift": np.array(self.shift)}
+        save_arrays(folder / _FILE, arrays | self.mapping.arrays())
+        write_model(folder / _HIDDEN, self.hidden)
+
+    @staticmethod
+    def read(folder: Path) -> SplatsInSplatsKey:
+        """Read a key.
+
+        Raises
+        ------
+        InputError
+            A file is missing or unreadable, or an array is of another type or shape, or not finite.
+
+        """
+        path = Path(folder) / _FILE
+        layers = OpacityMapping.fresh(np.random.default_rng(0)).arrays()
+        arrays = load_arrays(path, ["positions", "shift", *layers], "a key of Splats in Splats")
+        shapes: dict[str, list[int | None]] = {name: [*layer.shape] for name, layer in layers.items()}
+        for name, shape in (shapes | {"positions": [None, 3]}).items():
+            array = arrays[name]
+            if array.dtype != np.float32 or [*array.shape] != [n or len(array) for n in shape]:
+                raise InputError(path, name, expected=f"float32 {shape}", found=f"{array.dtype} {list(array.shape)}")
+            if not np.isfinite(array).all():
+                raise InputError(path, name, expected="finite numbers", found="NaN or infinity")
+        shift = arrays["shift"]
+        if shift.shape or shift.dtype.kind not in "iu" or not bits.SHIFT_RANGE[0] <= shift <= bits.SHIFT_RANGE[1]:
+            expected = "a whole number from {} to {}".format(*bits.SHIFT_RANGE)
+            raise InputError(path, "shift", expected=expected, found=str(shift))
+        mapping = OpacityMapping.of({name: arrays[name] for name in layers})
+        return SplatsInSplatsKey(arrays["positions"], mapping, int(shift), read_model(Path(folder) / _HIDDEN))
+
+    def _revealed(self, asset: Asset, extraction: str) -> tuple[Gaussians, Units]:
+        if extraction not in self.extractions:
+            raise InputError("extraction", "name", expected=" or ".join(self.extractions), found=repr(extraction))
+        places = _found(self.hidden.means if extraction == ORACLE else self.positions, asset.units.means)
+        rows = np.flatnonzero(places >= 0)
+        survivors, places = asset.units.subset(places >= 0), places[rows]
+        if extraction == ORACLE:
+            opacities, sh_coeffs = self.hidden.table["opacity"][places], self.hidden.sh_coeffs[places]
+        else:
+            opacities = self._mapped(survivors.opacities, places)
+            sh_coeffs = bits.extract(_of_degree(survivors.sh_coeffs, self.hidden.sh_degree), self.shift)
+        message = Gaussians(np.zeros(len(rows), self.hidden.table.dtype))
+        geometry = {name: survivors.table[name] for name in GEOMETRY}
+        return message.with_columns(geometry).with_appearance(opacities, sh_coeffs), rows
+
+    def _mapped(self, opacities: Float32, places: Units) -> Float32:
+        """Return the hidden logits of survivors; what is gone leaves its place as a Gaussian that shows nothing."""
+        sequence = np.zeros(len(self.positions), np.float32)
+        sequence[places] = opacities
+        return logits(self.mapping(sequence)[places])
+
+
+def _of_degree(sh_coeffs: Float32, degree: int) -> Float32:
+    """Return coefficients [K,S,3] of this degree: those above are dropped, those that are missing are zero."""
+    found = np.zeros((len(sh_coeffs), (degree + 1) ** 2, 3), np.float32)
+    shared = min(found.shape[1], sh_coeffs.shape[1])
+    found[:, :shared] = sh_coeffs[:, :shared]
+    return found
+
+
+def _found(known: Float32, means: Float32) -> NDArray[np.intp]:
+    """Return for each centre [K,3] its place among the known ones, or -1."""
+    from scipy.spatial import KDTree
+
+    if not len(known):
+        return np.full(len(means), -1, np.intp)
+    reach = NEAR * float(np.ptp(known, axis=0).max())
+    distances, places = KDTree(known).query(means)
+    return np.where(distances <= reach, places, -1)
