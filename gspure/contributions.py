@@ -10,12 +10,12 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
@@ -29,7 +29,7 @@ from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
 from gspure.opencl.program import kernel_digest
 from gspure.progress import say, track
-from gspure.renderer import CONTRIBUTION, Renderer
+from gspure.renderer import CONTRIBUTION
 
 GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
 """The columns that contributions depend on: colours are not among them."""
@@ -46,16 +46,28 @@ class Stage:
     path: Path
 
 
+class Contributor(Protocol):
+    """A model of any scheme (`gspure.schemes.asset.Asset`): rows, and what each contributes to a view."""
+
+    units: Gaussians
+
+    def geometry_digest(self) -> str:
+        """Return a digest of all that contributions depend on."""
+
+    def contributions(self, device: Device | None, energy: Energy) -> Callable[[Camera], NDArray[Any]]:
+        """Return what gives each touched row's `CONTRIBUTION` to a view."""
+
+
 def contribute(
-    model: Gaussians, cameras: Sequence[Camera], folder: Path, *, device: Device | None = None, energy: Energy = "ray"
+    asset: Contributor, cameras: Sequence[Camera], folder: Path, *, device: Device | None = None, energy: Energy = "ray"
 ) -> list[Stage]:
-    """Make sure that `folder` holds the contributions of `model` to every view, computing only those that are absent.
+    """Make sure that `folder` holds the contributions of `asset` to every view, computing only those that are absent.
 
     The model goes to the device, and the kernels are built, once and only if a view is absent.
 
     Parameters
     ----------
-    model : Gaussians
+    asset : Contributor
     cameras : sequence of Camera
         Views with unique names.
     folder : Path
@@ -76,17 +88,17 @@ def contribute(
         If the model holds a number that is not finite.
 
     """
-    require_finite(model, "model")
-    geometry = geometry_digest(model)
+    require_finite(asset.units, "model")
+    geometry = asset.geometry_digest()
     stages = []
     for camera in cameras:
         key = contribution_key(geometry, camera, energy)
         stages.append(Stage(camera.name, key, folder / f"{camera.name}.{key}.npy"))
     absent = [pair for pair in zip(cameras, stages, strict=True) if not pair[1].path.exists()]
     if absent:
-        renderer = Renderer(model, device, energy=energy)
+        contributions = asset.contributions(device, energy)
         for camera, stage in track(absent, "contributions"):
-            save_array(stage.path, renderer.contributions(camera))
+            save_array(stage.path, contributions(camera))
     say(f"contributions: {len(absent)} of {len(stages)} views computed, {len(stages) - len(absent)} already stored")
     return stages
 

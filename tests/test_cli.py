@@ -64,7 +64,7 @@ def test_every_command_shows_examples_that_it_accepts(command):
 def test_examples_of_the_stages_pasted_one_after_the_other_purify_a_model(asset, monkeypatch):
     monkeypatch.chdir(asset)
     write_model("point_cloud.ply", blobs(300))
-    for stage in ("contributions", "weights", "features", "tree", "cluster", "prune", "attack", "figures"):
+    for stage in ("contributions", "weights", "opacities", "features", "tree", "cluster", "prune", "attack", "figures"):
         for _, *arguments in examples(stage):
             if not {"panels", "outcomes"} & {*arguments}:
                 assert main(arguments) == 0

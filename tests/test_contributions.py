@@ -25,6 +25,8 @@ from gspure.contributions import (
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.renderer import CONTRIBUTION
+from gspure.schemes import asset
+from gspure.schemes.asset import Asset
 
 
 @dataclass
@@ -49,7 +51,7 @@ class CountingRenderer:
 @pytest.fixture
 def renderer(monkeypatch):
     counting = CountingRenderer()
-    monkeypatch.setattr(contributions, "Renderer", counting)
+    monkeypatch.setattr(asset, "Renderer", counting)
     return counting
 
 
@@ -75,33 +77,33 @@ def moved(camera, by=1e-9):
 
 
 def test_every_view_is_computed_once(tmp_path, renderer):
-    first = contribute(small_model(), views(), tmp_path)
-    again = contribute(small_model(), views(), tmp_path)
+    first = contribute(Asset(small_model()), views(), tmp_path)
+    again = contribute(Asset(small_model()), views(), tmp_path)
     assert again == first
     assert renderer.asked == [camera.name for camera in views()]
 
 
 def test_kernels_are_built_once_per_job_and_not_at_all_when_nothing_is_absent(tmp_path, renderer):
-    contribute(small_model(), views(), tmp_path)
+    contribute(Asset(small_model()), views(), tmp_path)
     assert renderer.built == 1
-    contribute(small_model(), views(), tmp_path)
+    contribute(Asset(small_model()), views(), tmp_path)
     assert renderer.built == 1
 
 
 def test_an_edited_camera_recomputes_its_view_alone(tmp_path, renderer):
     cameras = views()
-    contribute(small_model(), cameras, tmp_path)
+    contribute(Asset(small_model()), cameras, tmp_path)
     renderer.asked.clear()
-    contribute(small_model(), [cameras[0], moved(cameras[1]), *cameras[2:]], tmp_path)
+    contribute(Asset(small_model()), [cameras[0], moved(cameras[1]), *cameras[2:]], tmp_path)
     assert renderer.asked == ["view_1"]
 
 
 def test_a_camera_edited_back_recomputes_nothing(tmp_path, renderer):
     cameras = views()
-    contribute(small_model(), cameras, tmp_path)
-    contribute(small_model(), [moved(camera) for camera in cameras], tmp_path)
+    contribute(Asset(small_model()), cameras, tmp_path)
+    contribute(Asset(small_model()), [moved(camera) for camera in cameras], tmp_path)
     renderer.asked.clear()
-    contribute(small_model(), cameras, tmp_path)
+    contribute(Asset(small_model()), cameras, tmp_path)
     assert renderer.asked == []
 
 
@@ -143,24 +145,24 @@ def test_the_energy_and_the_rendering_code_are_in_the_key(monkeypatch):
 def test_an_interrupted_job_keeps_its_finished_views_and_the_next_one_computes_the_rest(tmp_path, renderer):
     renderer.failing_view = "view_2"
     with pytest.raises(KeyboardInterrupt):
-        contribute(small_model(), views(), tmp_path)
+        contribute(Asset(small_model()), views(), tmp_path)
     assert sorted(path.name.split(".")[0] for path in tmp_path.iterdir()) == ["view_0", "view_1"]
     renderer.failing_view = None
     renderer.asked.clear()
-    contribute(small_model(), views(), tmp_path)
+    contribute(Asset(small_model()), views(), tmp_path)
     assert renderer.asked == ["view_2", "view_3"]
 
 
 def test_a_model_with_nan_is_refused_before_anything_is_written(tmp_path, renderer):
     model = small_model()
     with pytest.raises(InputError, match="finite"):
-        contribute(model.with_columns({"y": np.full(len(model), np.nan)}), views(), tmp_path / "stages")
+        contribute(Asset(model.with_columns({"y": np.full(len(model), np.nan)})), views(), tmp_path / "stages")
     assert not (tmp_path / "stages").exists()
 
 
 def test_an_index_reads_back_after_the_project_was_moved(tmp_path, renderer):
     project = tmp_path / "project"
-    stages = contribute(small_model(), views(), project / "stages" / "room")
+    stages = contribute(Asset(small_model()), views(), project / "stages" / "room")
     write_index(project / "results" / "contributions" / "1.tsv", stages)
     project.rename(tmp_path / "moved")
     found = read_index(tmp_path / "moved" / "results" / "contributions" / "1.tsv")
@@ -204,15 +206,15 @@ def test_a_file_that_is_no_index_is_refused(tmp_path, text):
 
 
 def test_a_removed_stage_is_named_with_the_way_to_restore_it(tmp_path, renderer):
-    stages = contribute(small_model(), views(), tmp_path)
+    stages = contribute(Asset(small_model()), views(), tmp_path)
     stages[1].path.unlink()
     with pytest.raises(InputError, match=rf"{stages[1].path.name}.*--forcerun measure_contributions"):
         read_stage(stages[1].path)
 
 
 def test_only_stages_that_no_index_lists_are_deleted(tmp_path, renderer):
-    stages = contribute(small_model(), views(4), tmp_path / "stages")
-    stale = contribute(small_model(), [moved(views(1)[0])], tmp_path / "stages")
+    stages = contribute(Asset(small_model()), views(4), tmp_path / "stages")
+    stale = contribute(Asset(small_model()), [moved(views(1)[0])], tmp_path / "stages")
     write_index(tmp_path / "1.tsv", stages[:2])
     write_index(tmp_path / "2.tsv", stages[2:])
     size = stale[0].path.stat().st_size

@@ -19,6 +19,7 @@ from gspure.features import features
 from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say, track
+from gspure.schemes.asset import Asset
 from gspure.weights import Reduction, accumulate
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class Purification:
 
 
 def purify(
-    model: Gaussians,
+    model: Gaussians | Asset,
     cameras: Sequence[Camera],
     *,
     device: Device | None = None,
@@ -80,8 +81,9 @@ def purify(
 
     Parameters
     ----------
-    model : Gaussians
-        The public model.
+    model : Gaussians or Asset
+        The public model; of a scheme whose rows are no Gaussians, or whose colours are no spherical harmonics, the
+        asset that `gspure.schemes.registry.open_asset` reads.
     cameras : sequence of Camera
         The N views whose contributions count; they are taken in the order of their names.
     device : Device, optional
@@ -103,7 +105,7 @@ def purify(
 
     """
     from gspure.opencl.device import choose_device
-    from gspure.renderer import CONTRIBUTION, Renderer
+    from gspure.renderer import CONTRIBUTION
 
     def decide(means: Array, opacities: Array, weights: Weights) -> tuple[Labels, Mask, Diagnosis]:
         tree = spanning_tree(features(means, opacities, weights), min_samples)
@@ -111,22 +113,23 @@ def purify(
         pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)
         return labels, pruned, diagnose(labels, weights, tau_c, tau_n, coincident_points(tree))
 
-    require_finite(model, "model")
+    asset = model if isinstance(model, Asset) else Asset(model)
+    units = asset.units
+    require_finite(units, "model")
     # Each stage refuses settings that are out of range: one unseen Gaussian goes through all of them ahead of the rest.
     unseen = accumulate([np.zeros(0, CONTRIBUTION)], 1, reduction)
     decide(np.zeros((1, 3)), unseen, unseen)
 
     device = device or choose_device()
-    say(f"{len(model)} Gaussians, {len(cameras)} views, on {device}")
-    renderer = Renderer(model, device, energy=energy)
+    say(f"{len(units)} Gaussians, {len(cameras)} views, on {device}")
     views = sorted(cameras, key=lambda camera: camera.name)
-    stages = (renderer.contributions(camera) for camera in track(views, "contributions"))
-    weights = accumulate(stages, len(model), reduction)
-    say(f"clustering {len(model)} Gaussians")
-    labels, pruned, diagnosis = decide(model.means, model.opacities, weights)
+    stages = map(asset.contributions(device, energy), track(views, "contributions"))
+    weights = accumulate(stages, len(units), reduction)
+    say(f"clustering {len(units)} Gaussians")
+    labels, pruned, diagnosis = decide(units.means, asset.opacities(views), weights)
     said = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
     return Purification(
-        model.subset(~pruned).with_comment(f"gspure {__version__} purified {said} selection={selection}"),
+        units.subset(~pruned).with_comment(f"gspure {__version__} purified {said} selection={selection}"),
         weights,
         labels,
         pruned,

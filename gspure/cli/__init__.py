@@ -16,13 +16,14 @@ from types import ModuleType
 from gspure import __version__
 from gspure.errors import InputError
 
-MAIN_COMMANDS = ("purify", "train", "render", "metrics", "info", "doctor")
+MAIN_COMMANDS = ("purify", "train", "embed", "extract", "render", "metrics", "info", "doctor")
 STAGES = (
     "pair",
     "plant",
     "cameras",
     "contributions",
     "weights",
+    "opacities",
     "features",
     "tree",
     "cluster",

@@ -17,7 +17,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("--model", type=Path, required=True, help="3DGS .ply")
+    parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
     add_views(parser, split="train")
     parser.add_argument("--stages", type=Path, required=True, metavar="DIR", help="where the per-view files are kept")
     parser.add_argument(
@@ -31,13 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Compute the absent views of this part, then write its index."""
     from gspure.contributions import contribute, write_index
-    from gspure.model import read_model, require_finite
+    from gspure.model import require_finite
+    from gspure.schemes.registry import open_asset
 
     part, parts = args.part
     views = read_views(args)[part - 1 :: parts]
-    model = read_model(args.model)
-    require_finite(model, args.model)
-    stages = contribute(model, views, args.stages, device=read_device(args), energy=args.energy)
+    asset = open_asset(args.model)
+    require_finite(asset.units, args.model)
+    stages = contribute(asset, views, args.stages, device=read_device(args), energy=args.energy)
     write_index(args.index, stages)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 HELP = "standardize positions, opacities and weights: features F [K,5]"
 EXAMPLES = """\
   gspure features --model point_cloud.ply --weights omega.npy --out features.npy
+  gspure features --model point_cloud.ply --weights omega.npy --opacities opacities.npy --out features.npy
 """
 
 
@@ -15,6 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--model", type=Path, required=True, help="3DGS .ply")
     parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="of `gspure weights`")
+    parser.add_argument(
+        "--opacities", type=Path, metavar="NPY", help="of `gspure opacities` (default: those that the model stores)"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="features: float64 [K,5]")
 
 
@@ -30,5 +34,10 @@ def run(args: argparse.Namespace) -> None:
     model = read_ply(args.model)
     require_finite(model, args.model)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(model),))
-    save_array(args.out, features(model.means, model.opacities, weights))
-    write_provenance(args.out, inputs={"model": args.model, "weights": args.weights}, settings={})
+    inputs = {"model": args.model, "weights": args.weights}
+    opacities = model.opacities
+    if args.opacities:
+        inputs["opacities"] = args.opacities
+        opacities = load_array(args.opacities, dtype=np.float32, shape=(len(model),))
+    save_array(args.out, features(model.means, opacities, weights))
+    write_provenance(args.out, inputs=inputs, settings={})

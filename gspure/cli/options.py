@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from gspure.cameras import Camera
     from gspure.opencl.device import Device
 
+Setting = float | int | str
 SPLITS = ("train", "test", "all")
 ENERGIES = ("ewa", "ray")
 
@@ -74,3 +76,30 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     if not views:
         raise InputError(args.cameras, "cameras", expected=f"at least one {args.split} view", found="none")
     return views
+
+
+def parsed_settings(source: str, defaults: Mapping[str, Setting], texts: Sequence[str]) -> dict[str, Setting]:
+    """Return settings given as ``NAME=VALUE``, each in the type of its default; a name without default is a string.
+
+    Raises
+    ------
+    InputError
+        Of `source`, if a value is no number where there should be one.
+
+    """
+    settings = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        default = defaults.get(name, "")
+        try:
+            settings[name] = type(default)(value)
+        except ValueError:
+            expected = "a whole number" if isinstance(default, int) else "a number"
+            raise InputError(source, name, expected=expected, found=repr(value)) from None
+    return settings
+
+
+def described(name: str, defaults: Mapping[str, Setting]) -> str:
+    """Return a name with its settings and their defaults."""
+    settings = ", ".join(f"{setting}={value}" for setting, value in defaults.items())
+    return f"{name} ({settings})" if settings else name

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gspure.cameras import Camera
     from gspure.model import Gaussians
     from gspure.opencl.device import Device
+    from gspure.schemes.asset import Asset
 
 HELP = "run GSPure on one model: purified model, weights, clusters, metrics and figures"
 EXAMPLES = """\
@@ -67,24 +68,27 @@ def run(args: argparse.Namespace) -> None:
     from gspure.attacks.gspure import purify
     from gspure.cameras import split
     from gspure.figures.gallery import Evidence, draw
-    from gspure.model import read_model, require_finite
+    from gspure.model import require_finite
     from gspure.opencl.device import choose_device
     from gspure.progress import say
+    from gspure.schemes.registry import open_asset
 
-    model = read_model(args.model)
+    asset = open_asset(args.model)
+    model = asset.units
     require_finite(model, args.model)
     cameras = _cameras(args.cameras, model)
     train, test = split(cameras)
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
     with filling(args.out) as folder:
-        found = purify(model, train or test, device=device, energy=args.energy, **settings)
-        _write(folder, found)
+        found = purify(asset, train or test, device=device, energy=args.energy, **settings)
+        purified = asset.with_units(found.model)
+        _write(folder, purified, found)
         print("\n".join(found.diagnosis.lines()))
-        if model.sh_degree < 0:
-            say("the model holds no colour: no renders, no metrics")
+        if asset.visible:
+            _compare(folder, asset, purified, test, device)
         else:
-            _compare(folder, model, found.model, test, device)
+            say("the model holds no colour: no renders, no metrics")
         evidence = Evidence(model.means, found.labels, found.weights, found.pruned, None, args.tau_c, args.tau_n)
         for path, caption in draw(folder / "figures", evidence, cameras).items():
             print(f"{args.out / path.relative_to(folder)}: {caption}")
@@ -102,30 +106,28 @@ def _cameras(source: str, model: Gaussians) -> list[Camera]:
     return scaled(read_cameras(Path(source)), TRAINING_RULE)
 
 
-def _write(folder: Path, found: Purification) -> None:
+def _write(folder: Path, purified: Asset, found: Purification) -> None:
     from gspure.artifacts import save_array, write_json
-    from gspure.model import write_model
 
-    write_model(folder / "purified.ply", found.model)
+    purified.write(folder / "purified.ply")
     save_array(folder / "weights.npy", found.weights)
     save_array(folder / "labels.npy", found.labels)
     save_array(folder / "pruned.npy", found.pruned)
     write_json(folder / "diagnosis.json", found.diagnosis.to_json())
 
 
-def _compare(folder: Path, before: Gaussians, after: Gaussians, views: Sequence[Camera], device: Device) -> None:
+def _compare(folder: Path, before: Asset, after: Asset, views: Sequence[Camera], device: Device) -> None:
     """Render the views before and after, and compare the images as written."""
     from gspure.evaluation.comparison import Pair, as_text, compare, write_metrics
     from gspure.figures.panels import write_panels
     from gspure.images import read_image, write_image
     from gspure.progress import track
-    from gspure.renderer import Renderer
 
     files = {title: folder / "renders" / title for title in ("unattacked", "purified")}
-    for title, model in zip(files, (before, after), strict=True):
-        renderer = Renderer(model, device)
+    for title, asset in zip(files, (before, after), strict=True):
+        scene = asset.scene(device)
         for camera in track(views, f"render {title}"):
-            write_image(files[title] / f"{camera.name}.png", renderer.image(camera))
+            write_image(files[title] / f"{camera.name}.png", scene(camera))
     names = [f"{camera.name}.png" for camera in views]
     pairs = [Pair("scene", Path(name).stem, files["unattacked"] / name, files["purified"] / name) for name in names]
     rows = [compare(pair) for pair in track(pairs, "metrics")]

@@ -17,7 +17,9 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("model", type=Path, metavar="MODEL", help="3DGS .ply, or the output folder of a training run")
+    parser.add_argument(
+        "model", type=Path, metavar="MODEL", help="the model's .ply, or the output folder of a training run"
+    )
     add_views(parser, split="all")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png")
     parser.add_argument("--npy", action="store_true", help="also write VIEW.npy: float32 [H,W,3], not clipped")
@@ -37,19 +39,19 @@ def run(args: argparse.Namespace) -> None:
     """Render every view."""
     from gspure.artifacts import save_array
     from gspure.images import write_image
-    from gspure.model import read_model, require_finite
+    from gspure.model import require_finite
     from gspure.progress import track
-    from gspure.renderer import Renderer
+    from gspure.schemes.registry import open_asset
 
     if not all(0 <= channel <= 1 for channel in args.background):
         found = " ".join(map(str, args.background))
         raise InputError("render", "--background", expected="three numbers from 0 to 1", found=found)
     views = read_views(args)
-    model = read_model(args.model)
-    require_finite(model, args.model)
-    renderer = Renderer(model, read_device(args), energy=args.energy)
+    asset = open_asset(args.model)
+    require_finite(asset.units, args.model)
+    scene = asset.scene(read_device(args), tuple(args.background), args.energy)
     for camera in track(views, "render"):
-        image = renderer.image(camera, background=tuple(args.background))
+        image = scene(camera)
         write_image(args.out / f"{camera.name}.png", image)
         if args.npy:
             save_array(args.out / f"{camera.name}.npy", image)

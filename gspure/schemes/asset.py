@@ -63,9 +63,14 @@ class Asset:
         """Return the Gaussians that a camera sees, and the unit (row) that each belongs to."""
         return self.units, np.arange(len(self.units))
 
-    def scene(self, device: Device | None = None, background: Background = BLACK) -> View:
+    @property
+    def visible(self) -> bool:
+        """Whether all is there that the scene takes its colours from."""
+        return self.units.sh_degree >= 0
+
+    def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> View:
         """Return what everybody sees."""
-        renderer = Renderer(self.units, device)
+        renderer = Renderer(self.units, device, energy=energy)
         return lambda camera: renderer.image(camera, background)
 
     def opacities(self, cameras: Sequence[Camera]) -> Float32:  # noqa: ARG002

@@ -1,0 +1,58 @@
+"""``gspure embed``: a message, hidden in a scene by training."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "hide a message in a scene: train a watermarked model of a pair, and the owner's key"
+EXAMPLES = """\
+  gspure embed splats_in_splats pair --out marked                          # of `gspure pair room vault --out pair`
+  gspure embed gs_hider pair --out marked --set iterations=2000 --set message_weight=0.5
+  gspure embed splats_in_splats pair --out clean --set message_weight=0    # the same without a message: no key
+
+It writes public/point_cloud.ply with what belongs to it, which everybody gets, and key/, which the owner keeps.
+gs_hider and secure_gs need PyTorch: pip install gspure[torch].
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    from gspure.cli.options import add_device, described
+    from gspure.schemes.registry import BUILT_IN
+
+    known = ", ".join(described(scheme.name, scheme.settings) for scheme in BUILT_IN)
+    parser.add_argument("scheme", metavar="SCHEME", help=f"one of {known}, or one of an installed plug-in")
+    parser.add_argument("pair", type=Path, metavar="PAIR", help="folder that `gspure pair` wrote")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for public/ and key/")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the scheme; may be repeated"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all that is random (default: %(default)s)")
+    add_device(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Embed, and write both halves."""
+    import time
+
+    from gspure.artifacts import write_provenance
+    from gspure.cli.options import parsed_settings, read_device
+    from gspure.progress import say
+    from gspure.schemes.pair import read_pair
+    from gspure.schemes.registry import find_scheme
+    from gspure.schemes.scheme import hide
+
+    scheme = find_scheme(args.scheme)
+    settings = parsed_settings(f"scheme {scheme.name}", scheme.settings, args.set)
+    pair = read_pair(args.pair)
+    say(f"{len(pair.views)} views, {len(pair.points[0])} points")
+    began = time.monotonic()
+    asset, key = hide(scheme, pair, seed=args.seed, device=read_device(args), **settings)
+    model = args.out / "public" / "point_cloud.ply"
+    asset.write(model)
+    if key is not None:
+        key.write(args.out / "key")
+    said = {"scheme": scheme.name, "seed": args.seed, **scheme.settings, **settings}
+    write_provenance(model, inputs={"cameras": args.pair / "cameras.json"}, settings=said)
+    say(f"embedded in {time.monotonic() - began:.0f} s: {len(asset.units)} rows in {model}")

@@ -1,0 +1,57 @@
+"""``gspure extract``: the message that a model still shows its owner."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "show the message in a public or attacked model, with the owner's key"
+EXAMPLES = """\
+  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out message
+  gspure extract purified.ply --scheme splats_in_splats --key marked/key --cameras pair/cameras.json --out message \\
+      --extraction message_oracle                                                    # what was hidden, exactly
+  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out stranger \\
+      --wrong-key 1                                                                  # a negative control
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    from gspure.cli.options import add_device, add_views
+
+    parser.add_argument("model", type=Path, metavar="MODEL", help="the model's .ply, or its folder")
+    parser.add_argument("--scheme", required=True, metavar="NAME", help="the scheme that hid the message")
+    parser.add_argument("--key", type=Path, required=True, metavar="DIR", help="the owner's key, of `gspure embed`")
+    parser.add_argument(
+        "--extraction", metavar="NAME", help="a way to look that the scheme has (default: its own, `message`)"
+    )
+    parser.add_argument(
+        "--wrong-key", type=int, metavar="SEED", help="look with what a stranger would try instead: a negative control"
+    )
+    add_views(parser, split="all")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png")
+    add_device(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Extract every view."""
+    import numpy as np
+
+    from gspure.cli.options import read_device, read_views
+    from gspure.errors import InputError
+    from gspure.images import write_image
+    from gspure.progress import track
+    from gspure.schemes.registry import find_scheme
+
+    scheme = find_scheme(args.scheme)
+    views = read_views(args)
+    asset, key = scheme.read_asset(args.model), scheme.read_key(args.key)
+    extraction = args.extraction or key.extractions[0]
+    if extraction not in key.extractions:
+        expected = f"one of {', '.join(key.extractions)}"
+        raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(extraction))
+    if args.wrong_key is not None:
+        key = key.wrong(np.random.default_rng(args.wrong_key))
+    view = key.message(asset, extraction, read_device(args))
+    for camera in track(views, "extract"):
+        write_image(args.out / f"{camera.name}.png", view(camera))
