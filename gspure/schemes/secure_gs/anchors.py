@@ -1,0 +1,107 @@
+"""Anchors: what a row of a Scaffold-GS file holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.errors import InputError
+from gspure.model import Gaussians
+from gspure.model.finite import non_finite_rows
+
+Float32 = NDArray[np.float32]
+
+STORED_OPACITY: Final = np.float32(-2.1972246)
+"""logit(0.1), of every anchor: Scaffold-GS never trains the opacities that it stores."""
+
+SCALINGS: Final = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Anchors:
+    """M anchors of k Gaussians each; arrays of numpy or torch.
+
+    Parameters
+    ----------
+    positions : array [M,3]
+        World units; never moved by training.
+    offsets : array [M,k,3]
+        Of the Gaussians, in multiples of the first three scalings.
+    features : array [M,F]
+        Latent features that networks read.
+    log_scalings : array [M,6]
+        Logarithms: reach of the offsets (3), sizes of the Gaussians before the network's factor (3).
+
+    """
+
+    positions: Any
+    offsets: Any
+    features: Any
+    log_scalings: Any
+
+    @property
+    def k(self) -> int:
+        """Gaussians per anchor."""
+        return int(self.offsets.shape[1])
+
+    @property
+    def feat_dim(self) -> int:
+        """Length of a feature."""
+        return int(self.features.shape[1])
+
+    def at(self, rows: Any) -> Anchors:
+        """Return some of the anchors."""
+        return Anchors(*(part[rows] for part in (self.positions, self.offsets, self.features, self.log_scalings)))
+
+
+def anchors_of(table: Gaussians) -> Anchors:
+    """Take a table apart; ``f_offset_*`` is coordinate-major: column c k + i is coordinate c of Gaussian i."""
+    offsets = table.columns(*table.columns_named("f_offset_"))
+    return Anchors(
+        positions=table.means,
+        offsets=np.ascontiguousarray(offsets.reshape(len(table), 3, -1).transpose(0, 2, 1)),
+        features=table.columns(*table.columns_named("f_anchor_feat_")),
+        log_scalings=table.columns(*(f"scale_{i}" for i in range(SCALINGS))),
+    )
+
+
+def table_of(anchors: Anchors) -> Gaussians:
+    """Return the table that Scaffold-GS would store, columns in its order."""
+    count = len(anchors.positions)
+    offsets = anchors.offsets.transpose(0, 2, 1).reshape(count, -1)
+    named: dict[str, Any] = dict(zip("xyz", anchors.positions.T, strict=True))
+    named |= dict.fromkeys(("nx", "ny", "nz"), 0)
+    named |= {f"f_offset_{i}": column for i, column in enumerate(offsets.T)}
+    named |= {f"f_anchor_feat_{i}": column for i, column in enumerate(anchors.features.T)}
+    named["opacity"] = STORED_OPACITY
+    named |= {f"scale_{i}": column for i, column in enumerate(anchors.log_scalings.T)}
+    named |= {f"rot_{i}": float(i == 0) for i in range(4)}
+    table = np.empty(count, [(name, "<f4") for name in named])
+    for name, column in named.items():
+        table[name] = column
+    return Gaussians(table)
+
+
+def require_anchors(source: Path, table: Gaussians) -> None:
+    """Refuse a table that is not Scaffold-GS's, or holds numbers that are not finite."""
+    names = set(table.table.dtype.names or ())
+    offsets, features = (table.columns_named(prefix) for prefix in ("f_offset_", "f_anchor_feat_"))
+    if not offsets or len(offsets) % 3:
+        expected = "three properties per Gaussian of an anchor"
+        raise InputError(source, "f_offset_*", expected=expected, found=f"{len(offsets)}", hint="a Scaffold-GS .ply?")
+    if not features:
+        raise InputError(source, "f_anchor_feat_*", expected="an anchor's features", found="no such property")
+    scalings = tuple(f"scale_{i}" for i in range(SCALINGS))
+    numbered = [f"{p}{i}" for p, found in (("f_offset_", offsets), ("f_anchor_feat_", features)) for i in range(len(found))]
+    for name in (*numbered, *scalings):
+        if name not in names or table.table.dtype[name] != np.float32:
+            found = str(table.table.dtype[name]) if name in names else "no such property"
+            raise InputError(source, name, expected="a float32 property", found=found)
+    geometry = ("x", "y", "z", *numbered, *scalings, "rot_0", "rot_1", "rot_2", "rot_3")
+    for name, rows in non_finite_rows(table, geometry).items():
+        found = f"infinity or not-a-number in {len(rows)} of {len(table)} rows, first in row {rows[0]}"
+        raise InputError(source, name, expected="finite numbers", found=found)

@@ -1,0 +1,198 @@
+"""Tensors in the files that PyTorch writes: read without executing what is in them, and written without PyTorch.
+
+Both ``torch.save`` and TorchScript leave a zip archive: raw numbers as ``<root>/data/<key>``, and a pickle,
+``<root>/data.pkl``, that says which tensors they are. A pickle is a program. Here it is not run: its few instructions
+that make up a tree of dictionaries and tensors are followed by name, and any other is refused.
+"""
+
+from __future__ import annotations
+
+import io
+import pickletools
+import struct
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import replacing
+from gspure.errors import InputError, reading
+
+Float32 = NDArray[np.float32]
+
+DATA_LIMIT: Final = 1 << 20
+"""No ``data.pkl`` of a few networks is longer."""
+
+_REBUILD = "torch._utils _rebuild_tensor_v2"
+_STORAGE = "torch FloatStorage"
+_DICTIONARY = "collections OrderedDict"
+_SCRIPTED = "__torch__."
+_MARK: Final = object()
+_CONSTANTS: Final[dict[str, Any]] = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "MARK": _MARK}
+_LITERALS: Final = frozenset({"BININT", "BININT1", "BININT2", "BINUNICODE", "GLOBAL"})
+
+
+def read_tensors(path: Path) -> dict[str, Float32]:
+    """Read the float32 tensors of a state dict (``.pth``) or a TorchScript module (``.pt``), by dotted name.
+
+    Raises
+    ------
+    InputError
+        The file is no such archive, or its pickle does anything but describe float32 tensors.
+
+    """
+    with reading(path, "a PyTorch archive", zipfile.BadZipFile, EOFError), zipfile.ZipFile(path) as archive:
+        return dict(_named(_Description(Path(path), archive).tree(), "", set()))
+
+
+def write_tensors(path: Path, networks: Mapping[str, Mapping[str, Float32]]) -> None:
+    """Write state dicts by name, as ``torch.save`` does; the same tensors give the same bytes."""
+    records = [array for state in networks.values() for array in state.values()]
+    parts = {"data.pkl": _pickled(networks), "byteorder": b"little", "version": b"3\n"}
+    parts |= {f"data/{key}": np.ascontiguousarray(array, "<f4").tobytes() for key, array in enumerate(records)}
+    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
+        for name, content in parts.items():
+            archive.writestr(zipfile.ZipInfo(f"{Path(path).stem}/{name}"), content)
+
+
+class _Description:
+    """The pickle of an archive, followed instruction by instruction over a stack of plain values."""
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile) -> None:
+        self._path = path
+        self._archive = archive
+        described = [name for name in archive.namelist() if name.endswith("/data.pkl") and name.count("/") == 1]
+        if len(described) != 1:
+            raise self._refusal("data.pkl", "one description of tensors", f"{len(described)}")
+        self._root = described[0].removesuffix("data.pkl")
+        self._stack: list[Any] = []
+        self._memo: dict[int, Any] = {}
+
+    def tree(self) -> Any:
+        """Return the dictionaries and tensors that are described."""
+        instructions = pickletools.genops(io.BytesIO(self._record("data.pkl", DATA_LIMIT)))
+        with reading(self._path, "a description of tensors", ValueError, IndexError, KeyError, TypeError):
+            for instruction, argument, _ in instructions:
+                self._follow(instruction.name, argument)
+            return self._stack.pop()
+
+    def _follow(self, name: str, argument: Any) -> None:
+        stack = self._stack
+        if name in _CONSTANTS:
+            stack.append(_CONSTANTS[name])
+        elif name in _LITERALS:
+            stack.append(argument)
+        elif name in {"EMPTY_DICT", "EMPTY_TUPLE"}:
+            stack.append({} if name == "EMPTY_DICT" else ())
+        elif name in {"BINPUT", "LONG_BINPUT"}:
+            self._memo[argument] = stack[-1]
+        elif name in {"BINGET", "LONG_BINGET"}:
+            stack.append(self._memo[argument])
+        elif name in {"TUPLE1", "TUPLE2", "TUPLE3"}:
+            count = int(name[-1])
+            stack[-count:] = [tuple(stack[-count:])]
+        elif name == "TUPLE":
+            stack.append(tuple(self._since_mark()))
+        elif name == "SETITEM":
+            value, key = stack.pop(), stack.pop()
+            stack[-1][key] = value
+        elif name == "SETITEMS":
+            items = self._since_mark()
+            stack[-1].update(zip(items[::2], items[1::2], strict=True))
+        elif name == "BUILD":
+            state = stack.pop()
+            stack[-1].update(state)
+        elif name == "BINPERSID":
+            stack.append(self._storage(*stack.pop()))
+        elif name in {"REDUCE", "NEWOBJ"}:
+            arguments, made = stack.pop(), stack.pop()
+            stack.append(self._made(name, made, arguments))
+        elif name not in {"PROTO", "STOP"}:
+            raise self._refusal("pickle", "a description of tensors", f"the instruction {name}")
+
+    def _since_mark(self) -> list[Any]:
+        place = len(self._stack) - 1 - next(i for i, item in enumerate(reversed(self._stack)) if item is _MARK)
+        items = self._stack[place + 1 :]
+        del self._stack[place:]
+        return items
+
+    def _made(self, instruction: str, made: str, arguments: tuple[Any, ...]) -> Any:
+        if instruction == "NEWOBJ" and made.startswith(_SCRIPTED) and not arguments:
+            return {}
+        if instruction == "REDUCE" and made == _DICTIONARY and not arguments:
+            return {}
+        if instruction == "REDUCE" and made == _REBUILD:
+            return self._tensor(*arguments[:4])
+        raise self._refusal("pickle", "tensors, dictionaries and modules", f"a call of {made}")
+
+    def _storage(self, kind: str, numbers: str, key: str, _device: str, count: int) -> Float32:
+        if kind != "storage" or numbers != _STORAGE:
+            raise self._refusal("tensor", "float32 numbers", numbers)
+        content = self._record(f"data/{key}", 4 * count)
+        if len(content) != 4 * count:
+            raise self._refusal(f"data/{key}", f"{count} numbers", f"{len(content)} bytes")
+        return np.frombuffer(content, "<f4").astype(np.float32, copy=False)
+
+    def _tensor(self, storage: Float32, first: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> Float32:
+        count = int(np.prod(shape, dtype=object))
+        dense = tuple(int(np.prod(shape[i + 1 :], dtype=object)) for i in range(len(shape)))
+        if strides != dense or first < 0 or min(shape, default=1) < 1 or first + count > len(storage):
+            raise self._refusal("tensor", f"a dense part of {len(storage)} numbers", f"{shape} from {first}, {strides}")
+        return storage[first : first + count].reshape(shape)
+
+    def _record(self, name: str, limit: int) -> bytes:
+        """Return a member of the archive; only plainly stored ones, so that none is larger than the file."""
+        with reading(self._path, f"a member {name}", KeyError, zipfile.BadZipFile):
+            member = self._archive.getinfo(self._root + name)
+            if member.compress_type != zipfile.ZIP_STORED or member.file_size > limit:
+                found = f"{member.file_size} bytes, compressed" if member.compress_type else f"{member.file_size} bytes"
+                raise self._refusal(name, f"at most {limit} bytes as they are", found)
+            return self._archive.read(member)
+
+    def _refusal(self, field: str, expected: str, found: str) -> InputError:
+        hint = "nothing in it was executed"
+        return InputError(self._path, field, expected=expected, found=found, hint=hint)
+
+
+def _named(tree: Any, prefix: str, seen: set[int]) -> Iterator[tuple[str, Float32]]:
+    """Yield the tensors of nested dictionaries, each of which is visited once."""
+    if isinstance(tree, np.ndarray):
+        yield prefix, tree
+    elif isinstance(tree, dict) and id(tree) not in seen:
+        seen.add(id(tree))
+        for key, value in tree.items():
+            yield from _named(value, f"{prefix}.{key}" if prefix else str(key), seen)
+
+
+def _pickled(networks: Mapping[str, Mapping[str, Float32]]) -> bytes:
+    """Return the pickle, protocol 2, of a dictionary of state dicts whose storages are numbered in order."""
+    keys = iter(range(sum(map(len, networks.values()))))
+    states = b"".join(
+        _text(name) + b"}(" + b"".join(_text(n) + _rebuilt(next(keys), array) for n, array in state.items()) + b"u"
+        for name, state in networks.items()
+    )
+    return b"\x80\x02}(" + states + b"u."
+
+
+def _rebuilt(key: int, array: Float32) -> bytes:
+    """Return the instructions that make a tensor: ``_rebuild_tensor_v2(storage, 0, shape, strides, False, {})``."""
+    storage = b"(" + _text("storage") + _global(_STORAGE) + _text(str(key)) + _text("cpu") + _integer(array.size) + b"tQ"
+    strides = [array[..., None][(0,) * (i + 1)].size for i in range(array.ndim)]
+    numbers = b"".join(b"(" + b"".join(map(_integer, axis)) + b"t" for axis in (array.shape, strides))
+    return _global(_REBUILD) + b"(" + storage + _integer(0) + numbers + b"\x89" + _global(_DICTIONARY) + b")RtR"
+
+
+def _text(text: str) -> bytes:
+    return b"X" + struct.pack("<I", len(text.encode())) + text.encode()
+
+
+def _integer(number: int) -> bytes:
+    return b"J" + struct.pack("<i", number)
+
+
+def _global(name: str) -> bytes:
+    module, _, attribute = name.partition(" ")
+    return f"c{module}\n{attribute}\n".encode()

@@ -1,0 +1,134 @@
+"""Embedding: anchors, public and private networks learn together (SecureGS).
+
+What is not known of the paper is ours: the loss is L(scene) + message_weight L(message), each with Scaffold-GS's
+volume term; anchors grow by the gradients of both branches, and go if neither uses them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.errors import InputError
+from gspure.opencl.device import Device, choose_device
+from gspure.progress import say
+from gspure.schemes.pair import Pair
+from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors, table_of
+from gspure.schemes.secure_gs.asset import AnchorAsset
+from gspure.schemes.secure_gs.files import PRIVATE, PUBLIC
+from gspure.schemes.secure_gs.key import HiddenKey
+from gspure.schemes.secure_gs.networks import fresh
+from gspure.training.initialization import LEAST_POINTS, gaussians_at
+from gspure.training.monitor import watched
+
+if TYPE_CHECKING:
+    from gspure.schemes.secure_gs.training import Training
+
+FEAT_DIM: Final = 32
+K: Final = 10
+"""Scaffold-GS's: numbers in a feature, Gaussians per anchor."""
+
+FIRST_SHARE: Final = 0.5
+"""At most this share of the anchors that there may be are there from the start. Ours."""
+
+VOXEL_GROWTH: Final = 1.1
+"""Ours: voxels become larger in such steps until few enough are occupied."""
+
+
+def embed(
+    pair: Pair,
+    seed: int,
+    device: Device | None = None,
+    *,
+    iterations: int = 2000,
+    message_weight: float = 0.5,
+    max_anchors: int = 4000,
+    density: float = 2.0,
+) -> tuple[AnchorAsset, HiddenKey | None]:
+    """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
+
+    Parameters
+    ----------
+    pair : Pair
+    seed : int
+    device : Device, optional
+    iterations : int
+    message_weight : float
+        Share of the message's loss; that of the scene is 1.
+    max_anchors : int
+        More than that do not grow.
+    density : float
+        r_down of the region-aware density optimization (`gspure.schemes.secure_gs.density`); 1 switches it off.
+
+    Raises
+    ------
+    InputError
+        A setting is out of range, or PyTorch is missing.
+
+    """
+    least = math.ceil(LEAST_POINTS / FIRST_SHARE)
+    _require("iterations", iterations, "at least 1", fits=iterations >= 1)
+    _require("message_weight", message_weight, "at least 0", fits=0 <= message_weight < math.inf)
+    _require("max_anchors", max_anchors, f"at least {least}", fits=max_anchors >= least)
+    _require("density", density, "at least 1", fits=1 <= density < math.inf)
+    from gspure.schemes.secure_gs.learner import single_threaded
+    from gspure.schemes.secure_gs.training import Training
+
+    rng = np.random.default_rng(seed)
+    anchors, voxel = first_anchors(pair.points[0], int(FIRST_SHARE * max_anchors))
+    branches = [fresh(names, FEAT_DIM, K, rng) for names in (PUBLIC, PRIVATE)]
+    run = Training(
+        *(pair, anchors, voxel, branches[: 1 + bool(message_weight)], iterations),
+        message_weight=message_weight,
+        density=density,
+        max_anchors=max_anchors,
+        seed=seed,
+        device=device or choose_device(),
+    )
+    with single_threaded():
+        for _ in watched(run, iterations, lambda: _state(run, device)):
+            pass
+    if message_weight and density > 1:
+        say(f"RDO: the hidden region's box holds {run.boxed:.0%} of the scene's Gaussians")
+    return _outcome(run)
+
+
+def first_anchors(xyz: NDArray[np.float64], at_most: int) -> tuple[Anchors, float]:
+    """Return an anchor in each voxel that holds a point of [P,3], and the voxels' side.
+
+    That is the points' median distance from their nearest neighbours, or what leaves few enough. (Scaffold-GS takes a
+    fixed side per data set.)
+    """
+    from scipy.spatial import KDTree
+
+    voxel = max(float(np.median(KDTree(xyz).query(xyz, k=2)[0][:, 1])), float(np.finfo(np.float32).tiny))
+    while len(cells := np.unique(np.rint(xyz / voxel), axis=0)) > at_most:
+        voxel *= VOXEL_GROWTH
+    positions = cells * voxel
+    scales = gaussians_at(positions, np.zeros(positions.shape, np.uint8)).log_scales
+    anchors = Anchors(
+        positions=positions.astype(np.float32),
+        offsets=np.zeros((len(cells), K, 3), np.float32),
+        features=np.zeros((len(cells), FEAT_DIM), np.float32),
+        log_scalings=np.repeat(scales[:, :1], SCALINGS, axis=1),
+    )
+    return anchors, voxel
+
+
+def _outcome(run: Training) -> tuple[AnchorAsset, HiddenKey | None]:
+    asset = AnchorAsset(table_of(run.learner.anchors), run.learner.networks(0))
+    return asset, HiddenKey(run.learner.networks(1)) if run.hides else None
+
+
+def _state(run: Training, device: Device | None) -> str:
+    asset, key = _outcome(run)
+    views = [asset.scene(device)] + ([key.message(asset, "message", device)] if key else [])
+    return f"{run.pair.quality(*views)}  {len(asset.units)} anchors"
+
+
+def _require(name: str, value: float, expected: str, *, fits: bool) -> None:
+    if not fits:
+        raise InputError("scheme secure_gs", name, expected=expected, found=str(value))

@@ -1,0 +1,87 @@
+"""Networks on disk: the public ones in Scaffold-GS's files, the private ones in ours.
+
+::
+
+    <folder>/checkpoints.pth                                          all state dicts ("unite"); what we write
+    <folder>/{opacity,cov,color}_mlp.pt [feature_bank_mlp.pt]         or one TorchScript trace each ("split")
+    <key>/securegs_hidden.npz                                         {offset,opacity,cov,color}.{0,2}.{weight,bias}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import load_arrays, save_arrays
+from gspure.errors import InputError
+from gspure.schemes.secure_gs.archive import read_tensors, write_tensors
+from gspure.schemes.secure_gs.networks import PARAMETERS, Networks
+
+Float32 = NDArray[np.float32]
+Loaded = dict[str, dict[str, Float32]]
+
+PUBLIC: Final = ("opacity", "cov", "color")
+BANK: Final = "feature_bank"
+PRIVATE: Final = ("offset", *PUBLIC)
+UNITED: Final = "checkpoints.pth"
+HIDDEN: Final = "securegs_hidden.npz"
+
+_APPEARANCE: Final = ("appearance", "embedding_appearance")
+
+
+def read_networks(folder: Path) -> Loaded:
+    """Read the public networks in a folder.
+
+    Raises
+    ------
+    InputError
+        A file is missing or holds anything but tensors, a parameter is missing, or there are appearance embeddings.
+
+    """
+    united = folder / UNITED
+    if united.is_file():
+        return _by_network(united, read_tensors(united))
+    tensors: dict[str, Float32] = {}
+    for name in (*PUBLIC, BANK):
+        file = folder / f"{name}_mlp.pt"
+        if name != BANK or file.is_file():
+            if not file.is_file():
+                found = f"neither that nor {UNITED}"
+                raise InputError(file, "file", expected="a network beside the .ply", found=found)
+            tensors |= {f"{name}_mlp.{parameter}": array for parameter, array in read_tensors(file).items()}
+    return _by_network(folder, tensors)
+
+
+def write_networks(folder: Path, networks: Networks) -> None:
+    """Write the public networks as Scaffold-GS does when it unites them."""
+    write_tensors(folder / UNITED, {f"{name}_mlp": network for name, network in networks.items()})
+
+
+def read_hidden(folder: Path) -> Loaded:
+    """Read the private networks in a folder."""
+    names = [f"{name}.{parameter}" for name in PRIVATE for parameter in PARAMETERS]
+    arrays = load_arrays(Path(folder) / HIDDEN, names, "the private networks of SecureGS")
+    for name, array in arrays.items():
+        if array.dtype != np.float32:
+            raise InputError(Path(folder) / HIDDEN, name, expected="float32 numbers", found=str(array.dtype))
+    return {name: {p: arrays[f"{name}.{p}"] for p in PARAMETERS} for name in PRIVATE}
+
+
+def write_hidden(folder: Path, networks: Networks) -> None:
+    """Write the private networks."""
+    named = {f"{name}.{parameter}": array for name, net in networks.items() for parameter, array in net.items()}
+    save_arrays(Path(folder) / HIDDEN, named)
+
+
+def _by_network(source: Path, tensors: Mapping[str, Float32]) -> Loaded:
+    if any(name.split(".")[0] in _APPEARANCE for name in tensors):
+        hint = "train with appearance_dim 0, as Scaffold-GS's own scripts do"
+        raise InputError(source, "appearance", expected="none", found="an embedding per photograph", hint=hint)
+    names = [*PUBLIC, *([BANK] if any(name.startswith(f"{BANK}_mlp.") for name in tensors) else [])]
+    for missing in ({f"{name}_mlp.{parameter}" for name in names for parameter in PARAMETERS} - tensors.keys()):
+        raise InputError(source, missing, expected="a network's parameter", found="no such tensor")
+    return {name: {parameter: tensors[f"{name}_mlp.{parameter}"] for parameter in PARAMETERS} for name in names}

@@ -1,0 +1,87 @@
+"""Anchor growing: new anchors in empty voxels where Gaussians ask for them (Scaffold-GS, section 3.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
+
+Float32 = NDArray[np.float32]
+
+GRADIENT_THRESHOLD: Final = 2e-4
+"""tau of the first level; each later one asks for twice as much as the one before (Scaffold-GS)."""
+
+CELLS: Final = (16, 4, 1)
+"""Sides of a new anchor's cell, in voxels, from the first level to the last (Scaffold-GS)."""
+
+_BITS = 21
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Gaussians beside which an anchor may grow.
+
+    Parameters
+    ----------
+    places : array [C,3]
+        Centres, world units.
+    norms : array [C]
+        Mean norms of their gradients.
+    thresholds : array [C]
+        What these must reach at the first level.
+    features : array [C,F]
+        Of their anchors.
+
+    """
+
+    places: Float32
+    norms: Float32
+    thresholds: Float32
+    features: Float32
+
+
+def grown(
+    positions: Float32, candidates: Candidates, voxel: float, k: int, room: int, rng: np.random.Generator
+) -> Anchors:
+    """Return new anchors [N <= room], one per cell that holds no anchor yet.
+
+    At level i, a candidate counts if its gradient reaches 2^i times its threshold, and then with a probability of
+    1 - 2^-(i+1). A new anchor has the channel-wise largest features of its candidates, and no offsets.
+    """
+    parts = []
+    for level, cell in enumerate(CELLS):
+        side = np.float32(voxel * cell)
+        chosen = candidates.norms >= candidates.thresholds * 2**level
+        chosen &= rng.random(len(chosen)) > 0.5 ** (level + 1)
+        cells, owners = np.unique(np.rint(candidates.places[chosen] / side), axis=0, return_inverse=True)
+        owners = owners.reshape(-1)
+        strongest = np.zeros(len(cells), np.float32)
+        np.maximum.at(strongest, owners, candidates.norms[chosen])
+        features = np.full((len(cells), candidates.features.shape[1]), -np.inf, np.float32)
+        np.maximum.at(features, owners, candidates.features[chosen])
+        taken = [positions, *(part.positions for part in parts)]
+        empty = np.flatnonzero(~np.isin(_keys(cells), _keys(np.rint(np.concatenate(taken) / side))))
+        best = np.sort(empty[np.argsort(-strongest[empty], kind="stable")[:room]])
+        room -= len(best)
+        log_scalings = np.full((len(best), SCALINGS), np.log(side), np.float32)
+        offsets = np.zeros((len(best), k, 3), np.float32)
+        parts.append(Anchors((cells[best] * side).astype(np.float32), offsets, features[best], log_scalings))
+    return joined(*parts)
+
+
+def joined(*parts: Anchors) -> Anchors:
+    """Return all anchors of `parts`, in their order."""
+    return Anchors(
+        *(np.concatenate([getattr(p, name) for p in parts]) for name in ("positions", "offsets", "features", "log_scalings"))
+    )
+
+
+def _keys(cells: NDArray[np.floating]) -> NDArray[np.int64]:
+    """Return one number per cell [N,3]; what lies 2^20 cells from the origin shares that of the last one there."""
+    half = 1 << (_BITS - 1)
+    x, y, z = (np.clip(cells, -half, half - 1).astype(np.int64) + half).T
+    return (x << (2 * _BITS)) | (y << _BITS) | z

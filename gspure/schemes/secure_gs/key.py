@@ -1,0 +1,78 @@
+"""SecureGS's key: networks that make other Gaussians of the public anchors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from gspure.cameras.camera import Camera
+from gspure.errors import InputError
+from gspure.model import Gaussians
+from gspure.opencl.device import Device, choose_device
+from gspure.renderer import Renderer
+from gspure.schemes.asset import BLACK, Asset, Background, Units, View
+from gspure.schemes.scheme import Key
+from gspure.schemes.secure_gs.asset import AnchorAsset
+from gspure.schemes.secure_gs.files import BANK, HIDDEN, PRIVATE, read_hidden, write_hidden
+from gspure.schemes.secure_gs.networks import OUTPUTS, Networks, fresh, require_networks
+from gspure.schemes.secure_gs.neural import as_gaussians
+
+
+class HiddenKey(Key):
+    """The private networks.
+
+    Parameters
+    ----------
+    networks : Networks
+        ``offset``, ``opacity``, ``cov`` and ``color``.
+
+    """
+
+    def __init__(self, networks: Networks) -> None:
+        self.networks = networks
+
+    @property
+    def feat_dim(self) -> int:
+        """Length of the features that the networks read: as wide as they are inside."""
+        return int(self.networks["opacity"]["2.weight"].shape[1])
+
+    @property
+    def k(self) -> int:
+        """Gaussians per anchor."""
+        return int(self.networks["opacity"]["2.weight"].shape[0]) // OUTPUTS["opacity"]
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read a key."""
+        key = cls(read_hidden(folder))
+        require_networks(Path(folder) / HIDDEN, key.networks, key.feat_dim, key.k)
+        return key
+
+    def write(self, folder: Path) -> None:
+        """Write the networks."""
+        write_hidden(folder, self.networks)
+
+    def message(
+        self, asset: Asset, extraction: str, device: Device | None = None, background: Background = BLACK
+    ) -> View:
+        """Return what the private networks make of the anchors that there are."""
+        device = device or choose_device()
+        return lambda camera: Renderer(self.gaussians(asset, camera, extraction)[0], device).image(camera, background)
+
+    def gaussians(self, asset: Asset, camera: Camera, extraction: str) -> tuple[Gaussians, Units]:  # noqa: ARG002
+        """Return the hidden Gaussians of a camera, and the anchor of each."""
+        if not isinstance(asset, AnchorAsset):
+            raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
+        anchors = asset.anchors
+        if (anchors.feat_dim, anchors.k) != (self.feat_dim, self.k):
+            expected, found = (f"{n} features, {k} Gaussians per anchor" for n, k in ((self.feat_dim, self.k), (anchors.feat_dim, anchors.k)))
+            raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
+        blending = {name: network for name, network in asset.networks.items() if name == BANK}
+        found, rows = asset.seen(camera, {**self.networks, **blending})
+        return as_gaussians(found, anchors.k, rows)
+
+    def wrong(self, rng: np.random.Generator) -> Self:
+        """Return untrained networks."""
+        return type(self)(fresh(PRIVATE, self.feat_dim, self.k, rng))

@@ -1,0 +1,150 @@
+"""Anchors and networks that learn: tensors, Adam, and one step over the renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.constants import ADAM_EPSILON
+from gspure.opencl.device import Device
+from gspure.schemes.pytorch import torch
+from gspure.schemes.secure_gs.anchors import Anchors
+from gspure.schemes.secure_gs.growing import joined
+from gspure.schemes.secure_gs.networks import Networks
+from gspure.schemes.secure_gs.neural import Neural, neural
+from gspure.schemes.secure_gs.photographs import Photographs
+from gspure.training.torch_bridge import TorchRenderer
+
+Float32 = NDArray[np.float32]
+
+VOLUME_WEIGHT: Final = 0.01
+"""Of the mean volume of active Gaussians in each branch's loss (Scaffold-GS)."""
+
+LEARNED: Final = ("offsets", "features", "log_scalings")
+"""What anchors learn; their positions stay."""
+
+
+class Learner:
+    """Shared anchors, and one set of networks per branch.
+
+    Parameters
+    ----------
+    anchors : Anchors
+        Arrays.
+    branches : sequence of Networks
+        The scene's first.
+    photographs : sequence of sequences of array [H,W,3]
+        Of each branch, by training view.
+    device : Device
+
+    """
+
+    def __init__(
+        self,
+        anchors: Anchors,
+        branches: Sequence[Networks],
+        photographs: Sequence[Sequence[Float32]],
+        device: Device,
+    ) -> None:
+        self._render = TorchRenderer(device)
+        self._photographs = [Photographs(images, device) for images in photographs]
+        self._positions = torch.from_numpy(anchors.positions)
+        self._learned = {name: _leaf(getattr(anchors, name)) for name in LEARNED}
+        self._branches = [{n: {p: _leaf(a) for p, a in net.items()} for n, net in nets.items()} for nets in branches]
+        groups = [{"params": [tensor], "name": name} for name, tensor in self._learned.items()]
+        groups += [
+            {"params": list(network.values()), "name": name} for nets in self._branches for name, network in nets.items()
+        ]
+        self._optimizer = torch.optim.Adam(groups, eps=ADAM_EPSILON, fused=True)
+
+    @property
+    def anchors(self) -> Anchors:
+        """The anchors as they are, arrays that follow what is learned."""
+        return Anchors(self._positions.numpy(), *(tensor.detach().numpy() for tensor in self._learned.values()))
+
+    def networks(self, branch: int) -> dict[str, dict[str, Float32]]:
+        """Return a copy of a branch's networks."""
+        return {n: {p: t.detach().numpy().copy() for p, t in net.items()} for n, net in self._branches[branch].items()}
+
+    def differentiate(
+        self, branch: int, camera: Camera, rows: NDArray[np.intp], view: int, weight: float
+    ) -> tuple[float, Neural, Float32]:
+        """Add a branch's gradients to all that is learned.
+
+        Parameters
+        ----------
+        branch : int
+        camera : Camera
+        rows : array [V]
+            The anchors that the view has.
+        view : int
+            The camera's number, by which its photograph is found.
+        weight : float
+            Of the loss.
+
+        Returns
+        -------
+        loss : float
+            Weighed.
+        found : Neural
+            The view's Gaussians, as arrays.
+        gradients : array [A,3]
+            Of the loss with respect to their centres.
+
+        """
+        anchors = Anchors(self._positions, **self._learned).at(torch.from_numpy(rows))
+        centre = torch.from_numpy(camera.centre.astype(np.float32))
+        found = neural(torch, anchors, self._branches[branch], centre)
+        found.means.retain_grad()
+        image = self._render(camera, found.means, found.quats, found.scales, found.opacities, features=found.colors)
+        volume = found.scales.prod(dim=1).sum() / max(len(found.scales), 1)
+        loss, gradient = self._photographs[branch].compare(view, image.detach().numpy())
+        torch.autograd.backward(
+            [image, volume], [weight * torch.from_numpy(gradient), torch.tensor(weight * VOLUME_WEIGHT)]
+        )
+        arrays = {field.name: getattr(found, field.name).detach().numpy() for field in fields(found)}
+        total = weight * (loss + VOLUME_WEIGHT * volume.item())
+        return total, replace(found, **arrays), found.means.grad.numpy()
+
+    def step(self, rates: dict[str, float]) -> None:
+        """Move everything against its gradient, and clear the gradients."""
+        for group in self._optimizer.param_groups:
+            group["lr"] = rates[group["name"]]
+        self._optimizer.step()
+        self._optimizer.zero_grad()
+
+    def follow(self, kept: NDArray[np.intp], new: Anchors) -> None:
+        """Keep some anchors and append new ones, whose moments begin at zero."""
+        after = joined(self.anchors.at(kept), new)
+        self._positions = torch.from_numpy(after.positions)
+        for group in self._optimizer.param_groups[: len(LEARNED)]:
+            (before,), name = group["params"], group["name"]
+            leaf = _leaf(getattr(after, name))
+            moments = self._optimizer.state.pop(before)
+            zeros = torch.zeros(len(new.positions), *leaf.shape[1:])
+            for moment in ("exp_avg", "exp_avg_sq"):
+                moments[moment] = torch.cat([moments[moment][torch.from_numpy(kept)], zeros])
+            self._optimizer.state[leaf] = moments
+            group["params"] = [leaf]
+            self._learned[name] = leaf
+
+
+@contextmanager
+def single_threaded() -> Iterator[None]:
+    """Let torch work on one thread in the block: the same bits on any machine, and no waiting, so small the tensors are."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _leaf(array: Float32) -> torch.Tensor:
+    return torch.from_numpy(np.array(array, np.float32)).requires_grad_()

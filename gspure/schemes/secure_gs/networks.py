@@ -1,0 +1,85 @@
+"""The networks of Scaffold-GS: perceptrons of one hidden layer, as the state dicts that their files hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.errors import InputError
+
+Float32 = NDArray[np.float32]
+Network = Mapping[str, Any]
+"""State dict ``0.weight [H,I]``, ``0.bias [H]``, ``2.weight [O,H]``, ``2.bias [O]``: W_2 relu(W_0 x + b_0) + b_2."""
+
+Networks = Mapping[str, Network]
+"""By purpose: ``opacity``, ``cov``, ``color``, sometimes ``feature_bank``; of a hidden branch ``offset`` too."""
+
+PARAMETERS: Final = ("0.weight", "0.bias", "2.weight", "2.bias")
+DIRECTION: Final = 3
+"""Inputs beside the feature: the direction from the camera; with one more, the distance."""
+
+OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}
+"""Per Gaussian: offset; opacity; scale factors and quaternion; red, green, blue."""
+
+BANK_INPUTS: Final = 4
+BANK_LEVELS: Final = 3
+
+
+def perceptron(xp: Any, network: Network, inputs: Any) -> Any:
+    """Return the outputs [V,O] of `inputs` [V,I]; `xp` is the library of both, numpy or torch."""
+    hidden = xp.clip(inputs @ network["0.weight"].T + network["0.bias"], 0, None)
+    return hidden @ network["2.weight"].T + network["2.bias"]
+
+
+def takes_distance(network: Network, feat_dim: int) -> bool:
+    """Tell whether a network that reads features sees the camera's distance too."""
+    return bool(network["0.weight"].shape[1] == feat_dim + DIRECTION + 1)
+
+
+def fresh(names: tuple[str, ...], feat_dim: int, k: int, rng: np.random.Generator) -> dict[str, dict[str, Float32]]:
+    """Return untrained networks, drawn as PyTorch draws linear layers; only offsets depend on distance (SecureGS)."""
+    return {
+        name: _drawn(feat_dim + DIRECTION + (name == "offset"), feat_dim, OUTPUTS[name] * k, rng) for name in names
+    }
+
+
+def _drawn(inputs: int, hidden: int, outputs: int, rng: np.random.Generator) -> dict[str, Float32]:
+    """Uniform within 1 / sqrt(inputs) of 0, weights and biases alike."""
+    shapes = ((hidden, inputs), (hidden,), (outputs, hidden), (outputs,))
+    bounds = (inputs**-0.5, inputs**-0.5, hidden**-0.5, hidden**-0.5)
+    drawn = (rng.uniform(-bound, bound, shape) for bound, shape in zip(bounds, shapes, strict=True))
+    return {name: array.astype(np.float32) for name, array in zip(PARAMETERS, drawn, strict=True)}
+
+
+def require_networks(source: Path, networks: Networks, feat_dim: int, k: int) -> None:
+    """Refuse networks that do not fit anchors with `feat_dim` features and `k` Gaussians each, or are not finite."""
+    for name, network in networks.items():
+        hidden = network["0.weight"].shape[0]
+        if name == "feature_bank":
+            inputs, outputs = {BANK_INPUTS}, BANK_LEVELS
+        else:
+            inputs, outputs = {feat_dim + DIRECTION, feat_dim + DIRECTION + 1}, OUTPUTS[name] * k
+        found = {parameter: network[parameter].shape for parameter in PARAMETERS}
+        fits = {n: {"0.weight": (hidden, n), "0.bias": (hidden,), "2.weight": (outputs, hidden), "2.bias": (outputs,)}
+                for n in inputs}
+        if found not in fits.values():
+            expected = f"{' or '.join(map(str, sorted(inputs)))} inputs and {outputs} outputs"
+            raise InputError(source, name, expected=expected, found=_described(found), hint=_hint(name, found, inputs))
+        for parameter in PARAMETERS:
+            if not np.isfinite(network[parameter]).all():
+                raise InputError(source, f"{name}.{parameter}", expected="finite numbers", found="others")
+
+
+def _described(shapes: Mapping[str, tuple[int, ...]]) -> str:
+    return ", ".join(f"{name} {list(shape)}" for name, shape in shapes.items())
+
+
+def _hint(name: str, found: Mapping[str, tuple[int, ...]], inputs: set[int]) -> str | None:
+    wider = len(found["0.weight"]) == 2 and found["0.weight"][1] > max(inputs)
+    if name == "color" and wider:
+        return "trained with an appearance embedding per photograph; train with appearance_dim 0"
+    return None

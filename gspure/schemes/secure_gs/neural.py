@@ -1,0 +1,109 @@
+"""Neural Gaussians: what anchors and networks become for one camera.
+
+The formulas are written once, over numpy where a model is rendered and measured, and over torch where it is trained
+(`xp` is the library). Scaffold-GS, ``generate_neural_gaussians``; a hidden branch differs in that a network gives its
+offsets too (SecureGS, Eq. 4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.constants import SH_DC
+from gspure.model import Gaussians
+from gspure.schemes.asset import Units
+from gspure.schemes.secure_gs.anchors import Anchors
+from gspure.schemes.secure_gs.networks import Network, Networks, perceptron, takes_distance
+
+LARGEST_OPACITY: Final = np.float32(1 - 2**-20)
+"""Of a table of Gaussians, which holds logits; alpha is cut at 0.99 anyway."""
+
+
+@dataclass(frozen=True, eq=False)
+class Neural:
+    """The k Gaussians of each of V anchors, as one camera has them; A of them are active.
+
+    Parameters
+    ----------
+    outputs : array [V,k]
+        Of the opacity network, -1 to 1; Gaussians above 0 are active.
+    active : int array [A]
+        Places among the V k, anchor by anchor.
+    means, quats, scales, opacities, colors : arrays [A,3], [A,4], [A,3], [A], [A,3]
+        Activated.
+
+    """
+
+    outputs: Any
+    active: Any
+    means: Any
+    quats: Any
+    scales: Any
+    opacities: Any
+    colors: Any
+
+
+def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural:
+    """Return the Gaussians of `anchors` [V] as seen from `centre` [3]."""
+    away = anchors.positions - centre
+    distances = xp.sqrt((away * away).sum(axis=1))[:, None]
+    views = away / distances
+    features = anchors.features
+    if "feature_bank" in networks:
+        features = _blended(xp, networks["feature_bank"], features, xp.concatenate([views, distances], axis=1))
+    near = xp.concatenate([features, views], axis=1)
+    far = xp.concatenate([near, distances], axis=1)
+
+    def outputs(name: str) -> Any:
+        network = networks[name]
+        return perceptron(xp, network, far if takes_distance(network, anchors.feat_dim) else near)
+
+    opacities = xp.tanh(outputs("opacity"))
+    count = opacities.shape[0] * anchors.k
+    active = xp.argwhere(opacities.reshape(count) > 0)[:, 0]
+    owners = active // anchors.k
+    offsets = outputs("offset").reshape(count, 3) if "offset" in networks else anchors.offsets.reshape(count, 3)
+    scalings = xp.exp(anchors.log_scalings)[owners]
+    shapes = outputs("cov").reshape(count, 7)[active]
+    quats = shapes[:, 3:]
+    return Neural(
+        outputs=opacities,
+        active=active,
+        means=anchors.positions[owners] + offsets[active] * scalings[:, :3],
+        quats=quats / xp.sqrt((quats * quats).sum(axis=1))[:, None],
+        scales=scalings[:, 3:] * _sigmoid(xp, shapes[:, :3]),
+        opacities=opacities.reshape(count)[active],
+        colors=_sigmoid(xp, outputs("color").reshape(count, 3)[active]),
+    )
+
+
+def as_gaussians(found: Neural, k: int, rows: Units) -> tuple[Gaussians, Units]:
+    """Return active Gaussians, coloured by degree 0, and the anchor of each; `rows` [V] are those of the anchors."""
+    tiny = np.finfo(np.float32).tiny
+    table = Gaussians.from_parameters(
+        means=found.means,
+        quats=found.quats,
+        scales=np.maximum(found.scales, tiny),
+        opacities=np.clip(found.opacities, tiny, LARGEST_OPACITY),
+        sh_coeffs=((found.colors - 0.5) / SH_DC)[:, None, :],
+    )
+    return table, rows[found.active // k]
+
+
+def _blended(xp: Any, bank: Network, features: Any, views: Any) -> Any:
+    """Blend features at three resolutions by the view: every fourth, every second and every number of them."""
+    logits = perceptron(xp, bank, views)
+    weights = xp.exp(logits - xp.amax(logits, axis=1, keepdims=True))
+    weights = weights / weights.sum(axis=1)[:, None]
+    coarse, middle = xp.tile(features[:, ::4], (1, 4)), xp.tile(features[:, ::2], (1, 2))
+    return coarse * weights[:, 0:1] + middle * weights[:, 1:2] + features * weights[:, 2:3]
+
+
+def _sigmoid(xp: Any, x: Any) -> Any:
+    return (xp.tanh(x / 2) + 1) / 2  # has no overflow, and no gradient that is not a number
+
+
