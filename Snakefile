@@ -9,7 +9,7 @@ from snakemake.utils import min_version
 min_version("9.0")
 
 # A configuration of one's own replaces the demo's; it is not laid over it.
-if not (workflow.configfiles or "assets" in config):
+if not (workflow.configfiles or {"assets", "pairs"} & config.keys()):
 
     configfile: Path(workflow.basedir) / "config" / "config.yaml"
 
@@ -21,6 +21,7 @@ include: "rules/common.smk"
 include: "rules/inputs.smk"
 include: "rules/scenes.smk"
 include: "rules/train.smk"
+include: "rules/embed.smk"
 include: "rules/contributions.smk"
 include: "rules/purify.smk"
 include: "rules/attack.smk"

@@ -56,51 +56,96 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
 def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     """Return a copy of a validated configuration in which given models are files and every variant names its attack.
 
-    An asset to be trained gets the entry ``photographs``: the files that its cameras name.
+    What is to be trained gets the entry ``photographs``: the files that its cameras name. A pair's message that is to
+    be trained has them under ``message_photographs``.
 
     Raises
     ------
     InputError
         If there is no model at all, or one of them, its cameras or its photographs do not exist, or a model is both
-        given and to be trained, or an attack or a setting of it is not known.
+        given and to be trained, or a scheme, an attack or a setting of one is not known.
 
     """
     from gspure.attacks import attacks
-    from gspure.cameras import read_cameras
-    from gspure.model.inria import point_cloud
+    from gspure.schemes.registry import schemes
 
     settled = deepcopy(dict(config))
-    if not settled["assets"] and not settled["planted"]:
-        raise InputError(source, "assets", expected="at least one model", found="none")
+    if not settled["assets"] and not settled["planted"] and not (settled["pairs"] and settled["schemes"]):
+        raise InputError(source, "assets", expected="at least one model, or a pair and a scheme", found="none")
     for scene, asset in settled["assets"].items():
-        for field in (name for name in ("model", "cameras", "train") if name in asset):
-            if field != "train" and "train" in asset:
-                raise InputError(source, f"assets.{scene}.{field}", expected="nothing beside train", found=asset[field])
-            if not Path(asset[field]).exists() and not (field == "cameras" and asset[field] in GENERATED):
-                raise InputError(source, f"assets.{scene}.{field}", expected="an existing path", found=asset[field])
-        if "model" in asset and (model := Path(asset["model"])).is_dir():
-            asset["model"] = str(point_cloud(model))
-        if "train" in asset:
-            asset["photographs"] = [str(camera.image) for camera in read_cameras(asset["train"]) if camera.image]
-    available = attacks()
+        _settle_asset(asset, source, f"assets.{scene}")
+    for name, pair in settled["pairs"].items():
+        _settle_pair(pair, source, f"pairs.{name}")
+    available = {name: attack.settings for name, attack in attacks().items()}
     for variant, settings in settled["variants"].items():
         attack = settings.setdefault("attack", variant)
-        if attack not in available:
-            expected = f"one of {', '.join(available)}"
-            raise InputError(source, f"variants.{variant}", expected=expected, found=repr(attack))
-        _check_settings(settings, available[attack].settings, source, f"variants.{variant}")
+        _check_settings(settings, attack, available, source, f"variants.{variant}")
+    if settled["schemes"]:
+        available = {name: scheme.settings for name, scheme in schemes().items()}
+    for scheme, settings in settled["schemes"].items():
+        _check_settings(settings, scheme, available, source, f"schemes.{scheme}")
     return settled
 
 
-def _check_settings(given: Mapping[str, Any], known: Mapping[str, Any], source: str | Path, variant: str) -> None:
-    """Refuse what is no setting of a variant's attack, and texts for numbers or the other way round."""
-    for name in sorted(given.keys() - {"attack", "seed"}):
-        if name not in known:
+def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None:
+    """Check the paths of an asset, and find the model in its folder or the photographs to train it from."""
+    from gspure.model.inria import point_cloud
+
+    for field in (name for name in ("model", "cameras", "train") if name in asset):
+        if field != "train" and "train" in asset:
+            raise InputError(source, f"{place}.{field}", expected="nothing beside train", found=asset[field])
+        if not (field == "cameras" and asset[field] in GENERATED):
+            _require_path(asset[field], source, f"{place}.{field}")
+    if "model" in asset and (model := Path(asset["model"])).is_dir():
+        asset["model"] = str(point_cloud(model))
+    if "train" in asset:
+        asset["photographs"] = _photographs(asset["train"])
+
+
+def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:
+    """Check that a pair is ray-traced or made of files, and find the photographs that it is trained from."""
+    from gspure.model.inria import saved_iterations
+    from gspure.scenes import STAGES
+
+    if (pair["scene"] in STAGES) != (pair["message"] in STAGES):
+        expected = f"both of {', '.join(STAGES)}, or both paths"
+        raise InputError(source, place, expected=expected, found=f"{pair['scene']} and {pair['message']}")
+    if pair["scene"] in STAGES:
+        return
+    for field in ("scene", "message"):
+        _require_path(pair[field], source, f"{place}.{field}")
+    pair["photographs"] = _photographs(pair["scene"])
+    message = Path(pair["message"])
+    if message.suffix != ".ply" and not saved_iterations(message) and not (message / "point_cloud.ply").is_file():
+        pair["message_photographs"] = _photographs(pair["message"])
+
+
+def _require_path(path: str, source: str | Path, place: str) -> None:
+    if not Path(path).exists():
+        raise InputError(source, place, expected="an existing path", found=path)
+
+
+def _photographs(data: str) -> list[str]:
+    """Return the files that the cameras of training data name."""
+    from gspure.cameras import read_cameras
+
+    return [str(camera.image) for camera in read_cameras(Path(data)) if camera.image]
+
+
+def _check_settings(
+    given: Mapping[str, Any], name: str, available: Mapping[str, Mapping[str, Any]], source: str | Path, place: str
+) -> None:
+    """Refuse an unknown attack or scheme, what is no setting of it, and texts for numbers or the other way round."""
+    if name not in available:
+        raise InputError(source, place, expected=f"one of {', '.join(available)}", found=repr(name))
+    known = available[name]
+    for setting in sorted(given.keys() - {"attack", "seed"}):
+        if setting not in known:
             expected = f"one of {', '.join(known) or 'no settings'}"
-            raise InputError(source, f"{variant}.{name}", expected=expected, found="an unknown key")
-        if isinstance(given[name], str) != isinstance(known[name], str):
-            expected = "a text" if isinstance(known[name], str) else "a number"
-            raise InputError(source, f"{variant}.{name}", expected=expected, found=repr(given[name]))
+            raise InputError(source, f"{place}.{setting}", expected=expected, found="an unknown key")
+        if isinstance(given[setting], str) != isinstance(known[setting], str):
+            expected = "a text" if isinstance(known[setting], str) else "a number"
+            raise InputError(source, f"{place}.{setting}", expected=expected, found=repr(given[setting]))
 
 
 def _filling_validator(base: Any) -> Any:

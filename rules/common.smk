@@ -5,7 +5,9 @@ import sys
 from gspure.attacks import find_attack
 from gspure.configuration import GENERATED, resolved, validated
 from gspure.errors import InputError
+from gspure.evaluation.controls import CONTROLS
 from gspure.opencl.program import kernel_digest
+from gspure.schemes.registry import find_scheme
 from gspure.sources import code_digest
 
 KERNELS = kernel_digest()
@@ -18,7 +20,9 @@ except InputError as error:
     print(f"gspure: {error}", file=sys.stderr)
     sys.exit(2)
 
-SCHEMES = {"planted": config["planted"], "vanilla": config["assets"]}
+# By scheme, the scenes of each: planted messages, the user's own models, and pairs that schemes are trained on.
+WATERMARKS = {name: find_scheme(name) for name in config["schemes"]}
+SCHEMES = {"planted": config["planted"], "vanilla": config["assets"], **dict.fromkeys(WATERMARKS, config["pairs"])}
 MODELS = [f"{scheme}/{scene}" for scheme, scenes in SCHEMES.items() for scene in scenes]
 VARIANTS = config["variants"]
 
@@ -26,7 +30,7 @@ VARIANTS = config["variants"]
 wildcard_constraints:
     scheme="|".join(SCHEMES),
     scene="[A-Za-z0-9_-]+",
-    variant="|".join(VARIANTS),
+    variant="|".join([*VARIANTS, *CONTROLS]),
 
 
 scattergather:

@@ -1,30 +1,33 @@
-# What a variant shows is compared with photographs of the planted truth, and where no truth is known, with what the
+# What a variant shows is compared with photographs of scene and message, and where none are known, with what the
 # watermarked model shows.
 
 
-rule extract_message:
+ruleorder: extract_message > render_target
+
+
+rule reveal_planted:
     input:
-        model="results/{scheme}/{scene}/{variant}/public/point_cloud.ply",
-        key="results/{scheme}/{scene}/key/planted_key.npz",
+        model="results/planted/{scene}/{variant}/public/point_cloud.ply",
+        key="results/planted/{scene}/key/planted_key.npz",
     output:
-        model=temp("results/{scheme}/{scene}/{variant}/message.ply"),
+        model=temp("results/planted/{scene}/{variant}/message.ply"),
     log:
-        "results/logs/{scheme}/{scene}/{variant}/message.log",
+        "results/logs/planted/{scene}/{variant}/message.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/{variant}/message.tsv"
+        "results/benchmarks/planted/{scene}/{variant}/message.tsv"
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.message"),
     message:
-        "Extracting the message from {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
+        "Revealing the message of {wildcards.variant} of planted/{wildcards.scene}"
     shell:
         "python -m gspure message {input.model:q} --key {input.key:q} --out {output.model:q} > {log:q} 2>&1"
 
 
 rule render_target:
     input:
-        model=rendered_model,
+        model=model_of,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
         images=directory("results/{scheme}/{scene}/{variant}/renders/{target}"),
@@ -50,6 +53,37 @@ rule render_target:
         " --split {params.split} --out {output.images:q} > {log:q} 2>&1"
 
 
+rule extract_message:
+    input:
+        model=model_of,
+        key="results/{scheme}/{scene}/key",
+        cameras="results/{scheme}/{scene}/cameras.json",
+    output:
+        images=directory("results/{scheme}/{scene}/{variant}/renders/{target}"),
+    log:
+        "results/logs/{scheme}/{scene}/{variant}/extract_{target}.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/{variant}/extract_{target}.tsv"
+    wildcard_constraints:
+        scheme="|".join(WATERMARKS) or "none",
+        target="message[a-z_]*",
+    conda:
+        "../envs/gspure.yaml"
+    threads: 16
+    resources:
+        opencl_device=1,
+    params:
+        kernels=KERNELS,
+        code=lambda wildcards: code_digest("gspure.cli.extract", WATERMARKS[wildcards.scheme].embed.__module__),
+        split=config["views"]["evaluate"],
+        options=extraction_options,
+    message:
+        "Extracting the {wildcards.target} from {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure extract {input.model:q} --key {input.key:q} {params.options}"
+        " --cameras {input.cameras:q} --split {params.split} --out {output.images:q} > {log:q} 2>&1"
+
+
 rule compare_renders:
     input:
         images=renders,
@@ -66,17 +100,17 @@ rule compare_renders:
         code=code_digest("gspure.cli.metrics"),
         images=lambda wildcards, input: os.path.dirname(input.images[0]),
         references=lambda wildcards, input: os.path.dirname(input.references[0]),
-        reference=lambda wildcards: "truth" if wildcards.scheme == "planted" else "render",
+        options=comparison_options,
     message:
         "Comparing the renders of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "python -m gspure metrics {params.references:q} {params.images:q} --reference {params.reference}"
+        "python -m gspure metrics {params.references:q} {params.images:q} {params.options}"
         " --out {output.metrics:q} > {log:q} 2>&1"
 
 
 rule tabulate_metrics:
     input:
-        metrics=expand("results/{model}/{variant}/metrics.csv", model=MODELS, variant=VARIANTS),
+        metrics=metrics_files(),
         kept=expand("results/{model}/{variant}/kept.npy", model=MODELS, variant=VARIANTS),
         truth=expand("results/planted/{scene}/key/carriers.npy", scene=SCHEMES["planted"]),
     output:

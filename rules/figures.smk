@@ -22,7 +22,7 @@ rule draw_model:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.figures"),
-        factors=options(config["method"], "tau_c", "tau_n"),
+        factors=factors,
         truth=lambda wildcards, input: options(input, "truth") if input.truth else "",
     message:
         "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"
@@ -47,7 +47,7 @@ rule draw_panels:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/figures/{target}.tsv"
     wildcard_constraints:
-        target="scene|message",
+        target="scene|message[a-z_]*",
     conda:
         "../envs/gspure.yaml"
     params:

@@ -1,12 +1,23 @@
+from gspure.constants import TAU_C, TAU_N
+from gspure.evaluation.controls import FLOORS, OTHER_SCENE, WRONG_KEY
 from gspure.training.dataset import POINT_FILES
 
 CAMERA_FILES = ["cameras.bin", "images.bin", "cameras.txt", "images.txt"]
 CAMERA_FILES += ["cameras.json", "transforms.json", "transforms_train.json"]
 EVIDENCE = {
     "weights": "results/{scheme}/{scene}/omega.npy",
+    "opacities": "results/{scheme}/{scene}/opacities.npy",
     "prune_mask": "results/{scheme}/{scene}/prune_mask.npy",
 }
+EXTRACTIONS = {name: scheme.extractions for name, scheme in WATERMARKS.items()}
 TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}
+TARGETS |= {name: ["scene", *extractions] for name, extractions in EXTRACTIONS.items()}
+PAIR = {
+    "cameras": "results/pairs/{scene}/cameras.json",
+    "points": "results/pairs/{scene}/points3D.ply",
+    "scene": "results/pairs/{scene}/scene",
+    "message": "results/pairs/{scene}/message",
+}
 
 
 def public_model(wildcards):
@@ -25,10 +36,15 @@ def files_of(source, names):
 
 def training_files(wildcards):
     """What a model is trained from: cameras, points, and the photographs that the cameras name."""
-    source = config["assets"][wildcards.scene]["train"]
+    asset = config["assets"][wildcards.scene]
+    return photograph_files(asset["train"], asset["photographs"])
+
+
+def photograph_files(source, photographs):
+    """The files of a capture: cameras, points and photographs."""
     folder = source if Path(source).is_dir() else os.path.dirname(source) or "."
     points = files_of(folder, ["points3D.bin", "points3D.txt", *POINT_FILES])
-    return [*files_of(source, CAMERA_FILES), *points, *config["assets"][wildcards.scene]["photographs"]]
+    return [*files_of(source, CAMERA_FILES), *points, *photographs]
 
 
 def training_options(wildcards):
@@ -37,19 +53,74 @@ def training_options(wildcards):
     return options(settings, *settings)
 
 
+def pair_files(wildcards):
+    """What a pair is made from: nothing if it is ray-traced, else photographs and the message's model."""
+    pair = config["pairs"][wildcards.scene]
+    if not photographed(pair):
+        return []
+    return [*photograph_files(pair["scene"], pair["photographs"]), message_model(pair, wildcards)]
+
+
+def photographed(pair):
+    """Whether a pair is made from photographs."""
+    return "photographs" in pair
+
+
+def message_model(pair, wildcards):
+    """The model of a photographed pair's message: the user's, or the one that is trained here."""
+    return f"results/pairs/{wildcards.scene}/message_model" if "message_photographs" in pair else pair["message"]
+
+
+def pair_sources(wildcards):
+    """The scene and the message of a pair, as its command takes them."""
+    pair = config["pairs"][wildcards.scene]
+    return shlex.join([pair["scene"], message_model(pair, wildcards)])
+
+
+def pair_options(wildcards):
+    """The settings of a pair that apply to it."""
+    pair = config["pairs"][wildcards.scene]
+    return options(pair, *(["resolution"] if photographed(pair) else ["placement", "views", "width", "height"]), "seed")
+
+
+def message_files(wildcards):
+    """What the model of a pair's message is trained from."""
+    pair = config["pairs"][wildcards.scene]
+    return photograph_files(pair["message"], pair["message_photographs"])
+
+
+def embedding_code(wildcards):
+    """The code behind the training of a scheme."""
+    return code_digest("gspure.cli.embed", WATERMARKS[wildcards.scheme].embed.__module__)
+
+
+def embedding_options(wildcards):
+    """The seed and the settings of a scheme's training."""
+    settings = dict(config["schemes"][wildcards.scheme])
+    seed = settings.pop("seed")
+    assigned = [word for name, value in settings.items() for word in ("--set", f"{name}={value}")]
+    return shlex.join(["--seed", str(seed), *assigned])
+
+
 def camera_source(wildcards):
-    """What names the views of an asset: a file or folder, a way to generate them, or what training left."""
+    """What names the views of an asset: a pair, a file or folder, a way to generate them, or what training left."""
+    if wildcards.scheme in WATERMARKS:
+        return f"results/pairs/{wildcards.scene}/cameras.json"
     return config["assets"][wildcards.scene].get("cameras", f"results/vanilla/{wildcards.scene}/trained/cameras.json")
 
 
 def camera_files(wildcards):
     """What the views of an asset are made from; nothing if they are generated."""
     source = camera_source(wildcards)
+    if wildcards.scheme in WATERMARKS:
+        return [source]
     return [] if source in GENERATED else files_of(source, CAMERA_FILES)
 
 
 def camera_options(wildcards, input):
     """How the views of an asset are scaled or generated."""
+    if wildcards.scheme in WATERMARKS:
+        return "--scale native"
     asset = config["assets"][wildcards.scene]
     if camera_source(wildcards) in GENERATED:
         return f"--model {shlex.quote(input.model)} {options(asset['generated'], *asset['generated'])}"
@@ -76,31 +147,88 @@ def attack_options(wildcards, input):
     return f"{options(given, *given)} {shlex.join(assigned)}"
 
 
-def rendered_model(wildcards):
-    """The model behind the images of a target."""
-    model = "public/point_cloud.ply" if wildcards.target == "scene" else "message.ply"
-    return f"results/{wildcards.scheme}/{wildcards.scene}/{wildcards.variant}/{model}"
+def model_of(wildcards):
+    """The model that a variant or a control shows."""
+    folder = f"results/{wildcards.scheme}/{wildcards.scene}"
+    if wildcards.variant == OTHER_SCENE:
+        others = [scene for scene in config["pairs"] if scene != wildcards.scene]
+        return f"results/{wildcards.scheme}/{others[0]}/public/point_cloud.ply"
+    if wildcards.variant == WRONG_KEY:
+        return f"{folder}/public/point_cloud.ply"
+    if wildcards.scheme == "planted" and wildcards.target == "message":
+        return f"{folder}/{wildcards.variant}/message.ply"
+    return f"{folder}/{wildcards.variant}/public/point_cloud.ply"
+
+
+def extraction_options(wildcards):
+    """How a message is looked for."""
+    stranger = " --wrong-key 1" if wildcards.variant == WRONG_KEY else ""
+    return f"--scheme {wildcards.scheme} --extraction {wildcards.target}{stranger}"
+
+
+def controls(scheme):
+    """The negative controls of a scheme's models; another scene's model takes another scene."""
+    if scheme not in WATERMARKS:
+        return []
+    return [control for control in CONTROLS if control != OTHER_SCENE or len(config["pairs"]) > 1]
+
+
+def targets(wildcards):
+    """What is looked at of a variant; only messages are of controls whose scene is another's or the same."""
+    found = TARGETS[wildcards.scheme]
+    return found[1:] if wildcards.variant in (WRONG_KEY, OTHER_SCENE) else found
 
 
 def renders(wildcards):
-    """The folders of images of a variant."""
-    return expand("results/{scheme}/{scene}/{variant}/renders/{target}", target=TARGETS[wildcards.scheme], **wildcards)
+    """The folders of images of a variant; those of the watermarked model say which views a floor is of."""
+    variant = "watermarked" if wildcards.variant in FLOORS else wildcards.variant
+    folder = f"results/{wildcards.scheme}/{wildcards.scene}/{variant}/renders"
+    return [f"{folder}/{target}" for target in targets(wildcards)]
 
 
 def references(wildcards):
-    """The folders of images that a variant is compared with, in the order of `renders`."""
+    """The folders of images that a variant is compared with."""
     if wildcards.scheme == "planted":
         return expand("results/planted/{scene}/truth/{target}", target=TARGETS["planted"], scene=wildcards.scene)
+    if wildcards.scheme in WATERMARKS:
+        return expand("results/pairs/{scene}/{target}", target=["scene", "message"], scene=wildcards.scene)
     return expand("results/vanilla/{scene}/watermarked/renders/scene", scene=wildcards.scene)
+
+
+def comparison_options(wildcards):
+    """What images are compared with, and what stands in for what."""
+    assigned = [f"--against {name}=message" for name in EXTRACTIONS.get(wildcards.scheme, [])[1:]]
+    floor = [f"--floor {wildcards.variant}"] if wildcards.variant in FLOORS else []
+    return " ".join([f"--reference {'render' if wildcards.scheme == 'vanilla' else 'truth'}", *assigned, *floor])
 
 
 def panel_columns(wildcards):
     """The folders of images beside each other in a panel, by title: the reference, then before and after."""
     renders = f"results/{wildcards.scheme}/{wildcards.scene}/{{variant}}/renders/{wildcards.target}"
     columns = {variant: renders.format(variant=variant) for variant in ("watermarked", "gspure")}
+    kind = wildcards.target.partition("_")[0]
     if wildcards.scheme == "planted":
-        columns = {"truth": f"results/planted/{wildcards.scene}/truth/{wildcards.target}", **columns}
+        columns = {"truth": f"results/planted/{wildcards.scene}/truth/{kind}", **columns}
+    if wildcards.scheme in WATERMARKS:
+        columns = {"truth": f"results/pairs/{wildcards.scene}/{kind}", **columns}
     return columns
+
+
+def factors(wildcards):
+    """The pruning factors: those of the configuration, or those that suit the scheme."""
+    scheme = WATERMARKS.get(wildcards.scheme)
+    suited = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n} if scheme else {"tau_c": TAU_C, "tau_n": TAU_N}
+    return options({name: config["method"][name] or value for name, value in suited.items()}, *suited)
+
+
+def metrics_files():
+    """The metrics of all variants and controls of all models."""
+    return [
+        f"results/{scheme}/{scene}/{variant}/metrics.csv"
+        for scheme, scenes in SCHEMES.items()
+        for scene in scenes
+        for variant in [*VARIANTS, *controls(scheme)]
+    ]
 
 
 def truth_of(scheme, scene):

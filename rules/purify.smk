@@ -2,10 +2,32 @@
 # each is a result of its own, so that a sweep repeats only what it changes.
 
 
+rule measure_opacities:
+    input:
+        model=public_model,
+        cameras="results/{scheme}/{scene}/cameras.json",
+    output:
+        opacities="results/{scheme}/{scene}/opacities.npy",
+    log:
+        "results/logs/{scheme}/{scene}/opacities.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/opacities.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.opacities"),
+    message:
+        "Taking the opacities of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        "python -m gspure opacities --model {input.model:q} --cameras {input.cameras:q} --out {output.opacities:q}"
+        " > {log:q} 2>&1"
+
+
 rule build_features:
     input:
         model=public_model,
         weights="results/{scheme}/{scene}/omega.npy",
+        opacities="results/{scheme}/{scene}/opacities.npy",
     output:
         features="results/{scheme}/{scene}/features.npy",
     log:
@@ -20,7 +42,7 @@ rule build_features:
         "Standardizing positions, opacities and weights of {wildcards.scheme}/{wildcards.scene}"
     shell:
         "python -m gspure features --model {input.model:q} --weights {input.weights:q}"
-        " --out {output.features:q} > {log:q} 2>&1"
+        " --opacities {input.opacities:q} --out {output.features:q} > {log:q} 2>&1"
 
 
 rule span_tree:
@@ -78,7 +100,7 @@ rule decide_pruning:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.prune"),
-        options=options(config["method"], "tau_c", "tau_n"),
+        options=factors,
     message:
         "Deciding what to prune in {wildcards.scheme}/{wildcards.scene}"
     shell:

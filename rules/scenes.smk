@@ -36,7 +36,7 @@ rule prepare_cameras:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/cameras.tsv"
     wildcard_constraints:
-        scheme="vanilla",
+        scheme="|".join(["vanilla", *WATERMARKS]),
     conda:
         "../envs/gspure.yaml"
     params:

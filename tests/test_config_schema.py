@@ -19,6 +19,7 @@ from gspure.configuration import resolved, validated
 from gspure.errors import InputError
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.planted import STAGES
+from gspure.schemes.registry import schemes
 from gspure.weights import REDUCTIONS
 
 ROOT = Path(__file__).parents[1]
@@ -68,7 +69,7 @@ def test_naming_a_model_and_its_cameras_is_enough():
 
 def test_defaults_of_the_method_are_the_constants_of_the_code():
     method = filled({})["method"]
-    names = ("tau_c", "tau_n", "min_samples", "min_cluster_size", "max_cluster_share")
+    names = ("min_samples", "min_cluster_size", "max_cluster_share")
     assert {name: method[name] for name in names} == {name: getattr(constants, name.upper()) for name in names}
 
 
@@ -87,18 +88,22 @@ def test_choices_are_those_of_the_code():
     assert set(method["energy"]["enum"]) == set(ENERGIES)
     planted = SCHEMA["properties"]["planted"]["additionalProperties"]["properties"]
     assert set(planted["scene"]["enum"]) == set(planted["message"]["enum"]) == set(STAGES)
-    assert set(planted["placement"]["enum"]) == set(PLACEMENTS)
+    pair = SCHEMA["properties"]["pairs"]["additionalProperties"]["properties"]
+    assert set(planted["placement"]["enum"]) == set(pair["placement"]["enum"]) == set(PLACEMENTS)
+    assert {pair["scene"]["default"], pair["message"]["default"]} <= set(STAGES)
     assert set(SCHEMA["properties"]["views"]["properties"]["evaluate"]["enum"]) == set(SPLITS)
 
 
 def test_the_guide_shows_every_setting_with_its_default():
     guide = (ROOT / "config" / "README.md").read_text()
-    shown = yaml.safe_load(re.findall(r"```yaml\n(.*?)```", guide, flags=re.DOTALL)[1])
+    shown = yaml.safe_load(re.findall(r"```yaml\n(.*?)```", guide, flags=re.DOTALL)[2])
     files = {"model": shown["assets"]["bicycle"]["model"], "cameras": shown["assets"]["bicycle"]["cameras"]}
-    config = filled({"assets": {"bicycle": files}, "planted": {"room": {}}})
-    for name, settings in config["variants"].items():
-        settings |= {key: value for key, value in attacks()[name].settings.items() if key != "attributes"}
-        del settings["seed"]
+    named = {"planted": {"room": {}}, "pairs": {"room": {}}, "schemes": {"splats_in_splats": {}}}
+    config = filled({"assets": {"bicycle": files}, **named})
+    for kind, available in (("variants", attacks()), ("schemes", schemes())):
+        for name, settings in config[kind].items():
+            settings |= {key: value for key, value in available[name].settings.items() if key != "attributes"}
+            del settings["seed"]
     assert shown == config
 
 
@@ -107,8 +112,8 @@ def test_default_variants_are_known_attacks():
 
 
 def test_a_default_is_not_shared_between_two_configurations():
-    filled({})["method"]["tau_c"] = 9
-    assert filled({})["method"]["tau_c"] == constants.TAU_C
+    filled({})["method"]["min_samples"] = 9
+    assert filled({})["method"]["min_samples"] == constants.MIN_SAMPLES
 
 
 def test_the_configuration_handed_in_is_left_alone():
@@ -165,7 +170,24 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
 @pytest.mark.parametrize(
     ("config", "line"),
     [
-        ({}, "assets: expected at least one model, found none"),
+        ({}, "assets: expected at least one model, or a pair and a scheme, found none"),
+        ({"pairs": {"room": {}}}, "assets: expected at least one model, or a pair and a scheme, found none"),
+        (
+            {"pairs": {"room": {"message": "no"}}, "schemes": {"splats_in_splats": {}}},
+            "pairs.room: expected both of room, vault, or both paths, found room and no",
+        ),
+        (
+            {"pairs": {"room": {"scene": "no", "message": "no"}}, "schemes": {"splats_in_splats": {}}},
+            "pairs.room.scene: expected an existing path, found no",
+        ),
+        (
+            {"pairs": {"room": {}}, "schemes": {"splats": {}}},
+            "schemes.splats: expected one of splats_in_splats.*, found 'splats'",
+        ),
+        (
+            {"pairs": {"room": {}}, "schemes": {"splats_in_splats": {"bits": 3}}},
+            "schemes.splats_in_splats.bits: expected one of iterations, .*, found an unknown key",
+        ),
         ({"assets": {"bot": {"model": "no.ply", "cameras": "orbit"}}}, "assets.bot.model: expected .* found no.ply"),
         ({"assets": {"bot": {"model": __file__, "cameras": "no.json"}}}, "assets.bot.cameras: .* found no.json"),
         ({"assets": {"bot": {"train": "no"}}}, "assets.bot.train: expected an existing path, found no"),

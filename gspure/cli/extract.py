@@ -46,9 +46,9 @@ def run(args: argparse.Namespace) -> None:
     scheme = find_scheme(args.scheme)
     views = read_views(args)
     asset, key = scheme.read_asset(args.model), scheme.read_key(args.key)
-    extraction = args.extraction or key.extractions[0]
-    if extraction not in key.extractions:
-        expected = f"one of {', '.join(key.extractions)}"
+    extraction = args.extraction or scheme.extractions[0]
+    if extraction not in scheme.extractions:
+        expected = f"one of {', '.join(scheme.extractions)}"
         raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(extraction))
     if args.wrong_key is not None:
         key = key.wrong(np.random.default_rng(args.wrong_key))

@@ -9,12 +9,15 @@ HELP = "compare two folders of images: PSNR and SSIM, per view and mean"
 EXAMPLES = """\
   gspure metrics before after
   gspure metrics photographs renders --reference truth --out metrics.csv
+  gspure metrics pair renders --reference truth --against message_oracle=message
+  gspure metrics pair renders --reference truth --floor mean_colour
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     from gspure.evaluation.comparison import REFERENCES, RENDER
+    from gspure.evaluation.controls import FLOORS
 
     parser.add_argument("images", type=Path, metavar="DIR_A", help="reference images; may hold more views than DIR_B")
     parser.add_argument(
@@ -27,6 +30,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what DIR_A holds, to be told in the table: photographs of the truth, or renders of an unattacked model "
         "(default: %(default)s)",
     )
+    parser.add_argument(
+        "--against",
+        type=_assigned,
+        action="append",
+        default=[],
+        metavar="TARGET=OTHER",
+        help="compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A; may be repeated",
+    )
+    parser.add_argument(
+        "--floor",
+        choices=FLOORS,
+        help="compare pictures without content with DIR_A, at the views of DIR_B: what no extraction may count as one",
+    )
     parser.add_argument("--out", type=Path, metavar="CSV", help="also write target, view, reference, psnr, ssim here")
 
 
@@ -35,10 +51,17 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.comparison import as_text, compare, pair_images, write_metrics
     from gspure.progress import say, track
 
-    pairs, surplus = pair_images(args.images, args.other)
-    rows = [compare(pair, args.reference) for pair in track(pairs, "metrics")]
+    pairs, surplus = pair_images(args.images, args.other, dict(args.against))
+    rows = [compare(pair, args.reference, args.floor) for pair in track(pairs, "metrics")]
     print("\n".join(as_text(rows)))
     if surplus:
         say(f"metrics: {surplus} images of {args.images} have no counterpart in {args.other}")
     if args.out:
         write_metrics(args.out, rows)
+
+
+def _assigned(text: str) -> tuple[str, str]:
+    target, found, other = text.partition("=")
+    if not (target and found and other):
+        raise argparse.ArgumentTypeError(f"expected TARGET=OTHER, found {text!r}")
+    return target, other

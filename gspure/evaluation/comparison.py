@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -13,6 +13,7 @@ import numpy as np
 
 from gspure.artifacts import write_text
 from gspure.errors import InputError, reading
+from gspure.evaluation.controls import BLACK
 from gspure.evaluation.metrics import psnr, ssim
 from gspure.images import read_image
 
@@ -46,8 +47,14 @@ class Pair(NamedTuple):
     other: Path
 
 
-def pair_images(reference: Path, other: Path) -> tuple[list[Pair], int]:
+def pair_images(reference: Path, other: Path, against: Mapping[str, str] | None = None) -> tuple[list[Pair], int]:
     """Pair the PNG files below two folders by their relative paths.
+
+    Parameters
+    ----------
+    reference, other : Path
+    against : mapping, optional
+        Targets of `other` (subfolders) that stand beside another target of `reference` than that of their own name.
 
     Returns
     -------
@@ -62,15 +69,20 @@ def pair_images(reference: Path, other: Path) -> tuple[list[Pair], int]:
         If a folder holds no PNG file, or `other` has one that `reference` lacks.
 
     """
-    ours, theirs = _png_files(reference), _png_files(other)
-    for path in sorted(theirs - ours):
-        raise InputError(reference / path, "file", expected=f"a counterpart of {other / path}", found="nothing")
-    pairs = [Pair(p.parent.as_posix(), p.stem, reference / p, other / p) for p in theirs]
-    return sorted(pairs), len(ours - theirs)
+    ours = _png_files(reference)
+    theirs = {path: _target(path, against or {}) / path.name for path in _png_files(other)}
+    for path, counterpart in sorted(theirs.items()):
+        if counterpart not in ours:
+            found = f"a counterpart of {other / path}"
+            raise InputError(reference / counterpart, "file", expected=found, found="nothing")
+    pairs = [Pair(p.parent.as_posix(), p.stem, reference / q, other / p) for p, q in theirs.items()]
+    return sorted(pairs), len(ours - {*theirs.values()})
 
 
-def compare(pair: Pair, reference: str = RENDER) -> ViewMetrics:
+def compare(pair: Pair, reference: str = RENDER, floor: str | None = None) -> ViewMetrics:
     """Compare two images; `reference` says which of `REFERENCES` the first of them is.
+
+    With a `floor`, one of `gspure.evaluation.controls.FLOORS`, a picture without content takes the place of the second.
 
     Raises
     ------
@@ -82,6 +94,8 @@ def compare(pair: Pair, reference: str = RENDER) -> ViewMetrics:
     if a.shape != b.shape:
         expected = f"{a.shape[1]}x{a.shape[0]}, as {pair.reference}"
         raise InputError(pair.other, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
+    if floor is not None:
+        b = np.zeros_like(a) if floor == BLACK else np.broadcast_to(a.mean(axis=(0, 1)), a.shape)
     return ViewMetrics(pair.target, pair.view, psnr(a, b), ssim(a, b), reference)
 
 
@@ -131,6 +145,10 @@ def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
     width = max(map(len, names))
     lines = [f"{'view':<{width}}  {'PSNR':>8}  {'SSIM':>7}"]
     return lines + [f"{n:<{width}}  {row.psnr:8.3f}  {row.ssim:7.4f}" for n, row in zip(names, rows, strict=True)]
+
+
+def _target(path: Path, against: Mapping[str, str]) -> Path:
+    return Path(against.get(path.parent.as_posix(), path.parent))
 
 
 def _png_files(folder: Path) -> set[Path]:

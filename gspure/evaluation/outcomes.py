@@ -13,6 +13,7 @@ import numpy as np
 
 from gspure.artifacts import load_array
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, means, read_metrics
+from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.recall import recall
 
 REFERENCE: Final = "watermarked"
@@ -58,14 +59,33 @@ class Outcome:
         return all(mean.reference == TRUTH for mean in self.targets.values())
 
     @property
-    def score(self) -> float:
-        r"""The paper's measure of an attack, in dB.
+    def is_control(self) -> bool:
+        """Whether it is a negative control: what is to be seen where no message is, or none that the key opens."""
+        return self.variant in CONTROLS
+
+    @property
+    def messages(self) -> list[str]:
+        """The targets that are extractions of the message, the scheme's own first."""
+        return ordered(target for target in self.targets if target.startswith(MESSAGE))
+
+    def score_of(self, target: str) -> float:
+        r"""Return the paper's measure of an attack, in dB; a control is no attack.
 
         .. math:: Score = \Delta PSNR_{message} - \Delta PSNR_{scene}
 
-        (paper, §Metrics.)
+        (paper, §Metrics.) `target` is the extraction that shows the message.
         """
-        return self.psnr_drop(MESSAGE) - self.psnr_drop(SCENE)
+        return math.nan if self.is_control else self.psnr_drop(target) - self.psnr_drop(SCENE)
+
+    @property
+    def score(self) -> float:
+        """The Score, of the message as the scheme extracts it."""
+        return self.score_of(MESSAGE)
+
+
+def ordered(targets: Iterable[str]) -> list[str]:
+    """Return targets in the order of telling: the scene, the message, its other extractions."""
+    return sorted(targets, key=lambda target: (target != SCENE, target != MESSAGE, target))
 
 
 def collect(metrics: Sequence[Path], kept: Sequence[Path] = (), truth: Sequence[Path] = ()) -> list[Outcome]:

@@ -12,7 +12,8 @@ from typing import Final
 
 from gspure.artifacts import write_text
 from gspure.evaluation.comparison import RENDER, TRUTH
-from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
+from gspure.evaluation.controls import CONTROLS
+from gspure.evaluation.outcomes import MESSAGE, REFERENCE, Outcome, ordered
 
 HEADER: Final = (
     *("scheme", "scene", "variant", "target", "reference", "views", "psnr", "ssim"),
@@ -22,9 +23,10 @@ HEADER: Final = (
 LEGEND: Final = f"""\
 PSNR in dB, mean over views, against `{TRUTH}` (photographs) or `{RENDER}` (what `{REFERENCE}` shows, so that its own
 PSNR is infinite). Score = (drop of the message's PSNR) - (drop of the scene's PSNR), relative to
-`{REFERENCE}`: higher means that more of the message is gone for less damage to the scene. Where the truth is known:
-precision is the share of the pruned Gaussians that belong to the message, recall the share of the message that is
-pruned."""
+`{REFERENCE}`: higher means that more of the message is gone for less damage to the scene. Rows named
+{", ".join(CONTROLS)} are no attacks but what is to be seen where there is no message, or
+none that the key opens. Where the truth is known: precision is the share of the pruned Gaussians that belong to the
+message, recall the share of the message that is pruned."""
 
 
 def write_table(path: Path, outcomes: Sequence[Outcome]) -> None:
@@ -33,10 +35,11 @@ def write_table(path: Path, outcomes: Sequence[Outcome]) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(HEADER)
     for o in outcomes:
-        for target in _ordered(o.targets):
+        for target in ordered(o.targets):
             mean = o.targets[target]
             drops = (mean.psnr, mean.ssim, o.psnr_drop(target), o.ssim_drop(target))
-            numbers = map(_plain, (*drops, o.score, o.pruned_share, o.precision, o.recall))
+            score = o.score_of(target if target in o.messages else MESSAGE)
+            numbers = map(_plain, (*drops, score, o.pruned_share, o.precision, o.recall))
             table.writerow([o.scheme, o.scene, o.variant, target, mean.reference, o.views[target], *numbers])
     write_text(path, text.getvalue())
 
@@ -46,32 +49,29 @@ def markdown(outcomes: Sequence[Outcome]) -> str:
     lines: list[str] = []
     for (scheme, scene), group in groupby(outcomes, key=lambda o: (o.scheme, o.scene)):
         variants = list(group)
-        targets = _ordered({target for o in variants for target in o.targets})
+        targets = ordered({target for o in variants for target in o.targets})
         columns = [f"{name} {target}" for target in targets for name in ("PSNR", "SSIM")]
-        columns = ["variant", "reference", *columns, "Score", "pruned", "precision", "recall"]
+        messages = [target for target in targets if target.startswith(MESSAGE)] or [MESSAGE]
+        scores = ["Score" if target == MESSAGE else f"Score {target}" for target in messages]
+        columns = ["variant", "reference", *columns, *scores, "pruned", "precision", "recall"]
         lines += [f"### {scheme} / {scene}", "", _row(columns), _row(["---"] * 2 + ["---:"] * (len(columns) - 2))]
-        lines += [_row(_cells(o, targets)) for o in variants]
+        lines += [_row(_cells(o, targets, messages)) for o in variants]
         lines += [""]
     return "\n".join([*lines, LEGEND, ""])
 
 
-def _cells(o: Outcome, targets: Sequence[str]) -> list[str]:
+def _cells(o: Outcome, targets: Sequence[str], messages: Sequence[str]) -> list[str]:
     cells = [o.variant, TRUTH if o.against_truth else RENDER]
     for target in targets:
         mean = o.targets.get(target)
         cells += [_decibels(mean.psnr), f"{mean.ssim:.4f}"] if mean else ["", ""]
     shares = [_percent(o.pruned_share), _percent(o.precision), _percent(o.recall)]
-    return [*cells, "" if math.isnan(o.score) else f"{o.score:.2f}", *shares]
+    scores = [o.score_of(target) for target in messages]
+    return [*cells, *("" if math.isnan(score) else f"{score:.2f}" for score in scores), *shares]
 
 
 def _row(cells: Iterable[str]) -> str:
     return "| " + " | ".join(cells) + " |"
-
-
-def _ordered(targets: Iterable[str]) -> list[str]:
-    return sorted(
-        targets, key=lambda target: ((SCENE, MESSAGE).index(target) if target in (SCENE, MESSAGE) else 2, target)
-    )
 
 
 def _decibels(psnr: float) -> str:

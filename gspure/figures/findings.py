@@ -41,8 +41,8 @@ def findings(outcomes: Sequence[Outcome]) -> list[str]:
     method = next((o for o in outcomes if o.variant == METHOD), None)
     found = [_measured(outcomes)]
     if method is not None:
-        found += [_pruned(method), _damage(method)]
-    found.append(_ranking(outcomes))
+        found += [_pruned(method), _damage(method), *_other_extractions(method)]
+    found += [_ranking(outcomes), _floor(outcomes)]
     if not any(MESSAGE in o.targets for o in outcomes):
         found.append(
             "No key to the message was given, so whether it survives was not measured: these numbers are the damage "
@@ -52,7 +52,7 @@ def findings(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def _measured(outcomes: Sequence[Outcome]) -> str:
-    attacks = sum(o.variant != REFERENCE for o in outcomes)
+    attacks = sum(o.variant != REFERENCE and not o.is_control for o in outcomes)
     views = max((count for o in outcomes for count in o.views.values()), default=0)
     what = "scene and hidden message" if any(MESSAGE in o.targets for o in outcomes) else "scene"
     against = "photographs" if all(o.against_truth for o in outcomes) else "what the unattacked model shows"
@@ -84,6 +84,20 @@ def _damage(o: Outcome) -> str:
     if SCENE in o.targets and isfinite(o.targets[SCENE].psnr):
         return f"After it, views of the scene have a PSNR of {o.targets[SCENE].psnr:.2f} dB against those before."
     return ""
+
+
+def _other_extractions(o: Outcome) -> Iterator[str]:
+    for target in o.messages:
+        if target != MESSAGE and isfinite(o.score_of(target)):
+            yield f"Of the {spoken(target)} it left {_from_to(o, target)}."
+
+
+def _floor(outcomes: Sequence[Outcome]) -> str:
+    shown = [(o.targets[MESSAGE].psnr, spoken(o.variant)) for o in outcomes if o.is_control and MESSAGE in o.targets]
+    if not shown:
+        return ""
+    listed = ", ".join(f"{name} {decibels(psnr)}" for psnr, name in sorted(shown, reverse=True))
+    return f"Where there is no message, or no right key, the message's PSNR is, in dB: {listed}."
 
 
 def _from_to(o: Outcome, target: str) -> str:
@@ -134,8 +148,10 @@ def _with_message(outcomes: Sequence[Outcome]) -> set[str]:
 
 
 def spoken(name: str) -> str:
-    """Return a variant's name as people write it."""
-    return {"gspure": "GSPure", "gaussian_noise": "Gaussian noise"}.get(name, name.replace("_", " "))
+    """Return the name of a variant or a target as people write it."""
+    return {"gspure": "GSPure", "gaussian_noise": "Gaussian noise", "message_oracle": "message (oracle)"}.get(
+        name, name.replace("_", " ")
+    )
 
 
 def decibels(value: float) -> str:

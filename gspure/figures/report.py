@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from gspure.artifacts import read_json, write_text
 from gspure.errors import InputError, reading
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
+from gspure.evaluation.outcomes import Outcome, ordered
 from gspure.figures import findings, style
 
 TEMPLATE: Final = Path(__file__).with_name("report.html.j2")
@@ -122,7 +122,7 @@ def _section(
     return Section(
         name=" / ".join(key),
         outcomes=outcomes,
-        targets=[target for target in (SCENE, MESSAGE) if any(target in o.targets for o in outcomes)],
+        targets=ordered({target for o in outcomes for target in o.targets}),
         findings=findings.findings(outcomes),
         pictures=[_picture(file) for file in figures if _owns(key, file)],
         diagnosis=next((read_json(file) for file in diagnoses if _owns(key, file)), {}),

@@ -7,11 +7,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Final
 
 import numpy as np
 
 from gspure.cameras.camera import Camera
+from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
@@ -19,15 +20,15 @@ from gspure.schemes.asset import BLACK, Asset, Background, Units, View
 from gspure.schemes.pair import Pair
 
 Setting = float | int | str
-REQUIRED = frozenset({"iterations", "message_weight"})
+MESSAGE: Final = "message"
+"""The extraction that every scheme has."""
+
+REQUIRED: Final = frozenset({"iterations", "message_weight"})
 """Settings that every scheme has: the length of its training, and the message's share in its loss (0 hides nothing)."""
 
 
 class Key(ABC):
     """All that is private to the owner."""
-
-    extractions: ClassVar[tuple[str, ...]] = ("message",)
-    """Ways to look for the message; the first is the scheme's own."""
 
     @abstractmethod
     def write(self, folder: Path) -> None:
@@ -64,6 +65,10 @@ class Scheme:
         ``read_asset(path) -> Asset``: a model's .ply, or its folder.
     read_key : callable
         ``read_key(folder) -> Key``: what `Key.write` wrote.
+    extractions : tuple of str
+        Ways to look for the message; the first is the scheme's own, ``message``, the names of all others begin with it.
+    tau_c, tau_n : float
+        Cluster and noise pruning factors that suit the scheme.
 
     """
 
@@ -71,6 +76,9 @@ class Scheme:
     embed: Callable[..., tuple[Asset, Key | None]]
     read_asset: Callable[[Path], Asset]
     read_key: Callable[[Path], Key]
+    extractions: tuple[str, ...] = (MESSAGE,)
+    tau_c: float = TAU_C
+    tau_n: float = TAU_N
 
     @property
     def settings(self) -> dict[str, Setting]:

@@ -3,6 +3,6 @@
 from gspure.schemes.asset import Asset
 from gspure.schemes.scheme import Scheme
 from gspure.schemes.splats_in_splats.embedding import embed
-from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.key import EXTRACTIONS, SplatsInSplatsKey
 
-SCHEME = Scheme("splats_in_splats", embed, Asset.read, SplatsInSplatsKey.read)
+SCHEME = Scheme("splats_in_splats", embed, Asset.read, SplatsInSplatsKey.read, EXTRACTIONS)

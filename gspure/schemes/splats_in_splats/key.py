@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,15 @@ from gspure.model import Gaussians, read_model, write_model
 from gspure.opencl.device import Device
 from gspure.renderer import Renderer
 from gspure.schemes.asset import BLACK, Asset, Background, Units, View
-from gspure.schemes.scheme import Key
+from gspure.schemes.scheme import MESSAGE, Key
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, logits
 
 Float32 = NDArray[np.float32]
 
-LITERAL: Final = "message"
 ORACLE: Final = "message_oracle"
+
+EXTRACTIONS: Final = (MESSAGE, ORACLE)
 
 NEAR: Final = 1e-6
 """A Gaussian is found again within this share of the key's extent: files that went through text are not exact. Ours."""
@@ -55,8 +56,6 @@ class SplatsInSplatsKey(Key):
         All Gaussians with their hidden opacity and colour.
 
     """
-
-    extractions: ClassVar[tuple[str, ...]] = (LITERAL, ORACLE)
 
     positions: Float32
     mapping: OpacityMapping
@@ -121,8 +120,6 @@ class SplatsInSplatsKey(Key):
         return SplatsInSplatsKey(arrays["positions"], mapping, int(shift), read_model(Path(folder) / _HIDDEN))
 
     def _revealed(self, asset: Asset, extraction: str) -> tuple[Gaussians, Units]:
-        if extraction not in self.extractions:
-            raise InputError("extraction", "name", expected=" or ".join(self.extractions), found=repr(extraction))
         places = _found(self.hidden.means if extraction == ORACLE else self.positions, asset.units.means)
         rows = np.flatnonzero(places >= 0)
         survivors, places = asset.units.subset(places >= 0), places[rows]

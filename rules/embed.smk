@@ -1,0 +1,112 @@
+# Pairs, and the models that schemes are trained on them. What a scheme hides nothing in is its clean model: a control.
+
+
+rule make_pair:
+    input:
+        pair_files,
+    output:
+        cameras="results/pairs/{scene}/cameras.json",
+        points="results/pairs/{scene}/points3D.ply",
+        scene=directory("results/pairs/{scene}/scene"),
+        message=directory("results/pairs/{scene}/message"),
+    log:
+        "results/logs/pairs/{scene}/pair.log",
+    benchmark:
+        "results/benchmarks/pairs/{scene}/pair.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        kernels=KERNELS,
+        code=code_digest("gspure.cli.pair"),
+        folder="results/pairs/{scene}",
+        sources=pair_sources,
+        options=pair_options,
+    message:
+        "Making the views of pair {wildcards.scene}"
+    shell:
+        "python -m gspure pair {params.sources} {params.options} --out {params.folder:q} > {log:q} 2>&1"
+
+
+rule train_message:
+    input:
+        data=message_files,
+    output:
+        model=directory("results/pairs/{scene}/message_model"),
+    log:
+        "results/logs/pairs/{scene}/train.log",
+    benchmark:
+        "results/benchmarks/pairs/{scene}/train.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    threads: 16
+    resources:
+        opencl_device=1,
+    params:
+        kernels=KERNELS,
+        code=code_digest("gspure.cli.train"),
+        data=lambda wildcards: config["pairs"][wildcards.scene]["message"],
+        options=lambda wildcards: options(config["pairs"][wildcards.scene], "iterations", "resolution", "seed"),
+    message:
+        "Training the message of pair {wildcards.scene}"
+    shell:
+        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure train {params.data:q} {params.options}"
+        " --out {output.model:q} > {log:q} 2>&1"
+
+
+rule embed_message:
+    input:
+        **PAIR,
+    output:
+        model="results/{scheme}/{scene}/public/point_cloud.ply",
+        key=directory("results/{scheme}/{scene}/key"),
+    log:
+        "results/logs/{scheme}/{scene}/embed.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/embed.tsv"
+    wildcard_constraints:
+        scheme="|".join(WATERMARKS) or "none",
+    conda:
+        "../envs/gspure.yaml"
+    threads: 16
+    resources:
+        opencl_device=1,
+    params:
+        kernels=KERNELS,
+        code=embedding_code,
+        pair="results/pairs/{scene}",
+        folder="results/{scheme}/{scene}",
+        options=embedding_options,
+    message:
+        "Hiding the message of {wildcards.scene} by {wildcards.scheme}"
+    shell:
+        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure embed {wildcards.scheme} {params.pair:q} {params.options}"
+        " --out {params.folder:q} > {log:q} 2>&1"
+
+
+rule embed_nothing:
+    input:
+        **PAIR,
+    output:
+        model="results/{scheme}/{scene}/clean/public/point_cloud.ply",
+    log:
+        "results/logs/{scheme}/{scene}/clean/embed.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/clean/embed.tsv"
+    wildcard_constraints:
+        scheme="|".join(WATERMARKS) or "none",
+    conda:
+        "../envs/gspure.yaml"
+    threads: 16
+    resources:
+        opencl_device=1,
+    params:
+        kernels=KERNELS,
+        code=embedding_code,
+        pair="results/pairs/{scene}",
+        folder="results/{scheme}/{scene}/clean",
+        options=embedding_options,
+    message:
+        "Training {wildcards.scheme} on {wildcards.scene} without a message"
+    shell:
+        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure embed {wildcards.scheme} {params.pair:q} {params.options}"
+        " --set message_weight=0 --out {params.folder:q} > {log:q} 2>&1"
