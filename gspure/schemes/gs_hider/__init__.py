@@ -1,0 +1,8 @@
+"""GS-Hider (Zhang et al. 2024): of one feature map, a public network makes the scene and a private one the message."""
+
+from gspure.schemes.gs_hider.asset import FeatureAsset
+from gspure.schemes.gs_hider.embedding import embed
+from gspure.schemes.gs_hider.key import DecoderKey
+from gspure.schemes.scheme import Scheme
+
+SCHEME = Scheme("gs_hider", embed, FeatureAsset.read, DecoderKey.read)

@@ -1,0 +1,55 @@
+"""One of the two branches that learn over the shared feature map: a decoder, and what it should show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.schemes.gs_hider.decoder import Decoder
+from gspure.schemes.gs_hider.loss import photometric
+from gspure.schemes.pytorch import torch
+
+Float32 = NDArray[np.float32]
+
+
+class Branch:
+    """A decoder in training.
+
+    Parameters
+    ----------
+    decoder : Decoder
+    photographs : sequence of array [H,W,3]
+        Of the training views.
+    weight : float
+        Its share in the loss.
+
+    """
+
+    def __init__(self, decoder: Decoder, photographs: Sequence[Float32], weight: float) -> None:
+        self.decoder = decoder
+        self._photographs = photographs
+        self._weight = weight
+
+    def differentiate(self, feature_map: Float32, view: int) -> tuple[float, Float32]:
+        """Return the loss of a view and its gradient with respect to the feature map; the decoder keeps its own."""
+        features = torch.from_numpy(feature_map).requires_grad_()
+        photograph = torch.from_numpy(self._photographs[view])
+        loss = self._weight * photometric(self.decoder(features), photograph)
+        self.decoder.zero_grad()
+        loss.backward()
+        gradient: Float32 = features.grad.numpy()
+        return loss.item(), gradient
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Let PyTorch use one thread per branch in the block: its sums then do not depend on how many cores there are."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

@@ -1,0 +1,74 @@
+"""The network that reads an image from a feature map: the public one the scene, the private one the message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.schemes.asset import View
+from gspure.schemes.gs_hider.layout import CHANNELS
+from gspure.schemes.pytorch import torch
+
+Float32 = NDArray[np.float32]
+
+WIDTH: Final = 64
+LAYERS: Final = 5
+
+NOISE: Final = 1e-3
+"""Standard deviation of the noise by which a decoder's gain is measured, in features of 0 to 1. Ours."""
+
+
+class Decoder(torch.nn.Module):  # type: ignore[misc]
+    """Five convolutions of 3 x 3 with ReLU in between and a linear end, as GS-Hider's: 121 795 parameters."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        widths = (CHANNELS, *[WIDTH] * (LAYERS - 1), 3)
+        for i in range(LAYERS):
+            self.add_module(f"conv{i + 1}", torch.nn.Conv2d(widths[i], widths[i + 1], 3, padding=1))
+        self.to(memory_format=torch.channels_last)
+
+    def forward(self, feature_map: torch.Tensor) -> torch.Tensor:
+        """Return the image [H,W,3], not clipped, of a feature map [H,W,16]."""
+        x = feature_map.permute(2, 0, 1)[None]  # in memory, channels stay last: what convolutions are fastest in
+        *inner, last = self.children()
+        for layer in inner:
+            x = torch.relu(layer(x))
+        return last(x)[0].permute(1, 2, 0)
+
+
+def untrained(count: int, seed: int) -> list[Decoder]:
+    """Return decoders with PyTorch's own initialization, which leaves its global random state as it was."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return [Decoder() for _ in range(count)]
+
+
+def decoded(feature_map: Callable[[Camera], Float32], decoder: Decoder) -> View:
+    """Return what a decoder reads from a feature map."""
+
+    def view(camera: Camera) -> Float32:
+        with torch.inference_mode():
+            image: Float32 = decoder(torch.from_numpy(feature_map(camera))).contiguous().numpy()
+        return image
+
+    return view
+
+
+def noise_gain(decoder: Decoder, feature_maps: Sequence[Float32], rng: np.random.Generator) -> float:
+    """Return how much noise in a feature map a decoder amplifies: RMS of its output's change over RMS of the noise.
+
+    Scene and message are blended with the same weights, so an attack on those can tell the two apart only as far as
+    one decoder is more sensitive than the other.
+    """
+    changes = []
+    with torch.inference_mode():
+        for feature_map in feature_maps:
+            noise = NOISE * rng.standard_normal(feature_map.shape, np.float32)
+            clean, noisy = (decoder(torch.from_numpy(x)) for x in (feature_map, feature_map + noise))
+            changes.append(float((noisy - clean).square().mean()))
+    return float(np.sqrt(np.mean(changes))) / NOISE

@@ -1,0 +1,91 @@
+"""Embedding: Gaussians with features and both decoders learn together (GS-Hider, section 3.3)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from gspure.errors import InputError
+from gspure.opencl.device import Device, choose_device
+from gspure.progress import say
+from gspure.schemes.gs_hider.asset import FeatureAsset
+from gspure.schemes.gs_hider.decoder_file import DecoderFile
+from gspure.schemes.gs_hider.key import DecoderKey
+from gspure.schemes.gs_hider.layout import MESSAGE, SCENE
+from gspure.schemes.pair import Pair
+from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
+from gspure.training.monitor import watched
+
+if TYPE_CHECKING:
+    from gspure.schemes.gs_hider.training import Training
+
+ITERATIONS: Final = 3_000
+"""Ours, for small views; the authors take 50 000 for large ones."""
+
+MESSAGE_WEIGHT: Final = 0.5
+"""lambda, the authors' for a hidden scene."""
+
+
+def embed(
+    pair: Pair,
+    seed: int,
+    device: Device | None = None,
+    *,
+    iterations: int = ITERATIONS,
+    message_weight: float = MESSAGE_WEIGHT,
+    max_gaussians: int = 30_000,
+) -> tuple[FeatureAsset, DecoderKey | None]:
+    """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
+
+    Parameters
+    ----------
+    pair : Pair
+    seed : int
+    device : Device, optional
+    iterations : int
+    message_weight : float
+        Share of the message's loss; that of the scene is 1.
+    max_gaussians : int
+        More than that do not grow.
+
+    Raises
+    ------
+    InputError
+        A setting is out of range, or PyTorch is missing.
+
+    """
+    _require("iterations", iterations, "at least 1", fits=iterations >= 1)
+    _require("message_weight", message_weight, "at least 0", fits=0 <= message_weight < math.inf)
+    _require("max_gaussians", max_gaussians, f"at least {LEAST_POINTS}", fits=max_gaussians >= LEAST_POINTS)
+    from gspure.schemes.gs_hider.training import Training
+
+    begin = gaussians_at(*thinned(*pair.points, max_gaussians, seed))
+    run = Training(
+        *(pair, begin, iterations),
+        message_weight=message_weight,
+        max_gaussians=max_gaussians,
+        seed=seed,
+        device=device or choose_device(),
+    )
+    for _ in watched(run, iterations, lambda: f"{pair.quality(*run.views)}  {len(run.field)} Gaussians"):
+        pass
+    _say_gains(run, seed)
+    roles = ((SCENE, MESSAGE), run.branches)
+    decoders = [DecoderFile.of(branch.decoder, iterations, role) for role, branch in zip(*roles, strict=False)]
+    return FeatureAsset(run.field.model(), decoders[0]), DecoderKey(decoders[1]) if message_weight else None
+
+
+def _say_gains(run: Training, seed: int) -> None:
+    """Tell how much each decoder amplifies noise in the feature map."""
+    from gspure.schemes.gs_hider.decoder import noise_gain
+
+    maps = [run.field.feature_map(camera)[0] for camera, *_ in run.pair.probes]
+    gains = (noise_gain(branch.decoder, maps, np.random.default_rng(seed)) for branch in run.branches)
+    say(f"noise gain of the decoders, scene and message: {', '.join(f'{gain:.3g}' for gain in gains)}")
+
+
+def _require(name: str, value: float, expected: str, *, fits: bool) -> None:
+    if not fits:
+        raise InputError("scheme gs_hider", name, expected=expected, found=str(value))

@@ -1,0 +1,103 @@
+"""Gaussians with features that learn: 3DGS's parameters, rules and schedule, with features in place of colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.constants import ADAM_BETA1, ADAM_BETA2, ADAM_EPSILON
+from gspure.model import Gaussians
+from gspure.model.gaussians import sigmoid
+from gspure.opencl.adam import LearningRates
+from gspure.opencl.device import Device
+from gspure.opencl.trainable import Parameters, Statistics, TrainState
+from gspure.renderer import Gradients, Renderer
+from gspure.schemes.gs_hider.layout import CHANNELS, COLUMNS
+
+Float32 = NDArray[np.float32]
+Pullback = Callable[[Float32], None]
+
+FEATURES_RATE: Final = 2.5e-3
+"""The authors': that of 3DGS's base colours."""
+
+
+class Field:
+    """The state of a run, in memory; each view is rendered from a fresh upload, which the decoders' cost hides.
+
+    Parameters
+    ----------
+    start : Parameters
+        Its colours are of no matter: features begin at 0, that is at 1/2 after the sigmoid.
+    device : Device
+
+    """
+
+    def __init__(self, start: Parameters, device: Device) -> None:
+        features = np.zeros((len(start), CHANNELS), np.float32)
+        geometry = (start.means, start.quats, start.log_scales, start.opacity_logits)
+        self._device = device
+        self._steps = 0
+        self.replace(TrainState.fresh(Parameters(*geometry, features)))
+
+    def __len__(self) -> int:
+        return len(self.state.parameters)
+
+    def replace(self, state: TrainState) -> None:
+        """Go on from `state`, whose ``sh_coeffs`` [K,16] are features; the statistics begin anew."""
+        self.state = state
+        self._norms = np.zeros(len(self), np.float32)
+        self._views = np.zeros(len(self), np.uint32)
+
+    def statistics(self) -> Statistics:
+        """Return what densification looks at. A view counts for the Gaussians that its loss depends on."""
+        return Statistics(self._norms, self._views)
+
+    def model(self) -> Gaussians:
+        """Return the Gaussians as their file holds them."""
+        p = self.state.parameters
+        parts = (p.means, np.zeros_like(p.means), p.opacity_logits[:, None], p.log_scales, p.quats, p.sh_coeffs)
+        rows = np.concatenate(parts, axis=1)
+        return Gaussians(rows.view([(name, "<f4") for name in COLUMNS])[:, 0])
+
+    def feature_map(self, camera: Camera) -> tuple[Float32, Callable[[Float32], Gradients]]:
+        """Return a view's blended features [H,W,16] before black, and what carries their gradient back."""
+        return Renderer(self.model(), self._device).vjp(camera, sigmoid(self.state.parameters.sh_coeffs))
+
+    def step(self, camera: Camera, gradients: Gradients, rates: LearningRates) -> None:
+        """Note a view's gradients and move every parameter against them."""
+        half_size = np.array([camera.width / 2, camera.height / 2], np.float32)
+        norms = np.linalg.norm(gradients.means2d * half_size, axis=1)
+        self._norms += norms
+        self._views += norms > 0
+        self._steps += 1
+        self._descend(self._raw(gradients), rates)
+
+    def _raw(self, gradients: Gradients) -> Parameters:
+        """Return the gradients of raw parameters, given those of activated ones."""
+        p = self.state.parameters
+        opacities, features = sigmoid(p.opacity_logits), sigmoid(p.sh_coeffs)
+        return Parameters(
+            gradients.means,
+            gradients.quats,
+            gradients.scales * np.exp(p.log_scales),
+            gradients.opacities * opacities * (1 - opacities),
+            gradients.channels * features * (1 - features),
+        )
+
+    def _descend(self, gradients: Parameters, rates: LearningRates) -> None:
+        """Take a step of Adam (Kingma & Ba 2015), in place."""
+        first_correction, second_correction = (1 - beta**self._steps for beta in (ADAM_BETA1, ADAM_BETA2))
+        groups = (rates.means, rates.quats, rates.scales, rates.opacities, FEATURES_RATE)
+        for field, rate in zip(fields(Parameters), groups, strict=True):
+            raw, first, second = (getattr(part, field.name) for part in vars(self.state).values())
+            gradient = getattr(gradients, field.name)
+            first *= ADAM_BETA1
+            first += (1 - ADAM_BETA1) * gradient
+            second *= ADAM_BETA2
+            second += (1 - ADAM_BETA2) * np.square(gradient)
+            raw -= rate / first_correction * first / (np.sqrt(second / second_correction) + ADAM_EPSILON)

@@ -1,0 +1,69 @@
+"""GS-Hider's key: the decoder that reads the message from the feature map that everybody has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from gspure.cameras.camera import Camera
+from gspure.errors import InputError
+from gspure.model import Gaussians
+from gspure.opencl.device import Device
+from gspure.schemes.asset import BLACK, Asset, Background, Units, View
+from gspure.schemes.gs_hider.asset import FeatureAsset
+from gspure.schemes.gs_hider.decoder_file import DecoderFile
+from gspure.schemes.gs_hider.layout import MESSAGE, decoder_name, find_decoder
+from gspure.schemes.scheme import Key
+
+
+class DecoderKey(Key):
+    """The private decoder.
+
+    Parameters
+    ----------
+    decoder : DecoderFile
+        Of the message.
+
+    """
+
+    def __init__(self, decoder: DecoderFile) -> None:
+        self.decoder = decoder
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read the newest key in a folder, or raise `InputError`."""
+        file = find_decoder(folder, MESSAGE)
+        if file is None:
+            raise InputError(folder, "key", expected=decoder_name("N", MESSAGE), found="no such file")
+        return cls(DecoderFile.read(file))
+
+    def write(self, folder: Path) -> None:
+        """Write the decoder."""
+        self.decoder.write(folder)
+
+    def message(
+        self,
+        asset: Asset,
+        extraction: str,  # noqa: ARG002
+        device: Device | None = None,
+        background: Background = BLACK,
+    ) -> View:
+        """Return what the private decoder reads from the model's feature map."""
+        from gspure.schemes.gs_hider.decoder import decoded
+
+        if not isinstance(asset, FeatureAsset):
+            raise InputError("model", "semantic_*", expected="the features of GS-Hider", found="none")
+        return decoded(asset.feature_map(device, background), self.decoder.network)
+
+    def gaussians(self, asset: Asset, camera: Camera, extraction: str) -> tuple[Gaussians, Units]:  # noqa: ARG002
+        """Return the model's own: scene and message are blended as one."""
+        return asset.gaussians(camera)
+
+    def wrong(self, rng: np.random.Generator) -> Self:
+        """Return an untrained decoder."""
+        from gspure.schemes.gs_hider.decoder import untrained
+
+        (stranger,) = untrained(1, int(rng.integers(1 << 31)))
+        return type(self)(DecoderFile.of(stranger, 0, MESSAGE))

@@ -1,0 +1,77 @@
+"""GS-Hider's files, as its authors' code writes them.
+
+::
+
+    point_cloud.ply         x y z nx ny nz opacity scale_0..2 rot_0..3 semantic_0..15; features before their sigmoid
+    chkpntN_net.pth         state dict of the public scene decoder, N the iteration
+    chkpntN_waternet.pth    state dict of the private message decoder
+
+Their code keeps the model in ``point_cloud/iteration_N/`` and the decoders above, in the run's folder; here all that is
+public lies in one folder and the private decoder in another. Both are read.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from gspure.errors import InputError
+from gspure.model import Gaussians, read_model, require_finite
+
+CHANNELS: Final = 16
+FEATURES: Final = tuple(f"semantic_{i}" for i in range(CHANNELS))
+COLUMNS: Final = (
+    *("x", "y", "z", "nx", "ny", "nz", "opacity"),
+    *(f"scale_{i}" for i in range(3)),
+    *(f"rot_{i}" for i in range(4)),
+    *FEATURES,
+)
+SCENE: Final = "net"
+MESSAGE: Final = "waternet"
+"""What the names of the decoders' files end in."""
+
+
+def read_rows(path: Path) -> Gaussians:
+    """Read a model with 16 features per Gaussian.
+
+    Raises
+    ------
+    InputError
+        It has other columns, or numbers that are not finite.
+
+    """
+    model = read_model(path)
+    found = len(model.columns_named("semantic_"))
+    if found != CHANNELS:
+        raise InputError(path, "semantic_*", expected=f"{CHANNELS} properties", found=f"{found} properties")
+    require_finite(model, path)
+    if not np.isfinite(model.columns(*FEATURES)).all():
+        raise InputError(path, "semantic_*", expected="finite numbers", found="others")
+    return model
+
+
+def decoder_name(iteration: int | str, role: str) -> str:
+    """Return the name of a decoder's file."""
+    return f"chkpnt{iteration}_{role}.pth"
+
+
+def find_decoder(folder: Path, role: str) -> Path | None:
+    """Return the newest decoder in a folder, if there is any.
+
+    For an iteration's folder of the authors' layout, ``<model>/point_cloud/iteration_N``, that is the one of the
+    iteration, ``<model>/chkpntN_net.pth``.
+    """
+    folder = Path(folder).resolve()
+    found = {_iteration(file, role): file for file in folder.glob(decoder_name("*", role))}
+    if not found and folder.parent.name == "point_cloud":
+        file = folder.parents[1] / decoder_name(folder.name.removeprefix("iteration_"), role)
+        return file if file.is_file() else None
+    return found[max(found)] if found else None
+
+
+def _iteration(file: Path, role: str) -> int:
+    """Return the iteration that a decoder's file is of; -1 if its name does not tell."""
+    number = file.name.removeprefix("chkpnt").removesuffix(f"_{role}.pth")
+    return int(number) if number.isdecimal() else -1

@@ -1,0 +1,41 @@
+"""The loss of 3DGS for PyTorch: what `gspure.opencl.losses` computes on the device."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from gspure.constants import SSIM_C1, SSIM_C2, SSIM_WINDOW
+from gspure.opencl.losses import ssim_window
+from gspure.opencl.trainable import SSIM_WEIGHT
+from gspure.schemes.pytorch import torch
+
+
+def photometric(image: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+    """Return 0.8 L1 + 0.2 (1 - SSIM) of images [H,W,3], both means over all values."""
+    l1 = (image - target).abs().mean()
+    return (1 - SSIM_WEIGHT) * l1 + SSIM_WEIGHT * (1 - ssim(image, target))
+
+
+def ssim(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+    """Return the structural similarity of images [H,W,3] (`gspure.evaluation.metrics.ssim`)."""
+    a, b = a.permute(2, 0, 1), b.permute(2, 0, 1)
+    mean_a, mean_b, square_a, square_b, product = _windowed(torch.stack([a, b, a * a, b * b, a * b]))
+    var_a, var_b, covariance = square_a - mean_a**2, square_b - mean_b**2, product - mean_a * mean_b
+    luminance = (2 * mean_a * mean_b + SSIM_C1) / (mean_a**2 + mean_b**2 + SSIM_C1)
+    return (luminance * (2 * covariance + SSIM_C2) / (var_a + var_b + SSIM_C2)).mean()
+
+
+def _windowed(planes: torch.Tensor) -> torch.Tensor:
+    """Return planes [N,3,H,W] weighed by SSIM's window, with zeros beyond the border."""
+    height, width = planes.shape[2:]
+    return _window(height) @ planes @ _window(width)
+
+
+@cache
+def _window(size: int) -> torch.Tensor:
+    """Return the symmetric matrix that weighs a line of pixels: many times faster than PyTorch's convolution."""
+    margin = SSIM_WINDOW // 2
+    shifts = (np.eye(size, k=offset, dtype=np.float32) for offset in range(-margin, margin + 1))
+    return torch.from_numpy(sum(weight * shift for weight, shift in zip(ssim_window(), shifts, strict=True)))

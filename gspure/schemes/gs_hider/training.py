@@ -1,0 +1,107 @@
+"""The training loop: each iteration, one view of the scene and of the message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.errors import InputError
+from gspure.opencl.device import Device
+from gspure.opencl.trainable import Parameters
+from gspure.schemes.asset import View
+from gspure.schemes.gs_hider.branch import Branch, one_thread_each
+from gspure.schemes.gs_hider.decoder import decoded, untrained
+from gspure.schemes.gs_hider.field import Field
+from gspure.schemes.pair import Pair
+from gspure.schemes.pytorch import torch
+from gspure.training.densification import densify, reset_opacities
+from gspure.training.schedule import Schedule, shuffled
+
+Float32 = NDArray[np.float32]
+
+DECODER_RATE: Final = 1e-3
+"""The authors'; Adam's other settings are its defaults."""
+
+
+class Training:
+    """One run; iterating over it trains, and yields the loss of each iteration.
+
+    The same pair and seed give the same bits on the same kind of machine, however many cores it has.
+
+    Parameters
+    ----------
+    pair : Pair
+    begin : Parameters
+        Where Gaussians start; their colours are of no matter.
+    iterations : int
+    message_weight : float
+        lambda in L = L_scene + lambda L_message; with 0 there is no message branch.
+    max_gaussians : int
+        More than that do not grow.
+    seed : int
+    device : Device
+
+    """
+
+    def __init__(
+        self,
+        pair: Pair,
+        begin: Parameters,
+        iterations: int,
+        *,
+        message_weight: float,
+        max_gaussians: int,
+        seed: int,
+        device: Device,
+    ) -> None:
+        scene, message = untrained(2, seed)
+        self.pair = pair
+        self.field = Field(begin, device)
+        self.branches = [Branch(scene, pair.scene, 1.0)]
+        if message_weight:
+            self.branches.append(Branch(message, pair.message, message_weight))
+        self._optimizer = torch.optim.Adam([p for b in self.branches for p in b.decoder.parameters()], DECODER_RATE)
+        self._schedule = Schedule.scaled(iterations)
+        self._max_gaussians = max_gaussians
+        self._rng = np.random.default_rng(seed)
+
+    def __iter__(self) -> Iterator[float]:
+        views = shuffled(len(self.pair.views), self._rng)
+        with one_thread_each(), ThreadPoolExecutor(len(self.branches)) as threads:
+            for iteration in range(1, self._schedule.iterations + 1):
+                yield self._step(iteration, next(views), threads)
+                if self._schedule.densifies(iteration):
+                    self._densify(iteration)
+
+    @property
+    def views(self) -> list[View]:
+        """What each branch makes of the Gaussians as they are."""
+        return [decoded(lambda camera: self.field.feature_map(camera)[0], branch.decoder) for branch in self.branches]
+
+    def _step(self, iteration: int, view: int, threads: ThreadPoolExecutor) -> float:
+        camera = self.pair.views[view]
+        feature_map, pull_back = self.field.feature_map(camera)
+        work = [threads.submit(branch.differentiate, feature_map, view) for branch in self.branches]
+        losses, gradients = zip(*(share.result() for share in work), strict=True)
+        self._optimizer.step()
+        rates = self._schedule.rates(iteration, self.pair.dataset.extent)
+        self.field.step(camera, pull_back(np.sum(gradients, axis=0)), rates)
+        return float(sum(losses))
+
+    def _densify(self, iteration: int) -> None:
+        state = densify(
+            self.field.state,
+            self.field.statistics(),
+            extent=self.pair.dataset.extent,
+            prune_big=self._schedule.prunes_big(iteration),
+            rng=self._rng,
+            max_gaussians=self._max_gaussians,
+        )
+        if not len(state.parameters):
+            found = f"none after iteration {iteration}"
+            raise InputError("gs_hider", "Gaussians", expected="at least one", found=found)
+        self.field.replace(reset_opacities(state) if self._schedule.resets_opacities(iteration) else state)

@@ -1,0 +1,156 @@
+"""GS-Hider: one feature map, two decoders; what is embedded, and its files."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from gspure.artifacts import digest  # noqa: E402
+from gspure.errors import InputError  # noqa: E402
+from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
+from gspure.renderer import Renderer  # noqa: E402
+from gspure.schemes.asset import Asset  # noqa: E402
+from gspure.schemes.gs_hider import SCHEME  # noqa: E402
+from gspure.schemes.gs_hider.decoder import Decoder, noise_gain, untrained  # noqa: E402
+from gspure.schemes.gs_hider.field import Field  # noqa: E402
+from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES  # noqa: E402
+from gspure.schemes.gs_hider.loss import photometric  # noqa: E402
+from gspure.schemes.gs_hider.loss import ssim as torch_ssim  # noqa: E402
+from gspure.schemes.pair import read_pair  # noqa: E402
+from gspure.schemes.scheme import hide  # noqa: E402
+from gspure.training.initialization import gaussians_at  # noqa: E402
+from gspure.training.schedule import Schedule  # noqa: E402
+
+ITERATIONS = 60
+
+
+@pytest.fixture(scope="module")
+def pair(pair_folder):
+    return read_pair(pair_folder)
+
+
+@pytest.fixture(scope="module")
+def hidden(pair):
+    return hide(SCHEME, pair, iterations=ITERATIONS)
+
+
+def quality(view, pair, which):
+    return np.mean([psnr(view(camera).clip(0, 1), truth[which]) for camera, *truth in pair.probes])
+
+
+def test_scene_and_message_are_learned_from_one_map(hidden, pair):
+    def qualities(asset, key):
+        return np.array([quality(asset.scene(), pair, 0), quality(key.message(asset, "message"), pair, 1)])
+
+    asset, key = hidden
+    assert (qualities(asset, key) > qualities(*hide(SCHEME, pair, iterations=1)) + 4).all()
+    stranger = key.wrong(np.random.default_rng(0)).message(asset, "message")
+    assert quality(stranger, pair, 1) < quality(key.message(asset, "message"), pair, 1) - 4
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_does_not(pair):
+    def digests(seed):
+        asset, key = hide(SCHEME, pair, seed=seed, iterations=4)
+        return digest(asset.units.table, asset.decoder.content, key.decoder.content)
+
+    state = torch.get_rng_state()
+    assert digests(0) == digests(0) != digests(1)
+    assert torch.equal(torch.get_rng_state(), state)
+
+
+def test_bits_do_not_depend_on_how_many_threads_pytorch_has(pair):
+    def digests(threads):
+        before = torch.get_num_threads()
+        torch.set_num_threads(threads)
+        try:
+            asset, key = hide(SCHEME, pair, iterations=3)
+            assert torch.get_num_threads() == threads
+        finally:
+            torch.set_num_threads(before)
+        return digest(asset.units.table, asset.decoder.content, key.decoder.content)
+
+    assert digests(1) == digests(2)
+
+
+def test_without_a_message_there_is_no_key(pair):
+    asset, key = hide(SCHEME, pair, iterations=2, message_weight=0)
+    assert key is None
+    assert asset.scene()(pair.views[0]).shape == pair.scene[0].shape
+
+
+@pytest.mark.parametrize("setting", [{"iterations": 0}, {"message_weight": -0.1}, {"max_gaussians": 3}])
+def test_settings_out_of_range_are_refused(pair, setting):
+    with pytest.raises(InputError, match=next(iter(setting))):
+        hide(SCHEME, pair, **setting)
+
+
+def test_the_columns_are_those_of_the_authors(hidden):
+    asset, _ = hidden
+    names = asset.units.table.dtype.names
+    assert len(names) == 30
+    assert names[:7] == ("x", "y", "z", "nx", "ny", "nz", "opacity")
+    assert names[14:] == FEATURES
+
+
+def test_a_decoder_has_the_authors_number_of_parameters():
+    assert sum(p.numel() for p in Decoder().parameters()) == 121_795
+
+
+def test_features_are_blended_after_their_sigmoid(hidden, pair):
+    asset, _ = hidden
+    camera = pair.views[0]
+    features = 1 / (1 + np.exp(-asset.units.columns(*FEATURES).astype(np.float64)))
+    expected = Renderer(asset.units).feature_map(camera, features.astype(np.float32), [0.25] * CHANNELS)
+    found = asset.feature_map(background=(0.25, 0.5, 0.75))(camera)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_pruned_models_keep_their_decoder(hidden, pair):
+    asset, key = hidden
+    pruned = asset.prune(np.arange(len(asset.units)) % 2 == 0)
+    assert len(pruned.units) == len(asset.units) // 2
+    assert pruned.decoder is asset.decoder
+    assert not np.array_equal(pruned.scene()(pair.views[0]), asset.scene()(pair.views[0]))
+    assert key.gaussians(pruned, pair.views[0], "message")[0] is pruned.units
+
+
+def test_a_message_is_looked_for_in_features_only(hidden):
+    asset, key = hidden
+    with pytest.raises(InputError, match="features of GS-Hider"):
+        key.message(Asset(asset.units), "message")
+
+
+def test_the_loss_is_the_one_that_the_device_computes():
+    image, photograph = np.random.default_rng(0).random((2, 30, 41, 3), dtype=np.float32)
+    a, b = torch.from_numpy(image), torch.from_numpy(photograph)
+    assert torch_ssim(a, b).item() == pytest.approx(ssim(image, photograph), abs=1e-6)
+    expected = 0.8 * np.abs(image - photograph).mean() + 0.2 * (1 - ssim(image, photograph))
+    assert photometric(a, b).item() == pytest.approx(expected, abs=1e-6)
+
+
+def test_gradients_of_raw_parameters_are_those_of_autograd(pair):
+    """A step of Adam at its beginning moves every parameter by its rate, against the gradient's sign."""
+    from gspure.opencl.device import choose_device
+
+    field = Field(gaussians_at(*pair.points), choose_device())
+    camera, rates = pair.views[0], Schedule.scaled(10).rates(1, 1.0)
+    before = field.model()
+    feature_map, pull_back = field.feature_map(camera)
+    weights = np.random.default_rng(0).standard_normal(feature_map.shape, np.float32)
+    field.step(camera, pull_back(weights), rates)
+    after = field.feature_map(camera)[0]
+    moved = np.abs(field.model().means - before.means)
+    np.testing.assert_allclose(moved[moved > 0], rates.means, rtol=0.05)
+    assert np.sum(weights * after) < np.sum(weights * feature_map)
+    assert (field.statistics().views <= 1).all()
+
+
+def test_the_noise_gain_of_a_linear_decoder_is_its_norm():
+    (decoder,) = untrained(1, 0)
+    for parameter in decoder.parameters():
+        parameter.data.zero_()
+    for i in range(1, 6):  # every layer passes channels 0 to 2 on, the last one three times as large
+        for channel in range(3):
+            getattr(decoder, f"conv{i}").weight.data[channel, channel, 1, 1] = 3.0 if i == 5 else 1.0
+    maps = [np.full((40, 40, CHANNELS), 0.5, np.float32)]
+    assert noise_gain(decoder, maps, np.random.default_rng(0)) == pytest.approx(3.0, rel=0.05)

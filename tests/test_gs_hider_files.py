@@ -1,0 +1,220 @@
+"""GS-Hider's files: the authors' layout, round trips, and files that must not be believed."""
+
+import pickle
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+
+from gspure.errors import InputError
+from gspure.model import Gaussians, write_model
+from gspure.schemes.gs_hider import SCHEME
+from gspure.schemes.gs_hider.asset import FeatureAsset
+from gspure.schemes.gs_hider.decoder_file import LARGEST, DecoderFile
+from gspure.schemes.gs_hider.layout import COLUMNS, MESSAGE, SCENE
+
+NAME = "chkpnt7_net.pth"
+
+
+def rows(count=5):
+    table = np.zeros(count, [(name, "<f4") for name in COLUMNS])
+    rng = np.random.default_rng(0)
+    for name in COLUMNS:
+        table[name] = rng.standard_normal(count)
+    return Gaussians(table)
+
+
+def state(torch, **changes):
+    """A state dict as the authors' code makes it, written out by hand."""
+    rng = np.random.default_rng(0)
+    shapes = {"conv1": (64, 16, 3, 3), **{f"conv{i}": (64, 64, 3, 3) for i in (2, 3, 4)}, "conv5": (3, 64, 3, 3)}
+    arrays = {f"{name}.weight": 0.05 * rng.standard_normal(shape) for name, shape in shapes.items()}
+    arrays |= {f"{name}.bias": 0.05 * rng.standard_normal(shape[0]) for name, shape in shapes.items()}
+    tensors = {name: torch.tensor(array, dtype=torch.float32) for name, array in arrays.items()}
+    tensors |= changes
+    return {name: tensor for name, tensor in tensors.items() if tensor is not None}
+
+
+@pytest.fixture
+def torch():
+    return pytest.importorskip("torch")
+
+
+@pytest.fixture
+def saved(torch, tmp_path):
+    """Saves an object as a decoder's file, and returns that."""
+
+    def save(value):
+        torch.save(value, tmp_path / NAME)
+        return DecoderFile.read(tmp_path / NAME)
+
+    return save
+
+
+def authors_layout(torch, folder):
+    """A run's folder with two iterations; decoders differ in their last bias."""
+    for iteration in (30, 200):
+        write_model(folder / "point_cloud" / f"iteration_{iteration}" / "point_cloud.ply", rows())
+        for role in (SCENE, MESSAGE):
+            bias = torch.full((3,), float(iteration) + (role == MESSAGE))
+            torch.save(state(torch, **{"conv5.bias": bias}), folder / f"chkpnt{iteration}_{role}.pth")
+    return folder
+
+
+def last_bias(decoder):
+    return decoder.network.conv5.bias[0].item()
+
+
+def test_the_authors_layout_is_read(torch, tmp_path):
+    folder = authors_layout(torch, tmp_path)
+    cloud = folder / "point_cloud"
+    assert last_bias(SCHEME.read_asset(folder).decoder) == 200
+    assert last_bias(SCHEME.read_asset(cloud / "iteration_30").decoder) == 30
+    assert last_bias(SCHEME.read_asset(cloud / "iteration_30" / "point_cloud.ply").decoder) == 30
+    assert last_bias(SCHEME.read_key(folder).decoder) == 201
+    assert last_bias(SCHEME.read_key(cloud / "iteration_30").decoder) == 31
+
+
+def test_a_hand_made_decoder_computes_its_convolutions(torch, saved):
+    from scipy.signal import correlate
+
+    tensors = state(torch)
+    x = np.random.default_rng(1).random((6, 7, 16), dtype=np.float32)
+    hidden = x.transpose(2, 0, 1).astype(np.float64)
+    for i in range(1, 6):
+        weight, bias = (tensors[f"conv{i}.{part}"].double().numpy() for part in ("weight", "bias"))
+        padded = np.pad(hidden, ((0, 0), (1, 1), (1, 1)))
+        hidden = np.stack([correlate(padded, w, "valid")[0] for w in weight]) + bias[:, None, None]
+        hidden = hidden if i == 5 else np.maximum(hidden, 0)
+    with torch.inference_mode():
+        found = saved(tensors).network(torch.from_numpy(x)).numpy()
+    np.testing.assert_allclose(found, hidden.transpose(1, 2, 0), atol=1e-5)
+
+
+def test_round_trips_are_exact(torch, saved, tmp_path):
+    asset = FeatureAsset(rows(), saved(state(torch)))
+    asset.write(tmp_path / "public" / "point_cloud.ply")
+    again = SCHEME.read_asset(tmp_path / "public")
+    np.testing.assert_array_equal(again.units.table, asset.units.table)
+    assert again.decoder.content == asset.decoder.content
+    assert sorted(file.name for file in (tmp_path / "public").iterdir()) == [NAME, "point_cloud.ply"]
+    written = DecoderFile.of(again.decoder.network, 7, SCENE)
+    assert written.source.name == NAME
+    for name, tensor in torch.load(tmp_path / NAME, weights_only=True).items():
+        assert torch.equal(written.network.state_dict()[name], tensor)
+    assert DecoderFile.of(written.network, 7, SCENE).content == written.content
+
+
+def test_a_key_is_written_and_read(torch, tmp_path):
+    from gspure.schemes.gs_hider.decoder import untrained
+    from gspure.schemes.gs_hider.key import DecoderKey
+
+    key = DecoderKey(DecoderFile.of(untrained(1, 0)[0], 3000, MESSAGE))
+    key.write(tmp_path / "key")
+    assert [file.name for file in (tmp_path / "key").iterdir()] == ["chkpnt3000_waternet.pth"]
+    assert SCHEME.read_key(tmp_path / "key").decoder.content == key.decoder.content
+    wrong = key.wrong(np.random.default_rng(0)).decoder.network
+    assert not torch.equal(wrong.conv1.weight, key.decoder.network.conv1.weight)
+
+
+def test_a_model_without_its_decoder_can_be_attacked_not_seen(tmp_path):
+    write_model(tmp_path / "lone.ply", rows())
+    asset = SCHEME.read_asset(tmp_path / "lone.ply")
+    assert not asset.visible
+    assert len(asset.prune(np.arange(5) < 2).units) == 3
+    with pytest.raises(InputError, match=r"decoder: expected chkpntN_net\.pth"):
+        asset.scene()
+    with pytest.raises(InputError, match=r"key: expected chkpntN_waternet\.pth"):
+        SCHEME.read_key(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("columns", "bad"), [(COLUMNS[:-1], None), (COLUMNS, np.nan), ((*COLUMNS, "semantic_16"), None)]
+)
+def test_other_rows_are_refused(tmp_path, columns, bad):
+    table = np.zeros(3, [(name, "<f4") for name in columns])
+    if bad is not None:
+        table["semantic_3"][1] = bad
+    write_model(tmp_path / "model.ply", Gaussians(table))
+    with pytest.raises(InputError, match="semantic_"):
+        SCHEME.read_asset(tmp_path / "model.ply")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"conv5.bias": None}, "conv5.bias: expected a tensor, found no such tensor"),
+        ({"conv6.bias": (3,)}, "conv6.bias: expected none"),
+        ({"conv1.weight": (64, 10, 3, 3)}, r"conv1.weight: expected torch.float32 \[64, 16, 3, 3\]"),
+        ({"conv1.bias": "half"}, "conv1.bias: expected torch.float32"),
+        ({"conv1.bias": "nan"}, "conv1.bias: expected finite numbers"),
+        ({"bn1.weight": (64,)}, "a fork's decoder"),
+        ({"ca1.mlp.0.weight": (4, 64)}, "a fork's decoder"),
+    ],
+)
+def test_decoders_of_another_form_are_refused(torch, saved, change, said):
+    made = {None: None, "half": torch.zeros(64).half(), "nan": torch.full((64,), torch.nan)}
+    tensors = {name: torch.zeros(of) if isinstance(of, tuple) else made[of] for name, of in change.items()}
+    with pytest.raises(InputError, match=said):
+        saved(state(torch, **tensors)).network  # noqa: B018
+
+
+class Payload:
+    """What an attacker would pickle: unpickling it makes a file."""
+
+    def __init__(self, trace):
+        self.trace = trace
+
+    def __reduce__(self):
+        return open, (str(self.trace), "w")
+
+
+@pytest.mark.parametrize("form", ["torch", "zip", "pickle", "legacy"])
+def test_a_hostile_file_is_refused_and_not_run(torch, tmp_path, form):
+    trace, file = tmp_path / "trace", tmp_path / NAME
+    hostile = {"conv1.weight": Payload(trace)}
+    if form == "torch":
+        torch.save(hostile, file)
+    elif form == "legacy":
+        torch.save(hostile, file, _use_new_zipfile_serialization=False)
+    elif form == "pickle":
+        file.write_bytes(pickle.dumps(hostile))
+    else:
+        with zipfile.ZipFile(file, "w") as archive:
+            archive.writestr("archive/data.pkl", pickle.dumps(hostile))
+            archive.writestr("archive/version", "3\n")
+    with pytest.raises(InputError, match="a decoder's state dict"):
+        DecoderFile.read(file).network  # noqa: B018
+    assert not trace.exists()
+
+
+@pytest.mark.parametrize("value", [[1, 2], {1: 2}, {"conv1.weight": 3.0}, "text"])
+def test_other_objects_are_refused(saved, value):
+    with pytest.raises(InputError):
+        saved(value).network  # noqa: B018
+
+
+def test_archives_that_unpack_to_too_much_are_refused(torch, tmp_path):
+    with zipfile.ZipFile(tmp_path / NAME, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("archive/data/0", bytes(LARGEST + 1))
+    with pytest.raises(InputError, match="bytes unpacked"):
+        DecoderFile.read(tmp_path / NAME).network  # noqa: B018
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"not a zip"])
+def test_damaged_files_are_refused(torch, tmp_path, content):
+    (tmp_path / NAME).write_bytes(content)
+    with pytest.raises(InputError, match="a decoder's state dict"):
+        DecoderFile.read(tmp_path / NAME).network  # noqa: B018
+
+
+def test_without_torch_models_are_attacked_and_images_say_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    for name in ("pytorch", "gs_hider.decoder", "gs_hider.branch", "gs_hider.loss", "gs_hider.training"):
+        monkeypatch.delitem(sys.modules, f"gspure.schemes.{name}", raising=False)
+    asset = FeatureAsset(rows(), DecoderFile(tmp_path / NAME, b"any"))
+    asset.prune(np.arange(5) < 2).write(tmp_path / "pruned" / "point_cloud.ply")
+    assert SCHEME.read_asset(tmp_path / "pruned").decoder.content == b"any"
+    with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install gspure\[torch\]"):
+        asset.scene()
