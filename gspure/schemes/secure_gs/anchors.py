@@ -60,10 +60,11 @@ class Anchors:
 
 def anchors_of(table: Gaussians) -> Anchors:
     """Take a table apart; ``f_offset_*`` is coordinate-major: column c k + i is coordinate c of Gaussian i."""
-    offsets = table.columns(*table.columns_named("f_offset_"))
+    names = table.columns_named("f_offset_")
+    offsets = table.columns(*names).reshape(len(table), 3, len(names) // 3)
     return Anchors(
         positions=table.means,
-        offsets=np.ascontiguousarray(offsets.reshape(len(table), 3, -1).transpose(0, 2, 1)),
+        offsets=np.ascontiguousarray(offsets.transpose(0, 2, 1)),
         features=table.columns(*table.columns_named("f_anchor_feat_")),
         log_scalings=table.columns(*(f"scale_{i}" for i in range(SCALINGS))),
     )
@@ -96,7 +97,9 @@ def require_anchors(source: Path, table: Gaussians) -> None:
     if not features:
         raise InputError(source, "f_anchor_feat_*", expected="an anchor's features", found="no such property")
     scalings = tuple(f"scale_{i}" for i in range(SCALINGS))
-    numbered = [f"{p}{i}" for p, found in (("f_offset_", offsets), ("f_anchor_feat_", features)) for i in range(len(found))]
+    numbered = [
+        f"{p}{i}" for p, found in (("f_offset_", offsets), ("f_anchor_feat_", features)) for i in range(len(found))
+    ]
     for name in (*numbered, *scalings):
         if name not in names or table.table.dtype[name] != np.float32:
             found = str(table.table.dtype[name]) if name in names else "no such property"

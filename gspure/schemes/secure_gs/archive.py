@@ -11,7 +11,7 @@ import io
 import pickletools
 import struct
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,8 +31,22 @@ _STORAGE = "torch FloatStorage"
 _DICTIONARY = "collections OrderedDict"
 _SCRIPTED = "__torch__."
 _MARK: Final = object()
-_CONSTANTS: Final[dict[str, Any]] = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "MARK": _MARK}
-_LITERALS: Final = frozenset({"BININT", "BININT1", "BININT2", "BINUNICODE", "GLOBAL"})
+
+
+def _itself(argument: Any) -> Any:
+    return argument
+
+
+_PUSHED: Final[dict[str, Callable[[Any], Any]]] = {
+    "MARK": lambda _: _MARK,
+    "NONE": lambda _: None,
+    "NEWTRUE": lambda _: True,
+    "NEWFALSE": lambda _: False,
+    "EMPTY_DICT": lambda _: {},
+    "EMPTY_TUPLE": lambda _: (),
+    **dict.fromkeys(("BININT", "BININT1", "BININT2", "BINUNICODE", "GLOBAL"), _itself),
+}
+"""What an instruction puts on the stack, given its argument; of a global, only its name."""
 
 
 def read_tensors(path: Path) -> dict[str, Float32]:
@@ -81,42 +95,37 @@ class _Description:
 
     def _follow(self, name: str, argument: Any) -> None:
         stack = self._stack
-        if name in _CONSTANTS:
-            stack.append(_CONSTANTS[name])
-        elif name in _LITERALS:
-            stack.append(argument)
-        elif name in {"EMPTY_DICT", "EMPTY_TUPLE"}:
-            stack.append({} if name == "EMPTY_DICT" else ())
+        if name in _PUSHED:
+            stack.append(_PUSHED[name](argument))
         elif name in {"BINPUT", "LONG_BINPUT"}:
             self._memo[argument] = stack[-1]
         elif name in {"BINGET", "LONG_BINGET"}:
             stack.append(self._memo[argument])
-        elif name in {"TUPLE1", "TUPLE2", "TUPLE3"}:
-            count = int(name[-1])
-            stack[-count:] = [tuple(stack[-count:])]
-        elif name == "TUPLE":
-            stack.append(tuple(self._since_mark()))
-        elif name == "SETITEM":
-            value, key = stack.pop(), stack.pop()
-            stack[-1][key] = value
-        elif name == "SETITEMS":
-            items = self._since_mark()
+        elif name in {"TUPLE", "TUPLE1", "TUPLE2", "TUPLE3"}:
+            stack.append(tuple(self._popped(self._above_mark() if name == "TUPLE" else int(name[-1]))))
+        elif name in {"SETITEM", "SETITEMS"}:
+            items = self._popped(self._above_mark() if name == "SETITEMS" else 2)
             stack[-1].update(zip(items[::2], items[1::2], strict=True))
         elif name == "BUILD":
-            state = stack.pop()
+            (state,) = self._popped(1)
             stack[-1].update(state)
         elif name == "BINPERSID":
             stack.append(self._storage(*stack.pop()))
         elif name in {"REDUCE", "NEWOBJ"}:
-            arguments, made = stack.pop(), stack.pop()
-            stack.append(self._made(name, made, arguments))
+            stack.append(self._made(name, *self._popped(2)))
         elif name not in {"PROTO", "STOP"}:
             raise self._refusal("pickle", "a description of tensors", f"the instruction {name}")
 
-    def _since_mark(self) -> list[Any]:
-        place = len(self._stack) - 1 - next(i for i, item in enumerate(reversed(self._stack)) if item is _MARK)
-        items = self._stack[place + 1 :]
-        del self._stack[place:]
+    def _above_mark(self) -> int:
+        """Return how many items lie above the topmost mark, which is taken away."""
+        place = max(i for i, item in enumerate(self._stack) if item is _MARK)
+        del self._stack[place]
+        return len(self._stack) - place
+
+    def _popped(self, count: int) -> list[Any]:
+        first = len(self._stack) - count
+        items = self._stack[first:]
+        del self._stack[first:]
         return items
 
     def _made(self, instruction: str, made: str, arguments: tuple[Any, ...]) -> Any:
@@ -179,7 +188,9 @@ def _pickled(networks: Mapping[str, Mapping[str, Float32]]) -> bytes:
 
 def _rebuilt(key: int, array: Float32) -> bytes:
     """Return the instructions that make a tensor: ``_rebuild_tensor_v2(storage, 0, shape, strides, False, {})``."""
-    storage = b"(" + _text("storage") + _global(_STORAGE) + _text(str(key)) + _text("cpu") + _integer(array.size) + b"tQ"
+    storage = (
+        b"(" + _text("storage") + _global(_STORAGE) + _text(str(key)) + _text("cpu") + _integer(array.size) + b"tQ"
+    )
     strides = [array[..., None][(0,) * (i + 1)].size for i in range(array.ndim)]
     numbers = b"".join(b"(" + b"".join(map(_integer, axis)) + b"t" for axis in (array.shape, strides))
     return _global(_REBUILD) + b"(" + storage + _integer(0) + numbers + b"\x89" + _global(_DICTIONARY) + b")RtR"

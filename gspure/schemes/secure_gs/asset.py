@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,11 +17,11 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
 from gspure.renderer import Renderer
 from gspure.schemes.asset import BLACK, Asset, Background, Units, View, digest_of, of_units
-from gspure.schemes.secure_gs.anchors import anchors_of, require_anchors
+from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors
 from gspure.schemes.secure_gs.files import read_networks, write_networks
 from gspure.schemes.secure_gs.networks import Networks, require_networks
 from gspure.schemes.secure_gs.neural import Neural, as_gaussians, neural
-from gspure.schemes.secure_gs.visibility import visible
+from gspure.schemes.secure_gs.visibility import visible_rows
 
 Float32 = NDArray[np.float32]
 
@@ -40,7 +41,16 @@ class AnchorAsset(Asset):
     def __init__(self, units: Gaussians, networks: Networks) -> None:
         super().__init__(units)
         self.networks = networks
-        self.anchors = anchors_of(units)
+
+    @cached_property
+    def anchors(self) -> Anchors:
+        """The rows as the networks take them."""
+        return anchors_of(self.units)
+
+    @property
+    def visible(self) -> bool:
+        """True: there is no such model without its networks."""
+        return True
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -62,8 +72,8 @@ class AnchorAsset(Asset):
         return type(self)(units, self.networks)
 
     def seen(self, camera: Camera, networks: Networks | None = None) -> tuple[Neural, Units]:
-        """Return the Gaussians that a camera has by these networks (default: the public ones), and the anchors' rows."""
-        rows = visible(camera, self.units.means, self.units.quats, self.units.scales)
+        """Return a camera's Gaussians by these networks (default: the public ones), and the rows of its anchors."""
+        rows = visible_rows(camera, self.units.means, self.units.quats, self.units.scales)
         with np.errstate(over="ignore"):
             found = neural(np, self.anchors.at(rows), networks or self.networks, camera.centre.astype(np.float32))
         return found, rows
@@ -73,10 +83,10 @@ class AnchorAsset(Asset):
         found, rows = self.seen(camera)
         return as_gaussians(found, self.anchors.k, rows)
 
-    def scene(self, device: Device | None = None, background: Background = BLACK) -> View:
+    def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> View:
         """Return what everybody sees."""
         device = device or choose_device()
-        return lambda camera: Renderer(self.gaussians(camera)[0], device).image(camera, background)
+        return lambda camera: Renderer(self.gaussians(camera)[0], device, energy=energy).image(camera, background)
 
     def opacities(self, cameras: Sequence[Camera]) -> Float32:
         """Return the opacity [M] of each anchor: the mean of its Gaussians', over the views that have it.

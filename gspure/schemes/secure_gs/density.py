@@ -22,7 +22,7 @@ REACH: Final = 16
 
 
 def hidden_box(places: Float32, voxel: float) -> tuple[Float32, Float32] | None:
-    """Return the lowest and highest corner [3] of the clustered ones among `places` [C,3], or None if there are none."""
+    """Return the lowest and highest corner [3] of what is clustered among `places` [C,3], if anything is."""
     from sklearn.cluster import DBSCAN
 
     if len(places) < NEIGHBOURS:
@@ -35,4 +35,4 @@ def inside(box: tuple[Float32, Float32] | None, places: Float32) -> NDArray[np.b
     """Tell which places [C,3] lie in the box."""
     if box is None:
         return np.zeros(len(places), bool)
-    return ((places >= box[0]) & (places <= box[1])).all(axis=1)
+    return np.asarray(((places >= box[0]) & (places <= box[1])).all(axis=1))

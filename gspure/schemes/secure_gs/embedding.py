@@ -77,6 +77,7 @@ def embed(
     from gspure.schemes.secure_gs.learner import single_threaded
     from gspure.schemes.secure_gs.training import Training
 
+    device = device or choose_device()
     rng = np.random.default_rng(seed)
     anchors, voxel = first_anchors(pair.points[0], int(FIRST_SHARE * max_anchors))
     branches = [fresh(names, FEAT_DIM, K, rng) for names in (PUBLIC, PRIVATE)]
@@ -86,7 +87,7 @@ def embed(
         density=density,
         max_anchors=max_anchors,
         seed=seed,
-        device=device or choose_device(),
+        device=device,
     )
     with single_threaded():
         for _ in watched(run, iterations, lambda: _state(run, device)):
@@ -123,7 +124,7 @@ def _outcome(run: Training) -> tuple[AnchorAsset, HiddenKey | None]:
     return asset, HiddenKey(run.learner.networks(1)) if run.hides else None
 
 
-def _state(run: Training, device: Device | None) -> str:
+def _state(run: Training, device: Device) -> str:
     asset, key = _outcome(run)
     views = [asset.scene(device)] + ([key.message(asset, "message", device)] if key else [])
     return f"{run.pair.quality(*views)}  {len(asset.units)} anchors"

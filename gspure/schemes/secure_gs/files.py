@@ -82,6 +82,6 @@ def _by_network(source: Path, tensors: Mapping[str, Float32]) -> Loaded:
         hint = "train with appearance_dim 0, as Scaffold-GS's own scripts do"
         raise InputError(source, "appearance", expected="none", found="an embedding per photograph", hint=hint)
     names = [*PUBLIC, *([BANK] if any(name.startswith(f"{BANK}_mlp.") for name in tensors) else [])]
-    for missing in ({f"{name}_mlp.{parameter}" for name in names for parameter in PARAMETERS} - tensors.keys()):
+    for missing in {f"{name}_mlp.{parameter}" for name in names for parameter in PARAMETERS} - tensors.keys():
         raise InputError(source, missing, expected="a network's parameter", found="no such tensor")
     return {name: {parameter: tensors[f"{name}_mlp.{parameter}"] for parameter in PARAMETERS} for name in names}

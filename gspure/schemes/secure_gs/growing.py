@@ -52,7 +52,7 @@ def grown(
     At level i, a candidate counts if its gradient reaches 2^i times its threshold, and then with a probability of
     1 - 2^-(i+1). A new anchor has the channel-wise largest features of its candidates, and no offsets.
     """
-    parts = []
+    parts: list[Anchors] = []
     for level, cell in enumerate(CELLS):
         side = np.float32(voxel * cell)
         chosen = candidates.norms >= candidates.thresholds * 2**level
@@ -76,7 +76,10 @@ def grown(
 def joined(*parts: Anchors) -> Anchors:
     """Return all anchors of `parts`, in their order."""
     return Anchors(
-        *(np.concatenate([getattr(p, name) for p in parts]) for name in ("positions", "offsets", "features", "log_scalings"))
+        *(
+            np.concatenate([getattr(p, name) for p in parts])
+            for name in ("positions", "offsets", "features", "log_scalings")
+        )
     )
 
 
@@ -84,4 +87,4 @@ def _keys(cells: NDArray[np.floating]) -> NDArray[np.int64]:
     """Return one number per cell [N,3]; what lies 2^20 cells from the origin shares that of the last one there."""
     half = 1 << (_BITS - 1)
     x, y, z = (np.clip(cells, -half, half - 1).astype(np.int64) + half).T
-    return (x << (2 * _BITS)) | (y << _BITS) | z
+    return np.asarray((x << (2 * _BITS)) | (y << _BITS) | z)

@@ -67,8 +67,9 @@ class HiddenKey(Key):
             raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
         anchors = asset.anchors
         if (anchors.feat_dim, anchors.k) != (self.feat_dim, self.k):
-            expected, found = (f"{n} features, {k} Gaussians per anchor" for n, k in ((self.feat_dim, self.k), (anchors.feat_dim, anchors.k)))
-            raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
+            expected = f"{self.feat_dim} features and {self.k} Gaussians per anchor"
+            other = f"{anchors.feat_dim} and {anchors.k}"
+            raise InputError("secure_gs", "model", expected=expected, found=other, hint="a key of another model")
         blending = {name: network for name, network in asset.networks.items() if name == BANK}
         found, rows = asset.seen(camera, {**self.networks, **blending})
         return as_gaussians(found, anchors.k, rows)

@@ -59,7 +59,9 @@ class Learner:
         self._branches = [{n: {p: _leaf(a) for p, a in net.items()} for n, net in nets.items()} for nets in branches]
         groups = [{"params": [tensor], "name": name} for name, tensor in self._learned.items()]
         groups += [
-            {"params": list(network.values()), "name": name} for nets in self._branches for name, network in nets.items()
+            {"params": list(network.values()), "name": name}
+            for nets in self._branches
+            for name, network in nets.items()
         ]
         self._optimizer = torch.optim.Adam(groups, eps=ADAM_EPSILON, fused=True)
 
@@ -137,7 +139,7 @@ class Learner:
 
 @contextmanager
 def single_threaded() -> Iterator[None]:
-    """Let torch work on one thread in the block: the same bits on any machine, and no waiting, so small the tensors are."""
+    """Let torch work on one thread in the block: same bits on every machine, and no waiting over such small tensors."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

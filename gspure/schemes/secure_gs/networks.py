@@ -42,9 +42,7 @@ def takes_distance(network: Network, feat_dim: int) -> bool:
 
 def fresh(names: tuple[str, ...], feat_dim: int, k: int, rng: np.random.Generator) -> dict[str, dict[str, Float32]]:
     """Return untrained networks, drawn as PyTorch draws linear layers; only offsets depend on distance (SecureGS)."""
-    return {
-        name: _drawn(feat_dim + DIRECTION + (name == "offset"), feat_dim, OUTPUTS[name] * k, rng) for name in names
-    }
+    return {name: _drawn(feat_dim + DIRECTION + (name == "offset"), feat_dim, OUTPUTS[name] * k, rng) for name in names}
 
 
 def _drawn(inputs: int, hidden: int, outputs: int, rng: np.random.Generator) -> dict[str, Float32]:
@@ -64,8 +62,10 @@ def require_networks(source: Path, networks: Networks, feat_dim: int, k: int) ->
         else:
             inputs, outputs = {feat_dim + DIRECTION, feat_dim + DIRECTION + 1}, OUTPUTS[name] * k
         found = {parameter: network[parameter].shape for parameter in PARAMETERS}
-        fits = {n: {"0.weight": (hidden, n), "0.bias": (hidden,), "2.weight": (outputs, hidden), "2.bias": (outputs,)}
-                for n in inputs}
+        fits = {
+            n: {"0.weight": (hidden, n), "0.bias": (hidden,), "2.weight": (outputs, hidden), "2.bias": (outputs,)}
+            for n in inputs
+        }
         if found not in fits.values():
             expected = f"{' or '.join(map(str, sorted(inputs)))} inputs and {outputs} outputs"
             raise InputError(source, name, expected=expected, found=_described(found), hint=_hint(name, found, inputs))

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.constants import SH_DC
 from gspure.model import Gaussians
@@ -105,5 +104,3 @@ def _blended(xp: Any, bank: Network, features: Any, views: Any) -> Any:
 
 def _sigmoid(xp: Any, x: Any) -> Any:
     return (xp.tanh(x / 2) + 1) / 2  # has no overflow, and no gradient that is not a number
-
-

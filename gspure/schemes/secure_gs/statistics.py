@@ -40,7 +40,7 @@ class Statistics:
         self.visits = np.zeros(count, np.float32)
 
     def note(self, rows: NDArray[np.intp], found: Neural, norms: Float32) -> None:
-        """Add a view: its anchors' `rows` [V], their Gaussians (arrays of numpy), and the norms [A] of the gradients."""
+        """Add a view: the `rows` [V] of its anchors, their Gaussians (as arrays), the norms [A] of their gradients."""
         k = self.seen.shape[1]
         self.visits[rows] += 1
         self.opacities[rows] += np.maximum(found.outputs, 0).sum(axis=1)
@@ -51,8 +51,8 @@ class Statistics:
 
     def means(self) -> tuple[Float32, Float32]:
         """Return the mean norm [M,k] and the mean centre [M,k,3] of each Gaussian."""
-        seen = np.maximum(self.seen, 1)
-        return self.norms / seen, self.places / seen[..., None]
+        seen = np.maximum(self.seen, np.float32(1))
+        return np.asarray(self.norms / seen), np.asarray(self.places / seen[..., None])
 
     def forget(self, gaussians: NDArray[np.bool_], anchors: NDArray[np.bool_]) -> None:
         """Begin anew for these Gaussians [M,k] and these anchors [M]."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.opencl.device import Device
@@ -18,7 +17,7 @@ from gspure.schemes.secure_gs.learner import Learner
 from gspure.schemes.secure_gs.networks import Networks
 from gspure.schemes.secure_gs.schedule import AnchorSchedule
 from gspure.schemes.secure_gs.statistics import Statistics, screen_norms
-from gspure.schemes.secure_gs.visibility import visible
+from gspure.schemes.secure_gs.visibility import visible_rows
 
 SEEN_SHARE: Final = 0.8
 """An anchor is judged once more than this share of the views between two adjustments had it (Scaffold-GS)."""
@@ -39,7 +38,7 @@ class Training:
         Where they start.
     voxel : float
         Side of the finest cells, world units.
-    branches : list of Networks
+    branches : sequence of Networks
         The scene's, and the message's if one is hidden.
     iterations : int
     message_weight : float
@@ -58,7 +57,7 @@ class Training:
         pair: Pair,
         anchors: Anchors,
         voxel: float,
-        branches: list[Networks],
+        branches: Sequence[Networks],
         iterations: int,
         *,
         message_weight: float,
@@ -92,7 +91,7 @@ class Training:
     def _iterate(self, iteration: int, view: int) -> float:
         camera, anchors = self.pair.views[view], self.learner.anchors
         upright = np.tile(np.array([1, 0, 0, 0]), (len(anchors.positions), 1))
-        rows = visible(camera, anchors.positions, upright, np.exp(anchors.log_scalings[:, :3]))
+        rows = visible_rows(camera, anchors.positions, upright, np.exp(anchors.log_scalings[:, :3]))
         total = 0.0
         for branch, statistics in enumerate(self._statistics):
             loss, found, gradients = self.learner.differentiate(branch, camera, rows, view, self._weights[branch])

@@ -13,7 +13,7 @@ from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, TILE
 Float64 = NDArray[np.float64]
 
 
-def visible(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scales: NDArray[Any]) -> NDArray[np.intp]:
+def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scales: NDArray[Any]) -> NDArray[np.intp]:
     """Return the rows of those Gaussians [M] whose three-sigma square on the screen overlaps a tile of the image.
 
     (Scaffold-GS, ``prefilter_voxel``; the bounds of the 3DGS rasterizer.)

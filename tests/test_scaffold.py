@@ -1,0 +1,218 @@
+"""Scaffold-GS models: what a view makes of anchors and networks, measured and pruned by anchor."""
+
+import numpy as np
+import pytest
+
+from gspure.features import features
+from gspure.model import Gaussians
+from gspure.reference.projection import Splats, project
+from gspure.renderer import Renderer
+from gspure.schemes.asset import of_units
+from gspure.schemes.secure_gs.anchors import STORED_OPACITY, anchors_of, table_of
+from gspure.schemes.secure_gs.asset import AnchorAsset
+from gspure.schemes.secure_gs.neural import neural
+from gspure.schemes.secure_gs.visibility import visible_rows
+from gspure.weights import accumulate
+from tests.anchor_cases import closed, distant, feature_bank, random_anchors, random_asset
+from tests.models import blobs, camera, tilted_camera
+from tests.training_cases import ring
+
+VIEWS = (camera(), tilted_camera())
+
+
+def sigmoid(x):
+    return 1 / (1 + np.exp(-np.asarray(x, np.float64)))
+
+
+def by_hand(asset, view, row, i):
+    """One Gaussian of one anchor, number by number: Scaffold-GS's formulas in float64."""
+    anchors, networks = asset.anchors, asset.networks
+    away = anchors.positions[row].astype(np.float64) - view.centre
+    distance = np.linalg.norm(away)
+    direction = away / distance
+    feature = anchors.features[row].astype(np.float64)
+
+    def outputs(name, inputs):
+        net = networks[name]
+        inputs = inputs[: net["0.weight"].shape[1]]
+        return net["2.weight"] @ np.maximum(net["0.weight"] @ inputs + net["0.bias"], 0) + net["2.bias"]
+
+    if "feature_bank" in networks:
+        logits = outputs("feature_bank", np.append(direction, distance))
+        shares = np.exp(logits) / np.exp(logits).sum()
+        size = len(feature)
+        blended = [
+            shares[0] * feature[4 * (j % (size // 4))]
+            + shares[1] * feature[2 * (j % (size // 2))]
+            + shares[2] * feature[j]
+            for j in range(size)
+        ]
+        feature = np.array(blended)
+    inputs = np.concatenate([feature, direction, [distance]])
+    shape = outputs("cov", inputs)[7 * i : 7 * i + 7]
+    scalings = np.exp(anchors.log_scalings[row].astype(np.float64))
+    return {
+        "opacities": np.tanh(outputs("opacity", inputs)[i]),
+        "means": anchors.positions[row] + anchors.offsets[row, i] * scalings[:3],
+        "scales": scalings[3:] * sigmoid(shape[:3]),
+        "quats": shape[3:] / np.linalg.norm(shape[3:]),
+        "colors": sigmoid(outputs("color", inputs)[3 * i : 3 * i + 3]),
+    }
+
+
+@pytest.mark.parametrize("kind", ["plain", "bank", "distance"])
+def test_neural_gaussians_are_those_of_the_formulas(kind):
+    asset, view = random_asset(bank=kind == "bank"), tilted_camera()
+    if kind == "distance":
+        asset = AnchorAsset(asset.units, distant(("opacity", "cov", "color"), 8, 4, np.random.default_rng(3)))
+    found, rows = asset.seen(view)
+    active = set()
+    for place in range(len(rows) * 4):
+        expected = by_hand(asset, view, rows[place // 4], place % 4)
+        if expected["opacities"] > 0:
+            active.add(place)
+            at = np.searchsorted(found.active, place)
+            for name, value in expected.items():
+                np.testing.assert_allclose(getattr(found, name)[at], value, rtol=2e-4, atol=2e-6)
+    assert active == set(found.active.tolist())
+    assert 0 < len(active) < 4 * len(rows)
+
+
+def test_the_table_holds_the_active_gaussians_anchor_by_anchor():
+    asset, view = random_asset(), tilted_camera()
+    found, rows = asset.seen(view)
+    gaussians, units = asset.gaussians(view)
+    assert units.tolist() == rows[found.active // 4].tolist() == sorted(units)
+    np.testing.assert_allclose(gaussians.opacities, found.opacities, rtol=1e-5)
+    np.testing.assert_allclose(gaussians.scales, found.scales, rtol=1e-5)
+    np.testing.assert_allclose(gaussians.sh_coeffs[:, 0] * 0.28209479 + 0.5, found.colors, atol=1e-6)
+
+
+def test_offsets_are_stored_by_coordinate():
+    anchors = random_anchors(count=3, k=2)
+    table = table_of(anchors)
+    stored = table.table[1]
+    assert [stored[f"f_offset_{i}"] for i in range(6)] == anchors.offsets[1].T.ravel().tolist()
+    assert stored["opacity"] == STORED_OPACITY
+    for name, array in vars(anchors_of(table)).items():
+        np.testing.assert_array_equal(array, getattr(anchors, name))
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=["straight", "tilted"])
+def test_a_view_has_the_anchors_whose_squares_reach_its_tiles(view):
+    """The rule of the rasterizer, from the reference's splats."""
+    model = blobs(400, 5, size=(0.01, 0.6))
+    model = model.with_columns({"x": model.means[:, 0] * 2, "z": model.means[:, 2] - 3.5})
+    splats = project(model, view, "ewa")
+    assert isinstance(splats, Splats)
+    expected = []
+    for row, centre, cov in zip(splats.rows, splats.means2d - 0.5, splats.covs2d, strict=True):
+        half = (cov[0, 0] + cov[1, 1]) / 2
+        radius = np.ceil(3 * np.sqrt(half + np.sqrt(max(0.1, half**2 - np.linalg.det(cov)))))
+        columns, lines = -(-view.width // 16), -(-view.height // 16)
+        first = np.clip([int((c - radius) / 16) for c in centre], 0, (columns, lines))
+        last = np.clip([int((c + radius + 15) / 16) for c in centre], 0, (columns, lines))
+        if (last > first).all():
+            expected.append(row)
+    found = visible_rows(view, model.means, model.quats, model.scales)
+    assert found.tolist() == sorted(expected)
+    assert 20 < len(found) < 380
+
+
+def test_contributions_of_anchors_add_up_to_those_of_the_image(energy):
+    asset = random_asset()
+    for view in VIEWS:
+        records = asset.contributions(energy=energy)(view)
+        light = 1 - Renderer(asset.gaussians(view)[0], energy=energy).transmittance(view)
+        assert records["sum"].sum(dtype=np.float64) == pytest.approx(light.sum(dtype=np.float64), rel=1e-4)
+        assert (np.diff(records["index"].astype(int)) > 0).all()
+
+
+def test_an_anchor_gets_the_sums_and_the_maximum_of_its_gaussians():
+    asset, view = random_asset(), VIEWS[0]
+    gaussians, units = asset.gaussians(view)
+    each = Renderer(gaussians, energy="ray").contributions(view)
+    merged = asset.contributions()(view)
+    for record in merged:
+        own = each[units[each["index"]] == record["index"]]
+        assert record["pixels"] == own["pixels"].sum()
+        assert record["max"] == own["max"].max()
+        assert record["sum"] == pytest.approx(own["sum"].sum(dtype=np.float64), rel=1e-6)
+    assert of_units(each[:0], units).size == 0
+
+
+def test_pruning_anchors_removes_exactly_their_gaussians():
+    asset, view = random_asset(), VIEWS[1]
+    pruned = np.random.default_rng(1).random(40) < 0.4
+    whole, units = asset.gaussians(view)
+    left, owners = asset.prune(pruned).gaussians(view)
+    assert np.flatnonzero(~pruned)[owners].tolist() == units[~pruned[units]].tolist()
+    names = whole.table.dtype.names
+    np.testing.assert_allclose(left.columns(*names), whole.subset(~pruned[units]).columns(*names), rtol=1e-4, atol=1e-5)
+
+
+def test_the_constant_opacities_of_the_file_are_not_used():
+    asset, views = random_asset(), ring()
+    opacities = asset.opacities(views)
+    assert set(asset.units.columns("opacity").ravel()) == {STORED_OPACITY}
+    weights = accumulate(map(asset.contributions(), views), len(asset.units))
+    for alpha in (opacities, asset.units.opacities):
+        assert np.isfinite(features(asset.units.means, alpha, weights)).all()
+    assert opacities.std() > 0
+    assert (opacities >= 0).all()
+    assert (opacities < 1).all()
+
+
+def test_opacities_are_means_over_the_views_that_have_an_anchor():
+    asset, views = random_asset(), VIEWS
+    found = [asset.seen(view) for view in views]
+    row = int(np.intersect1d(found[0][1], found[1][1])[0])
+    each = [np.maximum(n.outputs[rows == row], 0).mean() for n, rows in found]
+    assert asset.opacities(views)[row] == pytest.approx(np.mean(each), rel=1e-5)
+    unseen = asset.with_units(asset.units.with_columns({"z": np.full(40, -5.0)}))
+    assert not unseen.opacities(views).any()
+
+
+@pytest.mark.parametrize("kept", ["anchors", "none"])
+def test_views_without_active_gaussians_show_the_background(kept):
+    asset = closed(random_asset())
+    if kept == "none":
+        asset = random_asset().prune(np.ones(40, bool))
+    image = asset.scene(background=(0.1, 0.2, 0.3))(VIEWS[0])
+    assert (image == np.array([0.1, 0.2, 0.3], np.float32)).all()
+    assert asset.contributions()(VIEWS[0]).size == 0
+    assert not asset.opacities(VIEWS).any()
+
+
+def test_the_digest_follows_rows_and_networks():
+    asset = random_asset()
+    other = random_asset(seed=1)
+    digests = {
+        asset.geometry_digest(),
+        AnchorAsset(other.units, asset.networks).geometry_digest(),
+        AnchorAsset(asset.units, other.networks).geometry_digest(),
+    }
+    assert len(digests) == 3
+    assert AnchorAsset(Gaussians(asset.units.table.copy()), asset.networks).geometry_digest() in digests
+
+
+def test_numpy_and_torch_make_the_same_gaussians():
+    torch = pytest.importorskip("torch")
+    asset = random_asset(bank=True)
+    anchors, view = asset.anchors, tilted_camera()
+    networks = {n: {p: torch.from_numpy(a) for p, a in net.items()} for n, net in asset.networks.items()}
+    tensors = type(anchors)(*map(torch.from_numpy, vars(anchors).values()))
+    centre = view.centre.astype(np.float32)
+    here, there = (
+        neural(np, anchors, asset.networks, centre),
+        neural(torch, tensors, networks, torch.from_numpy(centre)),
+    )
+    assert here.active.tolist() == there.active.tolist()
+    for name in ("means", "quats", "scales", "opacities", "colors", "outputs"):
+        np.testing.assert_allclose(getattr(here, name), getattr(there, name).numpy(), rtol=1e-4, atol=1e-6)
+
+
+def test_the_bank_of_features_matters():
+    asset, rng = random_asset(), np.random.default_rng(0)
+    banked = AnchorAsset(asset.units, {**asset.networks, "feature_bank": feature_bank(8, rng)})
+    assert not np.allclose(asset.scene()(VIEWS[0]), banked.scene()(VIEWS[0]), atol=1e-3)
