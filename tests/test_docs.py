@@ -52,9 +52,12 @@ def test_functions_that_the_method_page_names_exist():
         attrgetter(f"gspure.{name}".removeprefix(f"{module}."))(importlib.import_module(module))
 
 
-def test_the_method_page_lists_the_built_in_attacks():
-    section = (DOCS / "method.md").read_text(encoding="utf-8").partition("## Attacks")[2]
-    assert re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE) == [attack.name for attack in BUILT_IN]
+def test_the_page_of_attacks_lists_the_built_in_ones_with_their_settings():
+    section = (DOCS / "attacks.md").read_text(encoding="utf-8").partition("## ")[0]
+    listed = re.findall(r"^\| `(\w+)` \|.*\|(.*)\|[ \w]*\|$", section, re.MULTILINE)
+    shown = {name: dict(setting.split("=") for setting in re.findall(r"`(\S+)`", cell)) for name, cell in listed}
+    settings = {a.name: {name: str(default) for name, default in a.settings.items()} for a in BUILT_IN}
+    assert list(shown.items()) == list(settings.items())
 
 
 @pytest.mark.workflow

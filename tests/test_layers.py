@@ -41,12 +41,13 @@ OWNERS = {
     "matplotlib": ("figures",),
     "argparse": ("cli",),
     "plyfile": ("model",),
+    "gsply": ("attacks/compression.py",),
     "hdbscan": ("clustering",),
     "snakemake": (),
     "torch": ("schemes", "training/torch_bridge.py"),
     "pickle": (),
 }
-HEAVY = {"hdbscan", "jinja2", "matplotlib", "pyvista", "rich", "scipy", "sklearn", "vtk", "vtkmodules"}
+HEAVY = {"gsply", "hdbscan", "jinja2", "matplotlib", "pyvista", "rich", "scipy", "sklearn", "vtk", "vtkmodules"}
 
 
 def part_of(source: Path) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,14 @@ from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
 
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
 Weights = NDArray[np.float32]
+Opacities = NDArray[np.float32]
+World = NDArray[np.float64]
 Rng = np.random.Generator
 Setting = float | int | str
 
-EVIDENCE: Final = frozenset({"weights", "prune_mask"})
+EVIDENCE: Final = frozenset({"weights", "prune_mask", "opacities"})
 
 
 @dataclass(frozen=True)
@@ -32,19 +35,60 @@ class Evidence:
         View-accumulated weights ω_k.
     prune_mask : array [K], bool, optional
         GSPure's decision, true where pruned.
+    opacities : array [K], float32, optional
+        Opacity of each row, 0 to 1: of a Gaussian the stored one, of an anchor what its networks give it.
 
     """
 
     weights: Weights | None = None
     prune_mask: Mask | None = None
+    opacities: Opacities | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Attacked:
-    """An attacked model, and which rows [K] of the public one it kept (in order)."""
+    """An attacked model, and where it came from.
+
+    Parameters
+    ----------
+    model : Gaussians
+        K' rows.
+    rows : array [K'], int
+        For each of them, the row of the public model that it is, or is made from.
+    count : int
+        Number K of rows of the public model.
+    world : array [4,4], optional
+        The rigid motion by which the whole model was moved; views of it are moved along
+        (`gspure.cameras.camera.Camera.moved`). Default: it stands where it stood.
+
+    """
 
     model: Gaussians
-    kept: Mask
+    rows: Rows
+    count: int
+    world: World | None = None
+
+    @property
+    def kept(self) -> Mask:
+        """Which rows [K] of the public model are left, in whatever place or number."""
+        mask = np.zeros(self.count, np.bool_)
+        mask[self.rows] = True
+        return mask
+
+    @classmethod
+    def pruned(cls, model: Gaussians, kept: Mask) -> Self:
+        """Return `model` without the rows where `kept` [K] is false."""
+        return cls(model.subset(kept), np.flatnonzero(kept), len(model))
+
+    @classmethod
+    def changed(cls, model: Gaussians, values: Mapping[str, NDArray[Any]], world: World | None = None) -> Self:
+        """Return `model` with other `values` (each [K]) in some columns."""
+        return cls(model.with_columns(values), np.arange(len(model)), len(model), world)
+
+    @classmethod
+    def taken(cls, model: Gaussians, rows: Rows, values: Mapping[str, NDArray[Any]] | None = None) -> Self:
+        """Return copies of the given `rows` [K'] of `model`, with other `values` (each [K']) in some columns."""
+        return cls(Gaussians(model.table[rows], model.comments).with_columns(values or {}), rows, len(model))
 
 
 @dataclass(frozen=True)
@@ -56,8 +100,9 @@ class Attack:
     name : str
         Unique name; the variant's name in every table.
     function : callable
-        ``function(model, rng, [weights], [prune_mask], *, setting=default, ...) -> Attacked``: pure, deterministic in
-        its arguments. It names the evidence that it needs, and its keyword-only parameters are its settings.
+        ``function(model, rng, [weights], [prune_mask], [opacities], *, setting=default, ...) -> Attacked``: pure,
+        deterministic in its arguments. It names the evidence that it needs, and its keyword-only parameters are its
+        settings.
 
     """
 
@@ -95,7 +140,8 @@ class Attack:
         Raises
         ------
         InputError
-            If a setting is unknown or out of range, or if evidence is missing or of another model.
+            If a setting is unknown or out of range, evidence is missing or of another model, or the model has nothing
+            that the attack acts on.
 
         """
         for name in settings.keys() - self.settings.keys():
@@ -105,14 +151,20 @@ class Attack:
             raise InputError(f"attack {self.name}", "seed", expected="at least 0", found=str(seed))
         given = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
         attacked = self.function(model, np.random.default_rng(seed), **given, **settings)
-        if attacked.kept.shape != (len(model),) or np.count_nonzero(attacked.kept) != len(attacked.model):
-            expected = f"a mask over {len(model)} rows that keeps {len(attacked.model)}"
-            found = f"{np.count_nonzero(attacked.kept)} of {list(attacked.kept.shape)}"
-            raise InputError(f"attack {self.name}", "kept", expected=expected, found=found)
+        self._check_rows(attacked, len(model))
         if attacked.model is model:
             return attacked
         said = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
-        return Attacked(attacked.model.with_comment(f"gspure {__version__} attack {self.name} {said}"), attacked.kept)
+        return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {said}"))
+
+    def _check_rows(self, attacked: Attacked, count: int) -> None:
+        """Refuse an attacked model that does not say truly which rows it has."""
+        rows = attacked.rows
+        fits = rows.shape == (len(attacked.model),) and attacked.count == count
+        if not (fits and ((rows >= 0) & (rows < count)).all()):
+            expected = f"for each of {len(attacked.model)} rows, one of {count}"
+            found = f"{list(rows.shape)} of {attacked.count}"
+            raise InputError(f"attack {self.name}", "rows", expected=expected, found=found)
 
     def _evidence(self, name: str, evidence: Evidence, count: int) -> NDArray[Any]:
         array: NDArray[Any] | None = getattr(evidence, name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gspure.attacks.attack import Attack, Attacked, Rng
-from gspure.attacks.attributes import colour_columns, parse_attributes
-from gspure.errors import InputError
+from gspure.attacks.attributes import columns_of
+from gspure.attacks.settings import require_size
 from gspure.model.gaussians import Gaussians
 
 SIGMA = 0.1
@@ -14,7 +14,7 @@ SIGMA = 0.1
 
 
 def gaussian_noise(model: Gaussians, rng: Rng, *, sigma: float = SIGMA, attributes: str = "colour") -> Attacked:
-    """Add independent Gaussian noise to stored attributes of every Gaussian.
+    """Add independent Gaussian noise to stored attributes of every row.
 
     Parameters
     ----------
@@ -23,18 +23,16 @@ def gaussian_noise(model: Gaussians, rng: Rng, *, sigma: float = SIGMA, attribut
     sigma : float
         Standard deviation, at least 0, the same for every column.
     attributes : str
-        ``colour`` (spherical-harmonic coefficients or features: the paper's "photometric features"), ``opacity`` (the
-        logit), or ``colour,opacity``.
+        Of ``colour`` (spherical-harmonic coefficients or features: the paper's "photometric features"),
+        ``base_colour``, and ``opacity`` (the logit).
 
     """
-    if not (np.isfinite(sigma) and sigma >= 0):
-        raise InputError("attack gaussian_noise", "sigma", expected="a number of at least 0", found=str(sigma))
-    names = parse_attributes(attributes)
-    columns = (*(colour_columns(model) if "colour" in names else ()), *(("opacity",) if "opacity" in names else ()))
+    require_size("gaussian_noise", "sigma", sigma)
+    columns = columns_of(model, attributes, ("colour", "base_colour", "opacity"))
     changed = {
-        column: (model.table[column] + sigma * rng.standard_normal(len(model))).astype(np.float32) for column in columns
+        name: (model.table[name] + sigma * rng.standard_normal(len(model))).astype(np.float32) for name in columns
     }
-    return Attacked(model.with_columns(changed), np.ones(len(model), np.bool_))
+    return Attacked.changed(model, changed)
 
 
 ATTACK = Attack("gaussian_noise", gaussian_noise)

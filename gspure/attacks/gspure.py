@@ -31,7 +31,7 @@ Array = NDArray[Any]
 
 def gspure(model: Gaussians, _rng: Rng, prune_mask: Mask) -> Attacked:
     """Remove the Gaussians that adaptive pruning has decided on (`gspure.pruning.prune_mask`)."""
-    return Attacked(model.subset(~prune_mask), ~prune_mask)
+    return Attacked.pruned(model, ~prune_mask)
 
 
 ATTACK = Attack("gspure", gspure)

@@ -9,9 +9,8 @@ from gspure.pruning import plain_prune_mask
 
 
 def plain_weight(model: Gaussians, _rng: Rng, weights: Weights, *, tau: float = TAU_N) -> Attacked:
-    """Remove the Gaussians with ω_k < ω̄ / `tau`."""
-    kept = ~plain_prune_mask(weights, tau)
-    return Attacked(model.subset(kept), kept)
+    """Remove the rows with ω_k < ω̄ / `tau`."""
+    return Attacked.pruned(model, ~plain_prune_mask(weights, tau))
 
 
 ATTACK = Attack("plain_weight", plain_weight)

@@ -1,4 +1,4 @@
-"""Control: random pruning of as many Gaussians as GSPure prunes."""
+"""Control: random pruning of as many rows as GSPure prunes."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from gspure.model.gaussians import Gaussians
 
 
 def random_matched(model: Gaussians, rng: Rng, prune_mask: Mask) -> Attacked:
-    """Remove as many random Gaussians as GSPure's mask does."""
-    kept = random_mask(len(model), int(prune_mask.sum()), rng)
-    return Attacked(model.subset(kept), kept)
+    """Remove as many random rows as GSPure's mask does."""
+    return Attacked.pruned(model, random_mask(len(model), int(prune_mask.sum()), rng))
 
 
 ATTACK = Attack("random_matched", random_matched)

@@ -5,19 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from gspure.attacks.attack import Attack, Attacked, Mask, Rng
-from gspure.errors import InputError
+from gspure.attacks.settings import require_share
 from gspure.model.gaussians import Gaussians
 
 FRACTION = 0.25
-"""Share of the Gaussians to remove. Ours: the paper says "a certain ratio"."""
+"""Share of the rows to remove. Ours: the paper says "a certain ratio"."""
 
 
 def random_pruning(model: Gaussians, rng: Rng, *, fraction: float = FRACTION) -> Attacked:
-    """Remove a random `fraction` (0 to 1) of the Gaussians, rounded to a whole number of them."""
-    if not 0 <= fraction <= 1:
-        raise InputError("attack random_pruning", "fraction", expected="0 to 1", found=str(fraction))
-    kept = random_mask(len(model), round(fraction * len(model)), rng)
-    return Attacked(model.subset(kept), kept)
+    """Remove a random `fraction` (0 to 1) of the rows, rounded to a whole number of them."""
+    require_share("random_pruning", "fraction", fraction)
+    return Attacked.pruned(model, random_mask(len(model), round(fraction * len(model)), rng))
 
 
 def random_mask(count: int, removed: int, rng: Rng) -> Mask:

@@ -5,12 +5,27 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint, entry_points
 
 from gspure.attacks import (
+    compression,
+    crop,
+    densify_clone,
     feature_scaling,
     gaussian_noise,
     gspure,
+    inject,
+    lowest_opacity,
+    lowest_opacity_matched,
+    lowest_weight,
+    lowest_weight_matched,
+    opacity_noise,
+    plain_opacity,
     plain_weight,
+    position_noise,
+    quantize,
     random_matched,
     random_pruning,
+    reorder,
+    rigid_transform,
+    sh_truncation,
     watermarked,
 )
 from gspure.attacks.attack import EVIDENCE, Attack
@@ -23,7 +38,22 @@ BUILT_IN = (
     feature_scaling.ATTACK,
     gaussian_noise.ATTACK,
     plain_weight.ATTACK,
+    plain_opacity.ATTACK,
     random_matched.ATTACK,
+    lowest_weight_matched.ATTACK,
+    lowest_opacity_matched.ATTACK,
+    lowest_weight.ATTACK,
+    lowest_opacity.ATTACK,
+    opacity_noise.ATTACK,
+    position_noise.ATTACK,
+    quantize.ATTACK,
+    sh_truncation.ATTACK,
+    compression.ATTACK,
+    crop.ATTACK,
+    densify_clone.ATTACK,
+    inject.ATTACK,
+    reorder.ATTACK,
+    rigid_transform.ATTACK,
 )
 GROUP = "gspure.attacks"
 

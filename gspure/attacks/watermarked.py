@@ -10,7 +10,7 @@ from gspure.model.gaussians import Gaussians
 
 def watermarked(model: Gaussians, _rng: Rng) -> Attacked:
     """Return the model itself, byte for byte."""
-    return Attacked(model, np.ones(len(model), np.bool_))
+    return Attacked(model, np.arange(len(model)), len(model))
 
 
 ATTACK = Attack("watermarked", watermarked)

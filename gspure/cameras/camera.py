@@ -59,6 +59,10 @@ class Camera:
         scale = np.diag([width / self.width, height / self.height, 1.0])
         return replace(self, width=width, height=height, K=scale @ self.K)
 
+    def moved(self, world: Float64) -> Camera:
+        """Return the view that shows a world that was moved by `world` [4,4], rigid, as this one shows it unmoved."""
+        return replace(self, viewmat=self.viewmat @ np.linalg.inv(world))
+
 
 def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:
     """Return the matrix [3,3] of a pinhole camera without skew."""

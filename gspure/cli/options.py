@@ -64,10 +64,16 @@ def add_views(parser: argparse.ArgumentParser, split: str) -> None:
         default=split,
         help="which views: by name, every eighth from the first on is a test view (default: %(default)s)",
     )
+    parser.add_argument(
+        "--world", type=Path, metavar="NPY", help="by what `gspure attack --world` moved the model: views move along"
+    )
 
 
 def read_views(args: argparse.Namespace) -> list[Camera]:
-    """Read the views that ``--cameras`` and ``--split`` name."""
+    """Read the views that ``--cameras`` and ``--split`` name, moved by ``--world``."""
+    import numpy as np
+
+    from gspure.artifacts import load_array
     from gspure.cameras import read_cameras, split
 
     cameras = read_cameras(args.cameras)
@@ -75,6 +81,9 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[args.split]
     if not views:
         raise InputError(args.cameras, "cameras", expected=f"at least one {args.split} view", found="none")
+    if args.world:
+        world = load_array(args.world, dtype=np.float64, shape=(4, 4))
+        views = [camera.moved(world) for camera in views]
     return views
 
 

@@ -1,0 +1,59 @@
+r"""Rotation of spherical harmonics.
+
+A function on the sphere, :math:`f(d) = \sum_m c_m Y_m(d)`, that is turned by R becomes :math:`f(R^{-1} d)`, whose
+coefficients of each degree l are those of f times an orthogonal matrix. For a turn by :math:`\theta` about the axis n
+this is
+
+.. math:: D_l = U\, e^{-i \theta\, n \cdot J_l}\, U^\dagger
+
+with the matrices :math:`J_l` of angular momentum for the complex harmonics (Sakurai, *Modern Quantum Mechanics*, §3.5)
+and U, which makes the real harmonics of 3DGS of them: :math:`\sqrt 2\, \mathrm{Re}\, Y_l^m` for m > 0, :math:`\sqrt 2\,
+\mathrm{Im}\, Y_l^{|m|}` for m < 0, with the Condon-Shortley sign.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+
+
+def turned(sh_coeffs: NDArray[Any], axis: Float64, angle: float) -> NDArray[Any]:
+    """Return coefficients [K,S,3], S = 1, 4, 9 or 16, of colours turned about the unit `axis` by `angle` radians."""
+    result = sh_coeffs.copy()
+    for degree in range(1, int(np.sqrt(result.shape[1]))):
+        band = slice(degree**2, (degree + 1) ** 2)
+        result[:, band] = np.einsum("ij,kjc->kic", rotation_matrix(degree, axis, angle), result[:, band])
+    return result
+
+
+def rotation_matrix(degree: int, axis: Float64, angle: float) -> Float64:
+    """Return D_l [2l+1,2l+1] for the order m = -l .. l."""
+    momenta, states = np.linalg.eigh(np.tensordot(axis, _angular_momentum(degree), 1))
+    turn = (states * np.exp(-1j * angle * momenta)) @ states.conj().T
+    to_real = _to_real(degree)
+    return np.ascontiguousarray((to_real @ turn @ to_real.conj().T).real)
+
+
+def _angular_momentum(degree: int) -> NDArray[np.complex128]:
+    """Return J_x, J_y, J_z [3,2l+1,2l+1] of the complex harmonics."""
+    orders = np.arange(-degree, degree)
+    raising = np.diag(np.sqrt(degree * (degree + 1) - orders * (orders + 1.0)), -1).astype(np.complex128)
+    lowering = raising.T
+    along = np.diag(np.arange(-degree, degree + 1)).astype(np.complex128)
+    return np.stack([(raising + lowering) / 2, (raising - lowering) / 2j, along])
+
+
+def _to_real(degree: int) -> NDArray[np.complex128]:
+    """Return U [2l+1,2l+1]: coefficients of the real harmonics, given those of the complex ones."""
+    to_real = np.zeros((2 * degree + 1, 2 * degree + 1), np.complex128)
+    to_real[degree, degree] = 1
+    for m in range(1, degree + 1):
+        sign = (-1) ** m  # Y^{-m} = (-1)^m conj(Y^m)
+        pair = [degree + m, degree - m]
+        to_real[degree + m, pair] = np.array([1, sign]) / np.sqrt(2)
+        to_real[degree - m, pair] = np.array([1j, -1j * sign]) / np.sqrt(2)
+    return to_real
