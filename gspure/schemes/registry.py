@@ -8,14 +8,14 @@ from pathlib import Path
 from gspure.errors import InputError
 from gspure.model import read_model
 from gspure.model.signature import Signature
-from gspure.schemes import splats_in_splats
+from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.asset import Asset
 from gspure.schemes.scheme import REQUIRED, Scheme
 
-BUILT_IN = (splats_in_splats.SCHEME,)
+BUILT_IN = (splats_in_splats.SCHEME, gs_hider.SCHEME, secure_gs.SCHEME)
 GROUP = "gspure.schemes"
 
-_RECOGNIZED: dict[Signature, Scheme] = {}
+_RECOGNIZED = {Signature.GS_HIDER: gs_hider.SCHEME, Signature.SCAFFOLD_GS: secure_gs.SCHEME}
 """Models that their columns give away; all others are Gaussians and no more."""
 
 

@@ -5,4 +5,4 @@ from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.embedding import embed
 from gspure.schemes.secure_gs.key import HiddenKey
 
-SCHEME = Scheme("secure_gs", embed, AnchorAsset.read, HiddenKey.read)
+SCHEME = Scheme("secure_gs", embed, AnchorAsset.read, HiddenKey.read, tau_c=3.0, tau_n=2.0)

@@ -7,7 +7,6 @@ under the opacities that it gives, since those, not the trained ones, are what t
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
@@ -17,7 +16,7 @@ from gspure.errors import InputError
 from gspure.model.gaussians import sigmoid
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.morton import morton_order
-from gspure.opencl.trainable import Parameters, TrainableModel
+from gspure.opencl.trainable import Parameters
 from gspure.progress import say
 from gspure.schemes.asset import Asset
 from gspure.schemes.pair import Pair
@@ -25,11 +24,11 @@ from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit, logits
 from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
+from gspure.schemes.vanilla import train
 from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
 from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 from gspure.training.schedule import Schedule
-from gspure.training.trainer import Trainer, beginning
 
 OPACITY_THRESHOLD: Final = 0.25
 """tau of the paper: Gaussians that are more opaque than this in the message are those that the key remembers."""
@@ -72,41 +71,26 @@ def embed(
     _require("shift", shift, f"{least} to {most}", fits=least <= shift <= most)
     device = device or choose_device()
     begin = gaussians_at(*thinned(*pair.points, max_gaussians, seed))
-    schedule = Schedule.scaled(iterations)
     if not message_weight:
-        return Asset(as_gaussians(_clean(pair, begin, schedule, max_gaussians, seed, device))), None
+        clean = train(
+            *(pair, pair.scene, begin), iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device
+        )
+        return Asset(clean), None
     run = TwinTrainer(
-        *(pair, begin, schedule),
+        *(pair, begin, Schedule.scaled(iterations)),
         message_weight=message_weight,
         max_gaussians=max_gaussians,
         seed=seed,
         device=device,
     )
-    _run(run, schedule, pair, *run.model.models)
-    shown, hidden = (state.parameters for state in run.model.states())
-    return _published(pair, shown, hidden, shift, round(REFINED * iterations), seed, device)
-
-
-def _clean(
-    pair: Pair, begin: Parameters, schedule: Schedule, max_gaussians: int, seed: int, device: Device
-) -> Parameters:
-    """Train on the scene alone."""
-    snapshot = beginning(begin, seed)
-    model = TrainableModel(snapshot.state, device=device)
-    model.set_targets(pair.scene)
-    trainer = Trainer(model, pair.views, schedule, snapshot, extent=pair.dataset.extent, max_gaussians=max_gaussians)
-    _run(trainer, schedule, pair, model)
-    return model.state().parameters
-
-
-def _run(trainer: Iterable[float], schedule: Schedule, pair: Pair, *models: TrainableModel) -> None:
-    """Train to the end, and report on the way."""
 
     def state() -> str:
-        return f"{pair.quality(*(model.image for model in models))}  {models[0].count} Gaussians"
+        return f"{pair.quality(*(model.image for model in run.model.models))}  {run.model.count} Gaussians"
 
-    for _ in watched(trainer, schedule.iterations, state):
+    for _ in watched(run, iterations, state):
         pass
+    shown, hidden = (state.parameters for state in run.model.states())
+    return _published(pair, shown, hidden, shift, round(REFINED * iterations), seed, device)
 
 
 def _published(

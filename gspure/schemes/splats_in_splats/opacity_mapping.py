@@ -26,6 +26,7 @@ WIDTHS: Final = (1, 16, 32)
 TAPS: Final = 5
 STRIDE: Final = 2
 STEPS: Final = 600
+STRETCH: Final = 2048
 RATE: Final = 3e-3
 _EPSILON: Final = 1e-8
 _LEAST: Final = 1e-6
@@ -59,6 +60,8 @@ class OpacityMapping:
 
     def __call__(self, opacities: Float32) -> Float32:
         """Return the hidden opacities [N] of a sequence of shown ones [N]."""
+        if not len(opacities):
+            return opacities
         return _forward(self, opacities)[-1][: len(opacities), 0]
 
 
@@ -69,7 +72,10 @@ def logits(opacities: Float32) -> Float32:
 
 
 def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> OpacityMapping:
-    """Train a mapping from shown opacities [N] to hidden ones [N]; the same bits for the same arguments."""
+    """Train a mapping from shown opacities [N] to hidden ones [N]; the same bits for the same arguments.
+
+    Each step sees one stretch of the sequence.
+    """
     mapping = OpacityMapping.fresh(rng)
     if not len(opacities):
         return mapping
@@ -79,7 +85,9 @@ def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> Opacit
     for step in range(1, STEPS + 1):
         mapping = OpacityMapping(tuple(parameters[:layers]), tuple(parameters[layers:]))
         rate = np.float32(RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS)))  # cosine, to rest at the end
-        for i, gradient in enumerate(_gradients(mapping, opacities, hidden)):
+        start = _UNIT * int(rng.integers(max(len(opacities) - STRETCH, 0) // _UNIT + 1))
+        stretch = slice(start, start + STRETCH)
+        for i, gradient in enumerate(_gradients(mapping, opacities[stretch], hidden[stretch])):
             first[i] = ADAM_BETA1 * first[i] + (1 - ADAM_BETA1) * gradient
             second[i] = ADAM_BETA2 * second[i] + (1 - ADAM_BETA2) * gradient**2
             unbiased = second[i] / np.float32(1 - ADAM_BETA2**step)
@@ -131,7 +139,7 @@ def _windows(sequence: Float32, stride: int) -> Float32:
 
 def _unwindowed(gradient: Float32, length: int, stride: int) -> Float32:
     """Carry a gradient of windows [L / stride, TAPS * C] back to their sequence [L,C]."""
-    padded = np.zeros((length + TAPS - 1, gradient.shape[1] // TAPS), np.float32)
+    padded = np.zeros((length + TAPS - 1, gradient.shape[1] // TAPS), gradient.dtype)
     for tap, part in enumerate(np.split(gradient, TAPS, axis=1)):
         padded[tap : tap + stride * len(part) : stride] += part
     return padded[TAPS // 2 : TAPS // 2 + length]
@@ -139,6 +147,6 @@ def _unwindowed(gradient: Float32, length: int, stride: int) -> Float32:
 
 def _spread(sequence: Float32) -> Float32:
     """Return [2 L,C] with zeros between the places of [L,C]: what a transposed convolution slides over."""
-    spread = np.zeros((STRIDE * len(sequence), sequence.shape[1]), np.float32)
+    spread = np.zeros((STRIDE * len(sequence), sequence.shape[1]), sequence.dtype)
     spread[::STRIDE] = sequence
     return spread

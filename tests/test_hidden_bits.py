@@ -1,0 +1,87 @@
+"""Colours in the low bits of colours: what survives, what it costs, and what is made of nonsense."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from gspure.model import Gaussians, read_model, write_model
+from gspure.schemes.splats_in_splats.bits import LARGEST, SHIFT, SHIFT_RANGE, embed, extract
+from tests.models import blobs
+
+BANDS = (1, 4, 9, 16)
+colours = st.sampled_from(BANDS).flatmap(
+    lambda bands: arrays.arrays(
+        np.float32, (2, 3, bands, 3), elements=st.floats(-4, 4, width=32, allow_subnormal=False)
+    )
+)
+shifts = st.integers(*SHIFT_RANGE)
+
+
+def room(bands, shift):
+    """Bits that slot j gives up: k more than the degree."""
+    return np.array([shift + int(np.sqrt(j)) for j in range(bands)])[:, None]
+
+
+@given(colours, shifts)
+def test_a_hidden_colour_comes_back_as_exactly_as_its_bits_allow(pair, shift):
+    shown, hidden = pair
+    found = extract(embed(shown, hidden, shift), shift)
+    bits = room(shown.shape[1], shift)[::-1]  # hidden coefficient j lies in slot n - 1 - j
+    assert (np.abs(found - hidden) <= 2.0 ** -(bits - 9) * np.abs(hidden) + 2.0**-120).all()
+
+
+@given(colours, shifts)
+def test_a_shown_colour_keeps_sign_and_exponent_and_the_rest_of_its_bits(pair, shift):
+    shown, hidden = pair
+    marked = embed(shown, hidden, shift)
+    bits = room(shown.shape[1], shift).astype(np.uint32)
+    assert (marked.view(np.uint32) >> bits == shown.view(np.uint32) >> bits).all()
+    assert np.isfinite(marked).all()
+    assert (np.abs(marked - shown) <= 2.0 ** (bits.astype(float) - 23) * np.abs(shown) + 2.0**-120).all()
+
+
+@given(colours)
+def test_what_is_extracted_embeds_to_the_same_bits(pair):
+    marked = embed(*pair)
+    assert embed(marked, extract(marked)).tobytes() == marked.tobytes() or (np.abs(pair[1]) < 2.0**-100).any()
+
+
+def test_the_zeroth_harmonic_has_the_most_room():
+    shown, hidden = np.zeros((2, 1, 16, 3), np.float32)
+    hidden[:, 0] = 1.2345678
+    assert embed(shown, hidden)[:, 15].all()
+    assert not embed(shown, hidden)[:, :15].any()
+
+
+def test_nonsense_becomes_finite_and_bounded():
+    rng = np.random.default_rng(0)
+    words = rng.integers(0, 2**32, (4096, 16, 3), dtype=np.uint32)
+    found = extract(words.view(np.float32), SHIFT)
+    assert np.isfinite(found).all()
+    assert np.abs(found).max() == LARGEST
+
+
+def test_bits_survive_a_file_and_not_a_scaling(tmp_path):
+    model = blobs(50, sh_degree=3)
+    hidden = np.random.default_rng(1).normal(0, 0.3, (50, 16, 3)).astype(np.float32)
+    marked = model.with_appearance(model.table["opacity"], embed(model.sh_coeffs, hidden))
+    write_model(tmp_path / "marked.ply", marked)
+    stored = read_model(tmp_path / "marked.ply").sh_coeffs
+    np.testing.assert_allclose(extract(stored), hidden, rtol=2.0**-7)
+    scaled = extract((1.2 * stored).astype(np.float32))
+    assert np.median(np.abs(scaled - hidden)) > np.median(np.abs(hidden)) / 2
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_an_appearance_is_stored_where_models_keep_it(degree):
+    model = blobs(7, sh_degree=degree)
+    rng = np.random.default_rng(2)
+    logits = rng.normal(size=7).astype(np.float32)
+    sh_coeffs = rng.normal(size=model.sh_coeffs.shape).astype(np.float32)
+    other = model.with_appearance(logits, sh_coeffs)
+    assert isinstance(other, Gaussians)
+    assert other.sh_coeffs.tobytes() == sh_coeffs.tobytes()
+    assert other.table["opacity"].tobytes() == logits.tobytes()
+    assert other.means.tobytes() == model.means.tobytes()

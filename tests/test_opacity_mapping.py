@@ -1,0 +1,67 @@
+"""The autoencoder of opacities: its gradients, what it learns, and that it is the same every time."""
+
+import numpy as np
+import pytest
+
+from gspure.schemes.splats_in_splats import opacity_mapping
+from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit, logits
+
+
+def sequence(count, seed=0):
+    rng = np.random.default_rng(seed)
+    shown = rng.uniform(0, 1, count).astype(np.float32)
+    return shown, (0.9 - 0.6 * shown).astype(np.float32)
+
+
+def as_double(mapping):
+    return OpacityMapping(
+        *(tuple(a.astype(np.float64) for a in layers) for layers in (mapping.kernels, mapping.biases))
+    )
+
+
+@pytest.mark.parametrize("count", [1, 4, 13, 30])
+def test_gradients_agree_with_differences(count):
+    mapping = as_double(OpacityMapping.fresh(np.random.default_rng(1)))
+    shown, hidden = sequence(count)
+    gradients = opacity_mapping._gradients(mapping, shown, hidden)
+    weights = [*mapping.kernels, *mapping.biases]
+    rng = np.random.default_rng(2)
+    for array, gradient in zip(weights, gradients, strict=True):
+        place = tuple(rng.integers(n) for n in array.shape)
+        losses = []
+        for step in (1e-5, -1e-5):
+            array[place] += step
+            losses.append(np.mean((mapping(shown) - hidden) ** 2))
+            array[place] -= step
+        assert gradient[place] == pytest.approx((losses[0] - losses[1]) / 2e-5, rel=1e-3, abs=1e-7)
+
+
+def test_it_learns_how_one_opacity_follows_from_the_other():
+    shown, hidden = sequence(400)
+    found = fit(shown, hidden, np.random.default_rng(0))(shown)
+    assert np.sqrt(np.mean((found - hidden) ** 2)) < 0.15 * hidden.std()
+
+
+def test_the_same_seed_gives_the_same_bits():
+    shown, hidden = sequence(50)
+    one, other = (fit(shown, hidden, np.random.default_rng(3)).arrays() for _ in range(2))
+    assert {name: array.tobytes() for name, array in one.items()} == {n: a.tobytes() for n, a in other.items()}
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 101])
+def test_there_is_one_hidden_opacity_for_each(count):
+    mapped = OpacityMapping.fresh(np.random.default_rng(0))(np.full(count, 0.5, np.float32))
+    assert mapped.shape == (count,)
+    assert np.isfinite(logits(mapped)).all()
+
+
+def test_arrays_make_the_mapping_again():
+    mapping = OpacityMapping.fresh(np.random.default_rng(4))
+    again = OpacityMapping.of(mapping.arrays())
+    shown = sequence(20)[0]
+    assert again(shown).tobytes() == mapping(shown).tobytes()
+
+
+def test_nothing_to_learn_is_no_error():
+    empty = np.zeros(0, np.float32)
+    assert len(fit(empty, empty, np.random.default_rng(0))(empty)) == 0

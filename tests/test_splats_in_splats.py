@@ -1,0 +1,172 @@
+"""Splats in Splats from pair to purified model, small."""
+
+import numpy as np
+import pytest
+
+from gspure.cameras import read_cameras, split
+from gspure.errors import InputError
+from gspure.evaluation.metrics import psnr
+from gspure.images import read_image
+from gspure.model.signature import Signature
+from gspure.pruning import plain_prune_mask
+from gspure.schemes.pair import message_view, read_pair
+from gspure.schemes.scheme import hide
+from gspure.schemes.splats_in_splats import SCHEME
+from gspure.weights import accumulate
+
+SETTINGS = {"iterations": 300, "max_gaussians": 3000}
+LITERAL, ORACLE = SCHEME.extractions
+
+
+@pytest.fixture(scope="module")
+def pair(pair_folder):
+    return read_pair(pair_folder)
+
+
+@pytest.fixture(scope="module")
+def embedded(pair):
+    return hide(SCHEME, pair, **SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def asset(embedded):
+    return embedded[0]
+
+
+@pytest.fixture(scope="module")
+def key(embedded):
+    return embedded[1]
+
+
+@pytest.fixture(scope="module")
+def quality(pair_folder):
+    """Mean PSNR of a view's held-out images: `quality(view, "message")`."""
+    test = split(read_cameras(pair_folder / "cameras.json"))[1]
+
+    def measured(view, kind="message"):
+        files = [pair_folder / kind / f"{camera.name}.png" for camera in test]
+        return np.mean([psnr(view(c).clip(0, 1), read_image(f)) for c, f in zip(test, files, strict=True)])
+
+    return measured
+
+
+def test_scene_and_message_can_both_be_seen(asset, key, quality, pair):
+    mean_colour = np.mean([psnr(image, np.full_like(image, image.mean())) for image in pair.message])
+    assert quality(asset.scene(), "scene") > 20
+    assert quality(key.message(asset, ORACLE)) > mean_colour + 6
+    assert quality(key.message(asset, LITERAL)) > mean_colour + 4
+
+
+def test_the_message_costs_the_scene_little(asset, quality, pair):
+    clean, nothing = hide(SCHEME, pair, message_weight=0, **SETTINGS)
+    assert nothing is None
+    assert quality(clean.scene(), "scene") - quality(asset.scene(), "scene") < 1.5
+
+
+def test_a_wrong_key_shows_less(asset, key, quality):
+    stranger = key.wrong(np.random.default_rng(1))
+    for extraction in SCHEME.extractions:
+        right, wrong = quality(key.message(asset, extraction)), quality(stranger.message(asset, extraction))
+        assert wrong < right - 3
+
+
+def test_the_public_file_is_a_vanilla_model_and_reads_back_exactly(asset, key, tmp_path):
+    asset.write(tmp_path / "public" / "point_cloud.ply")
+    key.write(tmp_path / "key")
+    again, opened = SCHEME.read_asset(tmp_path / "public"), SCHEME.read_key(tmp_path / "key")
+    assert Signature.of(again.units.table.dtype.names) is Signature.VANILLA
+    assert again.units.table.tobytes() == asset.units.table.tobytes()
+    for extraction in SCHEME.extractions:
+        one, other = (k._revealed(a, extraction)[0].table for k, a in ((key, asset), (opened, again)))
+        assert one.tobytes() == other.tobytes()
+
+
+def test_the_message_is_read_from_what_survives_in_any_order(asset, key):
+    rng = np.random.default_rng(0)
+    kept = rng.permutation(len(asset.units))[: len(asset.units) // 2]
+    attacked = asset.with_units(type(asset.units)(asset.units.table[kept]))
+    for extraction in SCHEME.extractions:
+        whole, rows = key._revealed(asset, extraction)
+        part, survivors = key._revealed(attacked, extraction)
+        place = {row: i for i, row in enumerate(rows)}
+        same = whole.table[[place[row] for row in kept[survivors]]]
+        for name in part.table.dtype.names:
+            if extraction == ORACLE or name != "opacity":  # the mapping looks at neighbours, which may be gone
+                assert part.table[name].tobytes() == same[name].tobytes()
+
+
+def test_noise_on_the_colours_ends_the_literal_message_and_not_the_oracle_one(asset, key, quality):
+    noisy = asset.units.sh_coeffs + np.random.default_rng(0).normal(0, 1e-3, asset.units.sh_coeffs.shape)
+    attacked = asset.with_units(asset.units.with_appearance(asset.units.table["opacity"], noisy.astype(np.float32)))
+    assert quality(key.message(attacked, LITERAL)) < quality(key.message(asset, LITERAL)) - 3
+    assert quality(key.message(attacked, ORACLE)) == quality(key.message(asset, ORACLE))
+
+
+def test_lost_colours_are_read_as_nothing(asset, key, pair):
+    names = [name for name in asset.units.table.dtype.names if not name.startswith("f_rest_")]
+    flat = asset.with_units(type(asset.units)(asset.units.table[names].copy()))
+    view = key.message(flat, LITERAL)(pair.views[0])
+    assert np.isfinite(view).all()
+
+
+def test_low_weights_carry_the_message(asset, key, quality, pair):
+    contributions = asset.contributions()
+    weights = accumulate([contributions(camera) for camera in pair.views], len(asset.units))
+    purified = asset.prune(plain_prune_mask(weights))
+    lost = quality(key.message(asset, ORACLE)) - quality(key.message(purified, ORACLE))
+    assert lost > 5 + quality(asset.scene(), "scene") - quality(purified.scene(), "scene")
+
+
+def test_the_same_seed_gives_the_same_bits(pair):
+    short = {"iterations": 60, "max_gaussians": 1500, "seed": 3}
+    (one, key_one), (other, key_other) = (hide(SCHEME, pair, **short) for _ in range(2))
+    assert one.units.table.tobytes() == other.units.table.tobytes()
+    assert key_one.hidden.table.tobytes() == key_other.hidden.table.tobytes()
+    assert key_one.mapping.arrays()["kernel_0"].tobytes() == key_other.mapping.arrays()["kernel_0"].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("settings", "line"),
+    [
+        ({"iterations": 0}, "iterations: expected at least 1, found 0"),
+        ({"message_weight": -1.0}, "message_weight: expected at least 0, found -1.0"),
+        ({"max_gaussians": 3}, "max_gaussians: expected at least 4, found 3"),
+        ({"shift": 21}, "shift: expected 9 to 20, found 21"),
+        ({"bits": 3}, "setting: expected one of iterations, .*, found bits"),
+        ({"seed": -1}, "seed: expected at least 0, found -1"),
+    ],
+)
+def test_settings_out_of_range_are_refused_before_training(pair, settings, line):
+    with pytest.raises(InputError, match="^scheme splats_in_splats: " + line):
+        hide(SCHEME, pair, **settings)
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        (
+            {"positions": np.zeros((4, 2), np.float32)},
+            r"positions: expected float32 \[None, 3\], found float32 \[4, 2\]",
+        ),
+        ({"kernel_1": np.zeros((3, 3), np.float32)}, r"kernel_1: expected float32 \[80, 32\], found"),
+        ({"bias_0": np.full(16, np.nan, np.float32)}, "bias_0: expected finite numbers"),
+        ({"shift": np.array(40)}, "shift: expected a whole number from 9 to 20, found 40"),
+        ({"shift": None}, "shift: expected a key of Splats in Splats, found no such array"),
+    ],
+)
+def test_a_broken_key_is_refused(key, tmp_path, change, line):
+    key.write(tmp_path)
+    with np.load(tmp_path / "splats_in_splats.npz") as archive:
+        arrays = dict(archive) | change
+    np.savez(tmp_path / "splats_in_splats.npz", **{name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(InputError, match=line):
+        SCHEME.read_key(tmp_path)
+
+
+def test_a_missing_message_view_is_told(pair_folder, tmp_path):
+    import shutil
+
+    folder = shutil.copytree(pair_folder, tmp_path / "pair")
+    message_view(folder, "view_003").unlink()
+    with pytest.raises(InputError, match=r"view_003\.png: file: expected the message at this view, found nothing"):
+        read_pair(folder)
