@@ -8,6 +8,7 @@ torch = pytest.importorskip("torch")
 from gspure.artifacts import digest  # noqa: E402
 from gspure.errors import InputError  # noqa: E402
 from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
+from gspure.opencl.device import choose_device  # noqa: E402
 from gspure.renderer import Renderer  # noqa: E402
 from gspure.schemes.asset import Asset  # noqa: E402
 from gspure.schemes.gs_hider import SCHEME  # noqa: E402
@@ -16,12 +17,13 @@ from gspure.schemes.gs_hider.field import Field  # noqa: E402
 from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES  # noqa: E402
 from gspure.schemes.gs_hider.loss import photometric  # noqa: E402
 from gspure.schemes.gs_hider.loss import ssim as torch_ssim  # noqa: E402
+from gspure.schemes.gs_hider.training import Training  # noqa: E402
 from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
 from gspure.training.initialization import gaussians_at  # noqa: E402
 from gspure.training.schedule import Schedule  # noqa: E402
 
-ITERATIONS = 60
+ITERATIONS = 40
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +45,9 @@ def test_scene_and_message_are_learned_from_one_map(hidden, pair):
         return np.array([quality(asset.scene(), pair, 0), quality(key.message(asset, "message"), pair, 1)])
 
     asset, key = hidden
-    assert (qualities(asset, key) > qualities(*hide(SCHEME, pair, iterations=1)) + 4).all()
+    assert (qualities(asset, key) > qualities(*hide(SCHEME, pair, iterations=1)) + 3).all()
     stranger = key.wrong(np.random.default_rng(0)).message(asset, "message")
-    assert quality(stranger, pair, 1) < quality(key.message(asset, "message"), pair, 1) - 4
+    assert quality(stranger, pair, 1) < quality(key.message(asset, "message"), pair, 1) - 3
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_does_not(pair):
@@ -82,6 +84,26 @@ def test_without_a_message_there_is_no_key(pair):
 def test_settings_out_of_range_are_refused(pair, setting):
     with pytest.raises(InputError, match=next(iter(setting))):
         hide(SCHEME, pair, **setting)
+
+
+def test_features_follow_what_densification_does(pair):
+    run = Training(
+        *(pair, gaussians_at(*(part[:500] for part in pair.points)), 12),
+        message_weight=0.5,
+        max_gaussians=700,
+        seed=0,
+        device=choose_device(),
+    )
+    run._schedule = Schedule(
+        iterations=12, sh_every=1, densify_from=1, densify_until=12, densify_every=5, reset_every=10
+    )
+    assert len(list(run)) == 12
+    parameters = run.field.state.parameters
+    assert 500 < len(run.field) <= 700
+    assert parameters.sh_coeffs.shape == (len(run.field), CHANNELS)
+    # The reset after iteration 10 left at most 0.01; two steps of at most about 0.05 in the logit have followed.
+    assert run.field.model().opacities.max() < 0.012
+    assert run.field.statistics().views.max() <= 2
 
 
 def test_the_columns_are_those_of_the_authors(hidden):
@@ -128,10 +150,8 @@ def test_the_loss_is_the_one_that_the_device_computes():
     assert photometric(a, b).item() == pytest.approx(expected, abs=1e-6)
 
 
-def test_gradients_of_raw_parameters_are_those_of_autograd(pair):
-    """A step of Adam at its beginning moves every parameter by its rate, against the gradient's sign."""
-    from gspure.opencl.device import choose_device
-
+def test_a_step_goes_downhill_at_the_scheduled_rates(pair):
+    """A first step of Adam moves every parameter by its rate, against the gradient's sign."""
     field = Field(gaussians_at(*pair.points), choose_device())
     camera, rates = pair.views[0], Schedule.scaled(10).rates(1, 1.0)
     before = field.model()
