@@ -1,0 +1,233 @@
+"""What every scheme promises: the built-in ones, and the example of the guide."""
+
+import importlib.util
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.images import read_image
+from gspure.model import Gaussians, read_model
+from gspure.renderer import CONTRIBUTION
+from gspure.schemes import gs_hider, registry, secure_gs, splats_in_splats
+from gspure.schemes.asset import Asset, of_units
+from gspure.schemes.pair import read_pair
+from gspure.schemes.registry import find_scheme, open_asset, schemes
+from gspure.schemes.scheme import Scheme, hide
+from tests.documentation import blocks
+from tests.models import blobs
+
+ROOT = Path(__file__).parents[1]
+SMALL = {
+    "splats_in_splats": {"iterations": 60, "max_gaussians": 800},
+    "gs_hider": {"iterations": 4, "max_gaussians": 400},
+    "secure_gs": {"iterations": 4, "max_anchors": 100},
+    "veil": {"iterations": 20, "max_gaussians": 800},
+}
+NEEDS_TORCH = {"gs_hider", "secure_gs"}
+
+
+def example():
+    """The scheme of the guide, as its package would hold it."""
+    source = next(block for block in blocks(ROOT / "docs" / "schemes.md", "python") if "veil.py" in block)
+    spec = importlib.util.spec_from_loader("veil", loader=None)
+    module = importlib.util.module_from_spec(spec)
+    exec(compile(source, "veil.py", "exec"), module.__dict__)  # noqa: S102
+    return module.SCHEME, source
+
+
+@pytest.fixture(scope="module", params=SMALL)
+def embedded(request, pair_folder):
+    """A scheme, the pair, and what it made of it."""
+    if request.param in NEEDS_TORCH:
+        pytest.importorskip("torch")
+    scheme = example()[0] if request.param == "veil" else find_scheme(request.param)
+    pair = read_pair(pair_folder)
+    asset, key = hide(scheme, pair, **SMALL[scheme.name])
+    return SimpleNamespace(scheme=scheme, pair=pair, asset=asset, key=key, settings=SMALL[scheme.name])
+
+
+def test_scene_and_message_are_pictures_of_any_view(embedded):
+    camera = embedded.pair.dataset.test[0]
+    views = [embedded.asset.scene()]
+    views += [embedded.key.message(embedded.asset, extraction) for extraction in embedded.scheme.extractions]
+    for view in views:
+        image = view(camera)
+        assert image.shape == (camera.height, camera.width, 3)
+        assert image.dtype == np.float32
+        assert np.isfinite(image).all()
+        assert image.tobytes() == view(camera).tobytes()
+
+
+def test_what_is_written_reads_back_to_the_same_pictures(embedded, tmp_path):
+    embedded.asset.write(tmp_path / "public" / "point_cloud.ply")
+    embedded.key.write(tmp_path / "key")
+    asset = embedded.scheme.read_asset(tmp_path / "public")
+    key = embedded.scheme.read_key(tmp_path / "key")
+    camera = embedded.pair.views[0]
+    assert asset.units.table.tobytes() == embedded.asset.units.table.tobytes()
+    assert asset.geometry_digest() == embedded.asset.geometry_digest()
+    assert asset.scene()(camera).tobytes() == embedded.asset.scene()(camera).tobytes()
+    for extraction in embedded.scheme.extractions:
+        one, other = (k.message(a, extraction)(camera) for k, a in ((embedded.key, embedded.asset), (key, asset)))
+        assert one.tobytes() == other.tobytes()
+
+
+def test_a_wrong_key_shows_something_else(embedded):
+    camera = embedded.pair.views[0]
+    strangers = [embedded.key.wrong(np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    extraction = embedded.scheme.extractions[0]
+    right, *wrong = (k.message(embedded.asset, extraction)(camera) for k in (embedded.key, *strangers))
+    assert wrong[0].tobytes() == wrong[1].tobytes()
+    assert right.tobytes() not in {image.tobytes() for image in wrong}
+
+
+def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
+    pruned = np.random.default_rng(0).random(len(embedded.asset.units)) < 0.5
+    smaller = embedded.asset.prune(pruned)
+    assert smaller.units.table.tobytes() == embedded.asset.units.table[~pruned].tobytes()
+    camera = embedded.pair.views[0]
+    assert np.isfinite(smaller.scene()(camera)).all()
+    for extraction in embedded.scheme.extractions:
+        assert np.isfinite(embedded.key.message(smaller, extraction)(camera)).all()
+
+
+def test_a_model_without_units_shows_its_background(embedded):
+    empty = embedded.asset.prune(np.ones(len(embedded.asset.units), np.bool_))
+    camera = embedded.pair.views[0]
+    assert np.isfinite(empty.scene()(camera)).all()
+    assert len(empty.contributions()(camera)) == 0
+
+
+def test_contributions_of_units_add_up_to_those_of_their_gaussians(embedded, energy):
+    from gspure.renderer import Renderer
+
+    camera = embedded.pair.views[1]
+    found = embedded.asset.contributions(energy=energy)(camera)
+    gaussians, units = embedded.asset.gaussians(camera)
+    records = Renderer(gaussians, energy=energy).contributions(camera)
+    assert found.dtype == CONTRIBUTION
+    assert (np.diff(found["index"].astype(int)) > 0).all()
+    assert set(found["index"]) == set(units[records["index"]])
+    assert found["sum"].sum() == pytest.approx(records["sum"].sum(), rel=1e-4)
+
+
+def test_every_unit_has_an_opacity_to_cluster_by(embedded):
+    opacities = embedded.asset.opacities(embedded.pair.views)
+    assert opacities.shape == (len(embedded.asset.units),)
+    assert opacities.dtype == np.float32
+    assert ((opacities >= 0) & (opacities <= 1)).all()
+    assert opacities.std() > 0
+
+
+def test_the_key_names_the_gaussians_of_the_message_and_their_units(embedded):
+    gaussians, units = embedded.key.gaussians(embedded.asset, embedded.pair.views[0], embedded.scheme.extractions[0])
+    assert units.shape == (len(gaussians),)
+    assert not len(units) or (units.min() >= 0 and units.max() < len(embedded.asset.units))
+
+
+def test_no_message_gives_the_clean_model_of_the_same_form_and_no_key(embedded):
+    asset, key = hide(embedded.scheme, embedded.pair, message_weight=0.0, **embedded.settings)
+    assert key is None
+    assert type(asset) is type(embedded.asset)
+    assert asset.units.table.dtype == embedded.asset.units.table.dtype
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_one_others(embedded):
+    again, *_ = hide(embedded.scheme, embedded.pair, **embedded.settings)
+    other, *_ = hide(embedded.scheme, embedded.pair, seed=5, **embedded.settings)
+    assert again.units.table.tobytes() == embedded.asset.units.table.tobytes()
+    assert other.units.table.tobytes() != embedded.asset.units.table.tobytes()
+
+
+def test_the_example_is_as_short_as_the_guide_says():
+    assert len(example()[1].strip().splitlines()) <= 60
+
+
+# --- units, registry, commands ----------------------------------------------------------------------------------------
+
+
+def test_a_unit_has_the_sum_of_its_gaussians_and_their_largest_maximum():
+    records = np.array([(0, 1.0, 0.5, 2), (2, 2.0, 0.9, 3), (3, 4.0, 0.1, 5)], CONTRIBUTION)
+    found = of_units(records, np.array([7, 7, 1, 7]))
+    assert found.tolist() == [(1, 2.0, pytest.approx(0.9), 3), (7, 5.0, pytest.approx(0.5), 7)]
+
+
+def test_a_model_is_opened_by_what_its_columns_say(tmp_path):
+    from gspure.model import write_model
+
+    model = blobs(5, sh_degree=0)
+    write_model(tmp_path / "point_cloud.ply", model)
+    assert type(open_asset(tmp_path)) is Asset
+    table = np.zeros(5, [*model.table.dtype.descr, *((f"semantic_{i}", "<f4") for i in range(16))])
+    for name in model.table.dtype.names:
+        table[name] = model.table[name]
+    write_model(tmp_path / "hider.ply", Gaussians(table))
+    assert type(open_asset(tmp_path / "hider.ply")) is gs_hider.FeatureAsset
+
+
+def test_built_in_schemes_have_the_settings_that_all_have():
+    assert list(schemes()) == ["splats_in_splats", "gs_hider", "secure_gs"]
+    for module in (splats_in_splats, gs_hider, secure_gs):
+        assert module.SCHEME.settings.keys() >= {"iterations", "message_weight"}
+
+
+def test_a_plug_in_is_found_by_its_entry_point(monkeypatch):
+    entry = SimpleNamespace(name="veil", value="veil:SCHEME", dist=None, load=lambda: example()[0])
+    monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group == "gspure.schemes" else [])
+    assert find_scheme("veil").name == "veil"
+
+
+@pytest.mark.parametrize(
+    ("loaded", "line"),
+    [
+        ("nothing", "expected a gspure.schemes.Scheme, found str"),
+        (splats_in_splats.SCHEME, "name: expected a name not in use, found 'splats_in_splats'"),
+        (
+            Scheme("bare", lambda pair, seed, device: (None, None), Asset.read, Asset.read),
+            "settings: expected among others iterations, message_weight, found none",
+        ),
+    ],
+)
+def test_a_faulty_plug_in_is_blamed_by_name(monkeypatch, loaded, line):
+    entry = SimpleNamespace(name="p", value="p:S", dist=SimpleNamespace(name="pack"), load=lambda: loaded)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [entry])
+    with pytest.raises(InputError, match=re.escape("pack (entry point 'p' of gspure.schemes)") + ".*" + line):
+        schemes()
+
+
+def test_an_unknown_scheme_is_told_with_those_there_are():
+    with pytest.raises(InputError, match="expected one of splats_in_splats, gs_hider, secure_gs, found 'sis'"):
+        find_scheme("sis")
+
+
+def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
+    settings = ("--set", "iterations=60", "--set", "max_gaussians=800")
+    assert main(["embed", "splats_in_splats", str(pair_folder), "--out", str(tmp_path / "marked"), *settings]) == 0
+    public = tmp_path / "marked" / "public" / "point_cloud.ply"
+    assert len(read_model(public)) > 0
+    assert public.with_name("point_cloud.ply.json").is_file()
+    extract = ["extract", str(public), "--scheme", "splats_in_splats", "--key", str(tmp_path / "marked" / "key")]
+    extract += ["--cameras", str(pair_folder / "cameras.json"), "--split", "test"]
+    for name, options in {
+        "own": [],
+        "oracle": ["--extraction", "message_oracle"],
+        "wrong": ["--wrong-key", "1"],
+    }.items():
+        assert main([*extract, *options, "--out", str(tmp_path / name)]) == 0
+    images = [read_image(tmp_path / name / "view_000.png").tobytes() for name in ("own", "oracle", "wrong")]
+    assert len(set(images)) == 3
+    capsys.readouterr()
+    assert main([*extract, "--extraction", "guess", "--out", str(tmp_path / "guess")]) == 2
+    expected = "scheme splats_in_splats: --extraction: expected one of message, message_oracle, found 'guess'"
+    assert expected in capsys.readouterr().err
+
+
+def test_a_clean_model_comes_without_a_key(pair_folder, tmp_path):
+    settings = ("--set", "iterations=2", "--set", "max_gaussians=400", "--set", "message_weight=0")
+    assert main(["embed", "splats_in_splats", str(pair_folder), "--out", str(tmp_path), *settings]) == 0
+    assert not (tmp_path / "key").exists()
