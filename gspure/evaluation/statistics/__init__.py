@@ -1,0 +1,36 @@
+"""How sure a number is: intervals over scenes and seeds, paired tests, detectability, comparison at equal damage.
+
+The scene is the unit everywhere. Views of a scene and seeds of one embedding have it in common and are no independent
+evidence, so they are averaged within scenes, resampled within scenes, and change their signs together.
+"""
+
+from gspure.evaluation.statistics.cells import Cells, by_scene, differences
+from gspure.evaluation.statistics.detectability import Detectability, detectability
+from gspure.evaluation.statistics.intervals import LEVEL, Interval, mean_interval
+from gspure.evaluation.statistics.significance import PairedTest, holm, paired_test
+from gspure.evaluation.statistics.tradeoff import (
+    MATCHED_DAMAGES,
+    NotReached,
+    matched_message_drop,
+    matched_score,
+    pareto_front,
+)
+
+__all__ = [
+    "LEVEL",
+    "MATCHED_DAMAGES",
+    "Cells",
+    "Detectability",
+    "Interval",
+    "NotReached",
+    "PairedTest",
+    "by_scene",
+    "detectability",
+    "differences",
+    "holm",
+    "matched_message_drop",
+    "matched_score",
+    "mean_interval",
+    "paired_test",
+    "pareto_front",
+]

@@ -1,0 +1,103 @@
+"""Bootstrap intervals over scenes and seeds: coverage, invariance, few scenes."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import stats
+
+from gspure.errors import InputError
+from gspure.evaluation.statistics import LEVEL, by_scene, differences, mean_interval
+
+DECIBELS = st.floats(-30, 30, allow_subnormal=False)
+SCENES = st.lists(st.lists(DECIBELS, min_size=1, max_size=3), min_size=1, max_size=9)
+
+
+def coverage(draw: Callable[[], NDArray[np.float64]], truth: float, trials: int = 250) -> float:
+    found = [mean_interval(list(draw())) for _ in range(trials)]
+    return float(np.mean([interval.low <= truth <= interval.high for interval in found]))
+
+
+@settings(max_examples=30, deadline=None)
+@given(SCENES, st.randoms(use_true_random=False))
+def test_the_order_of_scenes_and_seeds_changes_no_bit(values, random):
+    shuffled = [random.sample(group, len(group)) for group in random.sample(values, len(values))]
+    assert mean_interval(values) == mean_interval(shuffled)
+
+
+@settings(max_examples=30, deadline=None)
+@given(SCENES)
+def test_the_interval_holds_the_mean_and_stays_within_the_data(values):
+    interval = mean_interval(values)
+    slack = 1e-9
+    assert interval.low - slack <= interval.mean <= interval.high + slack
+    flat = [value for group in values for value in group]
+    assert min(flat) - slack <= interval.low <= interval.high <= max(flat) + slack
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.lists(DECIBELS, min_size=1, max_size=3), min_size=6, max_size=9), DECIBELS)
+def test_a_shift_of_all_values_shifts_the_interval(values, shift):
+    before = mean_interval(values)
+    after = mean_interval([[value + shift for value in group] for group in values])
+    np.testing.assert_allclose(np.subtract(after[:3], before[:3]), shift, atol=1e-9)
+
+
+def test_every_scene_counts_the_same_however_many_seeds_it_has():
+    assert mean_interval([[0.0] * 9, [3.0], [6.0, 6.0]]).mean == 3.0
+
+
+@pytest.mark.parametrize("scenes", [6, 9])
+def test_95_percent_of_intervals_of_normal_scenes_cover_their_mean(scenes):
+    rng = np.random.default_rng(scenes)
+    # Of 250 trials at 95 %, four standard deviations are 5.5 %.
+    assert 0.895 <= coverage(lambda: rng.normal(2, 3, size=(scenes, 1)), 2) <= 1
+    assert 0.895 <= coverage(lambda: rng.normal(2, 3, size=(scenes, 1)) + rng.normal(size=(scenes, 3)), 2) <= 1
+
+
+def test_the_interval_is_about_as_wide_as_students():
+    values = np.random.default_rng(0).normal(size=12)
+    ours = mean_interval(list(values[:, None]))
+    low, high = stats.t.interval(LEVEL, 11, values.mean(), stats.sem(values))
+    assert ours.high - ours.low == pytest.approx(high - low, rel=0.1)
+
+
+def test_three_scenes_give_their_range_and_its_own_level():
+    interval = mean_interval([[1.0, 3.0], [9.0], [4.0]])
+    assert (interval.low, interval.high, interval.level, interval.scenes) == (2.0, 9.0, 0.75, 3)
+    assert str(interval) == "5.00 (3 scenes: 2.00 to 9.00)"
+
+
+@pytest.mark.parametrize(("scenes", "level"), [(3, 0.75), (5, 0.9375)])
+def test_the_range_of_few_scenes_covers_the_median_as_often_as_it_says(scenes, level):
+    rng = np.random.default_rng(scenes)
+    # A skewed distribution, since the level holds for any; ranges cost nothing, so trials are many.
+    found = coverage(lambda: rng.exponential(size=(scenes, 1)), np.log(2), trials=4000)
+    assert found == pytest.approx(level, abs=0.03)
+    assert mean_interval(list(rng.exponential(size=(scenes, 1)))).level == level
+
+
+def test_one_scene_has_no_interval():
+    interval = mean_interval([[3.0, 5.0]])
+    assert interval[:4] == (4.0, 4.0, 4.0, 0.0)
+    assert str(interval) == "4.00 (one scene)"
+
+
+def test_six_scenes_are_told_with_brackets():
+    assert str(mean_interval([[2.0]] * 6)) == "2.00 [2.00, 2.00]"
+
+
+@pytest.mark.parametrize("values", [[], [[1.0], []], [[1.0, np.nan]], [[np.inf], [1.0]]])
+def test_values_without_a_mean_are_refused(values: Sequence[Sequence[float]]):
+    with pytest.raises(InputError, match="statistics: values: expected"):
+        mean_interval(values)
+
+
+def test_cells_are_grouped_by_scene_and_paired_where_both_are():
+    a = {("room", 2): 5.0, ("room", 1): 3.0, ("bonsai", 1): 8.0}
+    assert [group.tolist() for group in by_scene(a)] == [[8.0], [3.0, 5.0]]
+    b = {("room", 1): 1.0, ("bonsai", 1): 2.0, ("kitchen", 1): 9.0}
+    assert [group.tolist() for group in differences(a, b)] == [[6.0], [2.0]]

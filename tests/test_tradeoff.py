@@ -1,0 +1,66 @@
+"""The Pareto front and attacks at equal damage."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.errors import InputError
+from gspure.evaluation.statistics import NotReached, matched_message_drop, matched_score, pareto_front
+
+POINTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=1, max_size=12)
+SWEEP = ([0.0, 0.5, 1.0, 2.0], [0.0, 4.0, 6.0, 10.0])  # scene drop, message drop
+
+
+def test_points_that_another_beats_are_not_on_the_front():
+    damage, residual = [0.2, 1.0, 1.0, 3.0, 0.2], [20, 12, 14, 12, 20]
+    assert pareto_front(damage, residual).tolist() == [True, True, False, False, True]
+
+
+@given(POINTS)
+def test_the_front_is_what_brute_force_finds(points):
+    front = [not any(x <= a and y <= b and (x, y) != (a, b) for x, y in points) for a, b in points]
+    assert pareto_front(*zip(*points, strict=True)).tolist() == front
+
+
+@given(POINTS, st.randoms(use_true_random=False), st.integers(0, 8))
+def test_neither_order_nor_beaten_settings_change_the_comparison(points, random, at):
+    found = matched_message_drop(*zip(*points, strict=True), at)
+    shuffled = random.sample(points, len(points))
+    assert matched_message_drop(*zip(*shuffled, strict=True), at) == found
+    worse = (max(x for x, _ in points), min(y for _, y in points))
+    assert matched_message_drop(*zip(*points, worse, strict=True), at) == found
+
+
+@given(POINTS, st.integers(0, 8))
+def test_at_a_measured_damage_the_best_setting_up_to_it_counts(points, at):
+    found = matched_message_drop(*zip(*points, strict=True), at)
+    damages = [x for x, _ in points]
+    if at in damages:
+        best = max(y for x, y in points if x <= at)
+        assert found >= best
+        if any(point == (at, best) for point in points):
+            assert found == best
+
+
+@pytest.mark.parametrize(("at", "drop"), [(0.0, 0.0), (0.25, 2.0), (0.5, 4.0), (1.5, 8.0), (2.0, 10.0)])
+def test_between_settings_the_drop_is_linear(at, drop):
+    assert matched_message_drop(*SWEEP, at) == drop
+    assert matched_score(*SWEEP, at) == drop - at
+
+
+def test_nothing_is_extrapolated():
+    assert matched_message_drop(*SWEEP, 2.01) is NotReached.TOO_GENTLE
+    assert matched_message_drop([5.0], [20.0], 2.0) is NotReached.TOO_HARSH
+    assert matched_score([5.0], [20.0], 2.0) is NotReached.TOO_HARSH
+    assert str(NotReached.TOO_HARSH) == "not reached: the weakest setting damages the scene more"
+
+
+def test_a_setting_that_damages_more_for_less_is_passed_over():
+    assert matched_message_drop([0.0, 1.0, 2.0], [0.0, 9.0, 3.0], 1.5) == 9.0
+
+
+@pytest.mark.parametrize(("x", "y"), [([], []), ([1.0], [1.0, 2.0]), ([np.nan], [1.0])])
+def test_points_without_coordinates_are_refused(x, y):
+    with pytest.raises(InputError, match="statistics: points: expected two rows"):
+        pareto_front(x, y)
