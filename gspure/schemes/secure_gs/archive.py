@@ -88,7 +88,7 @@ class _Description:
     def tree(self) -> Any:
         """Return the dictionaries and tensors that are described."""
         instructions = pickletools.genops(io.BytesIO(self._record("data.pkl", DATA_LIMIT)))
-        with reading(self._path, "a description of tensors", ValueError, IndexError, KeyError, TypeError):
+        with reading(self._path, "a description of tensors", ValueError, LookupError, TypeError, AttributeError):
             for instruction, argument, _ in instructions:
                 self._follow(instruction.name, argument)
             return self._stack.pop()

@@ -27,6 +27,10 @@ OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}
 
 BANK_INPUTS: Final = 4
 BANK_LEVELS: Final = 3
+BANK_STEP: Final = 4
+"""A feature bank: from direction and distance to the shares of three resolutions; the coarsest is every fourth."""
+
+_APPEARANCE: Final = "trained with an appearance embedding per photograph? train with appearance_dim 0"
 
 
 def perceptron(xp: Any, network: Network, inputs: Any) -> Any:
@@ -56,30 +60,19 @@ def _drawn(inputs: int, hidden: int, outputs: int, rng: np.random.Generator) -> 
 def require_networks(source: Path, networks: Networks, feat_dim: int, k: int) -> None:
     """Refuse networks that do not fit anchors with `feat_dim` features and `k` Gaussians each, or are not finite."""
     for name, network in networks.items():
-        hidden = network["0.weight"].shape[0]
-        if name == "feature_bank":
-            inputs, outputs = {BANK_INPUTS}, BANK_LEVELS
-        else:
-            inputs, outputs = {feat_dim + DIRECTION, feat_dim + DIRECTION + 1}, OUTPUTS[name] * k
-        found = {parameter: network[parameter].shape for parameter in PARAMETERS}
-        fits = {
-            n: {"0.weight": (hidden, n), "0.bias": (hidden,), "2.weight": (outputs, hidden), "2.bias": (outputs,)}
-            for n in inputs
-        }
-        if found not in fits.values():
-            expected = f"{' or '.join(map(str, sorted(inputs)))} inputs and {outputs} outputs"
-            raise InputError(source, name, expected=expected, found=_described(found), hint=_hint(name, found, inputs))
+        bank = name == "feature_bank"
+        inputs = (BANK_INPUTS,) if bank else (feat_dim + DIRECTION, feat_dim + DIRECTION + 1)
+        outputs = BANK_LEVELS if bank else OUTPUTS[name] * k
+        found = tuple(network[parameter].shape for parameter in PARAMETERS)
+        hidden = network["0.bias"].size
+        if found not in [((hidden, n), (hidden,), (outputs, hidden), (outputs,)) for n in inputs]:
+            expected = f"{' or '.join(map(str, inputs))} inputs and {outputs} outputs"
+            hint = _APPEARANCE if name == "color" and network["0.weight"].shape[-1:] > inputs[-1:] else None
+            shapes = ", ".join(str(list(shape)) for shape in found)
+            raise InputError(source, name, expected=expected, found=f"weights and biases {shapes}", hint=hint)
         for parameter in PARAMETERS:
             if not np.isfinite(network[parameter]).all():
                 raise InputError(source, f"{name}.{parameter}", expected="finite numbers", found="others")
-
-
-def _described(shapes: Mapping[str, tuple[int, ...]]) -> str:
-    return ", ".join(f"{name} {list(shape)}" for name, shape in shapes.items())
-
-
-def _hint(name: str, found: Mapping[str, tuple[int, ...]], inputs: set[int]) -> str | None:
-    wider = len(found["0.weight"]) == 2 and found["0.weight"][1] > max(inputs)
-    if name == "color" and wider:
-        return "trained with an appearance embedding per photograph; train with appearance_dim 0"
-    return None
+    if "feature_bank" in networks and feat_dim % BANK_STEP:
+        expected = f"a multiple of {BANK_STEP} features"
+        raise InputError(source, "feature_bank", expected=expected, found=str(feat_dim))

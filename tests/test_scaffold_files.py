@@ -1,0 +1,283 @@
+"""Scaffold-GS's files: official layouts are read, ours are read by PyTorch, and nothing in them is executed."""
+
+import zipfile
+
+import numpy as np
+import pytest
+
+from gspure.errors import InputError
+from gspure.model import Gaussians, write_model
+from gspure.schemes.secure_gs.anchors import STORED_OPACITY
+from gspure.schemes.secure_gs.archive import read_tensors, write_tensors
+from gspure.schemes.secure_gs.asset import AnchorAsset
+from gspure.schemes.secure_gs.files import UNITED
+from tests.anchor_cases import random_asset
+from tests.models import camera
+
+OFFICIAL = (
+    *("x", "y", "z", "nx", "ny", "nz"),
+    *(f"f_offset_{i}" for i in range(30)),
+    *(f"f_anchor_feat_{i}" for i in range(32)),
+    "opacity",
+    *(f"scale_{i}" for i in range(6)),
+    *(f"rot_{i}" for i in range(4)),
+)
+
+
+def official_table(count=5):
+    """Rows as Scaffold-GS stores them, each number telling its place."""
+    table = np.zeros(count, [(name, "<f4") for name in OFFICIAL])
+    for i in range(count):
+        table["x"][i], table["z"][i] = 0.1 * i, 5
+        for j in range(30):
+            table[f"f_offset_{j}"][i] = 100 * i + j
+        table["rot_0"][i] = 1
+    table["opacity"] = STORED_OPACITY
+    return Gaussians(table)
+
+
+def write_asset(folder, **settings):
+    asset = random_asset(**settings)
+    asset.write(folder / "point_cloud.ply")
+    return asset
+
+
+def rewritten(path, change):
+    """Write an archive again with `change` made to its members."""
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in change(members).items():
+            archive.writestr(name, content)
+
+
+def assert_same_networks(found, expected):
+    assert found.keys() == expected.keys()
+    for name, network in expected.items():
+        assert found[name].keys() == network.keys()
+        for parameter, array in network.items():
+            np.testing.assert_array_equal(found[name][parameter], array)
+
+
+def modules(networks):
+    """The networks as PyTorch modules, which Scaffold-GS has."""
+    torch = pytest.importorskip("torch")
+    last = {"opacity": torch.nn.Tanh(), "cov": torch.nn.Identity(), "color": torch.nn.Sigmoid()}
+    made = {}
+    for name, network in networks.items():
+        (hidden, inputs), (outputs, _) = network["0.weight"].shape, network["2.weight"].shape
+        linear = torch.nn.Linear(inputs, hidden), torch.nn.Linear(hidden, outputs)
+        module = torch.nn.Sequential(linear[0], torch.nn.ReLU(), linear[1], last.get(name, torch.nn.Softmax(1)))
+        module.load_state_dict({parameter: torch.from_numpy(array) for parameter, array in network.items()})
+        made[name] = module
+    return made
+
+
+@pytest.mark.parametrize("bank", [False, True])
+def test_a_model_is_read_back_exactly(tmp_path, bank):
+    asset = write_asset(tmp_path, bank=bank)
+    for path in (tmp_path, tmp_path / "point_cloud.ply"):
+        again = AnchorAsset.read(path)
+        assert again.units.table.tobytes() == asset.units.table.tobytes()
+        assert_same_networks(again.networks, asset.networks)
+        assert again.geometry_digest() == asset.geometry_digest()
+    assert (again.scene()(camera()) == asset.scene()(camera())).all()
+
+
+def test_the_same_networks_make_the_same_file(tmp_path):
+    first, second = (write_asset(tmp_path / name) for name in "ab")
+    assert (tmp_path / "a" / UNITED).read_bytes() == (tmp_path / "b" / UNITED).read_bytes()
+    assert_same_networks(first.networks, second.networks)
+
+
+def test_the_official_table_loads_with_offsets_by_coordinate(tmp_path):
+    write_model(tmp_path / "point_cloud.ply", official_table())
+    write_tensors(tmp_path / UNITED, {f"{n}_mlp": net for n, net in random_asset(k=10, feat_dim=32).networks.items()})
+    asset = AnchorAsset.read(tmp_path)
+    assert (asset.anchors.k, asset.anchors.feat_dim) == (10, 32)
+    assert asset.anchors.offsets[2, 7].tolist() == [207, 217, 227]
+    assert sum(array.size for array in asset.networks["opacity"].values()) == 1482
+    assert sum(array.size for array in asset.networks["cov"].values()) == 3462
+    assert sum(array.size for array in asset.networks["color"].values()) == 2142
+
+
+@pytest.mark.parametrize("bank", [False, True])
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_networks_of_scaffold_gs_are_read(tmp_path, bank):
+    torch = pytest.importorskip("torch")
+    asset = write_asset(tmp_path, bank=bank)
+    (tmp_path / UNITED).unlink()
+    made = modules(asset.networks)
+    for name, module in made.items():
+        inputs = asset.networks[name]["0.weight"].shape[1]
+        torch.jit.trace(module, torch.rand(1, inputs)).save(tmp_path / f"{name}_mlp.pt")
+    assert_same_networks(AnchorAsset.read(tmp_path).networks, asset.networks)
+    torch.save({f"{name}_mlp": module.state_dict() for name, module in made.items()}, tmp_path / UNITED)
+    assert_same_networks(AnchorAsset.read(tmp_path).networks, asset.networks)
+
+
+def test_torch_reads_what_we_write(tmp_path):
+    torch = pytest.importorskip("torch")
+    asset = write_asset(tmp_path, bank=True)
+    states = torch.load(tmp_path / UNITED, weights_only=True)
+    for name, module in modules(asset.networks).items():
+        for parameter, tensor in states[f"{name}_mlp"].items():
+            assert torch.equal(tensor, module.state_dict()[parameter])
+        module.load_state_dict(states[f"{name}_mlp"])
+
+
+class Payload:
+    """What runs a command when it is unpickled."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def __reduce__(self):
+        return open, (str(self.file), "w")
+
+
+@pytest.mark.parametrize("form", ["zip", "plain", "module", "legacy"])
+def test_a_hostile_file_is_refused_and_nothing_is_executed(tmp_path, form):
+    import pickle
+
+    write_asset(tmp_path)
+    path, trace = tmp_path / UNITED, tmp_path / "executed"
+    payload = pickle.dumps({"opacity_mlp": Payload(trace)}, protocol=2)
+    if form == "zip":
+        rewritten(path, lambda members: members | {"checkpoints/data.pkl": payload})
+    elif form == "module":  # the class of a scripted module, and a call that is none of ours
+        name = str(trace).encode()
+        call = b"\x80\x02cbuiltins\nopen\nX" + len(name).to_bytes(4, "little") + name + b"X\x01\0\0\0w\x86\x81."
+        rewritten(path, lambda members: members | {"checkpoints/data.pkl": call})
+    elif form == "plain":
+        path.write_bytes(payload)
+    else:
+        torch = pytest.importorskip("torch")
+        torch.save({"opacity_mlp": Payload(trace)}, path, _use_new_zipfile_serialization=False)
+    with pytest.raises(InputError, match=r"checkpoints\.pth: .*(nothing in it was executed|zip)"):
+        AnchorAsset.read(tmp_path)
+    assert not trace.exists()
+
+
+def pickled(text: bytes):
+    return lambda members: members | {"checkpoints/data.pkl": text}
+
+
+def replaced(member, before, after):
+    return lambda members: members | {member: members[member].replace(before, after)}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pickled(b"\x80\x02}q\x00X\x01\x00\x00\x00ah\x00s."),  # contains itself: no tensor in it
+        pickled(b"\x80\x02"),
+        pickled(b"\x80\x02u."),
+        pickled(b"\x80\x02h\x05."),
+        pickled(b"\x80\x02NQ."),
+        pickled(b"\x80\x02K\x01K\x02b."),
+        pickled(b"\xff\xff"),
+        pickled(b"\x80\x02" + b"}" * 9 + b"."),
+        lambda members: {name: content for name, content in members.items() if name != "checkpoints/data/0"},
+        lambda members: members | {"checkpoints/data/0": b"\0" * 8},
+        lambda members: {name.replace("data.pkl", "other"): content for name, content in members.items()},
+        lambda members: members | {"other/data.pkl": b"."},
+        lambda members: members | {"checkpoints/data.pkl": members["checkpoints/data.pkl"] + b" " * (1 << 20)},
+        replaced("checkpoints/data.pkl", b"FloatStorage", b"HalfStorage"),
+    ],
+)
+def test_a_damaged_archive_is_told_in_one_line(tmp_path, change):
+    write_asset(tmp_path)
+    rewritten(tmp_path / UNITED, change)
+    with pytest.raises(InputError) as error:
+        AnchorAsset.read(tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_members_that_unpack_to_more_are_refused(tmp_path):
+    write_asset(tmp_path)
+    path = tmp_path / UNITED
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    with pytest.raises(InputError, match="compressed"):
+        AnchorAsset.read(tmp_path)
+
+
+def test_a_tensor_that_claims_more_than_its_storage_is_refused(tmp_path):
+    network = {"0.weight": np.zeros((2, 3), np.float32)}
+    write_tensors(tmp_path / "x.pth", {"a": network})
+    assert read_tensors(tmp_path / "x.pth")["a.0.weight"].shape == (2, 3)
+    shape = b"(J\x02\0\0\0J\x03\0\0\0t"
+    for claimed in (b"(J\xff\0\0\0J\x03\0\0\0t", b"(J\xfe\xff\xff\xffJ\xfd\xff\xff\xfft"):
+        write_tensors(tmp_path / "x.pth", {"a": network})
+        rewritten(tmp_path / "x.pth", replaced("x/data.pkl", shape, claimed))
+        with pytest.raises(InputError, match="a dense part of 6 numbers"):
+            read_tensors(tmp_path / "x.pth")
+
+
+def without(column):
+    def change(table):
+        names = [name for name in table.table.dtype.names if name != column]
+        return Gaussians(table.table[names].astype([(name, "<f4") for name in names]))
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (without("f_offset_3"), r"f_offset_\*: expected three properties per Gaussian"),
+        (without("scale_5"), "scale_5: expected a float32 property, found no such"),
+        (without("f_anchor_feat_0"), "f_anchor_feat_0: expected a float32 property, found no such"),
+        (lambda t: t.with_columns({"f_offset_1": np.full(len(t), np.nan)}), "f_offset_1: expected finite numbers"),
+        (lambda t: t.with_columns({"scale_4": np.full(len(t), np.inf)}), "scale_4: expected finite numbers"),
+    ],
+)
+def test_a_table_that_is_not_scaffolds_is_refused(tmp_path, change, message):
+    asset = write_asset(tmp_path)
+    write_model(tmp_path / "point_cloud.ply", change(asset.units))
+    with pytest.raises(InputError, match=message):
+        AnchorAsset.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"cov": None}, "cov_mlp.*: expected a network's parameter"),
+        ({"cov": {"2.bias": np.zeros(3)}}, "cov: expected 11 or 12 inputs and 28 outputs"),
+        ({"opacity": {"0.bias": np.full(8, np.nan)}}, r"opacity\.0\.bias: expected finite"),
+        ({"opacity": {"0.weight": np.zeros(())}}, "opacity: expected 11 or 12 inputs and 4 outputs"),
+        ({"color": {"0.weight": np.zeros((8, 43))}}, "appearance_dim 0"),
+        ({"feature_bank": {"2.bias": np.zeros(1)}}, "feature_bank: expected 4 inputs and 3 outputs"),
+    ],
+)
+def test_networks_that_do_not_fit_the_anchors_are_refused(tmp_path, changed, message):
+    asset = random_asset(bank=True)
+    networks = {n: net | (changed.get(n) or {}) for n, net in asset.networks.items() if changed.get(n, {}) is not None}
+    AnchorAsset(asset.units, networks).write(tmp_path / "point_cloud.ply")
+    with pytest.raises(InputError, match=message):
+        AnchorAsset.read(tmp_path)
+
+
+def test_a_bank_asks_for_features_that_it_can_divide(tmp_path):
+    write_asset(tmp_path, feat_dim=6, bank=True)
+    with pytest.raises(InputError, match="feature_bank: expected a multiple of 4 features, found 6"):
+        AnchorAsset.read(tmp_path)
+
+
+def test_appearance_embeddings_are_refused(tmp_path):
+    asset = write_asset(tmp_path)
+    states = {f"{name}_mlp": net for name, net in asset.networks.items()}
+    write_tensors(tmp_path / UNITED, {**states, "appearance": {"embedding.weight": np.zeros((9, 32), np.float32)}})
+    with pytest.raises(InputError, match="appearance: expected none, found an embedding per photograph"):
+        AnchorAsset.read(tmp_path)
+
+
+def test_a_model_without_its_networks_says_which_are_missing(tmp_path):
+    write_asset(tmp_path)
+    (tmp_path / UNITED).unlink()
+    with pytest.raises(InputError, match=r"opacity_mlp\.pt: file: expected a network beside the .ply"):
+        AnchorAsset.read(tmp_path)
