@@ -41,8 +41,8 @@ def detectability(assets: ArrayLike, controls: ArrayLike) -> Detectability:
         \frac{\theta (1 - \theta)}{mn} \left[ 1 + N \frac{1 - \theta}{2 - \theta} + N \frac{\theta}{1 + \theta} \right],
         \quad N = \frac{m + n}{2} - 1
 
-    (Newcombe 2006, method 5). So it does not shrink to a point when all assets exceed all controls, as Wald intervals do:
-    three against three leave it at 0.50 to 1.
+    (Newcombe 2006, method 5). So it does not shrink to a point when all assets exceed all controls, as Wald
+    intervals do: three against three leave it at 0.50 to 1.
 
     Parameters
     ----------
