@@ -16,7 +16,7 @@ from gspure.schemes.asset import BLACK, Asset, Background, Units, View
 from gspure.schemes.scheme import Key
 from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.files import BANK, HIDDEN, PRIVATE, read_hidden, write_hidden
-from gspure.schemes.secure_gs.networks import OUTPUTS, Networks, fresh, require_networks
+from gspure.schemes.secure_gs.networks import Networks, fresh, require_networks
 from gspure.schemes.secure_gs.neural import as_gaussians
 
 
@@ -36,12 +36,12 @@ class HiddenKey(Key):
     @property
     def feat_dim(self) -> int:
         """Length of the features that the networks read: as wide as they are inside."""
-        return int(self.networks["opacity"]["2.weight"].shape[1])
+        return int(self.networks["opacity"]["0.bias"].size)
 
     @property
     def k(self) -> int:
         """Gaussians per anchor."""
-        return int(self.networks["opacity"]["2.weight"].shape[0]) // OUTPUTS["opacity"]
+        return int(self.networks["opacity"]["2.bias"].size)
 
     @classmethod
     def read(cls, folder: Path) -> Self:

@@ -1,0 +1,256 @@
+"""SecureGS: private networks over public anchors, how anchors grow, and the scheme without torch."""
+
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.artifacts import save_arrays
+from gspure.errors import InputError
+from gspure.renderer import Renderer
+from gspure.schemes.asset import Asset
+from gspure.schemes.pair import read_pair
+from gspure.schemes.scheme import REQUIRED, hide
+from gspure.schemes.secure_gs import SCHEME
+from gspure.schemes.secure_gs.anchors import Anchors
+from gspure.schemes.secure_gs.density import NEIGHBOURS, hidden_box, inside
+from gspure.schemes.secure_gs.embedding import first_anchors
+from gspure.schemes.secure_gs.files import HIDDEN
+from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidates, grown
+from gspure.schemes.secure_gs.key import HiddenKey
+from gspure.schemes.secure_gs.schedule import AnchorSchedule
+from gspure.schemes.secure_gs.statistics import Statistics, screen_norms
+from tests.anchor_cases import random_asset, random_key
+from tests.models import blobs, camera, tilted_camera
+
+VIEW = camera()
+
+
+def test_a_key_is_read_back_exactly(tmp_path):
+    key = random_key()
+    key.write(tmp_path)
+    again = HiddenKey.read(tmp_path)
+    for name, network in key.networks.items():
+        for parameter, array in network.items():
+            np.testing.assert_array_equal(again.networks[name][parameter], array)
+    asset = random_asset()
+    assert (again.message(asset, "message")(VIEW) == key.message(asset, "message")(VIEW)).all()
+
+
+@pytest.mark.parametrize(
+    ("parameter", "array", "message"),
+    [
+        ("offset.2.bias", np.zeros(5, np.float32), "offset: expected 11 or 12 inputs and 12 outputs"),
+        ("cov.0.bias", np.full(8, np.inf, np.float32), r"cov\.0\.bias: expected finite numbers"),
+        ("color.2.bias", np.zeros(12), r"color\.2\.bias: expected float32 numbers, found float64"),
+        ("opacity.2.weight", np.zeros(3, np.float32), "opacity: expected"),
+    ],
+)
+def test_a_key_that_does_not_fit_itself_is_refused(tmp_path, parameter, array, message):
+    key = random_key()
+    arrays = {f"{name}.{p}": a for name, network in key.networks.items() for p, a in network.items()}
+    save_arrays(tmp_path / HIDDEN, arrays | {parameter: array})
+    with pytest.raises(InputError, match=message):
+        HiddenKey.read(tmp_path)
+
+
+def test_a_key_of_other_anchors_is_refused():
+    with pytest.raises(InputError, match="expected 8 features and 4 Gaussians per anchor, found 8 and 3"):
+        random_key().gaussians(random_asset(k=3), VIEW, "message")
+    with pytest.raises(InputError, match="expected anchors, found Gaussians"):
+        random_key().gaussians(Asset(blobs(3)), VIEW, "message")
+
+
+def test_what_is_hidden_depends_on_no_public_offset_or_network():
+    asset, other, key = random_asset(), random_asset(seed=5), random_key()
+    offsets = {name: np.zeros(40) for name in asset.units.columns_named("f_offset_")}
+    changed = type(asset)(asset.units.with_columns(offsets), other.networks)
+    assert not np.allclose(changed.scene()(VIEW), asset.scene()(VIEW), atol=1e-3)
+    assert (key.message(changed, "message")(VIEW) == key.message(asset, "message")(VIEW)).all()
+
+
+def test_the_hidden_gaussians_of_pruned_anchors_are_gone():
+    asset, key = random_asset(), random_key()
+    pruned = np.random.default_rng(1).random(40) < 0.4
+    whole, units = key.gaussians(asset, VIEW, "message")
+    left, owners = key.gaussians(asset.prune(pruned), VIEW, "message")
+    assert np.flatnonzero(~pruned)[owners].tolist() == units[~pruned[units]].tolist()
+    np.testing.assert_allclose(left.means, whole.means[~pruned[units]], rtol=1e-4, atol=1e-5)
+
+
+def test_hidden_gaussians_move_with_the_view():
+    asset, key = random_asset(), random_key()
+    here, there = (key.gaussians(asset, view, "message") for view in (VIEW, tilted_camera()))
+    both = np.intersect1d(here[1], there[1])
+    places = [gaussians.means[units == both[0]].mean(axis=0) for gaussians, units in (here, there)]
+    assert np.linalg.norm(places[0] - places[1]) > 1e-4
+
+
+def test_a_wrong_key_has_the_same_form_and_shows_something_else():
+    asset, key = random_asset(), random_key()
+    wrong = key.wrong(np.random.default_rng(0))
+    for name, network in key.networks.items():
+        assert {p: a.shape for p, a in wrong.networks[name].items()} == {p: a.shape for p, a in network.items()}
+        assert not np.array_equal(wrong.networks[name]["0.weight"], network["0.weight"])
+    assert not np.allclose(wrong.message(asset, "message")(VIEW), key.message(asset, "message")(VIEW), atol=1e-2)
+
+
+def test_gradients_on_the_screen_are_those_of_the_renderer():
+    view = tilted_camera()
+    model = blobs(60, 3, size=(0.01, 0.05))
+    renderer = Renderer(model)
+    image, pull_back = renderer.vjp(view)
+    gradients = pull_back(np.random.default_rng(0).normal(size=image.shape).astype(np.float32))
+    expected = np.linalg.norm(gradients.means2d * (view.width / 2, view.height / 2), axis=1)
+    found = screen_norms(view, model.means, gradients.means)
+    visible = expected > 1e-2 * expected.max()
+    assert visible.sum() > 20
+    np.testing.assert_allclose(found[visible], expected[visible], rtol=0.15)
+
+
+def candidates(places, norms, thresholds=GRADIENT_THRESHOLD, feat_dim=2):
+    places = np.asarray(places, np.float32)
+    features = np.arange(len(places) * feat_dim, dtype=np.float32).reshape(-1, feat_dim)
+    return Candidates(
+        places,
+        np.broadcast_to(np.asarray(norms, np.float32), len(places)),
+        np.broadcast_to(np.asarray(thresholds, np.float32), len(places)),
+        features,
+    )
+
+
+def cells_of(anchors: Anchors, side):
+    return {tuple(cell) for cell in np.rint(anchors.positions / np.float32(side)).astype(int).tolist()}
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 30))
+def test_no_two_anchors_grow_in_one_cell_and_no_more_than_there_is_room_for(seed, room):
+    rng = np.random.default_rng(seed)
+    before = rng.uniform(-1, 1, (20, 3)).astype(np.float32)
+    asking = candidates(rng.uniform(-1, 1, (60, 3)), rng.exponential(1e-3, 60))
+    new = grown(before, asking, 0.02, 4, room, rng)
+    assert len(new.positions) <= room
+    sides = np.exp(new.log_scalings[:, 0])
+    assert not new.offsets.any()
+    for cell in CELLS:
+        level = np.isclose(sides, 0.02 * cell)
+        grid = np.rint(new.positions[level] / np.float32(0.02 * cell)).astype(int)
+        assert len(np.unique(grid, axis=0)) == level.sum()
+        old = np.rint(before / np.float32(0.02 * cell)).astype(int)
+        assert not {*map(tuple, grid.tolist())} & {*map(tuple, old.tolist())}
+
+
+def test_an_anchor_grows_where_gradients_reach_the_threshold():
+    places = np.repeat([[1.0, 0, 0], [-1.0, 0, 0]], 40, axis=0)
+    norms = np.repeat([1.5 * GRADIENT_THRESHOLD, 0.5 * GRADIENT_THRESHOLD], 40)
+    nowhere = np.full((1, 3), 9, np.float32)
+    new = grown(nowhere, candidates(places, norms), 0.01, 4, 100, np.random.default_rng(0))
+    assert cells_of(new, 0.16) == {(6, 0, 0)}  # the first level only: others ask for two and four times as much
+    assert new.features[0].tolist() in candidates(places, norms).features[:40].tolist()
+    lowered = np.where(places[:, 0] < 0, GRADIENT_THRESHOLD / 2, GRADIENT_THRESHOLD)
+    denser = grown(nowhere, candidates(places, norms, lowered), 0.01, 4, 100, np.random.default_rng(0))
+    assert cells_of(denser, 0.16) == {(6, 0, 0), (-6, 0, 0)}
+
+
+def test_where_room_is_short_the_largest_gradients_come_first():
+    places = [[1.0, 0, 0]] * 20 + [[-1.0, 0, 0]] * 20
+    new = grown(
+        np.full((1, 3), 9, np.float32),
+        candidates(places, [4e-4] * 20 + [3e-4] * 20),
+        0.01,
+        4,
+        1,
+        np.random.default_rng(0),
+    )
+    assert cells_of(new, 0.16) == {(6, 0, 0)}
+
+
+def test_the_hidden_region_is_the_box_of_what_is_dense():
+    rng = np.random.default_rng(0)
+    dense = rng.uniform([1, 1, 1], [1.2, 1.3, 1.4], (200, 3)).astype(np.float32)
+    stray = np.float32([[5, 5, 5], [-5, 0, 0]])
+    box = hidden_box(np.concatenate([dense, stray]), 0.01)
+    np.testing.assert_array_equal(box, [dense.min(axis=0), dense.max(axis=0)])
+    assert inside(box, np.concatenate([dense, stray])).tolist() == [True] * 200 + [False] * 2
+    assert hidden_box(stray, 0.01) is None
+    assert hidden_box(np.repeat(stray, NEIGHBOURS - 1, axis=0), 0.01) is None
+    assert not inside(None, dense).any()
+
+
+def test_statistics_follow_the_anchors():
+    asset = random_asset()
+    found, rows = asset.seen(VIEW)
+    statistics = Statistics(40, 4)
+    for _ in range(3):
+        statistics.note(rows, found, np.full(len(found.active), 2, np.float32))
+    norms, places = statistics.means()
+    active = rows[found.active // 4], found.active % 4
+    assert (norms[active] == 2).all()
+    assert norms.sum() == 2 * len(found.active)
+    np.testing.assert_allclose(places[active], found.means, rtol=1e-6)
+    assert statistics.visits[rows].tolist() == [3] * len(rows)
+    first = rows[0]
+    statistics.forget(statistics.seen > 5, np.arange(40) == first)
+    assert statistics.visits[first] == 0
+    assert statistics.seen.sum() == 3 * len(found.active)
+    statistics.follow(np.array([5, rows[1]]), 3)
+    assert statistics.visits.tolist()[1:] == [3, 0, 0, 0]
+    assert statistics.places.shape == (5, 4, 3)
+
+
+@pytest.mark.parametrize("at_most", [20, 100, 5000])
+def test_anchors_start_one_per_voxel_of_points(at_most):
+    points = np.random.default_rng(0).uniform(-1, 1, (800, 3))
+    anchors, voxel = first_anchors(points, at_most)
+    assert 4 <= len(anchors.positions) <= at_most
+    assert len(cells_of(anchors, voxel)) == len(anchors.positions)
+    assert np.abs(points[:, None] - anchors.positions).max(axis=2).min(axis=1).max() <= voxel / 2 + 1e-6
+
+
+def test_coincident_points_are_one_anchor_each():
+    places = np.random.default_rng(0).uniform(-1, 1, (6, 3))
+    anchors, _ = first_anchors(np.repeat(places, 10, axis=0), 100)
+    np.testing.assert_allclose(np.sort(anchors.positions, axis=0), np.sort(places, axis=0), atol=1e-6)
+
+
+def test_a_short_run_has_the_schedule_of_a_long_one():
+    long, short = AnchorSchedule.scaled(30_000), AnchorSchedule.scaled(3_000)
+    assert [i for i in range(1, 1800) if long.adjusts(i)] == [1600, 1700]
+    assert not long.adjusts(15_000)
+    assert [i for i in range(1, 300) if short.adjusts(i)] == [200, 250]
+    assert short.counts(51)
+    assert not short.counts(50)
+    for name, rate in long.rates(15_000, 2.0).items():
+        assert short.rates(1_500, 2.0)[name] == pytest.approx(rate)
+    assert long.rates(30_000, 2.0)["offsets"] == pytest.approx(2e-4)
+
+
+def test_the_scheme_has_the_settings_that_every_scheme_has():
+    assert SCHEME.settings.keys() >= REQUIRED
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [("iterations", 0), ("message_weight", -1), ("message_weight", np.inf), ("max_anchors", 3), ("density", 0.5)],
+)
+def test_settings_out_of_range_are_refused(pair_folder, setting, value):
+    with pytest.raises(InputError, match=f"scheme secure_gs: {setting}: expected at least"):
+        hide(SCHEME, read_pair(pair_folder), **{setting: value})
+
+
+def test_without_torch_only_training_says_what_to_install(monkeypatch, pair_folder, tmp_path):
+    pair = read_pair(pair_folder)
+    for name in [n for n in sys.modules if n.startswith(("gspure.training.torch_bridge", "gspure.schemes.pytorch"))]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ("learner", "training"):
+        monkeypatch.delitem(sys.modules, f"gspure.schemes.secure_gs.{name}", raising=False)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install gspure\[torch\]"):
+        hide(SCHEME, pair)
+    asset, key = random_asset(), random_key()
+    asset.write(tmp_path / "point_cloud.ply")
+    key.write(tmp_path)
+    seen = SCHEME.read_key(tmp_path).message(SCHEME.read_asset(tmp_path), "message")(VIEW)
+    assert (seen == key.message(asset, "message")(VIEW)).all()

@@ -1,0 +1,121 @@
+"""SecureGS as it is trained, for a moment: both branches improve, and the same seed gives the same bits."""
+
+import numpy as np
+import pytest
+
+from gspure.evaluation.metrics import psnr
+from gspure.schemes.pair import read_pair
+from gspure.schemes.scheme import hide
+from gspure.schemes.secure_gs import SCHEME
+from gspure.schemes.secure_gs.anchors import Anchors
+
+torch = pytest.importorskip("torch")
+
+from gspure.opencl.device import choose_device  # noqa: E402
+from gspure.schemes.secure_gs.learner import Learner, single_threaded  # noqa: E402
+from gspure.schemes.secure_gs.training import Training  # noqa: E402
+from tests.anchor_cases import random_asset, random_key  # noqa: E402
+from tests.models import camera  # noqa: E402
+
+SHORT = {"iterations": 80, "max_anchors": 600}
+
+
+@pytest.fixture(scope="module")
+def pair(pair_folder):
+    return read_pair(pair_folder)
+
+
+@pytest.fixture(scope="module")
+def embedded(pair):
+    return hide(SCHEME, pair, seed=3, **SHORT)
+
+
+def quality(view, pair, photographs):
+    return np.mean([psnr(view(c).clip(0, 1), photo) for c, photo in zip(pair.views, photographs, strict=True)])
+
+
+def mean_colour(photographs):
+    mean = np.mean(photographs, axis=(0, 1, 2))
+    return np.mean([psnr(np.broadcast_to(mean, photo.shape), photo) for photo in photographs])
+
+
+def test_scene_and_message_are_learned_over_the_same_anchors(pair, embedded):
+    asset, key = embedded
+    scene, message = asset.scene(), key.message(asset, "message")
+    assert quality(scene, pair, pair.scene) > mean_colour(pair.scene) + 2
+    assert quality(message, pair, pair.message) > mean_colour(pair.message) + 2
+    wrong = key.wrong(np.random.default_rng(0)).message(asset, "message")
+    assert quality(wrong, pair, pair.message) < quality(message, pair, pair.message) - 2
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_does_not(tmp_path, pair, embedded):
+    threads = torch.get_num_threads()
+    torch.set_num_threads(3)
+    again = hide(SCHEME, pair, seed=3, **SHORT)
+    assert torch.get_num_threads() == 3
+    torch.set_num_threads(threads)
+    other = hide(SCHEME, pair, seed=4, **SHORT)
+    written = []
+    for name, (asset, key) in (("first", embedded), ("again", again), ("other", other)):
+        asset.write(tmp_path / name / "point_cloud.ply")
+        key.write(tmp_path / name)
+        written.append([file.read_bytes() for file in sorted((tmp_path / name).iterdir())])
+    assert len(written[0]) == 3
+    assert written[0] == written[1]
+    assert all(one != another for one, another in zip(written[0], written[2], strict=True))
+
+
+def test_the_published_table_cannot_be_told_from_scaffolds(pair, embedded):
+    clean, key = hide(SCHEME, pair, message_weight=0, iterations=3, max_anchors=600)
+    asset, _ = embedded
+    assert key is None
+    assert asset.units.table.dtype == clean.units.table.dtype
+    assert asset.networks.keys() == clean.networks.keys()
+    assert len(set(asset.units.columns("opacity").ravel())) == 1
+
+
+def test_anchors_grow_within_their_limit_and_both_branches_ask_for_them(pair):
+    asset, key = random_asset(60), random_key()
+    run = Training(
+        *(pair, asset.anchors, 0.05, [asset.networks, key.networks], 400),
+        message_weight=0.5,
+        density=2.0,
+        max_anchors=100,
+        seed=0,
+        device=choose_device(),
+    )
+    with single_threaded():
+        counts = [len(run.learner.anchors.positions) for _ in zip(range(120), run, strict=False)]
+    assert max(counts) <= 100
+    assert len(set(counts)) > 1
+
+
+def test_learned_rows_and_their_moments_follow_the_anchors():
+    asset = random_asset()
+    photograph = np.zeros((47, 65, 3), np.float32)
+    learner = Learner(asset.anchors, [asset.networks], [[photograph]], choose_device())
+    rates = dict.fromkeys(("offsets", "features", "log_scalings", "opacity", "cov", "color"), 1e-2)
+    rows = asset.seen(camera())[1]
+    learner.differentiate(0, camera(), rows, 0, 1.0)
+    learner.step(rates)
+    before = learner.anchors
+    kept = np.array([rows[0], rows[3]])
+    none = Anchors(*(array[:1] for array in vars(random_asset(seed=9).anchors).values()))
+    learner.follow(kept, none)
+    for name, array in vars(learner.anchors).items():
+        np.testing.assert_array_equal(array[:2], getattr(before, name)[kept])
+        np.testing.assert_array_equal(array[2:], getattr(none, name))
+    moments = [learner._optimizer.state[group["params"][0]]["exp_avg"] for group in learner._optimizer.param_groups[:3]]
+    assert all(moment.shape[0] == 3 and moment[:2].any() and not moment[2:].any() for moment in moments)
+    loss, *_ = learner.differentiate(0, camera(), np.arange(3), 0, 1.0)
+    learner.step(rates)
+    assert learner.differentiate(0, camera(), np.arange(3), 0, 1.0)[0] < loss
+
+
+def test_a_view_without_gaussians_still_has_a_loss():
+    asset = random_asset()
+    photograph = np.full((47, 65, 3), 0.5, np.float32)
+    learner = Learner(asset.anchors, [asset.networks], [[photograph]], choose_device())
+    loss, found, gradients = learner.differentiate(0, camera(), np.empty(0, np.intp), 0, 1.0)
+    assert np.isfinite(loss)
+    assert len(found.active) == len(gradients) == 0
