@@ -1,0 +1,46 @@
+"""Small models of every kind that attacks meet, and what is known of them."""
+
+import numpy as np
+from hypothesis import settings
+
+from gspure.attacks import Evidence
+from gspure.model import Gaussians
+from tests.models import blobs
+
+
+def features(count: int, seed: int = 0) -> Gaussians:
+    """Gaussians that colour by features, as GS-Hider's."""
+    return _renamed(blobs(count, seed, sh_degree=1), {f"f_dc_{i}": f"semantic_{i}" for i in range(3)}, "f_rest_")
+
+
+def anchors(count: int, seed: int = 0) -> Gaussians:
+    """Anchors of one Gaussian each, as Scaffold-GS's; their opacities are all the same."""
+    names = {f"f_dc_{i}": f"f_anchor_feat_{i}" for i in range(3)} | {f"f_rest_{i}": f"f_offset_{i}" for i in range(3)}
+    model = _renamed(blobs(count, seed, sh_degree=1), names, "f_rest_")
+    return model.with_columns({"opacity": np.full(count, -2.1972246, np.float32)})
+
+
+unhurried = settings(max_examples=40, deadline=None)  # a busy machine is no failure
+
+KINDS = {"harmonics": blobs, "features": features, "anchors": anchors}
+
+
+def evidence(count: int, seed: int = 1) -> Evidence:
+    """Weights, opacities and a decision, all random."""
+    rng = np.random.default_rng(seed)
+    weights = rng.lognormal(0, 2, count).astype(np.float32)
+    return Evidence(weights, weights < 1, rng.uniform(size=count).astype(np.float32))
+
+
+def changed(before: Gaussians, after: Gaussians) -> set[str]:
+    """Return the columns that differ between two models of the same rows."""
+    return {name for name in before.table.dtype.names if (before.table[name] != after.table[name]).any()}
+
+
+def _renamed(model: Gaussians, names: dict[str, str], dropped: str) -> Gaussians:
+    columns = {names.get(name, name): model.table[name] for name in model.table.dtype.names}
+    columns = {name: column for name, column in columns.items() if not name.startswith(dropped)}
+    table = np.empty(len(model), [(name, "<f4") for name in columns])
+    for name, column in columns.items():
+        table[name] = column
+    return Gaussians(table)

@@ -1,0 +1,74 @@
+"""Did an attack touch what the message is read from?"""
+
+import numpy as np
+import pytest
+
+from gspure.attacks import Attacked, find_attack
+from gspure.attacks.carrier import reached
+from gspure.errors import InputError
+from gspure.model import Gaussians
+from tests.attack_cases import anchors, evidence, features
+from tests.models import blobs
+
+COUNT = 30
+BITS = ("f_dc_*", "f_rest_*", "opacity")  # Splats in Splats, read from the public colours
+PLACES = ("x", "y", "z")  # the same, with the owner's own colours and opacities
+BLEND = ("semantic_*", "x", "y", "z", "opacity", "scale_*", "rot_*")  # GS-Hider
+FEATURES = ("f_anchor_feat_*",)  # SecureGS
+
+
+def reaches(name: str, model: Gaussians, carrier: tuple[str, ...], **settings) -> bool:
+    return reached(model, find_attack(name).apply(model, evidence(COUNT), **settings), carrier)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "bits", "places"),
+    [
+        ("watermarked", {}, False, False),
+        ("feature_scaling", {}, True, False),
+        ("feature_scaling", {"factor": 1.0}, False, False),
+        ("gaussian_noise", {}, True, False),
+        ("gaussian_noise", {"sigma": 0.0}, False, False),
+        ("gaussian_noise", {"attributes": "opacity"}, True, False),
+        ("quantize", {}, True, False),
+        ("sh_truncation", {"degree": 2}, True, False),
+        ("position_noise", {}, False, True),
+        ("random_pruning", {"fraction": 0.1}, True, True),
+        ("random_pruning", {"fraction": 0.0}, False, False),
+        ("reorder", {}, False, False),
+        ("inject", {}, False, True),
+        ("densify_clone", {}, True, False),
+    ],
+)
+def test_an_attack_reaches_what_it_changes_or_loses(name: str, settings: dict, bits: bool, places: bool) -> None:
+    assert reaches(name, blobs(COUNT), BITS, **settings) == bits
+    assert reaches(name, blobs(COUNT), PLACES, **settings) == places
+
+
+def test_where_all_rows_are_blended_further_ones_reach_the_message() -> None:
+    assert reaches("inject", features(COUNT), BLEND)
+    assert not reaches("inject", anchors(COUNT), FEATURES)
+    assert not reaches("reorder", features(COUNT), BLEND)
+
+
+def test_one_bit_is_enough() -> None:
+    model = blobs(COUNT)
+    words = model.table["f_rest_7"].view(np.uint32).copy()
+    words[3] ^= 1
+    assert reached(model, Attacked.changed(model, {"f_rest_7": words.view(np.float32)}), BITS)
+
+
+def test_a_lost_row_is_enough_whatever_the_carrier() -> None:
+    model = blobs(COUNT)
+    assert reached(model, Attacked.pruned(model, np.arange(COUNT) > 0), ())
+
+
+def test_a_lost_column_is_enough() -> None:
+    model = blobs(COUNT)
+    without = Gaussians(model.table[[name for name in model.table.dtype.names if name != "f_rest_0"]])
+    assert reached(model, Attacked(without, np.arange(COUNT), COUNT), BITS)
+
+
+def test_a_carrier_that_the_model_does_not_have_is_refused() -> None:
+    with pytest.raises(InputError, match=r"carrier: semantic_\*: expected columns of the public model, found none"):
+        reaches("watermarked", blobs(COUNT), BLEND)

@@ -1,0 +1,152 @@
+"""Rigid motion: the model moves, views move along, and nothing else is to be seen of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.attacks import Evidence, find_attack
+from gspure.attacks.harmonics import rotation_matrix, turned
+from gspure.cameras import write_cameras
+from gspure.cli import main
+from gspure.cli.options import read_views
+from gspure.errors import InputError
+from gspure.model import Gaussians, write_model
+from gspure.reference.blending import render
+from gspure.reference.projection import rotation_matrices
+from gspure.reference.spherical_harmonics import sh_basis, sh_colors
+from tests.attack_cases import anchors, changed, features, unhurried
+from tests.models import blobs, camera, tilted_camera
+
+COUNT = 20
+angles = st.floats(-400, 400)
+vectors = st.tuples(*[st.floats(-3, 3)] * 3)
+axes = vectors.filter(lambda axis: np.linalg.norm(axis) > 0.1)
+degrees = st.integers(0, 3)
+
+
+def moved(model: Gaussians, angle: float, axis=(0, 1, 0), translation=(0, 0, 0)):
+    texts = {"axis": ",".join(map(str, axis)), "translation": ",".join(map(str, translation))}
+    return find_attack("rigid_transform").apply(model, Evidence(), angle=angle, **texts)
+
+
+@unhurried
+@given(degree=st.integers(1, 3), axis=axes, angle=angles, seed=st.integers(0, 99))
+def test_turned_harmonics_are_those_seen_from_turned_directions(degree, axis, angle, seed) -> None:
+    unit, radians = np.array(axis) / np.linalg.norm(axis), np.deg2rad(angle)
+    rotation = moved(blobs(1), angle, axis).world[:3, :3]
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(10, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    coeffs = rng.normal(size=(1, (degree + 1) ** 2, 3))
+    before = sh_basis(directions)[:, : coeffs.shape[1]] @ coeffs[0]
+    after = sh_basis(directions @ rotation.T)[:, : coeffs.shape[1]] @ turned(coeffs, unit, radians)[0]
+    np.testing.assert_allclose(after, before, atol=1e-10)
+
+
+@unhurried
+@given(degree=degrees, axis=axes, one=angles, other=angles)
+def test_matrices_of_harmonics_are_orthogonal_and_turns_add_up(degree, axis, one, other) -> None:
+    unit, (one, other) = np.array(axis) / np.linalg.norm(axis), np.deg2rad([one, other])
+    first, second = (rotation_matrix(degree, unit, radians) for radians in (one, other))
+    np.testing.assert_allclose(first @ first.T, np.eye(2 * degree + 1), atol=1e-12)
+    np.testing.assert_allclose(second @ first, rotation_matrix(degree, unit, one + other), atol=1e-12)
+
+
+@unhurried
+@given(axis=axes, angle=angles, translation=vectors)
+def test_distances_and_shapes_stay(axis, angle, translation) -> None:
+    before = blobs(COUNT)
+    attacked = moved(before, angle, axis, translation)
+    world, after = attacked.world, attacked.model
+    np.testing.assert_allclose(distances(after.means), distances(before.means), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(covariances(after), turn(world, covariances(before)), atol=1e-5)
+    np.testing.assert_allclose(after.means, before.means @ world[:3, :3].T + world[:3, 3], rtol=1e-5, atol=1e-5)
+    assert changed(before, after) <= {
+        *("x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3"),
+        *before.columns_named("f_rest_"),
+    }
+
+
+@unhurried
+@given(axis=axes, angle=angles, translation=vectors, degree=degrees)
+def test_colours_are_the_same_from_moved_views(axis, angle, translation, degree) -> None:
+    before = blobs(COUNT, sh_degree=degree)
+    attacked = moved(before, angle, axis, translation)
+    centre = tilted_camera().moved(attacked.world).centre
+    colours = sh_colors(attacked.model.sh_coeffs, attacked.model.means, centre)
+    np.testing.assert_allclose(colours, sh_colors(before.sh_coeffs, before.means, tilted_camera().centre), atol=1e-4)
+
+
+@pytest.mark.parametrize("view", [camera(), tilted_camera()], ids=["straight", "tilted"])
+def test_images_are_the_same_from_moved_views_and_others_from_the_old_ones(view) -> None:
+    before = blobs(COUNT)
+    attacked = moved(before, 70.0, (1, 2, -1), (0.5, 0, -1))
+    truth = render(before, view, "ewa").channels
+    assert np.abs(render(attacked.model, view.moved(attacked.world), "ewa").channels - truth).mean() < 1e-4
+    assert np.abs(render(attacked.model, view, "ewa").channels - truth).mean() > 1e-2
+
+
+@unhurried
+@given(axis=axes, angle=st.floats(-180, 180))
+def test_turning_back_restores_the_model(axis, angle) -> None:
+    before = blobs(COUNT)
+    after = moved(moved(before, angle, axis).model, -angle, axis).model
+    np.testing.assert_allclose(after.means, before.means, atol=1e-4)
+    np.testing.assert_allclose(after.sh_coeffs, before.sh_coeffs, atol=1e-5)
+    np.testing.assert_allclose(after.quats, before.quats, atol=1e-5)
+
+
+def test_features_have_no_direction_and_stay() -> None:
+    assert changed(features(COUNT), moved(features(COUNT), 30.0).model) <= {
+        "x",
+        "y",
+        "z",
+        *(f"rot_{i}" for i in range(4)),
+    }
+
+
+def test_anchors_are_shifted_but_not_turned() -> None:
+    attacked = moved(anchors(COUNT), 0.0, translation=(1, 0, 0))
+    assert changed(anchors(COUNT), attacked.model) == {"x"}
+    with pytest.raises(InputError, match="expected rows with a rotation of their own, found anchors"):
+        moved(anchors(COUNT), 30.0)
+
+
+def test_no_motion_leaves_views_bit_for_bit() -> None:
+    assert (tilted_camera().moved(np.eye(4)).numbers == tilted_camera().numbers).all()
+
+
+def test_commands_hand_the_motion_on(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
+    files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
+    for name, world in (("rigid_transform", moved(blobs(COUNT), 30.0).world), ("reorder", np.eye(4))):
+        assert main(["attack", name, *files, "--world", str(tmp_path / "world.npy")]) == 0
+        np.testing.assert_array_equal(np.load(tmp_path / "world.npy"), world)
+    np.save(tmp_path / "world.npy", moved(blobs(COUNT), 30.0).world)
+    (view,) = read_views(Arguments(tmp_path))
+    expected = tilted_camera().moved(moved(blobs(COUNT), 30.0).world).viewmat
+    np.testing.assert_allclose(view.viewmat, expected, atol=1e-12)
+
+
+class Arguments:
+    split = "all"
+
+    def __init__(self, folder: Path) -> None:
+        self.cameras, self.world = folder / "cameras.json", folder / "world.npy"
+
+
+def distances(means: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(means[:, None].astype(float) - means, axis=2)
+
+
+def covariances(model: Gaussians) -> np.ndarray:
+    axes = rotation_matrices(model.quats) * model.scales[:, None]
+    return axes @ axes.transpose(0, 2, 1)
+
+
+def turn(world: np.ndarray, covs: np.ndarray) -> np.ndarray:
+    return world[:3, :3] @ covs @ world[:3, :3].T

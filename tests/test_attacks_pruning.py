@@ -1,0 +1,109 @@
+"""Attacks that remove rows: how many, which, and that nothing happens to the others."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.artifacts import save_array
+from gspure.attacks import Evidence, find_attack
+from gspure.cli import main
+from gspure.model import read_model, write_model
+from tests.attack_cases import KINDS, anchors, evidence, unhurried
+from tests.models import blobs
+
+COUNT = 30
+counts = st.integers(1, 40)
+shares = st.floats(0, 1)
+seeds = st.integers(0, 99)
+
+
+@pytest.mark.parametrize("name", ["random_pruning", "lowest_weight", "lowest_opacity"])
+@unhurried
+@given(count=counts, fraction=shares, seed=seeds)
+def test_exactly_the_fraction_goes(name: str, count: int, fraction: float, seed: int) -> None:
+    attacked = find_attack(name).apply(blobs(count), evidence(count), seed=seed, fraction=fraction)
+    assert (~attacked.kept).sum() == count - len(attacked.model) == round(fraction * count)
+
+
+@pytest.mark.parametrize(("name", "field"), [("lowest_weight", "weights"), ("lowest_opacity", "opacities")])
+@unhurried
+@given(count=counts, fraction=shares, seed=seeds)
+def test_none_that_goes_is_above_one_that_stays(name: str, field: str, count: int, fraction: float, seed: int) -> None:
+    found = evidence(count, seed)
+    kept, values = find_attack(name).apply(blobs(count), found, fraction=fraction).kept, getattr(found, field)
+    assert values[~kept].max(initial=-np.inf) <= values[kept].min(initial=np.inf)
+
+
+def test_of_equals_the_first_go() -> None:
+    attacked = find_attack("lowest_weight").apply(blobs(4), Evidence(np.float32([1, 1, 1, 0])), fraction=0.5)
+    assert attacked.kept.tolist() == [False, True, True, False]
+
+
+@pytest.mark.parametrize("name", ["random_matched", "lowest_weight_matched", "lowest_opacity_matched"])
+@unhurried
+@given(count=counts, seed=seeds)
+def test_matched_controls_remove_as_many_as_gspure(name: str, count: int, seed: int) -> None:
+    found = evidence(count, seed)
+    assert (~find_attack(name).apply(blobs(count), found, seed=seed).kept).sum() == found.prune_mask.sum()
+
+
+def test_matched_controls_remove_others_than_gspure() -> None:
+    found = Evidence(np.float32([1, 2, 3, 4]), np.array([False, False, True, False]), np.float32([0.4, 0.3, 0.2, 0.1]))
+    removed = {
+        name: np.flatnonzero(~find_attack(name).apply(blobs(4), found).kept).tolist()
+        for name in ("gspure", "lowest_weight_matched", "lowest_opacity_matched")
+    }
+    assert removed == {"gspure": [2], "lowest_weight_matched": [0], "lowest_opacity_matched": [3]}
+
+
+def test_plain_opacity_removes_what_lies_below_the_mean_over_tau() -> None:
+    found = Evidence(opacities=np.float32([0.1, 0.2, 0.9]))  # mean 0.4
+    assert find_attack("plain_opacity").apply(blobs(3), found, tau=2.5).kept.tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@unhurried
+@given(fraction=shares, seed=seeds)
+def test_crop_keeps_a_box_and_a_larger_one_keeps_more(kind: str, fraction: float, seed: int) -> None:
+    model = KINDS[kind](COUNT, seed)
+    attacked = find_attack("crop").apply(model, Evidence(), fraction=fraction)
+    larger = find_attack("crop").apply(model, Evidence(), fraction=min(1.0, fraction + 0.1))
+    assert larger.kept[attacked.kept].all()
+    assert attacked.model.table.tobytes() == model.table[attacked.kept].tobytes()
+    if attacked.kept.any():
+        low, high = attacked.model.means.min(axis=0), attacked.model.means.max(axis=0)
+        inside = ((model.means >= low) & (model.means <= high)).all(axis=1)
+        np.testing.assert_array_equal(inside, attacked.kept)
+
+
+def test_a_floater_does_not_widen_the_crop() -> None:
+    model = blobs(1000)
+    far = model.table.copy()
+    far["x"][0] = 1e6
+    kept = find_attack("crop").apply(model, Evidence()).kept
+    with_floater = find_attack("crop").apply(type(model)(far), Evidence()).kept
+    assert not with_floater[0]
+    assert (with_floater[1:] != kept[1:]).mean() < 0.01
+
+
+def test_the_command_takes_the_opacities_that_gaussians_store(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    given_files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
+    assert main(["attack", "lowest_opacity", *given_files, "--set", "fraction=0.5"]) == 0
+    stored = Evidence(opacities=blobs(COUNT).opacities)
+    expected = find_attack("lowest_opacity").apply(blobs(COUNT), stored, fraction=0.5).model
+    assert read_model(tmp_path / "out.ply").table.tobytes() == expected.table.tobytes()
+
+
+def test_the_command_wants_opacities_for_anchors_and_takes_those_given(tmp_path: Path, capsys) -> None:
+    write_model(tmp_path / "model.ply", anchors(COUNT))
+    given_files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
+    assert main(["attack", "lowest_opacity", *given_files]) == 2
+    assert "attack lowest_opacity: opacities: expected an array, found nothing" in capsys.readouterr().err
+    save_array(tmp_path / "opacities.npy", np.linspace(1, 0, COUNT, dtype=np.float32))
+    measured = ["--opacities", str(tmp_path / "opacities.npy"), "--set", "fraction=0.5"]
+    assert main(["attack", "lowest_opacity", *given_files, *measured, "--kept", str(tmp_path / "kept.npy")]) == 0
+    np.testing.assert_array_equal(np.load(tmp_path / "kept.npy"), np.arange(COUNT) < COUNT / 2)

@@ -1,0 +1,81 @@
+"""Attacks that add rows or change their order."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.attacks import Evidence, find_attack
+from gspure.model import Gaussians
+from gspure.reference.blending import render
+from tests.attack_cases import KINDS, changed, unhurried
+from tests.models import blobs, camera
+
+COUNT = 30
+shares = st.floats(0, 1)
+seeds = st.integers(0, 99)
+
+
+def ordered(table: np.ndarray) -> list[bytes]:
+    return sorted(row.tobytes() for row in table)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@unhurried
+@given(seed=seeds)
+def test_reordering_is_a_permutation(kind: str, seed: int) -> None:
+    model = KINDS[kind](COUNT)
+    attacked = find_attack("reorder").apply(model, Evidence(), seed=seed)
+    assert attacked.kept.all()
+    assert ordered(attacked.model.table) == ordered(model.table)
+    assert attacked.model.table.tobytes() == model.table[attacked.rows].tobytes()
+
+
+def test_reordering_leaves_images_as_they_are() -> None:
+    attacked = find_attack("reorder").apply(blobs(COUNT), Evidence())
+    np.testing.assert_array_equal(image(attacked.model), image(blobs(COUNT)))
+
+
+@unhurried
+@given(fraction=shares, seed=seeds)
+def test_clones_are_their_originals_but_for_the_opacity_of_both(fraction: float, seed: int) -> None:
+    model = blobs(COUNT)
+    attacked = find_attack("densify_clone").apply(model, Evidence(), seed=seed, fraction=fraction)
+    number = round(fraction * COUNT)
+    assert len(attacked.model) == COUNT + number
+    np.testing.assert_array_equal(attacked.rows[:COUNT], np.arange(COUNT))
+    assert changed(Gaussians(model.table[attacked.rows]), attacked.model) <= {"opacity"}
+    times = np.bincount(attacked.rows)
+    assert (times == 2).sum() == number
+    once = times[attacked.rows] == 1
+    np.testing.assert_array_equal(attacked.model.opacities[once], model.opacities[attacked.rows[once]])
+
+
+def test_twins_let_through_what_their_original_did() -> None:
+    attacked = find_attack("densify_clone").apply(blobs(COUNT), Evidence(), fraction=1.0)
+    first, second = attacked.model.opacities[:COUNT], attacked.model.opacities[COUNT:]
+    np.testing.assert_allclose((1 - first) * (1 - second), 1 - blobs(COUNT).opacities, rtol=1e-3, atol=2e-6)
+
+
+def test_cloning_changes_images_less_than_pruning_as_many() -> None:
+    cloned = find_attack("densify_clone").apply(blobs(COUNT), Evidence(), fraction=0.5)
+    pruned = find_attack("random_pruning").apply(blobs(COUNT), Evidence(), fraction=0.5)
+    truth = image(blobs(COUNT))
+    damage = [np.square(image(attacked.model) - truth).mean() for attacked in (cloned, pruned)]
+    assert 0 < damage[0] < damage[1] / 10
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@unhurried
+@given(fraction=shares, seed=seeds)
+def test_injected_rows_are_moved_copies_behind_the_untouched_ones(kind: str, fraction: float, seed: int) -> None:
+    model = KINDS[kind](COUNT)
+    attacked = find_attack("inject").apply(model, Evidence(), seed=seed, fraction=fraction)
+    assert len(attacked.model) == COUNT + round(fraction * COUNT)
+    assert attacked.model.table[:COUNT].tobytes() == model.table.tobytes()
+    assert changed(Gaussians(model.table[attacked.rows]), attacked.model) <= {"x", "y", "z"}
+    assert (attacked.model.means[COUNT:] != model.means[attacked.rows[COUNT:]]).any(axis=1).all()
+
+
+def image(model: Gaussians) -> np.ndarray:
+    return render(model, camera(), "ewa").channels

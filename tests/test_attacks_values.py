@@ -1,0 +1,159 @@
+"""Attacks that change stored values: which columns, by how much, and where there is nothing to change."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.attacks import Evidence, find_attack
+from gspure.attacks.extent import radius
+from gspure.errors import InputError
+from gspure.model import Gaussians
+from tests.attack_cases import KINDS, anchors, changed, features, unhurried
+from tests.models import blobs
+
+COUNT = 30
+GEOMETRY = {"scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"}
+COLOURS = {
+    "harmonics": {f"f_dc_{i}" for i in range(3)} | {f"f_rest_{i}" for i in range(45)},
+    "features": {f"semantic_{i}" for i in range(3)},
+    "anchors": {f"f_anchor_feat_{i}" for i in range(3)},
+}
+BASE_COLOURS = {**COLOURS, "harmonics": {f"f_dc_{i}" for i in range(3)}}
+OWN = {
+    "harmonics": {"opacity", *GEOMETRY},
+    "features": {"opacity", *GEOMETRY},
+    "anchors": {"scale_0", "scale_1", "scale_2"},
+}
+
+
+def attacked(name: str, model: Gaussians, seed: int = 0, **settings) -> Gaussians:
+    return find_attack(name).apply(model, Evidence(), seed=seed, **settings).model
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@unhurried
+@given(bits=st.integers(1, 8), seed=st.integers(0, 99))
+def test_quantized_values_are_off_by_at_most_half_a_step(kind: str, bits: int, seed: int) -> None:
+    before = KINDS[kind](COUNT, seed)
+    after = attacked("quantize", before, bits=bits)
+    assert changed(before, after) <= COLOURS[kind] | OWN[kind]
+    for name in COLOURS[kind] | OWN[kind]:
+        old, new = before.table[name].astype(float), after.table[name].astype(float)
+        step = np.ptp(old) / (2**bits - 1)
+        assert np.abs(new - old).max() <= step / 2 + 1e-6 * np.abs(old).max()
+        assert len(np.unique(new)) <= 2**bits
+        assert (new.min(), new.max()) == (old.min(), old.max())
+
+
+@unhurried
+@given(bits=st.sampled_from([1, 4, 8, 16]), seed=st.integers(0, 99))
+def test_quantizing_again_changes_nothing(bits: int, seed: int) -> None:
+    once = attacked("quantize", blobs(COUNT, seed), bits=bits, attributes="position,colour")
+    again = attacked("quantize", once, bits=bits, attributes="position,colour")
+    np.testing.assert_allclose(again.means, once.means, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(again.sh_coeffs, once.sh_coeffs, rtol=1e-6, atol=1e-6)
+
+
+def test_half_precision_is_that_of_ieee_and_does_not_overflow() -> None:
+    before = blobs(COUNT).with_columns({"f_dc_0": np.linspace(-1e6, 1e6, COUNT)})
+    after = attacked("quantize", before, bits=16)
+    assert np.abs(after.table["f_dc_0"]).max() == 65504
+    np.testing.assert_allclose(after.table["opacity"], before.table["opacity"], rtol=2**-11)
+    np.testing.assert_array_equal(after.means, before.means)
+
+
+def test_a_column_of_one_value_keeps_it() -> None:
+    before = blobs(COUNT).with_columns({"opacity": np.full(COUNT, 0.3)})
+    assert "opacity" not in changed(before, attacked("quantize", before, bits=1))
+
+
+@unhurried
+@given(degree=st.integers(0, 2), stored=st.integers(1, 3))
+def test_truncation_zeroes_the_harmonics_above_the_degree_and_no_others(degree: int, stored: int) -> None:
+    before = blobs(COUNT, sh_degree=stored)
+    if degree >= stored:
+        with pytest.raises(InputError, match=f"sh_truncation: degree: expected 0 to {stored - 1}, found {degree}"):
+            attacked("sh_truncation", before, degree=degree)
+        return
+    after, left = attacked("sh_truncation", before, degree=degree), (degree + 1) ** 2
+    np.testing.assert_array_equal(after.sh_coeffs[:, :left], before.sh_coeffs[:, :left])
+    assert not after.sh_coeffs[:, left:].any()
+    assert {name.rpartition("_")[0] for name in changed(before, after)} == {"f_rest"}
+
+
+@pytest.mark.parametrize("kind", ["features", "anchors"])
+def test_models_without_harmonics_refuse_truncation(kind: str) -> None:
+    with pytest.raises(InputError, match="degree: expected a model with harmonics above degree 0, found 0"):
+        attacked("sh_truncation", KINDS[kind](COUNT))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("name", "setting"), [("feature_scaling", "factor"), ("gaussian_noise", "sigma")])
+def test_base_colour_is_what_has_no_direction(name: str, setting: str, kind: str) -> None:
+    before = KINDS[kind](COUNT)
+    after = attacked(name, before, attributes="base_colour", **{setting: 0.5})
+    assert changed(before, after) == BASE_COLOURS[kind]
+
+
+def test_opacity_noise_is_relative_and_has_the_given_deviation() -> None:
+    before = blobs(20_000)
+    after = attacked("opacity_noise", before, sigma=0.05)
+    assert changed(before, after) == {"opacity"}
+    middle = (before.opacities > 0.01) & (before.opacities < 0.7)  # nothing of these is clipped
+    np.testing.assert_allclose((after.opacities / before.opacities)[middle].std(), 0.05, rtol=0.05)
+    assert np.isfinite(after.table["opacity"]).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_position_noise_is_in_radii_and_moves_centres_only(kind: str) -> None:
+    before = KINDS[kind](5000)
+    after = attacked("position_noise", before, sigma=0.01)
+    assert changed(before, after) == {"x", "y", "z"}
+    np.testing.assert_allclose((after.means - before.means).std(axis=0), 0.01 * radius(before), rtol=0.05)
+
+
+def test_the_radius_scales_with_the_model_and_not_with_a_floater() -> None:
+    model, table = blobs(1000), blobs(1000).table.copy()
+    table["y"][7] = -1e6
+    assert radius(Gaussians(table)) == pytest.approx(radius(model), rel=0.01)
+    doubled = model.with_columns({axis: 2 * model.table[axis] for axis in "xyz"})
+    assert radius(doubled) == pytest.approx(2 * radius(model))
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("opacity_noise", {}),
+        ("densify_clone", {}),
+        ("feature_scaling", {"attributes": "opacity"}),
+        ("gaussian_noise", {"attributes": "opacity"}),
+        ("quantize", {"attributes": "opacity,rotation"}),
+    ],
+)
+def test_attacks_on_what_anchors_do_not_have_refuse_them(name: str, settings: dict) -> None:
+    with pytest.raises(InputError, match=r"found (none|anchors)"):
+        attacked(name, anchors(COUNT), **settings)
+    attacked(name, features(COUNT), **settings)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "message"),
+    [
+        ("quantize", {"bits": 9}, "bits: expected 1 to 8, or 16, found 9"),
+        ("quantize", {"attributes": "colour,colour"}, "attributes: expected one or more of colour,base_colour,opacity"),
+        ("sh_truncation", {"degree": -1}, "degree: expected 0 to 2, found -1"),
+        ("opacity_noise", {"sigma": -0.1}, "sigma: expected a number of at least 0"),
+        ("position_noise", {"sigma": float("inf")}, "sigma: expected a number of at least 0, found inf"),
+        ("crop", {"fraction": 2}, "fraction: expected 0 to 1, found 2"),
+        ("inject", {"fraction": float("nan")}, "fraction: expected 0 to 1, found nan"),
+        ("rigid_transform", {"axis": "0,0,0"}, "axis: expected an axis, found 0,0,0"),
+        ("rigid_transform", {"axis": "up"}, "axis: expected three numbers by commas, found up"),
+        ("rigid_transform", {"translation": "1,2"}, "translation: expected three numbers by commas, found 1,2"),
+        ("rigid_transform", {"angle": float("inf")}, "angle: expected a number, found inf"),
+        ("compression", {"codec": "sog"}, "codec: expected one of compressed_ply, spz, found sog"),
+    ],
+)
+def test_settings_out_of_range_are_refused(name: str, settings: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        attacked(name, blobs(COUNT), **settings)
