@@ -32,7 +32,7 @@ def hidden_box(places: Float32, voxel: float) -> tuple[Float32, Float32] | None:
 
 
 def inside(box: tuple[Float32, Float32] | None, places: Float32) -> NDArray[np.bool_]:
-    """Tell which places [C,3] lie in the box."""
+    """Tell which places [...,3] lie in the box."""
     if box is None:
-        return np.zeros(len(places), bool)
-    return np.asarray(((places >= box[0]) & (places <= box[1])).all(axis=1))
+        return np.zeros(places.shape[:-1], bool)
+    return np.asarray(((places >= box[0]) & (places <= box[1])).all(axis=-1))

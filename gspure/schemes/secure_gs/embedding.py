@@ -93,7 +93,7 @@ def embed(
         for _ in watched(run, iterations, lambda: _state(run, device)):
             pass
     if message_weight and density > 1:
-        say(f"RDO: the hidden region's box holds {run.boxed:.0%} of the scene's Gaussians")
+        say(f"RDO: the hidden region's box held up to {run.boxed:.0%} of the scene's Gaussians")
     return _outcome(run)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.opencl.device import Device
@@ -25,11 +26,13 @@ SEEN_SHARE: Final = 0.8
 OPACITY_MIN: Final = 0.005
 """An anchor whose Gaussians' opacities add up to less, on average over the views, goes (Scaffold-GS)."""
 
+Float32 = NDArray[np.float32]
+
 
 class Training:
     """One run; iterating over it trains, and yields the loss of each iteration.
 
-    The same pair, anchors, networks, seed and number of PyTorch's threads give the same bits.
+    The same arguments give the same bits, on one thread of PyTorch's.
 
     Parameters
     ----------
@@ -125,11 +128,9 @@ class Training:
         reached = anchors.positions[:, None] + anchors.offsets * np.exp(anchors.log_scalings[:, None, :3])
         places = [reached, *(hidden for _, hidden in means[1:])]  # hidden Gaussians move with the view
         thresholds = [np.full(mask.shape, GRADIENT_THRESHOLD, np.float32) for mask in known]
-        if self.hides and self._density > 1:
-            box = hidden_box(places[1][known[1] & (means[1][0] >= GRADIENT_THRESHOLD)], self._voxel)
-            dense = inside(box, reached.reshape(-1, 3)).reshape(known[0].shape)
-            thresholds[0][dense] /= self._density
-            self.boxed = float(dense.mean())
+        if self.hides:
+            asking = known[1] & (means[1][0] >= GRADIENT_THRESHOLD)
+            thresholds[0][self._masking(places[1][asking], reached)] /= self._density
         features = np.broadcast_to(anchors.features[:, None], (*known[0].shape, anchors.feat_dim))
         candidates = Candidates(
             *(
@@ -139,3 +140,10 @@ class Training:
         )
         room = max(0, self._max_anchors - len(anchors.positions))
         return grown(anchors.positions, candidates, self._voxel, anchors.k, room, self._rng)
+
+    def _masking(self, hidden: Float32, reached: Float32) -> NDArray[np.bool_]:
+        """Tell which of the scene's Gaussians [M,k] lie where hidden ones [C,3] ask for more (RDO)."""
+        box = hidden_box(hidden, self._voxel) if self._density > 1 else None
+        masking = inside(box, reached)
+        self.boxed = max(self.boxed, float(masking.mean()))
+        return masking
