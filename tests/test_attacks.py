@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gspure.attacks import Attack, Attacked, Evidence, attacks, find_attack, registry
 from gspure.cli import main
@@ -100,12 +98,6 @@ def test_watermarked_is_the_model_itself() -> None:
     attacked = find_attack("watermarked").apply(given_model, Evidence())
     assert attacked.model is given_model
     assert attacked.kept.all()
-
-
-@given(st.floats(0, 1), st.integers(0, 9))
-def test_random_pruning_removes_exactly_the_fraction(fraction: float, seed: int) -> None:
-    attacked = find_attack("random_pruning").apply(model(), Evidence(), seed=seed, fraction=fraction)
-    assert (~attacked.kept).sum() == round(fraction * COUNT)
 
 
 def test_random_matched_removes_as_many_as_gspure_but_others() -> None:

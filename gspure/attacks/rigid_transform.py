@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,8 +58,8 @@ def rigid_transform(
 
 def _turned(model: Gaussians, axis: Float64, radians: float) -> Gaussians:
     """Return the model with every Gaussian turned where it stands."""
-    quats = _product(np.array([np.cos(radians / 2), *np.sin(radians / 2) * axis]), model.quats.T)
-    result = model.with_columns({f"rot_{i}": column for i, column in enumerate(quats)})
+    turn = _left_product(np.cos(radians / 2), *np.sin(radians / 2) * axis)
+    result = model.with_columns({f"rot_{i}": column for i, column in enumerate(turn @ model.quats.T)})
     if model.sh_degree <= 0:
         return result
     return result.with_appearance(model.table["opacity"], turned(model.sh_coeffs, axis, radians))
@@ -83,17 +83,9 @@ def _matrix(axis: Float64, radians: float) -> Float64:
     return rotation
 
 
-def _product(p: NDArray[Any], q: NDArray[Any]) -> Float64:
-    """Return the quaternion product p q; components (w, x, y, z) along the first axis."""
-    product: Float64 = np.stack(
-        [
-            p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-            p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-            p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-            p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
-        ]
-    )
-    return product
+def _left_product(w: float, x: float, y: float, z: float) -> Float64:
+    """Return the matrix [4,4] by which the quaternion (w, x, y, z) multiplies others from the left."""
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
 
 
 ATTACK = Attack("rigid_transform", rigid_transform)
