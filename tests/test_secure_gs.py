@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.artifacts import save_arrays
@@ -125,6 +125,7 @@ def cells_of(anchors: Anchors, side):
     return {tuple(cell) for cell in np.rint(anchors.positions / np.float32(side)).astype(int).tolist()}
 
 
+@settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 30))
 def test_no_two_anchors_grow_in_one_cell_and_no_more_than_there_is_room_for(seed, room):
     rng = np.random.default_rng(seed)
