@@ -48,7 +48,7 @@ def test_help_imports_nothing_heavy():
 def test_help_lists_main_commands_before_stages(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
-    listed = re.findall(r"^  ([a-z]+)  +\S", capsys.readouterr().out, flags=re.MULTILINE)
+    listed = re.findall(r"^  ([a-z-]+)  +\S", capsys.readouterr().out, flags=re.MULTILINE)
     assert [name for name in listed if name in COMMANDS] == [*MAIN_COMMANDS, *STAGES]
 
 

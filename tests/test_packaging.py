@@ -34,13 +34,16 @@ def build(hook: str, folder: Path) -> Path:
     return unpacked
 
 
-def test_a_wheel_brings_the_kernels_with_it(tmp_path: Path) -> None:
+def test_a_wheel_brings_kernels_and_data_with_it(tmp_path: Path) -> None:
     installed = build("build_wheel", tmp_path)
     found = Path(python(f"import sys; sys.path.insert(0, {str(installed)!r}); {FIND}", cwd=tmp_path))
     assert found == installed / "gspure" / "kernels_cl"
     assert [path.name for path in sorted(found.glob("*.cl"))] == [path.name for path in KERNELS]
     assert all((found / path.name).read_bytes() == path.read_bytes() for path in KERNELS)
     assert (installed / "gspure" / "py.typed").is_file()
+    data = [path.relative_to(ROOT) for path in (ROOT / "gspure").rglob("*.csv")]
+    assert data
+    assert all((installed / path).read_bytes() == (ROOT / path).read_bytes() for path in data)
 
 
 def test_a_source_distribution_is_the_whole_checkout(tmp_path: Path) -> None:

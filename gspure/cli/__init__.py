@@ -16,7 +16,7 @@ from types import ModuleType
 from gspure import __version__
 from gspure.errors import InputError
 
-MAIN_COMMANDS = ("purify", "train", "embed", "extract", "render", "metrics", "info", "doctor")
+MAIN_COMMANDS = ("purify", "train", "embed", "extract", "render", "metrics", "info", "paper-check", "doctor")
 STAGES = (
     "pair",
     "plant",
@@ -102,4 +102,4 @@ def _listed(title: str, names: Sequence[str]) -> str:
 
 
 def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"gspure.cli.{name}")
+    return importlib.import_module(f"gspure.cli.{name.replace('-', '_')}")

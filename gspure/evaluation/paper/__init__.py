@@ -1,0 +1,12 @@
+"""The paper's printed numbers (Huang et al. 2026), as data: to stand beside our own, and to be recomputed.
+
+``cells.csv`` holds every cell of Tables 1 to 3 with the row and the column it is printed in, ``claims.csv`` the numbers
+of the running text that follow from them. Fig. 5 prints curves without numbers. They are references, never targets.
+"""
+
+from gspure.evaluation.paper.cells import Cell, read_cells
+from gspure.evaluation.paper.checks import Check, Claim, check_claims
+from gspure.evaluation.paper.oddities import find_oddities
+from gspure.evaluation.paper.quantities import score_interval
+
+__all__ = ["Cell", "Check", "Claim", "check_claims", "find_oddities", "read_cells", "score_interval"]

@@ -1,0 +1,78 @@
+"""What the paper derives from its tables, derived again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE
+from gspure.evaluation.paper.cells import ATTACKS, PSNR, SCORE, TARGETS, Cell
+from gspure.evaluation.statistics import Interval, mean_interval
+
+Means = Mapping[tuple[str, str, str], float]
+"""PSNR by scheme, variant and target, mean over scenes."""
+
+
+def by_scene(cells: Sequence[Cell], scheme: str, variant: str, target: str) -> dict[str, float]:
+    """Return the PSNR of every scene in Table 1."""
+    row = (1, scheme, variant, target, PSNR)
+    return {c.scene: c.value for c in cells if (c.table, c.scheme, c.variant, c.target, c.metric) == row}
+
+
+def table_1(cells: Sequence[Cell]) -> Means:
+    """Return the means over the nine scenes of Table 1."""
+    rows = {(c.scheme, c.variant, c.target) for c in cells if c.table == 1 and c.metric == PSNR}
+    return {row: float(np.mean([*by_scene(cells, *row).values()])) for row in rows}
+
+
+def ablations(cells: Sequence[Cell]) -> Means:
+    """Return the means of Tables 2 and 3, which print GSPure's a second time."""
+    return {(c.scheme, c.variant, c.target): c.value for c in cells if c.table > 1 and c.metric == PSNR}
+
+
+def printed_scores(cells: Sequence[Cell]) -> dict[tuple[str, str], float]:
+    """Return the last column of Table 1, by scheme and variant."""
+    return {(c.scheme, c.variant): c.value for c in cells if c.metric == SCORE}
+
+
+def psnr(means: Means, scheme: str, variant: str, target: str) -> float:
+    """Return a mean PSNR, dB."""
+    return means[scheme, variant, target]
+
+
+def drop(means: Means, scheme: str, variant: str, target: str) -> float:
+    """Return how far a mean PSNR lies below that of the unattacked model, dB."""
+    return means[scheme, REFERENCE, target] - means[scheme, variant, target]
+
+
+def score(means: Means, scheme: str, variant: str, _target: str = "") -> float:
+    r"""Return the Score, :math:`\Delta PSNR_{message} - \Delta PSNR_{scene}`: of the means, as well as their mean."""
+    return drop(means, scheme, variant, MESSAGE) - drop(means, scheme, variant, SCENE)
+
+
+def lead(means: Means, scheme: str, variant: str, target: str) -> float:
+    """Return by how much a mean PSNR lies below the lowest of the other attacks, dB."""
+    return min(means[scheme, other, target] for other in ATTACKS if other != variant) - means[scheme, variant, target]
+
+
+def score_lead(means: Means, scheme: str, variant: str, _target: str = "") -> float:
+    """Return by how much a Score lies above the highest of the other attacks, dB."""
+    return score(means, scheme, variant) - max(score(means, scheme, other) for other in ATTACKS if other != variant)
+
+
+QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
+    "psnr": psnr,
+    "drop": drop,
+    "score": score,
+    "lead": lead,
+    "score_lead": score_lead,
+}
+
+
+def score_interval(cells: Sequence[Cell], scheme: str, variant: str) -> Interval:
+    """Return the mean Score of Table 1 with its interval over the nine scenes, of which the paper prints none."""
+    before, after = ({t: by_scene(cells, scheme, v, t) for t in TARGETS} for v in (REFERENCE, variant))
+    drops = {t: {scene: before[t][scene] - after[t][scene] for scene in after[t]} for t in TARGETS}
+    return mean_interval([[drops[MESSAGE][scene] - drops[SCENE][scene]] for scene in drops[SCENE]])

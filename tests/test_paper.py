@@ -1,0 +1,182 @@
+"""The paper's printed numbers: complete, consistent with what the text says of them, and recomputed correctly.
+
+They are references. Nothing here compares our own results with them.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from gspure.cli import main
+from gspure.evaluation.paper import Claim, check_claims, find_oddities, read_cells, score_interval
+from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS
+from gspure.evaluation.paper.quantities import ablations, drop, lead, score, score_lead, table_1
+
+ROWS = ("watermarked", *ATTACKS)
+CELLS = read_cells()
+CHECKS = check_claims(CELLS)
+NINE = {"bicycle", "bonsai", "room", "flowers", "treehill", "garden", "stump", "counter", "kitchen"}
+
+
+def of_table(number):
+    return [cell for cell in CELLS if cell.table == number]
+
+
+def check_of(place, variant, scheme="", quantity=None):
+    wanted = (place, variant, scheme)
+    (found,) = (
+        check
+        for check in CHECKS
+        if (check.claim.place, check.claim.variant, check.claim.scheme) == wanted
+        and quantity in {None, check.claim.quantity}
+    )
+    return found
+
+
+def test_table_1_has_every_scheme_attack_scene_and_target_once_and_a_score_per_row():
+    psnr = Counter((c.scheme, c.variant, c.scene, c.target) for c in of_table(1) if c.metric == "psnr")
+    assert psnr.keys() == {(s, v, c, t) for s in SCHEMES for v in ROWS for c in NINE for t in TARGETS}
+    scores = Counter((c.scheme, c.variant) for c in of_table(1) if c.metric == "score")
+    assert scores.keys() == {(s, v) for s in SCHEMES for v in ROWS}
+    assert {*psnr.values(), *scores.values()} == {1}
+    assert len(of_table(1)) == 18 * 19
+
+
+@pytest.mark.parametrize(
+    ("table", "columns"),
+    [
+        (2, {("gs_hider", "message"), ("secure_gs", "message")}),
+        (3, {("splats_in_splats", "scene"), ("splats_in_splats", "message")}),
+    ],
+)
+def test_the_ablations_have_six_configurations_with_psnr_and_ssim(table, columns):
+    found = of_table(table)
+    assert len(found) == 6 * 4
+    assert {(c.scheme, c.target) for c in found} == columns
+    assert Counter(c.metric for c in found) == {"psnr": 12, "ssim": 12}
+    assert all(0 < c.value < 1 for c in found if c.metric == "ssim")
+    configurations = {"opacity", "weight", "opacity_weight", "opacity_clustering", "weight_clustering", "gspure"}
+    assert {c.variant for c in found} == configurations
+
+
+def test_every_cell_says_where_it_is_printed():
+    assert len({(c.table, c.row, c.column) for c in CELLS}) == len(CELLS)
+    assert all(c.row and c.column for c in CELLS)
+
+
+# Means that the text or another table prints; any wrong cell of such a row would move them.
+PRINTED_MEANS = {
+    ("gs_hider", "gspure", "message"): 12.03,
+    ("secure_gs", "gspure", "message"): 16.71,
+    ("secure_gs", "gspure", "scene"): 25.27,
+    ("secure_gs", "gaussian_noise", "scene"): 25.53,
+}
+
+
+@pytest.mark.parametrize("row", PRINTED_MEANS)
+def test_means_printed_elsewhere_follow_from_the_cells(row):
+    assert table_1(CELLS)[row] == pytest.approx(PRINTED_MEANS[row], abs=0.01)
+
+
+def test_scores_follow_from_the_cells_but_for_two():
+    scores = {(c.claim.scheme, c.claim.variant): c for c in CHECKS if c.claim.quantity == "score"}
+    assert len(scores) == 15
+    assert {row for row, check in scores.items() if not check.holds} == {
+        ("splats_in_splats", "gspure"),
+        ("secure_gs", "gspure"),
+    }
+
+
+def test_the_recomputed_score_is_the_mean_over_scenes_of_message_drop_minus_scene_drop():
+    value = {(c.variant, c.scene, c.target): c.value for c in of_table(1) if c.scheme == "splats_in_splats"}
+    lost = {(s, t): value["watermarked", s, t] - value["gspure", s, t] for s in NINE for t in TARGETS}
+    by_hand = np.mean([lost[s, "message"] - lost[s, "scene"] for s in NINE])
+    assert score(table_1(CELLS), "splats_in_splats", "gspure") == pytest.approx(by_hand)
+    found = check_of("Table 1", "gspure", "splats_in_splats")
+    assert (found.claim.value, round(found.recomputed, 2)) == (15.21, 14.87)
+    interval = score_interval(CELLS, "splats_in_splats", "gspure")
+    assert interval.mean == pytest.approx(by_hand)
+    assert interval.low < 14.87 < interval.high
+    assert interval.scenes == 9
+
+
+MEANS = {
+    ("toy", variant, target): psnr
+    for variant, pair in {
+        "watermarked": (30.0, 25.0),
+        "random_pruning": (28.0, 24.0),
+        "feature_scaling": (20.0, 25.0),
+        "gaussian_noise": (29.0, 23.0),
+        "gof": (15.0, 11.0),
+        "gspure": (29.5, 9.0),
+    }.items()
+    for target, psnr in zip(("scene", "message"), pair, strict=True)
+}
+
+
+def test_quantities_are_those_of_the_paper():
+    assert drop(MEANS, "toy", "gof", "scene") == 15.0
+    assert score(MEANS, "toy", "gspure") == 16.0 - 0.5
+    assert lead(MEANS, "toy", "gspure", "message") == 11.0 - 9.0
+    assert score_lead(MEANS, "toy", "gspure") == 15.5 - 1.0  # noise: 2 - 1; gof: 14 - 15
+    assert score_lead(MEANS, "toy", "gof") == -1.0 - 15.5
+
+
+def test_numbers_that_the_ablation_explains_are_said_to_agree_with_it():
+    source = "GSPure's means in Tables 2 and 3"
+    assert {c.claim.value for c in CHECKS if source in c.agrees_with} == {15.21, 16.34, 5.44, 12.97}
+    assert ablations(CELLS)["splats_in_splats", "gspure", "message"] == 10.19
+
+
+def test_the_scene_damage_quoted_for_gof_is_found_to_be_its_message_drop():
+    found = check_of("Original Scene Fidelity", "gof", "gs_hider")
+    assert (round(found.recomputed, 2), found.holds, found.agrees_with) == (10.61, False, "the drop of the message")
+
+
+def test_a_number_that_nothing_explains_agrees_with_nothing():
+    found = check_of("Original Scene Fidelity", "gaussian_noise", "gs_hider")
+    assert (round(found.recomputed, 2), found.holds, found.agrees_with) == (2.00, False, "")
+
+
+def test_a_bound_for_all_schemes_is_held_against_the_worst():
+    found = next(check for check in CHECKS if check.claim.relation == "<")
+    assert not found.holds
+    assert found.recomputed == max(drop(table_1(CELLS), scheme, "gspure", "scene") for scheme in SCHEMES)
+    assert found._replace(claim=Claim(*found.claim[:-1], 2.0)).holds
+
+
+def test_known_oddities_of_the_table_are_found_in_it():
+    text = "\n".join(find_oddities(CELLS))
+    assert "feature_scaling and gaussian_noise print the same message PSNR in all 9 scenes" in text
+    for attack in ("feature_scaling", "gaussian_noise"):
+        assert f"splats_in_splats: {attack} raises the message's PSNR in all 9 scenes" in text
+    assert "gspure costs the message up to 20.72 dB (bicycle)" in text
+    assert "25.62 is bold, Opacity has 26.25" in text
+    assert "gof and gspure print the same message PSNR: kitchen 12.83" in text
+
+
+def test_oddities_of_other_cells_are_not_found():
+    corrected = [
+        cell._replace(value=cell.value - 5) if (cell.variant, cell.target) == ("gaussian_noise", "message") else cell
+        for cell in CELLS
+    ]
+    text = "\n".join(find_oddities(corrected))
+    assert "print the same message PSNR in all" not in text
+    assert "gaussian_noise raises" not in text
+    assert "feature_scaling raises" in text
+
+
+def test_the_command_prints_every_number_and_writes_a_row_for_each(tmp_path, capsys):
+    assert main(["paper-check", "--out", str(tmp_path / "paper.csv")]) == 0
+    printed = capsys.readouterr().out
+    assert "15.21  14.87 [" in printed
+    assert "-0.00" not in printed
+    rows = list(csv.DictReader((tmp_path / "paper.csv").read_text().splitlines()))
+    assert len(rows) == len(CHECKS)
+    failed = [row for row in rows if row["holds"] == "False"]
+    assert printed.rstrip().endswith(f"{len(failed)} of {len(rows)} numbers do not follow from Table 1 within 0.02 dB")
+    assert printed.count("DIFFERS") == len(failed)
