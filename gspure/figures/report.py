@@ -149,7 +149,7 @@ def _picture(file: Path) -> Picture:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
         data = _embedded(image.convert("RGB"))
     companions = (other.name for suffix in _OTHER_FORMATS if (other := file.with_suffix(suffix)).exists())
-    return Picture(file.stem.replace("_", " "), caption, data, wide, tuple(companions))
+    return Picture(findings.spoken(file.stem), caption, data, wide, tuple(companions))
 
 
 def _record(file: Path) -> dict[str, Any]:
