@@ -21,7 +21,7 @@ from gspure.training.monitor import watched
 if TYPE_CHECKING:
     from gspure.schemes.gs_hider.training import Training
 
-ITERATIONS: Final = 3_000
+ITERATIONS: Final = 2_000
 """Ours, for small views; the authors take 50 000 for large ones."""
 
 MESSAGE_WEIGHT: Final = 0.5
