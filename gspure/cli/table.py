@@ -10,6 +10,8 @@ EXAMPLES = """\
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md    # of all models
   gspure table --metrics results/planted/room/*/metrics.csv --kept results/planted/room/*/kept.npy \\
       --truth results/planted/room/key/carriers.npy --out results.csv --markdown results.md
+  gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md \\
+      --summary summary.csv --latex summary.tex                        # means over scenes, with intervals
 """
 
 
@@ -31,14 +33,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per variant and target")
     parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="one table per scene, for reading")
+    parser.add_argument("--summary", type=Path, metavar="CSV", help="means over scenes with intervals, for programs")
+    parser.add_argument("--latex", type=Path, metavar="TEX", help="means over scenes with intervals, for a paper")
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write both tables."""
+    """Write the tables."""
     from gspure.artifacts import write_text
+    from gspure.evaluation.latex import latex
     from gspure.evaluation.outcomes import collect
+    from gspure.evaluation.summary import summarize, write_summary
     from gspure.evaluation.tables import markdown, write_table
 
     outcomes = collect(args.metrics, args.kept, args.truth)
     write_table(args.out, outcomes)
     write_text(args.markdown, markdown(outcomes))
+    summaries = summarize(outcomes)
+    if args.summary:
+        write_summary(args.summary, summaries)
+    if args.latex:
+        write_text(args.latex, latex(summaries))

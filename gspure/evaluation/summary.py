@@ -1,0 +1,90 @@
+"""Outcomes averaged over scenes: one row per scheme, variant and extraction, as in the paper's Table 1."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gspure.artifacts import write_text
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
+from gspure.evaluation.paper import read_cells
+from gspure.evaluation.paper.quantities import printed_scores
+from gspure.evaluation.statistics import Interval, mean_interval
+
+QUANTITIES: Final = ("scene", "message", "score")
+
+
+class Summary(NamedTuple):
+    """One variant of one scheme over all scenes; what no scene knows is None."""
+
+    scheme: str
+    variant: str
+    extraction: str
+    """The target that shows the message: ``message``, or another way of extracting it."""
+
+    scene: Interval | None
+    """PSNR of the scene, dB."""
+
+    message: Interval | None
+    """PSNR of the message, dB."""
+
+    score: Interval | None
+    paper: float
+    """The Score that the paper prints for this scheme and variant, of its own scenes; NaN if it prints none."""
+
+
+def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
+    """Average over scenes; schemes and variants stay in the order of `outcomes`, which is sorted by scheme.
+
+    A number counts where it is known: a scene without it is missing from that mean, as the interval's count tells.
+    """
+    printed = printed_scores(read_cells())
+    found = []
+    for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
+        ours = list(group)
+        extractions = ordered({target for o in ours for target in o.messages}) or [MESSAGE]
+        for variant in dict.fromkeys(o.variant for o in ours):
+            scenes = [o for o in ours if o.variant == variant]
+            paper = printed.get((scheme, variant), math.nan)
+            found += [_row(scenes, extraction, paper) for extraction in extractions]
+    return found
+
+
+def write_summary(path: Path, rows: Iterable[Summary]) -> None:
+    """Write one CSV row per summary; unknown numbers are empty.
+
+    ``level`` is 0.95 for a bootstrap interval over scenes; less where scenes are so few that ``low`` and ``high`` are
+    their smallest and largest value.
+    """
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    columns = [f"{name}_{part}" for name in QUANTITIES for part in Interval._fields]
+    table.writerow(["scheme", "variant", "extraction", *columns, "paper_score"])
+    for row in rows:
+        numbers = [number for interval in (row.scene, row.message, row.score) for number in interval or (None,) * 5]
+        paper = None if math.isnan(row.paper) else row.paper
+        table.writerow([row.scheme, row.variant, row.extraction, *map(_plain, (*numbers, paper))])
+    write_text(path, text.getvalue())
+
+
+def _row(scenes: Sequence[Outcome], extraction: str, paper: float) -> Summary:
+    psnr = {
+        target: _interval(o.targets[target].psnr for o in scenes if target in o.targets)
+        for target in (SCENE, extraction)
+    }
+    score = _interval(o.score_of(extraction) for o in scenes)
+    return Summary(scenes[0].scheme, scenes[0].variant, extraction, psnr[SCENE], psnr[extraction], score, paper)
+
+
+def _interval(values: Iterable[float]) -> Interval | None:
+    known = [[value] for value in values if math.isfinite(value)]
+    return mean_interval(known) if known else None
+
+
+def _plain(number: float | None) -> str:
+    return "" if number is None else f"{number:.6g}"

@@ -1,0 +1,109 @@
+"""Means over scenes with intervals, as CSV and as LaTeX."""
+
+import csv
+import math
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.cli import main
+from gspure.evaluation.comparison import TRUTH, ViewMetrics, write_metrics
+from gspure.evaluation.latex import escaped, latex
+from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.summary import summarize, write_summary
+
+REFERENCE = {"scene": 30.0, "message": 25.0}
+
+
+def outcome(scheme, place, variant, **psnr):
+    means = {target: ViewMetrics(target, "mean", value, 0.9, TRUTH) for target, value in psnr.items()}
+    reference = {target: ViewMetrics(target, "mean", value, 0.9, TRUTH) for target, value in REFERENCE.items()}
+    return Outcome(scheme, place, variant, means, dict.fromkeys(means, 4), reference=reference)
+
+
+@pytest.fixture
+def outcomes():
+    """Three scenes of one scheme, seven of another."""
+    few = [outcome("my_scheme", f"s{i}", "gspure", scene=29.0, message=10.0 + i) for i in range(3)]
+    controls = [outcome("my_scheme", f"s{i}", "wrong_key", scene=30.0, message=8.0) for i in range(3)]
+    many = [outcome("splats_in_splats", f"s{i}", "gspure", scene=28.0, message=10.0 + i) for i in range(7)]
+    return [*few, *controls, *many]
+
+
+def test_rows_are_means_over_scenes_in_the_order_of_outcomes(outcomes):
+    rows = summarize(outcomes)
+    assert [(row.scheme, row.variant) for row in rows] == [
+        ("my_scheme", "gspure"),
+        ("my_scheme", "wrong_key"),
+        ("splats_in_splats", "gspure"),
+    ]
+    assert [row.message.mean for row in rows] == [11.0, 8.0, 13.0]
+    assert [row.message.scenes for row in rows] == [3, 3, 7]
+    assert rows[0].score.mean == (25 - 11) - (30 - 29)
+
+
+def test_a_control_has_no_score_and_only_the_papers_schemes_have_the_papers(outcomes):
+    ours, control, theirs = summarize(outcomes)
+    assert control.score is None
+    assert math.isnan(ours.paper)
+    assert theirs.paper == 15.21
+
+
+def test_scenes_that_do_not_know_a_number_are_not_counted():
+    rows = [outcome("a", "1", "gof", scene=math.inf, message=9.0), outcome("a", "2", "gof", scene=20.0)]
+    (row,) = summarize(rows)
+    assert (row.scene.mean, row.scene.scenes, row.message.mean, row.message.scenes) == (20.0, 1, 9.0, 1)
+    assert row.score is None  # no scene knows both drops
+
+
+def test_every_extraction_of_the_message_has_a_row():
+    rows = summarize([outcome("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)])
+    assert [(row.extraction, row.message.mean) for row in rows] == [("message", 9.0), ("message_oracle", 12.0)]
+    assert "gspure (message\\_oracle) & 1 & $29.00$ & $12.00$" in latex(rows)
+
+
+def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):
+    write_summary(tmp_path / "s.csv", summarize(outcomes))
+    few, control, many = csv.DictReader((tmp_path / "s.csv").read_text().splitlines())
+    assert few["message_low"], few["message_high"] == ("10", "12")
+    assert (few["score_level"], few["score_scenes"], many["score_level"]) == ("0.75", "3", "0.95")
+    assert (control["score_mean"], few["paper_score"], many["paper_score"]) == ("", "", "15.21")
+
+
+def test_the_latex_table_has_one_block_per_scheme_and_as_many_cells_as_columns(outcomes):
+    lines = latex(summarize(outcomes)).splitlines()
+    assert lines[-2:] == [r"\bottomrule", r"\end{tabular}"]
+    columns = re.search(r"begin\{tabular\}\{(\w+)\}", "\n".join(lines)).group(1)
+    rows = [line for line in lines if line.endswith(r"\\")]
+    assert {len(re.split(r"(?<!\\)&", row)) for row in rows} == {len(columns)}
+    assert lines.count(r"\midrule") == 2
+    assert [row.split(" & ")[0] for row in rows] == ["Scheme", r"my\_scheme", "", r"splats\_in\_splats"]
+
+
+def test_brackets_are_intervals_and_parentheses_ranges(outcomes):
+    few, control, many = [line for line in latex(summarize(outcomes)).splitlines() if " & $" in line]
+    assert "$13.00$ $(12.00,\\ 14.00)$ & --" in few
+    assert "& $8.00$ & -- & --" in control
+    assert re.search(r"\$10\.00\$ \$\[\d+\.\d\d,\\ \d+\.\d\d\]\$ & \$15\.21\$ ", many)
+
+
+@given(st.text(alphabet="ab\\{}$&#_%~^-"))
+def test_no_character_of_a_name_means_anything_to_latex(name):
+    commands = {r"\textbackslash{}": "\\", r"\textasciitilde{}": "~", r"\textasciicircum{}": "^"}
+    commands |= {f"\\{character}": character for character in "&%$#_{}"}
+    tokens = re.findall("|".join(map(re.escape, commands)) + "|[^\\\\{}$&#_%~^]", escaped(name))
+    assert "".join(tokens) == escaped(name)
+    assert "".join(commands.get(token, token) for token in tokens) == name
+
+
+def test_the_command_writes_both(tmp_path):
+    for variant, (scene, message) in {"watermarked": (30.0, 25.0), "gspure": (29.0, 10.0)}.items():
+        rows = [ViewMetrics("scene", "1", scene, 0.9, TRUTH), ViewMetrics("message", "1", message, 0.9, TRUTH)]
+        write_metrics(tmp_path / "a" / "b" / variant / "metrics.csv", rows)
+    files = [f"--{name}={tmp_path / name}" for name in ("out", "markdown", "summary", "latex")]
+    assert main(["table", "--metrics", *map(str, sorted(tmp_path.rglob("metrics.csv"))), *files]) == 0
+    _, ours = csv.DictReader((tmp_path / "summary").read_text().splitlines())
+    assert (ours["variant"], ours["score_mean"]) == ("gspure", "14")
+    assert " & gspure & 1 & $29.00$ & $10.00$ & $14.00$ & --" in (tmp_path / "latex").read_text()
