@@ -4,10 +4,13 @@ rule attack_model:
     output:
         model="results/{scheme}/{scene}/{variant}/public/point_cloud.ply",
         kept="results/{scheme}/{scene}/{variant}/kept.npy",
+        world="results/{scheme}/{scene}/{variant}/world.npy",
     log:
         "results/logs/{scheme}/{scene}/{variant}/attack.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/{variant}/attack.tsv"
+    wildcard_constraints:
+        variant="|".join(VARIANTS),
     conda:
         "../envs/gspure.yaml"
     params:
@@ -18,4 +21,4 @@ rule attack_model:
         "Making variant {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         "python -m gspure attack {params.attack:q} --model {input.model:q} {params.options}"
-        " --out {output.model:q} --kept {output.kept:q} > {log:q} 2>&1"
+        " --out {output.model:q} --kept {output.kept:q} --world {output.world:q} > {log:q} 2>&1"

@@ -27,6 +27,7 @@ rule reveal_planted:
 
 rule render_target:
     input:
+        unpack(world_of),
         model=model_of,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
@@ -46,15 +47,17 @@ rule render_target:
         kernels=KERNELS,
         code=code_digest("gspure.cli.render"),
         split=config["views"]["evaluate"],
+        world=lambda wildcards, input: options(input, *world_of(wildcards)),
     message:
         "Rendering the {wildcards.target} of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure render {input.model:q} --cameras {input.cameras:q}"
-        " --split {params.split} --out {output.images:q} > {log:q} 2>&1"
+        " --split {params.split} {params.world} --out {output.images:q} > {log:q} 2>&1"
 
 
 rule extract_message:
     input:
+        unpack(world_of),
         model=model_of,
         key="results/{scheme}/{scene}/key",
         cameras="results/{scheme}/{scene}/cameras.json",
@@ -77,11 +80,12 @@ rule extract_message:
         code=lambda wildcards: code_digest("gspure.cli.extract", WATERMARKS[wildcards.scheme].embed.__module__),
         split=config["views"]["evaluate"],
         options=extraction_options,
+        world=lambda wildcards, input: options(input, *world_of(wildcards)),
     message:
         "Extracting the {wildcards.target} from {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure extract {input.model:q} --key {input.key:q} {params.options}"
-        " --cameras {input.cameras:q} --split {params.split} --out {output.images:q} > {log:q} 2>&1"
+        " --cameras {input.cameras:q} --split {params.split} {params.world} --out {output.images:q} > {log:q} 2>&1"
 
 
 rule compare_renders:

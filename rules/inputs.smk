@@ -160,6 +160,12 @@ def model_of(wildcards):
     return f"{folder}/{wildcards.variant}/public/point_cloud.ply"
 
 
+def world_of(wildcards):
+    """By what an attack moved the model, so that views move along."""
+    moved = wildcards.variant in VARIANTS
+    return {"world": f"results/{wildcards.scheme}/{wildcards.scene}/{wildcards.variant}/world.npy"} if moved else {}
+
+
 def extraction_options(wildcards):
     """How a message is looked for."""
     stranger = " --wrong-key 1" if wildcards.variant == WRONG_KEY else ""

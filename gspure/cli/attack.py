@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
     parser.add_argument("name", metavar="NAME", help=f"one of {names}, or one of an installed plug-in")
-    parser.add_argument("--model", type=Path, required=True, help="3DGS .ply")
+    parser.add_argument("--model", type=Path, required=True, help="the model's .ply; what belongs to it is copied")
     parser.add_argument("--weights", type=Path, metavar="NPY", help="of `gspure weights`, for attacks that need them")
     parser.add_argument("--prune-mask", type=Path, metavar="NPY", help="of `gspure prune`, for attacks that need it")
     parser.add_argument(
@@ -54,19 +54,20 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import load_array, save_array, write_provenance
     from gspure.attacks import Evidence, find_attack
     from gspure.cli.options import parsed_settings
-    from gspure.model import require_finite, write_model
-    from gspure.model.ply import read_ply
+    from gspure.model import require_finite
+    from gspure.schemes.registry import open_asset
 
     attack = find_attack(args.name)
     settings = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
-    model = read_ply(args.model)
+    asset = open_asset(args.model)
+    model = asset.units
     require_finite(model, args.model)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}
     evidence = Evidence(**_stored(model) | loaded)
     attacked = attack.apply(model, evidence, seed=args.seed, **settings)
-    write_model(args.out, attacked.model)
+    asset.with_units(attacked.model).write(args.out)
     if args.kept:
         save_array(args.kept, attacked.kept)
     if args.world:

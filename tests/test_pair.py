@@ -1,0 +1,158 @@
+"""Pairs: a scene and a message from the same poses, ray-traced or of captures that have worlds of their own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gspure.cameras import orbit_cameras, read_cameras
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.images import read_image, write_image
+from gspure.model import read_model, write_model
+from gspure.model.points import read_point_ply
+from gspure.renderer import Renderer
+from gspure.scenes.alignment import Similarity, aligning
+from gspure.schemes.pair import read_pair
+from tests.models import blobs
+from tests.training_cases import colmap_project, ring
+
+
+def similarity(seed=0):
+    rng = np.random.default_rng(seed)
+    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
+    rotation = q * np.sign(np.diag(r))
+    return Similarity(2.5, rotation * np.sign(np.linalg.det(rotation)), rng.normal(size=3))
+
+
+def moved(model, by):
+    """The same model in another world."""
+    return model.with_columns(
+        dict(zip("xyz", (by.scale * model.means @ by.rotation.T + by.translation).T, strict=True))
+        | {f"scale_{i}": model.table[f"scale_{i}"] + np.log(by.scale) for i in range(3)}
+    )
+
+
+def test_a_moved_world_looks_the_same_from_moved_cameras():
+    balls = blobs(30, 1, sh_degree=0)
+    balls = balls.with_columns({f"scale_{i}": np.full(30, -2.0) for i in range(3)})  # isotropic: nothing to rotate
+    by = similarity()
+    here, there = Renderer(balls), Renderer(moved(balls, by))
+    for camera in ring(3):
+        np.testing.assert_allclose(there.image(by.camera(camera)), here.image(camera), atol=2e-3)
+
+
+def test_points_come_back_from_the_other_world():
+    points = np.random.default_rng(1).normal(size=(20, 3))
+    by = similarity()
+    np.testing.assert_allclose(by.inverse(by.scale * points @ by.rotation.T + by.translation), points, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_alignment_finds_how_a_copy_of_the_cameras_was_moved(seed):
+    cameras, by = ring(8), similarity(seed)
+    found = aligning(cameras, [by.camera(camera) for camera in cameras])
+    assert found.scale == pytest.approx(by.scale)
+    np.testing.assert_allclose(found.rotation, by.rotation, atol=1e-6)
+    np.testing.assert_allclose(found.translation, by.translation, atol=1e-6)
+
+
+def test_cameras_all_around_are_aligned_too():
+    cameras = orbit_cameras(blobs(50).means, blobs(50).opacities)
+    found = aligning(cameras, cameras)
+    np.testing.assert_allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-9)
+    assert found.scale == pytest.approx(1.0)
+
+
+def test_parallel_gazes_are_refused():
+    camera = ring(1)[0]
+    with pytest.raises(InputError, match="scene: views: expected different directions, found parallel gazes"):
+        aligning([camera, camera], ring(4))
+
+
+def test_a_traced_pair_has_views_points_and_both_scenes(pair_folder):
+    pair = read_pair(pair_folder)
+    assert len(pair.views) == len(pair.scene) == len(pair.message) == 10
+    assert pair.scene[0].shape == pair.message[0].shape == (36, 48, 3)
+    assert len(pair.points[0]) == len(pair.points[1]) == len(pair.dataset.xyz) + len(pair.message_points[0])
+    assert np.abs(pair.scene[0] - pair.message[0]).mean() > 0.1
+    assert [camera.name for camera, *_ in pair.probes] == ["view_000", "view_008"]
+
+
+def test_the_quality_is_that_of_what_is_shown(pair_folder):
+    pair = read_pair(pair_folder)
+    scene, message = ({camera.name: images[i] for camera, *images in pair.probes} for i in range(2))
+    dimmed = np.mean([-20 * np.log10(0.1 * np.sqrt(np.mean(np.square(image)))) for image in scene.values()])
+    assert pair.quality(lambda camera: 0.9 * scene[camera.name]) == f"PSNR {dimmed:.2f}"
+    assert pair.quality(lambda c: scene[c.name] * 0.9, lambda c: message[c.name]).endswith("/ inf")
+
+
+def test_the_same_command_gives_the_same_files(pair_folder, tmp_path):
+    from tests.pair_cases import small_pair
+
+    again = small_pair(tmp_path / "pair")
+    for file in ("points3D.ply", "message/points3D.ply", "scene/view_003.png", "message/view_003.png"):
+        assert (again / file).read_bytes() == (pair_folder / file).read_bytes()
+
+
+@pytest.fixture
+def photographed(tmp_path):
+    """A COLMAP project of one scene, and the model of another."""
+    project = colmap_project(tmp_path / "photos", ring(), np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3)))
+    write_model(tmp_path / "hidden.ply", blobs(200, 3, sh_degree=0))
+    return project, tmp_path / "hidden.ply"
+
+
+def test_photographs_and_a_model_become_a_pair(photographed, tmp_path):
+    project, model = photographed
+    out = tmp_path / "pair"
+    assert main(["pair", str(project), str(model), "--out", str(out), "--resolution", "native"]) == 0
+    pair = read_pair(out)
+    cameras = read_cameras(out / "cameras.json")
+    for camera in cameras[:2]:
+        shown = np.clip(Renderer(read_model(model)).image(camera), 0, 1)
+        np.testing.assert_allclose(read_image(out / "message" / f"{camera.name}.png"), shown, atol=1 / 254)
+    assert len(read_point_ply(out / "message" / "points3D.ply")[0]) > 0
+    assert len(pair.views) + len(pair.dataset.test) == len(cameras)
+
+
+def test_a_model_with_cameras_is_moved_to_where_the_photographs_look(photographed, tmp_path, capsys):
+    from gspure.cameras import write_cameras
+
+    project, model = photographed
+    by = similarity()
+    folder = tmp_path / "trained"
+    write_model(folder / "point_cloud.ply", moved(read_model(model), by))
+    write_cameras(folder / "cameras.json", [replace(by.camera(camera), image=None) for camera in read_cameras(project)])
+    out = tmp_path / "pair"
+    assert main(["pair", str(project), str(folder), "--out", str(out), "--resolution", "native"]) == 0
+    assert "the message's world is moved" in capsys.readouterr().err
+    xyz = read_point_ply(out / "message" / "points3D.ply")[0]
+    means = read_model(model).means
+    assert all(np.abs(means - point).max(axis=1).min() < 1e-4 for point in xyz)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["room", "no"], "SCENE and MESSAGE: expected both of room, vault, or both files, found room and no"),
+        (["room", "vault", "--views", "1"], "--views: expected at least 2, found 1"),
+        (["no", "no.ply"], "no"),
+    ],
+)
+def test_what_makes_no_pair_is_refused_in_one_line(arguments, line, tmp_path, capsys):
+    assert main(["pair", *arguments, "--out", str(tmp_path / "pair")]) == 2
+    error = capsys.readouterr().err
+    assert line in error
+    assert error.count("\n") == 1
+
+
+def test_a_message_of_another_size_is_brought_to_that_of_the_view(pair_folder, tmp_path):
+    import shutil
+
+    folder = shutil.copytree(pair_folder, tmp_path / "pair")
+    image = read_image(folder / "message" / "view_001.png")
+    write_image(folder / "message" / "view_001.png", np.kron(image, np.ones((2, 2, 1), np.float32)))
+    pair = read_pair(folder)
+    assert pair.message[0].shape == (36, 48, 3)
+    assert np.abs(pair.message[0] - read_pair(pair_folder).message[0]).mean() < 0.01
