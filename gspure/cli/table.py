@@ -48,8 +48,7 @@ def run(args: argparse.Namespace) -> None:
     outcomes = collect(args.metrics, args.kept, args.truth)
     write_table(args.out, outcomes)
     write_text(args.markdown, markdown(outcomes))
-    summaries = summarize(outcomes)
     if args.summary:
-        write_summary(args.summary, summaries)
+        write_summary(args.summary, summarize(outcomes))
     if args.latex:
-        write_text(args.latex, latex(summaries))
+        write_text(args.latex, latex(summarize(outcomes)))
