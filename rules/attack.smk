@@ -5,6 +5,7 @@ rule attack_model:
         model="results/{scheme}/{scene}/{variant}/public/point_cloud.ply",
         kept="results/{scheme}/{scene}/{variant}/kept.npy",
         world="results/{scheme}/{scene}/{variant}/world.npy",
+        reached="results/{scheme}/{scene}/{variant}/reached.json",
     log:
         "results/logs/{scheme}/{scene}/{variant}/attack.log",
     benchmark:
@@ -21,4 +22,5 @@ rule attack_model:
         "Making variant {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         "python -m gspure attack {params.attack:q} --model {input.model:q} {params.options}"
-        " --out {output.model:q} --kept {output.kept:q} --world {output.world:q} > {log:q} 2>&1"
+        " --out {output.model:q} --kept {output.kept:q} --world {output.world:q}"
+        " --reached {output.reached:q} > {log:q} 2>&1"

@@ -116,10 +116,13 @@ rule tabulate_metrics:
     input:
         metrics=metrics_files(),
         kept=expand("results/{model}/{variant}/kept.npy", model=MODELS, variant=VARIANTS),
+        reached=expand("results/{model}/{variant}/reached.json", model=MODELS, variant=VARIANTS),
         truth=expand("results/planted/{scene}/key/carriers.npy", scene=SCHEMES["planted"]),
     output:
         table="results/tables/results.csv",
         markdown=report("results/tables/results.md"),
+        summary="results/tables/summary.csv",
+        latex="results/tables/summary.tex",
     log:
         "results/logs/table.log",
     benchmark:
@@ -132,4 +135,5 @@ rule tabulate_metrics:
         "Tabulating all variants"
     shell:
         "python -m gspure table --metrics {input.metrics:q} --kept {input.kept:q} --truth {input.truth:q}"
-        " --out {output.table:q} --markdown {output.markdown:q} > {log:q} 2>&1"
+        " --reached {input.reached:q} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q}"
+        " --latex {output.latex:q} > {log:q} 2>&1"

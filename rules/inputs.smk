@@ -143,6 +143,8 @@ def attack_options(wildcards, input):
     settings = dict(VARIANTS[wildcards.variant])
     del settings["attack"]
     given = {name: path for name, path in input.items() if name in EVIDENCE} | {"seed": settings.pop("seed")}
+    if wildcards.scheme in WATERMARKS:
+        given["scheme"] = wildcards.scheme
     assigned = [word for name, value in settings.items() for word in ("--set", f"{name}={value}")]
     return f"{options(given, *given)} {shlex.join(assigned)}"
 
@@ -203,7 +205,7 @@ def references(wildcards):
 
 def comparison_options(wildcards):
     """What images are compared with, and what stands in for what."""
-    assigned = [f"--against {name}=message" for name in EXTRACTIONS.get(wildcards.scheme, [])[1:]]
+    assigned = [f"--against {name}=message" for name in [*EXTRACTIONS.get(wildcards.scheme, [])][1:]]
     floor = [f"--floor {wildcards.variant}"] if wildcards.variant in FLOORS else []
     return " ".join([f"--reference {'render' if wildcards.scheme == 'vanilla' else 'truth'}", *assigned, *floor])
 

@@ -80,7 +80,7 @@ def test_what_is_written_reads_back_to_the_same_pictures(embedded, tmp_path):
 def test_a_wrong_key_shows_something_else(embedded):
     camera = embedded.pair.views[0]
     strangers = [embedded.key.wrong(np.random.default_rng(seed)) for seed in (1, 1, 2)]
-    extraction = embedded.scheme.extractions[0]
+    extraction = next(iter(embedded.scheme.extractions))
     right, *wrong = (k.message(embedded.asset, extraction)(camera) for k in (embedded.key, *strangers))
     assert wrong[0].tobytes() == wrong[1].tobytes()
     assert right.tobytes() not in {image.tobytes() for image in wrong}
@@ -125,7 +125,9 @@ def test_every_unit_has_an_opacity_to_cluster_by(embedded):
 
 
 def test_the_key_names_the_gaussians_of_the_message_and_their_units(embedded):
-    gaussians, units = embedded.key.gaussians(embedded.asset, embedded.pair.views[0], embedded.scheme.extractions[0])
+    gaussians, units = embedded.key.gaussians(
+        embedded.asset, embedded.pair.views[0], next(iter(embedded.scheme.extractions))
+    )
     assert units.shape == (len(gaussians),)
     assert not len(units) or (units.min() >= 0 and units.max() < len(embedded.asset.units))
 
@@ -188,7 +190,7 @@ def test_a_plug_in_is_found_by_its_entry_point(monkeypatch):
         ("nothing", "expected a gspure.schemes.Scheme, found str"),
         (splats_in_splats.SCHEME, "name: expected a name not in use, found 'splats_in_splats'"),
         (
-            Scheme("bare", lambda pair, seed, device: (None, None), Asset.read, Asset.read),
+            Scheme("bare", lambda pair, seed, device: (None, None), Asset.read, Asset.read, {}),
             "settings: expected among others iterations, message_weight, found none",
         ),
     ],

@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gspure.artifacts import write_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, write_metrics
 from gspure.evaluation.outcomes import collect
+from gspure.evaluation.reading import read_table
 from gspure.evaluation.tables import markdown, write_table
 
 ROWS = {  # scene PSNR, message PSNR of two views
@@ -93,7 +95,12 @@ def test_tables_say_what_the_reference_was(tmp_path: Path) -> None:
 def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -> None:
     metrics, masks, truth = results(tmp_path)
     out, text = tmp_path / "results.csv", tmp_path / "results.md"
+    reached = []
+    for path in metrics:
+        reached.append(path.with_name("reached.json"))
+        write_json(reached[-1], {"message": "noise" not in path.parent.name})
     arguments = ["--metrics", *metrics, "--kept", *masks, "--truth", truth, "--out", out, "--markdown", text]
+    arguments += ["--reached", *reached]
     assert main(["table", *map(str, arguments)]) == 0
     rows = list(csv.DictReader(out.read_text().splitlines()))
     assert len(rows) == 6
@@ -111,6 +118,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "ssim_drop": "0",
         "score": "13",
         "pruned_share": "0.4",
+        "reached": "true",
         "precision": "0.5",
         "recall": "0.5",
     }
@@ -124,7 +132,7 @@ def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     outcomes = collect(metrics[:1])
     write_table(tmp_path / "t.csv", outcomes)
-    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9,,,,,,")
+    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9,,,,,,,")
     assert "nan" not in markdown(outcomes)
 
 
@@ -138,3 +146,39 @@ def test_masks_of_different_models_are_refused(tmp_path: Path) -> None:
 def test_a_missing_table_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected a metrics table, found no such file"):
         collect([tmp_path / "a" / "b" / "c" / "metrics.csv"])
+
+
+def test_an_attack_that_did_not_reach_what_is_read_is_marked(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    reached = [path.with_name("reached.json") for path in metrics]
+    for path in reached:
+        write_json(path, {"message": "noise" not in path.parent.name})
+    outcomes = collect(metrics, reached=reached)
+    marked = [line for line in markdown(outcomes).splitlines() if line.startswith("|") and "†" in line]
+    assert [line.split("|")[1].strip() for line in marked] == ["gaussian_noise"]
+    write_table(tmp_path / "t.csv", outcomes)
+    assert [o.reached for o in read_table(tmp_path / "t.csv")] == [o.reached for o in outcomes]
+
+
+def test_what_does_not_say_whether_an_attack_reached_its_aim_is_refused(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    write_json(metrics[0].with_name("reached.json"), {"message": "yes"})
+    with pytest.raises(InputError, match=r"reached\.json: file: expected true or false by extraction"):
+        collect(metrics, reached=[metrics[0].with_name("reached.json")])
+
+
+def test_controls_have_no_score_and_other_extractions_one_of_their_own(tmp_path: Path) -> None:
+    for variant, (scene, message, oracle) in {
+        "watermarked": (30, 25, 28),
+        "gspure": (29, 12, 20),
+        "wrong_key": (30, 9, 9),
+    }.items():
+        rows = [ViewMetrics("scene", "0", scene, 0.9, TRUTH), ViewMetrics("message", "0", message, 0.8, TRUTH)]
+        rows += [ViewMetrics("message_oracle", "0", oracle, 0.8, TRUTH)]
+        write_metrics(tmp_path / "sis" / "room" / variant / "metrics.csv", rows)
+    outcomes = {o.variant: o for o in collect(sorted(tmp_path.rglob("metrics.csv")))}
+    assert outcomes["gspure"].messages == ["message", "message_oracle"]
+    assert (outcomes["gspure"].score, outcomes["gspure"].score_of("message_oracle")) == (12.0, 7.0)
+    assert outcomes["wrong_key"].is_control
+    assert np.isnan(outcomes["wrong_key"].score)
+    assert "| Score | Score message_oracle |" in markdown([*outcomes.values()])

@@ -42,6 +42,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, required=True, metavar="PLY", help="the attacked model")
     parser.add_argument("--kept", type=Path, metavar="NPY", help="also write which rows it kept: bool [K]")
+    parser.add_argument("--scheme", metavar="NAME", help="the model's scheme, for --reached")
+    parser.add_argument(
+        "--reached",
+        type=Path,
+        metavar="JSON",
+        help="also write whether the attack touched what each extraction of the scheme reads",
+    )
     parser.add_argument(
         "--world", type=Path, metavar="NPY", help="also write by what it moved the model: float64 [4,4], for --world"
     )
@@ -51,11 +58,12 @@ def run(args: argparse.Namespace) -> None:
     """Attack, and write the model and which rows it kept."""
     import numpy as np
 
-    from gspure.artifacts import load_array, save_array, write_provenance
+    from gspure.artifacts import load_array, save_array, write_json, write_provenance
     from gspure.attacks import Evidence, find_attack
+    from gspure.attacks.carrier import reached
     from gspure.cli.options import parsed_settings
     from gspure.model import require_finite
-    from gspure.schemes.registry import open_asset
+    from gspure.schemes.registry import find_scheme, open_asset
 
     attack = find_attack(args.name)
     settings = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
@@ -72,6 +80,9 @@ def run(args: argparse.Namespace) -> None:
         save_array(args.kept, attacked.kept)
     if args.world:
         save_array(args.world, np.eye(4) if attacked.world is None else attacked.world)
+    if args.reached:
+        carriers = find_scheme(args.scheme).extractions if args.scheme else {}
+        write_json(args.reached, {name: reached(model, attacked, columns) for name, columns in carriers.items()})
     said = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
     write_provenance(args.out, inputs={"model": args.model, **files}, settings=said)
     print(f"{attack.name}: kept {int(attacked.kept.sum())} of {len(model)} rows, {len(attacked.model)} in all")

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> None:
     scheme = find_scheme(args.scheme)
     views = read_views(args)
     asset, key = scheme.read_asset(args.model), scheme.read_key(args.key)
-    extraction = args.extraction or scheme.extractions[0]
+    extraction = args.extraction or next(iter(scheme.extractions))
     if extraction not in scheme.extractions:
         expected = f"one of {', '.join(scheme.extractions)}"
         raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(extraction))

@@ -31,6 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NPY",
         help="bool [K], true for Gaussians of the message, below their SCHEME/SCENE",
     )
+    parser.add_argument(
+        "--reached",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="JSON",
+        help="of `gspure attack`, below their SCHEME/SCENE/VARIANT",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per variant and target")
     parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="one table per scene, for reading")
     parser.add_argument("--summary", type=Path, metavar="CSV", help="means over scenes with intervals, for programs")
@@ -45,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.summary import summarize, write_summary
     from gspure.evaluation.tables import markdown, write_table
 
-    outcomes = collect(args.metrics, args.kept, args.truth)
+    outcomes = collect(args.metrics, args.kept, args.truth, args.reached)
     write_table(args.out, outcomes)
     write_text(args.markdown, markdown(outcomes))
     if args.summary:

@@ -11,7 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import load_array
+from gspure.artifacts import load_array, read_json
+from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, means, read_metrics
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.recall import recall
@@ -40,6 +41,9 @@ class Outcome:
     recall: float = math.nan
     reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
     """The same means of the variant `REFERENCE`."""
+
+    reached: Mapping[str, bool] = field(default_factory=dict)
+    """For each extraction of the message, whether the attack touched what it reads; empty where that is not known."""
 
     def psnr_drop(self, target: str) -> float:
         r"""Return :math:`\Delta PSNR`: how far the target's PSNR lies below that of the watermarked variant, in dB."""
@@ -88,7 +92,12 @@ def ordered(targets: Iterable[str]) -> list[str]:
     return sorted(targets, key=lambda target: (target != SCENE, target != MESSAGE, target))
 
 
-def collect(metrics: Sequence[Path], kept: Sequence[Path] = (), truth: Sequence[Path] = ()) -> list[Outcome]:
+def collect(
+    metrics: Sequence[Path],
+    kept: Sequence[Path] = (),
+    truth: Sequence[Path] = (),
+    reached: Sequence[Path] = (),
+) -> list[Outcome]:
     """Gather the outcomes of all variants.
 
     Parameters
@@ -99,6 +108,8 @@ def collect(metrics: Sequence[Path], kept: Sequence[Path] = (), truth: Sequence[
         Masks ``.npy`` bool [K], true where a variant kept the row, anywhere below the variant's folder.
     truth : sequence of Path
         Masks ``.npy`` bool [K], true where a row belongs to the message, anywhere below ``{scheme}/{scene}``.
+    reached : sequence of Path
+        Files ``reached.json`` of `gspure attack`, anywhere below the variant's folder.
 
     Returns
     -------
@@ -111,7 +122,7 @@ def collect(metrics: Sequence[Path], kept: Sequence[Path] = (), truth: Sequence[
         If a file cannot be read, or two masks of one model have different lengths.
 
     """
-    found = [_outcome(path, kept, truth) for path in metrics]
+    found = [_outcome(path, kept, truth, reached) for path in metrics]
     found.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.variant != REFERENCE))
     outcomes = []
     for _, group in groupby(found, key=lambda outcome: (outcome.scheme, outcome.scene)):
@@ -121,13 +132,13 @@ def collect(metrics: Sequence[Path], kept: Sequence[Path] = (), truth: Sequence[
     return outcomes
 
 
-def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path]) -> Outcome:
+def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], reached: Sequence[Path]) -> Outcome:
     rows = read_metrics(path)
     folder = path.resolve().parent
     scheme, scene, variant = folder.parts[-3:]
     targets = {mean.target: mean for mean in means(rows)}
     views = {target: sum(row.target == target for row in rows) for target in targets}
-    outcome = Outcome(scheme, scene, variant, targets, views)
+    outcome = Outcome(scheme, scene, variant, targets, views, reached=_reached(_below(folder, reached)))
     if (kept_file := _below(folder, kept)) is None:
         return outcome
     pruned = ~load_array(kept_file, dtype=np.bool_, shape=(None,))
@@ -136,6 +147,15 @@ def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path]) -> Outcome
         return outcome
     found = recall(pruned, load_array(truth_file, dtype=np.bool_, shape=(len(pruned),)))
     return replace(outcome, precision=found.precision, recall=found.recall)
+
+
+def _reached(file: Path | None) -> dict[str, bool]:
+    if file is None:
+        return {}
+    found = read_json(file)
+    if not isinstance(found, dict) or not all(isinstance(value, bool) for value in found.values()):
+        raise InputError(file, "file", expected="true or false by extraction", found="other JSON")
+    return found
 
 
 def _below(folder: Path, files: Iterable[Path]) -> Path | None:

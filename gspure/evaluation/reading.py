@@ -56,6 +56,7 @@ def _outcome(rows: list[Row]) -> Outcome:
         pruned_share=_number(first["pruned_share"]),
         precision=_number(first["precision"]),
         recall=_number(first["recall"]),
+        reached={row["target"]: row["reached"] == "true" for row in rows if row["reached"]},
     )
 
 

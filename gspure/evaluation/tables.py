@@ -17,7 +17,7 @@ from gspure.evaluation.outcomes import MESSAGE, REFERENCE, Outcome, ordered
 
 HEADER: Final = (
     *("scheme", "scene", "variant", "target", "reference", "views", "psnr", "ssim"),
-    *("psnr_drop", "ssim_drop", "score", "pruned_share", "precision", "recall"),
+    *("psnr_drop", "ssim_drop", "score", "reached", "pruned_share", "precision", "recall"),
 )
 
 LEGEND: Final = f"""\
@@ -25,8 +25,8 @@ PSNR in dB, mean over views, against `{TRUTH}` (photographs) or `{RENDER}` (what
 PSNR is infinite). Score = (drop of the message's PSNR) - (drop of the scene's PSNR), relative to
 `{REFERENCE}`: higher means that more of the message is gone for less damage to the scene. Rows named
 {", ".join(CONTROLS)} are no attacks but what is to be seen where there is no message, or
-none that the key opens. Where the truth is known: precision is the share of the pruned Gaussians that belong to the
-message, recall the share of the message that is pruned."""
+none that the key opens. † The attack did not reach what this extraction reads. Where the truth is known: precision is
+the share of the pruned Gaussians that belong to the message, recall the share of the message that is pruned."""
 
 
 def write_table(path: Path, outcomes: Sequence[Outcome]) -> None:
@@ -39,7 +39,8 @@ def write_table(path: Path, outcomes: Sequence[Outcome]) -> None:
             mean = o.targets[target]
             drops = (mean.psnr, mean.ssim, o.psnr_drop(target), o.ssim_drop(target))
             score = o.score_of(target if target in o.messages else MESSAGE)
-            numbers = map(_plain, (*drops, score, o.pruned_share, o.precision, o.recall))
+            reached = str(o.reached.get(target, "")).lower()
+            numbers = [*map(_plain, (*drops, score)), reached, *map(_plain, (o.pruned_share, o.precision, o.recall))]
             table.writerow([o.scheme, o.scene, o.variant, target, mean.reference, o.views[target], *numbers])
     write_text(path, text.getvalue())
 
@@ -64,7 +65,8 @@ def _cells(o: Outcome, targets: Sequence[str], messages: Sequence[str]) -> list[
     cells = [o.variant, TRUTH if o.against_truth else RENDER]
     for target in targets:
         mean = o.targets.get(target)
-        cells += [_decibels(mean.psnr), f"{mean.ssim:.4f}"] if mean else ["", ""]
+        missed = "" if o.variant == REFERENCE or o.reached.get(target, True) else " †"
+        cells += [_decibels(mean.psnr) + missed, f"{mean.ssim:.4f}"] if mean else ["", ""]
     shares = [_percent(o.pruned_share), _percent(o.precision), _percent(o.recall)]
     scores = [o.score_of(target) for target in messages]
     return [*cells, *("" if math.isnan(score) else f"{score:.2f}" for score in scores), *shares]

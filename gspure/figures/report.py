@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from gspure.artifacts import read_json, write_text
 from gspure.errors import InputError, reading
-from gspure.evaluation.outcomes import Outcome, ordered
+from gspure.evaluation.outcomes import REFERENCE, Outcome, ordered
 from gspure.figures import findings, style
 
 TEMPLATE: Final = Path(__file__).with_name("report.html.j2")
@@ -56,6 +56,11 @@ class Section:
     def against_truth(self) -> bool:
         """Whether all numbers compare with photographs."""
         return all(o.against_truth for o in self.outcomes)
+
+    @property
+    def missed(self) -> bool:
+        """Whether any attack did not reach what an extraction reads."""
+        return any(not all(o.reached.values()) for o in self.outcomes if o.variant != REFERENCE)
 
     @property
     def best(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -65,8 +65,9 @@ class Scheme:
         ``read_asset(path) -> Asset``: a model's .ply, or its folder.
     read_key : callable
         ``read_key(folder) -> Key``: what `Key.write` wrote.
-    extractions : tuple of str
-        Ways to look for the message; the first is the scheme's own, ``message``, the names of all others begin with it.
+    extractions : mapping of str to sequence of str
+        Ways to look for the message, each with the columns of the public file that it reads, its *carrier*: names or
+        patterns such as ``f_rest_*``. The first is the scheme's own, ``message``; the names of others begin with it.
     tau_c, tau_n : float
         Cluster and noise pruning factors that suit the scheme.
 
@@ -76,7 +77,7 @@ class Scheme:
     embed: Callable[..., tuple[Asset, Key | None]]
     read_asset: Callable[[Path], Asset]
     read_key: Callable[[Path], Key]
-    extractions: tuple[str, ...] = (MESSAGE,)
+    extractions: Mapping[str, Sequence[str]]
     tau_c: float = TAU_C
     tau_n: float = TAU_N
 

@@ -3,6 +3,8 @@
 from gspure.schemes.gs_hider.asset import FeatureAsset
 from gspure.schemes.gs_hider.embedding import embed
 from gspure.schemes.gs_hider.key import DecoderKey
-from gspure.schemes.scheme import Scheme
+from gspure.schemes.scheme import MESSAGE, Scheme
 
-SCHEME = Scheme("gs_hider", embed, FeatureAsset.read, DecoderKey.read)
+CARRIER = ("x", "y", "z", "semantic_*", "opacity", "scale_*", "rot_*")
+
+SCHEME = Scheme("gs_hider", embed, FeatureAsset.read, DecoderKey.read, {MESSAGE: CARRIER})

@@ -1,8 +1,13 @@
 """Splats in Splats: a hidden scene in the low bits and the opacities of a vanilla model (arXiv 2412.03121)."""
 
 from gspure.schemes.asset import Asset
-from gspure.schemes.scheme import Scheme
+from gspure.schemes.scheme import MESSAGE, Scheme
 from gspure.schemes.splats_in_splats.embedding import embed
-from gspure.schemes.splats_in_splats.key import EXTRACTIONS, SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
 
-SCHEME = Scheme("splats_in_splats", embed, Asset.read, SplatsInSplatsKey.read, EXTRACTIONS)
+CARRIERS = {
+    MESSAGE: ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*"),
+    ORACLE: ("x", "y", "z", "scale_*", "rot_*"),
+}
+
+SCHEME = Scheme("splats_in_splats", embed, Asset.read, SplatsInSplatsKey.read, CARRIERS)

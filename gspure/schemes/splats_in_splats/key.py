@@ -23,15 +23,13 @@ from gspure.model import Gaussians, read_model, write_model
 from gspure.opencl.device import Device
 from gspure.renderer import Renderer
 from gspure.schemes.asset import BLACK, Asset, Background, Units, View
-from gspure.schemes.scheme import MESSAGE, Key
+from gspure.schemes.scheme import Key
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, logits
 
 Float32 = NDArray[np.float32]
 
 ORACLE: Final = "message_oracle"
-
-EXTRACTIONS: Final = (MESSAGE, ORACLE)
 
 NEAR: Final = 1e-6
 """A Gaussian is found again within this share of the key's extent: files that went through text are not exact. Ours."""
