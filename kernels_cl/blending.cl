@@ -2,29 +2,43 @@
 // blending kernels share.
 //
 // Transmittance carries its own end: once the next Gaussian would bring T below TRANSMITTANCE_MIN, T's sign bit is set.
-// A negative T takes no more weight, and |T| is the pixel's final transmittance. No branch is needed.
+// A negative T takes no more weight and stays as it is, for it is below TRANSMITTANCE_MIN too; |T| is the pixel's final
+// transmittance. No branch is needed.
 
-// log2 alpha of a splat at offset (dx, dy) from its centre, below LOG2_ALPHA_MIN where it does not touch the pixel; and
-// the depth at which the ray meets it.
+// What log2 alpha at the offset (dx, dy) from a splat's centre owes to dy alone, and then log2 alpha itself: below
+// LOG2_ALPHA_MIN where the splat does not touch the pixel. The cpu style evaluates ROW_TERMS for the 16 rows of a tile at
+// once; `terms` points to a row's first, the others follow LANES apart. `depth` is where the ray meets the splat.
+#define TERM(i) terms[LANES * (i)]
 #if RAY
-inline V log2_alpha(V dx, V dy, const float *s, V *depth) {
-    V linear = s[SPLAT_LX] * dx + s[SPLAT_LY] * dy;
-    V norm = (1.0f + 2.0f * linear) + (s[SPLAT_MXX] * dx * dx + dy * (2.0f * s[SPLAT_MXY] * dx + s[SPLAT_MYY] * dy));
-    V inverse = 1.0f / norm;
-    V across = s[SPLAT_A] * dx + s[SPLAT_B] * dy, down = s[SPLAT_C] * dy;
-    V form = across * across + down * down;
-    V exponent = s[SPLAT_LOG2_OPACITY] - form * inverse;
-    *depth = s[SPLAT_DEPTH] * (1.0f + linear) * inverse;  // t*, where the Gaussian's maximum along the ray lies
+#define ROW_TERMS 5
+inline void row_terms(V dy, const float *s, V *terms) {
+    V down = s[SPLAT_C] * dy;
+    terms[0] = s[SPLAT_B] * dy;
+    terms[1] = down * down;
+    terms[2] = 1.0f + s[SPLAT_LY] * dy;
+    terms[3] = 1.0f + dy * (2.0f * s[SPLAT_LY] + s[SPLAT_MYY] * dy);
+    terms[4] = 2.0f * (s[SPLAT_LX] + s[SPLAT_MXY] * dy);
+}
+
+inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
+    V inverse = 1.0f / (dx * (s[SPLAT_MXX] * dx + TERM(4)) + TERM(3));
+    V across = s[SPLAT_A] * dx + TERM(0);
+    V exponent = s[SPLAT_LOG2_OPACITY] - (across * across + TERM(1)) * inverse;
+    *depth = s[SPLAT_DEPTH] * (s[SPLAT_LX] * dx + TERM(2)) * inverse;  // t*, where the Gaussian's maximum along the ray lies
     return *depth > (V)NEAR_PLANE ? exponent : (V)-1000.0f;
 }
 #else
-inline V ewa_exponent(V across, V down, const float *s) {
-    return (s[SPLAT_LOG2_OPACITY] - down * down) - across * across;
+#define ROW_TERMS 2
+inline void row_terms(V dy, const float *s, V *terms) {
+    V down = s[SPLAT_C] * dy;
+    terms[0] = s[SPLAT_B] * dy;
+    terms[1] = s[SPLAT_LOG2_OPACITY] - down * down;
 }
 
-inline V log2_alpha(V dx, V dy, const float *s, V *depth) {
+inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
+    V across = s[SPLAT_A] * dx + TERM(0);
     *depth = (V)s[SPLAT_DEPTH];
-    return ewa_exponent(s[SPLAT_A] * dx + s[SPLAT_B] * dy, s[SPLAT_C] * dy, s);
+    return TERM(1) - across * across;
 }
 #endif
 
@@ -33,7 +47,7 @@ inline V blend(V exponent, V *transmittance) {
     V alpha = MIN(exp2_polynomial(exponent), (V)ALPHA_MAX);
     alpha = AS_FLOAT(AS_INT(alpha) & MASK(exponent >= (V)LOG2_ALPHA_MIN));
     V before = *transmittance;
-    V weight = alpha * MAX(before, (V)0.0f);
+    V weight = alpha * before;
     V after = before - weight;
     I stop = MASK(after < (V)TRANSMITTANCE_MIN);
     *transmittance = stop ? AS_FLOAT(AS_INT(before) | SIGN_BIT) : after;

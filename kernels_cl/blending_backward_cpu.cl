@@ -62,7 +62,7 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
         for (int r = begin; r <= stop; r++) {
             float dy = (top + r + 0.5f) - s[SPLAT_V];
             float16 a = s[SPLAT_A] * dx + s[SPLAT_B] * dy, b = (float16)(s[SPLAT_C] * dy);
-            float16 exponent = ewa_exponent(a, b, s);
+            float16 exponent = (s[SPLAT_LOG2_OPACITY] - b * b) - a * a;
             float16 weight = blend(exponent, &T[r]);
             float16 along = (float16)0.0f;
 #pragma unroll

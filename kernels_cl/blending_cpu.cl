@@ -36,7 +36,8 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
     int tile = get_global_id(0);
     uint begin = tile_starts[tile], end = tile_starts[tile + 1];
     int left = (first_tile + tile) % tiles_x * TILE, top = (first_tile + tile) / tiles_x * TILE;
-    const float16 column = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) + (left + 0.5f);
+    const float16 steps = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const float16 column = steps + (left + 0.5f), row = steps + (top + 0.5f);
 
     float16 T[TILE];
     int rows = min(TILE, height - top);
@@ -52,7 +53,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
     for (int r = 0; r < TILE; r++) depths[r] = (float16)INFINITY;
 #endif
 
-    float staged[CHUNK * SPLAT];
+    float staged[CHUNK * SPLAT], terms[CHUNK * ROW_TERMS * TILE];
     uint touched[CHUNK];
 #if CONTRIBUTIONS
     float16 sums[CHUNK], maxima[CHUNK];
@@ -67,7 +68,11 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
             for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, s), i, staged + SPLAT * j);
         }
         for (uint j = 0; j < count; j++) {
-            touched[j] = blocks_touched(as_uint(staged[SPLAT * j + SPLAT_ROWS]), top);
+            const float *s = staged + SPLAT * j;
+            float16 of_rows[ROW_TERMS];
+            touched[j] = blocks_touched(as_uint(s[SPLAT_ROWS]), top);
+            row_terms(row - s[SPLAT_V], s, of_rows);
+            for (int i = 0; i < ROW_TERMS; i++) vstore16(of_rows[i], ROW_TERMS * j + i, terms);
 #if CONTRIBUTIONS
             sums[j] = maxima[j] = (float16)0.0f;
             pixels[j] = (int16)0;
@@ -91,14 +96,14 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
                 if (!(touched[j] >> b & 1)) continue;
                 const float *s = staged + SPLAT * j;
                 float16 dx = column - s[SPLAT_U];
-                float dy = (top + ROWS * b + 0.5f) - s[SPLAT_V];
+                const float *of_block = terms + TILE * ROW_TERMS * j + ROWS * b;
 #pragma unroll
                 for (int r = 0; r < ROWS; r++) {
                     float16 depth;
 #if MEDIAN_DEPTH
                     float16 before = t[r];
 #endif
-                    float16 weight = blend(log2_alpha(dx, (float16)(dy + r), s, &depth), &t[r]);
+                    float16 weight = blend(log2_alpha(dx, of_block + r, s, &depth), &t[r]);
 #if CHANNELS > 0
 #pragma unroll
                     for (int i = 0; i < CHANNELS; i++)
