@@ -8,6 +8,9 @@
 // What log2 alpha at the offset (dx, dy) from a splat's centre owes to dy alone, and then log2 alpha itself: below
 // LOG2_ALPHA_MIN where the splat does not touch the pixel. The cpu style evaluates ROW_TERMS for the 16 rows of a tile at
 // once; `terms` points to a row's first, the others follow LANES apart. `depth` is where the ray meets the splat.
+// The value of [low, high] that is nearest to 0.
+inline V between(V low, V high) { return MAX(low, MIN(high, (V)0.0f)); }
+
 #define TERM(i) terms[LANES * (i)]
 #if RAY
 #define ROW_TERMS 5
@@ -27,6 +30,14 @@ inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
     *depth = s[SPLAT_DEPTH] * (s[SPLAT_LX] * dx + TERM(2)) * inverse;  // t*, where the Gaussian's maximum along the ray lies
     return *depth > (V)NEAR_PLANE ? exponent : (V)-1000.0f;
 }
+
+inline V most_log2_alpha(V low, V high, const V *terms, const float *s) {
+    V nearest = between(s[SPLAT_A] * low + terms[0], s[SPLAT_A] * high + terms[0]);
+    V norm_low = low * (s[SPLAT_MXX] * low + terms[4]) + terms[3];
+    V norm_high = high * (s[SPLAT_MXX] * high + terms[4]) + terms[3];
+    V norm = 1.00001f * MAX(norm_low, norm_high) + 1e-6f * terms[3];
+    return s[SPLAT_LOG2_OPACITY] + 1e-3f - (nearest * nearest + terms[1]) / norm;
+}
 #else
 #define ROW_TERMS 2
 inline void row_terms(V dy, const float *s, V *terms) {
@@ -39,6 +50,11 @@ inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
     V across = s[SPLAT_A] * dx + TERM(0);
     *depth = (V)s[SPLAT_DEPTH];
     return TERM(1) - across * across;
+}
+
+inline V most_log2_alpha(V low, V high, const V *terms, const float *s) {
+    V nearest = between(s[SPLAT_A] * low + terms[0], s[SPLAT_A] * high + terms[0]);
+    return terms[1] - nearest * nearest;
 }
 #endif
 

@@ -4,7 +4,7 @@
 // blocks of four rows that each one touches. Then block after block: the state of its four rows stays in registers
 // while the chunk goes by. Blocks whose pixels are all finished are left out of later chunks.
 
-#define CHUNK 64
+#define CHUNK 32
 #define ROWS 4  // rows of a block
 #define BLOCKS (TILE / ROWS)
 
@@ -13,12 +13,6 @@ inline float max16(float16 v) {
     float4 b = MAX(a.lo, a.hi);
     float2 c = MAX(b.lo, b.hi);
     return MAX(c.x, c.y);
-}
-
-// Bits of the row blocks that a splat's rows (first | last << 16) meet in the tile whose first row is `top`.
-inline uint blocks_touched(uint rows, int top) {
-    int first = max((int)(rows & 0xffff) - top, 0), last = min((int)(rows >> 16) - top, TILE - 1);
-    return first > last ? 0 : (2u << (uint)last / ROWS) - (1u << (uint)first / ROWS);
 }
 
 // Interleaves 16 colours; compiles to shuffles, a tenth of the time of 48 stores.
@@ -54,7 +48,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
 #endif
 
     float staged[CHUNK * SPLAT], terms[CHUNK * ROW_TERMS * TILE];
-    uint touched[CHUNK];
+    int touched[CHUNK * BLOCKS];
 #if CONTRIBUTIONS
     float16 sums[CHUNK], maxima[CHUNK];
     int16 pixels[CHUNK];
@@ -70,8 +64,17 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
         for (uint j = 0; j < count; j++) {
             const float *s = staged + SPLAT * j;
             float16 of_rows[ROW_TERMS];
-            touched[j] = blocks_touched(as_uint(s[SPLAT_ROWS]), top);
             row_terms(row - s[SPLAT_V], s, of_rows);
+            float16 dx = column - s[SPLAT_U];
+            int16 reach = most_log2_alpha((float16)dx.s0, (float16)dx.sf, of_rows, s) >= (float16)LOG2_ALPHA_MIN;
+#if ROWS == 4
+            int8 r2 = reach.even | reach.odd;
+            vstore4(r2.even | r2.odd, j, touched);
+#elif ROWS == 2
+            vstore8(reach.even | reach.odd, j, touched);
+#else
+            vstore16(reach, j, touched);
+#endif
             for (int i = 0; i < ROW_TERMS; i++) vstore16(of_rows[i], ROW_TERMS * j + i, terms);
 #if CONTRIBUTIONS
             sums[j] = maxima[j] = (float16)0.0f;
@@ -92,8 +95,13 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
                 for (int i = 0; i < CHANNELS; i++) c[r * CHANNELS + i] = channels[(ROWS * b + r) * CHANNELS + i];
 #endif
             }
+            uint reaching[CHUNK], n = 0;  // listed without a branch, which would often be mispredicted
             for (uint j = 0; j < count; j++) {
-                if (!(touched[j] >> b & 1)) continue;
+                reaching[n] = j;
+                n -= touched[BLOCKS * j + b];
+            }
+            for (uint i = 0; i < n; i++) {
+                uint j = reaching[i];
                 const float *s = staged + SPLAT * j;
                 float16 dx = column - s[SPLAT_U];
                 const float *of_block = terms + TILE * ROW_TERMS * j + ROWS * b;
@@ -106,8 +114,8 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
                     float16 weight = blend(log2_alpha(dx, of_block + r, s, &depth), &t[r]);
 #if CHANNELS > 0
 #pragma unroll
-                    for (int i = 0; i < CHANNELS; i++)
-                        c[r * CHANNELS + i] = weight * s[SPLAT_CHANNELS + i] + c[r * CHANNELS + i];
+                    for (int k = 0; k < CHANNELS; k++)
+                        c[r * CHANNELS + k] = weight * s[SPLAT_CHANNELS + k] + c[r * CHANNELS + k];
 #endif
 #if CONTRIBUTIONS
                     sums[j] += weight;
