@@ -5,13 +5,19 @@
 // A negative T takes no more weight and stays as it is, for it is below TRANSMITTANCE_MIN too; |T| is the pixel's final
 // transmittance. No branch is needed.
 
-// What log2 alpha at the offset (dx, dy) from a splat's centre owes to dy alone, and then log2 alpha itself: below
-// LOG2_ALPHA_MIN where the splat does not touch the pixel. The cpu style evaluates ROW_TERMS for the 16 rows of a tile at
-// once; `terms` points to a row's first, the others follow LANES apart. `depth` is where the ray meets the splat.
-// The value of [low, high] that is nearest to 0.
-inline V between(V low, V high) { return MAX(low, MIN(high, (V)0.0f)); }
+// The exponent is evaluated in two steps:
+//   row_terms        what it owes to dy alone; the cpu style does that for the 16 rows of a tile at once
+//   log2_alpha       log2 alpha at the offset (dx, dy) from a splat's centre, below LOG2_ALPHA_MIN where it does not
+//                    touch the pixel, and the depth at which the ray meets it; `terms` points to the row's first term,
+//                    the others follow LANES apart
+//   log2_alpha_most  at least the largest log2 alpha of a row's pixels between dx = low and dx = high
 
 #define TERM(i) terms[LANES * (i)]
+
+// The value between A low + B dy and A high + B dy that is nearest to 0. Rounding keeps order, so that no pixel between
+// them computes one that is nearer.
+inline V nearest_to_zero(V low, V high) { return MAX(low, MIN(high, (V)0.0f)); }
+
 #if RAY
 #define ROW_TERMS 5
 inline void row_terms(V dy, const float *s, V *terms) {
@@ -27,12 +33,13 @@ inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
     V inverse = 1.0f / (dx * (s[SPLAT_MXX] * dx + TERM(4)) + TERM(3));
     V across = s[SPLAT_A] * dx + TERM(0);
     V exponent = s[SPLAT_LOG2_OPACITY] - (across * across + TERM(1)) * inverse;
-    *depth = s[SPLAT_DEPTH] * (s[SPLAT_LX] * dx + TERM(2)) * inverse;  // t*, where the Gaussian's maximum along the ray lies
+    *depth = s[SPLAT_DEPTH] * (s[SPLAT_LX] * dx + TERM(2)) * inverse;  // t*, the maximum along the ray
     return *depth > (V)NEAR_PLANE ? exponent : (V)-1000.0f;
 }
 
-inline V most_log2_alpha(V low, V high, const V *terms, const float *s) {
-    V nearest = between(s[SPLAT_A] * low + terms[0], s[SPLAT_A] * high + terms[0]);
+// N is convex in dx, so it is largest at an end; the margins cover rounding.
+inline V log2_alpha_most(V low, V high, const V *terms, const float *s) {
+    V nearest = nearest_to_zero(s[SPLAT_A] * low + terms[0], s[SPLAT_A] * high + terms[0]);
     V norm_low = low * (s[SPLAT_MXX] * low + terms[4]) + terms[3];
     V norm_high = high * (s[SPLAT_MXX] * high + terms[4]) + terms[3];
     V norm = 1.00001f * MAX(norm_low, norm_high) + 1e-6f * terms[3];
@@ -52,9 +59,16 @@ inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
     return TERM(1) - across * across;
 }
 
-inline V most_log2_alpha(V low, V high, const V *terms, const float *s) {
-    V nearest = between(s[SPLAT_A] * low + terms[0], s[SPLAT_A] * high + terms[0]);
+inline V log2_alpha_most(V low, V high, const V *terms, const float *s) {
+    V nearest = nearest_to_zero(s[SPLAT_A] * low + terms[0], s[SPLAT_A] * high + terms[0]);
     return terms[1] - nearest * nearest;
+}
+#endif
+
+#if LANES == 16
+// Mask of the tile's rows in which a splat can touch a pixel; dx are the offsets of the columns.
+inline int16 reached_rows(float16 dx, const float16 *terms, const float *s) {
+    return log2_alpha_most((float16)dx.s0, (float16)dx.sf, terms, s) >= (float16)LOG2_ALPHA_MIN;
 }
 #endif
 

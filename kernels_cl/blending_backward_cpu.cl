@@ -51,7 +51,6 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
     int left = (first_tile + tile) % tiles_x * TILE, top = (first_tile + tile) / tiles_x * TILE;
     const float16 steps = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     const float16 column = steps + (left + 0.5f), row = steps + (top + 0.5f);
-
     const float16 bit_of_row = (float16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768);
 
     float16 T[TILE], F[TILE], g[TILE * CHANNELS];
@@ -79,8 +78,7 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
             const float *s = staged + SPLAT * j;
             float16 dx = column - s[SPLAT_U], dy = row - s[SPLAT_V], terms[ROW_TERMS];
             row_terms(dy, s, terms);
-            float16 peak = most_log2_alpha((float16)dx.s0, (float16)dx.sf, terms, s);
-            uint reached = sum16(peak >= (float16)LOG2_ALPHA_MIN ? bit_of_row : (float16)0.0f);
+            uint reached = sum16(reached_rows(dx, terms, s) ? bit_of_row : (float16)0.0f);
             float slant[TILE], level[TILE], down[TILE];
             vstore16(terms[0], 0, slant);
             vstore16(terms[1], 0, level);

@@ -1,11 +1,12 @@
 // Front-to-back blending, cpu style: one work-item per tile, a row of 16 pixels per float16, no barriers.
 //
-// The tile's list is walked in chunks of CHUNK entries. A chunk's splats are staged in private memory together with the
-// blocks of four rows that each one touches. Then block after block: the state of its four rows stays in registers
-// while the chunk goes by. Blocks whose pixels are all finished are left out of later chunks.
+// The tile's list is walked in chunks of CHUNK entries. A chunk's splats are staged in private memory together with their
+// row terms (blending.cl) and the blocks of four rows that each one reaches. Then block after block: the state of its four
+// rows stays in registers while those that reach it go by. Blocks whose pixels are all finished are left out of later
+// chunks.
 
 #define CHUNK 32
-#define ROWS 4  // rows of a block
+#define ROWS 4  // rows of a block; two would spare a tenth of the evaluations and cost more in loads
 #define BLOCKS (TILE / ROWS)
 
 inline float max16(float16 v) {
@@ -48,7 +49,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
 #endif
 
     float staged[CHUNK * SPLAT], terms[CHUNK * ROW_TERMS * TILE];
-    int touched[CHUNK * BLOCKS];
+    int blocks[CHUNK * BLOCKS];  // -1 where a splat reaches the block, else 0
 #if CONTRIBUTIONS
     float16 sums[CHUNK], maxima[CHUNK];
     int16 pixels[CHUNK];
@@ -65,17 +66,10 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
             const float *s = staged + SPLAT * j;
             float16 of_rows[ROW_TERMS];
             row_terms(row - s[SPLAT_V], s, of_rows);
-            float16 dx = column - s[SPLAT_U];
-            int16 reach = most_log2_alpha((float16)dx.s0, (float16)dx.sf, of_rows, s) >= (float16)LOG2_ALPHA_MIN;
-#if ROWS == 4
-            int8 r2 = reach.even | reach.odd;
-            vstore4(r2.even | r2.odd, j, touched);
-#elif ROWS == 2
-            vstore8(reach.even | reach.odd, j, touched);
-#else
-            vstore16(reach, j, touched);
-#endif
             for (int i = 0; i < ROW_TERMS; i++) vstore16(of_rows[i], ROW_TERMS * j + i, terms);
+            int16 reached = reached_rows(column - s[SPLAT_U], of_rows, s);
+            int8 pairs = reached.even | reached.odd;
+            vstore4(pairs.even | pairs.odd, j, blocks);
 #if CONTRIBUTIONS
             sums[j] = maxima[j] = (float16)0.0f;
             pixels[j] = (int16)0;
@@ -98,13 +92,13 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
             uint reaching[CHUNK], n = 0;  // listed without a branch, which would often be mispredicted
             for (uint j = 0; j < count; j++) {
                 reaching[n] = j;
-                n -= touched[BLOCKS * j + b];
+                n -= blocks[BLOCKS * j + b];
             }
             for (uint i = 0; i < n; i++) {
                 uint j = reaching[i];
                 const float *s = staged + SPLAT * j;
-                float16 dx = column - s[SPLAT_U];
                 const float *of_block = terms + TILE * ROW_TERMS * j + ROWS * b;
+                float16 dx = column - s[SPLAT_U];
 #pragma unroll
                 for (int r = 0; r < ROWS; r++) {
                     float16 depth;
@@ -120,7 +114,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
 #if CONTRIBUTIONS
                     sums[j] += weight;
                     maxima[j] = MAX(maxima[j], weight);
-                    pixels[j] -= weight > (float16)0.0f;
+                    pixels[j] += as_int16(weight) >> 29;  // 1 from 2^-63 to 2, where a weight lies that is not 0
 #endif
 #if MEDIAN_DEPTH
                     int16 crosses = (fabs(before) > (float16)MEDIAN_TRANSMITTANCE) &
