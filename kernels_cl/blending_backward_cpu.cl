@@ -100,9 +100,10 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
                     dc[c] += weight * g[r * CHANNELS + c];
                 }
                 F[r] -= weight * along;
-                // Where it was not blended, and at the clamp, nothing flows back.
+                // Where it was not blended, and at the clamp, nothing flows back. (Compared as integers, weights take one
+                // instruction less.)
                 float16 alpha = exp2_polynomial(exponent);
-                int16 flows = (weight > (float16)0.0f) & (alpha < (float16)ALPHA_MAX);
+                int16 flows = (as_int16(weight) > 0) & (alpha < (float16)ALPHA_MAX);
                 float16 dp = LN2 * (weight * along - F[r] * (alpha / (1.0f - alpha)));
                 dp = flows ? dp : (float16)0.0f;
                 float16 dpa = dp * a, dpb = dp * b;
