@@ -13,7 +13,7 @@ from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.program import build_options, kernel_source
 from gspure.renderer import CONTRIBUTION
 
-FLOPS_PER_EVAL = 27
+FLOPS_PER_EVAL = 26
 """Energy "ewa", three channels, no contributions; an FMA counts as two, 2^x as its polynomial."""
 
 # Blending goes its way, but every splat seems to give weight 1 to every pixel at which it is evaluated.

@@ -2,29 +2,73 @@
 // blending kernels share.
 //
 // Transmittance carries its own end: once the next Gaussian would bring T below TRANSMITTANCE_MIN, T's sign bit is set.
-// A negative T takes no more weight, and |T| is the pixel's final transmittance. No branch is needed.
+// A negative T takes no more weight and stays as it is, for it is below TRANSMITTANCE_MIN too; |T| is the pixel's final
+// transmittance. No branch is needed.
 
-// log2 alpha of a splat at offset (dx, dy) from its centre, below LOG2_ALPHA_MIN where it does not touch the pixel; and
-// the depth at which the ray meets it.
+// The exponent is evaluated in two steps:
+//   row_terms        what it owes to dy alone; the cpu style does that for the 16 rows of a tile at once
+//   log2_alpha       log2 alpha at the offset (dx, dy) from a splat's centre, below LOG2_ALPHA_MIN where it does not
+//                    touch the pixel, and the depth at which the ray meets it; `terms` points to the row's first term,
+//                    the others follow LANES apart
+//   log2_alpha_most  at least the largest log2 alpha of a row's pixels between dx = low and dx = high
+
+#define TERM(i) terms[LANES * (i)]
+
+// The value between A low + B dy and A high + B dy that is nearest to 0. Rounding keeps order, so that no pixel between
+// them computes one that is nearer.
+inline V nearest_to_zero(V low, V high) { return MAX(low, MIN(high, (V)0.0f)); }
+
 #if RAY
-inline V log2_alpha(V dx, V dy, const float *s, V *depth) {
-    V linear = s[SPLAT_LX] * dx + s[SPLAT_LY] * dy;
-    V norm = (1.0f + 2.0f * linear) + (s[SPLAT_MXX] * dx * dx + dy * (2.0f * s[SPLAT_MXY] * dx + s[SPLAT_MYY] * dy));
-    V inverse = 1.0f / norm;
-    V across = s[SPLAT_A] * dx + s[SPLAT_B] * dy, down = s[SPLAT_C] * dy;
-    V form = across * across + down * down;
-    V exponent = s[SPLAT_LOG2_OPACITY] - form * inverse;
-    *depth = s[SPLAT_DEPTH] * (1.0f + linear) * inverse;  // t*, where the Gaussian's maximum along the ray lies
+#define ROW_TERMS 5
+inline void row_terms(V dy, const float *s, V *terms) {
+    V down = s[SPLAT_C] * dy;
+    terms[0] = s[SPLAT_B] * dy;
+    terms[1] = down * down;
+    terms[2] = 1.0f + s[SPLAT_LY] * dy;
+    terms[3] = 1.0f + dy * (2.0f * s[SPLAT_LY] + s[SPLAT_MYY] * dy);
+    terms[4] = 2.0f * (s[SPLAT_LX] + s[SPLAT_MXY] * dy);
+}
+
+inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
+    V inverse = 1.0f / (dx * (s[SPLAT_MXX] * dx + TERM(4)) + TERM(3));
+    V across = s[SPLAT_A] * dx + TERM(0);
+    V exponent = s[SPLAT_LOG2_OPACITY] - (across * across + TERM(1)) * inverse;
+    *depth = s[SPLAT_DEPTH] * (s[SPLAT_LX] * dx + TERM(2)) * inverse;  // t*, the maximum along the ray
     return *depth > (V)NEAR_PLANE ? exponent : (V)-1000.0f;
 }
+
+// N is convex in dx, so it is largest at an end; the margins cover rounding.
+inline V log2_alpha_most(V low, V high, const V *terms, const float *s) {
+    V nearest = nearest_to_zero(s[SPLAT_A] * low + terms[0], s[SPLAT_A] * high + terms[0]);
+    V norm_low = low * (s[SPLAT_MXX] * low + terms[4]) + terms[3];
+    V norm_high = high * (s[SPLAT_MXX] * high + terms[4]) + terms[3];
+    V norm = 1.00001f * MAX(norm_low, norm_high) + 1e-6f * terms[3];
+    return s[SPLAT_LOG2_OPACITY] + 1e-3f - (nearest * nearest + terms[1]) / norm;
+}
 #else
-inline V ewa_exponent(V across, V down, const float *s) {
-    return (s[SPLAT_LOG2_OPACITY] - down * down) - across * across;
+#define ROW_TERMS 2
+inline void row_terms(V dy, const float *s, V *terms) {
+    V down = s[SPLAT_C] * dy;
+    terms[0] = s[SPLAT_B] * dy;
+    terms[1] = s[SPLAT_LOG2_OPACITY] - down * down;
 }
 
-inline V log2_alpha(V dx, V dy, const float *s, V *depth) {
+inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
+    V across = s[SPLAT_A] * dx + TERM(0);
     *depth = (V)s[SPLAT_DEPTH];
-    return ewa_exponent(s[SPLAT_A] * dx + s[SPLAT_B] * dy, s[SPLAT_C] * dy, s);
+    return TERM(1) - across * across;
+}
+
+inline V log2_alpha_most(V low, V high, const V *terms, const float *s) {
+    V nearest = nearest_to_zero(s[SPLAT_A] * low + terms[0], s[SPLAT_A] * high + terms[0]);
+    return terms[1] - nearest * nearest;
+}
+#endif
+
+#if LANES == 16
+// Mask of the tile's rows in which a splat can touch a pixel; dx are the offsets of the columns.
+inline int16 reached_rows(float16 dx, const float16 *terms, const float *s) {
+    return log2_alpha_most((float16)dx.s0, (float16)dx.sf, terms, s) >= (float16)LOG2_ALPHA_MIN;
 }
 #endif
 
@@ -33,7 +77,7 @@ inline V blend(V exponent, V *transmittance) {
     V alpha = MIN(exp2_polynomial(exponent), (V)ALPHA_MAX);
     alpha = AS_FLOAT(AS_INT(alpha) & MASK(exponent >= (V)LOG2_ALPHA_MIN));
     V before = *transmittance;
-    V weight = alpha * MAX(before, (V)0.0f);
+    V weight = alpha * before;
     V after = before - weight;
     I stop = MASK(after < (V)TRANSMITTANCE_MIN);
     *transmittance = stop ? AS_FLOAT(AS_INT(before) | SIGN_BIT) : after;

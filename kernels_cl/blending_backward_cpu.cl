@@ -9,12 +9,28 @@
 // a = A dx + B dy and b = C dy (layout.cl): 1, a, b, a^2, a b, b^2. Moments of dx and dy would, for needles, be large
 // numbers with a small difference.
 
-#define CHECK_EVERY 16  // entries between looks at which rows are still alive
+#define CHUNK 16  // entries that are staged together, and between looks at which rows are still alive
 
 inline bool alive(float16 transmittance) { return any(transmittance > (float16)0.0f); }
 
+#if CHANNELS == 3
+// Parts 16 interleaved colours; compiles to shuffles, while 48 loads become slow gathers.
+inline void load_colours(__global const float *pixels, float16 *row) {
+    float16 a = vload16(0, pixels), b = vload16(1, pixels), c = vload16(2, pixels);
+    row[0] = (float16)(a.s0369, a.scf, b.s258b, b.se, c.s147a, c.sd);
+    row[1] = (float16)(a.s147a, a.sd, b.s0369, b.scf, c.s258b, c.se);
+    row[2] = (float16)(a.s258b, a.se, b.s147a, b.sd, c.s0369, c.scf);
+}
+#endif
+
 // One row of 16 interleaved pixels [16][CHANNELS] -> [CHANNELS] vectors; zero beyond `columns`.
 inline void load_row(__global const float *pixels, int columns, float16 *row) {
+#if CHANNELS == 3
+    if (columns == TILE) {
+        load_colours(pixels, row);
+        return;
+    }
+#endif
     union {
         float16 v;
         float f[16];
@@ -33,7 +49,9 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
     int tile = get_global_id(0);
     uint next = tile_starts[tile], end = tile_starts[tile + 1];
     int left = (first_tile + tile) % tiles_x * TILE, top = (first_tile + tile) / tiles_x * TILE;
-    const float16 column = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) + (left + 0.5f);
+    const float16 steps = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const float16 column = steps + (left + 0.5f), row = steps + (top + 0.5f);
+    const float16 bit_of_row = (float16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768);
 
     float16 T[TILE], F[TILE], g[TILE * CHANNELS];
     int rows = min(TILE, height - top), columns = min(TILE, width - left);
@@ -48,49 +66,61 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __
         for (int c = 0; c < CHANNELS; c++) F[r] += colour[c] * g[r * CHANNELS + c];
     }
 
-    int first_row = 0, last_row = rows - 1;
-    for (uint walked = 0; next < end && first_row <= last_row; next++, walked++) {
-        __global const float *from = splats + (size_t)SPLAT * entries[next];
-        float s[SPLAT];
-        for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, from), i, s);
-        uint reach = as_uint(s[SPLAT_ROWS]);
-        int begin = max(first_row, (int)(reach & 0xffff) - top), stop = min(last_row, (int)(reach >> 16) - top);
-        float16 dx = column - s[SPLAT_U];
-        float16 moments[MOMENTS], dc[CHANNELS];
-        for (int i = 0; i < MOMENTS; i++) moments[i] = (float16)0.0f;
-        for (int c = 0; c < CHANNELS; c++) dc[c] = (float16)0.0f;
-        for (int r = begin; r <= stop; r++) {
-            float dy = (top + r + 0.5f) - s[SPLAT_V];
-            float16 a = s[SPLAT_A] * dx + s[SPLAT_B] * dy, b = (float16)(s[SPLAT_C] * dy);
-            float16 exponent = ewa_exponent(a, b, s);
-            float16 weight = blend(exponent, &T[r]);
-            float16 along = (float16)0.0f;
+    float staged[CHUNK * SPLAT];
+    uint live = (1u << rows) - 1, count;
+    for (; next < end && live; next += count) {
+        count = min((uint)CHUNK, end - next);
+        for (uint j = 0; j < count; j++) {  // nothing but loads, as in the forward pass
+            __global const float *s = splats + (size_t)SPLAT * entries[next + j];
+            for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, s), i, staged + SPLAT * j);
+        }
+        for (uint j = 0; j < count; j++) {
+            const float *s = staged + SPLAT * j;
+            float16 dx = column - s[SPLAT_U], dy = row - s[SPLAT_V], terms[ROW_TERMS];
+            row_terms(dy, s, terms);
+            uint reached = sum16(reached_rows(dx, terms, s) ? bit_of_row : (float16)0.0f);
+            float slant[TILE], level[TILE], down[TILE];
+            vstore16(terms[0], 0, slant);
+            vstore16(terms[1], 0, level);
+            vstore16(s[SPLAT_C] * dy, 0, down);
+            float16 moments[MOMENTS], dc[CHANNELS];
 #pragma unroll
-            for (int c = 0; c < CHANNELS; c++) {
-                along += g[r * CHANNELS + c] * s[SPLAT_CHANNELS + c];
-                dc[c] += weight * g[r * CHANNELS + c];
+            for (int i = 0; i < MOMENTS; i++) moments[i] = (float16)0.0f;
+#pragma unroll
+            for (int c = 0; c < CHANNELS; c++) dc[c] = (float16)0.0f;
+            for (uint rest = reached & live; rest; rest &= rest - 1) {
+                uint r = popcount((rest & -rest) - 1);
+                float16 a = s[SPLAT_A] * dx + slant[r], b = (float16)down[r];
+                float16 exponent = level[r] - a * a;
+                float16 weight = blend(exponent, &T[r]);
+                float16 along = (float16)0.0f;
+#pragma unroll
+                for (int c = 0; c < CHANNELS; c++) {
+                    along += g[r * CHANNELS + c] * s[SPLAT_CHANNELS + c];
+                    dc[c] += weight * g[r * CHANNELS + c];
+                }
+                F[r] -= weight * along;
+                // Where it was not blended, and at the clamp, nothing flows back. (Compared as integers, weights take one
+                // instruction less.)
+                float16 alpha = exp2_polynomial(exponent);
+                int16 flows = (as_int16(weight) > 0) & (alpha < (float16)ALPHA_MAX);
+                float16 dp = LN2 * (weight * along - F[r] * (alpha / (1.0f - alpha)));
+                dp = flows ? dp : (float16)0.0f;
+                float16 dpa = dp * a, dpb = dp * b;
+                moments[0] += dp;
+                moments[1] += dpa;
+                moments[2] += dpb;
+                moments[3] += dpa * a;
+                moments[4] += dpa * b;
+                moments[5] += dpb * b;
             }
-            F[r] -= weight * along;
-            // Where it was not blended, and at the clamp, nothing flows back.
-            float16 alpha = exp2_polynomial(exponent);
-            int16 flows = (weight > (float16)0.0f) & (alpha < (float16)ALPHA_MAX);
-            float16 dp = LN2 * (weight * along - F[r] * (alpha / (1.0f - alpha)));
-            dp = flows ? dp : (float16)0.0f;
-            float16 dpa = dp * a, dpb = dp * b;
-            moments[0] += dp;
-            moments[1] += dpa;
-            moments[2] += dpb;
-            moments[3] += dpa * a;
-            moments[4] += dpa * b;
-            moments[5] += dpb * b;
+            __global float *out = slot_gradients + (size_t)SLOT_GRADIENT * slots[next + j];
+#pragma unroll
+            for (int i = 0; i < MOMENTS; i++) out[i] = sum16(moments[i]);
+#pragma unroll
+            for (int c = 0; c < CHANNELS; c++) out[MOMENTS + c] = sum16(dc[c]);
         }
-        __global float *out = slot_gradients + (size_t)SLOT_GRADIENT * slots[next];
-        for (int i = 0; i < MOMENTS; i++) out[i] = sum16(moments[i]);
-        for (int c = 0; c < CHANNELS; c++) out[MOMENTS + c] = sum16(dc[c]);
-        if (walked % CHECK_EVERY == CHECK_EVERY - 1) {
-            while (first_row <= last_row && !alive(T[first_row])) first_row++;
-            while (first_row <= last_row && !alive(T[last_row])) last_row--;
-        }
+        for (int r = 0; r < rows; r++) live &= ~((uint)!alive(T[r]) << r);
     }
     for (; next < end; next++)  // entries behind the point where every pixel had finished
         for (int i = 0; i < SLOT_GRADIENT; i++) slot_gradients[(size_t)SLOT_GRADIENT * slots[next] + i] = 0.0f;

@@ -1,11 +1,12 @@
 // Front-to-back blending, cpu style: one work-item per tile, a row of 16 pixels per float16, no barriers.
 //
-// The tile's list is walked in chunks of CHUNK entries. A chunk's splats are staged in private memory together with the
-// blocks of four rows that each one touches. Then block after block: the state of its four rows stays in registers
-// while the chunk goes by. Blocks whose pixels are all finished are left out of later chunks.
+// The tile's list is walked in chunks of CHUNK entries. A chunk's splats are staged in private memory together with their
+// row terms (blending.cl) and the blocks of four rows that each one reaches. Then block after block: the state of its four
+// rows stays in registers while those that reach it go by. Blocks whose pixels are all finished are left out of later
+// chunks.
 
-#define CHUNK 64
-#define ROWS 4  // rows of a block
+#define CHUNK 32
+#define ROWS 4  // rows of a block; two would spare a tenth of the evaluations and cost more in loads
 #define BLOCKS (TILE / ROWS)
 
 inline float max16(float16 v) {
@@ -13,12 +14,6 @@ inline float max16(float16 v) {
     float4 b = MAX(a.lo, a.hi);
     float2 c = MAX(b.lo, b.hi);
     return MAX(c.x, c.y);
-}
-
-// Bits of the row blocks that a splat's rows (first | last << 16) meet in the tile whose first row is `top`.
-inline uint blocks_touched(uint rows, int top) {
-    int first = max((int)(rows & 0xffff) - top, 0), last = min((int)(rows >> 16) - top, TILE - 1);
-    return first > last ? 0 : (2u << (uint)last / ROWS) - (1u << (uint)first / ROWS);
 }
 
 // Interleaves 16 colours; compiles to shuffles, a tenth of the time of 48 stores.
@@ -36,7 +31,8 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
     int tile = get_global_id(0);
     uint begin = tile_starts[tile], end = tile_starts[tile + 1];
     int left = (first_tile + tile) % tiles_x * TILE, top = (first_tile + tile) / tiles_x * TILE;
-    const float16 column = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) + (left + 0.5f);
+    const float16 steps = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const float16 column = steps + (left + 0.5f), row = steps + (top + 0.5f);
 
     float16 T[TILE];
     int rows = min(TILE, height - top);
@@ -52,8 +48,8 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
     for (int r = 0; r < TILE; r++) depths[r] = (float16)INFINITY;
 #endif
 
-    float staged[CHUNK * SPLAT];
-    uint touched[CHUNK];
+    float staged[CHUNK * SPLAT], terms[CHUNK * ROW_TERMS * TILE];
+    int blocks[CHUNK * BLOCKS];  // -1 where a splat reaches the block, else 0
 #if CONTRIBUTIONS
     float16 sums[CHUNK], maxima[CHUNK];
     int16 pixels[CHUNK];
@@ -67,7 +63,13 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
             for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, s), i, staged + SPLAT * j);
         }
         for (uint j = 0; j < count; j++) {
-            touched[j] = blocks_touched(as_uint(staged[SPLAT * j + SPLAT_ROWS]), top);
+            const float *s = staged + SPLAT * j;
+            float16 of_rows[ROW_TERMS];
+            row_terms(row - s[SPLAT_V], s, of_rows);
+            for (int i = 0; i < ROW_TERMS; i++) vstore16(of_rows[i], ROW_TERMS * j + i, terms);
+            int16 reached = reached_rows(column - s[SPLAT_U], of_rows, s);
+            int8 pairs = reached.even | reached.odd;
+            vstore4(pairs.even | pairs.odd, j, blocks);
 #if CONTRIBUTIONS
             sums[j] = maxima[j] = (float16)0.0f;
             pixels[j] = (int16)0;
@@ -87,27 +89,32 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
                 for (int i = 0; i < CHANNELS; i++) c[r * CHANNELS + i] = channels[(ROWS * b + r) * CHANNELS + i];
 #endif
             }
+            uint reaching[CHUNK], n = 0;  // listed without a branch, which would often be mispredicted
             for (uint j = 0; j < count; j++) {
-                if (!(touched[j] >> b & 1)) continue;
+                reaching[n] = j;
+                n -= blocks[BLOCKS * j + b];
+            }
+            for (uint i = 0; i < n; i++) {
+                uint j = reaching[i];
                 const float *s = staged + SPLAT * j;
+                const float *of_block = terms + TILE * ROW_TERMS * j + ROWS * b;
                 float16 dx = column - s[SPLAT_U];
-                float dy = (top + ROWS * b + 0.5f) - s[SPLAT_V];
 #pragma unroll
                 for (int r = 0; r < ROWS; r++) {
                     float16 depth;
 #if MEDIAN_DEPTH
                     float16 before = t[r];
 #endif
-                    float16 weight = blend(log2_alpha(dx, (float16)(dy + r), s, &depth), &t[r]);
+                    float16 weight = blend(log2_alpha(dx, of_block + r, s, &depth), &t[r]);
 #if CHANNELS > 0
 #pragma unroll
-                    for (int i = 0; i < CHANNELS; i++)
-                        c[r * CHANNELS + i] = weight * s[SPLAT_CHANNELS + i] + c[r * CHANNELS + i];
+                    for (int k = 0; k < CHANNELS; k++)
+                        c[r * CHANNELS + k] = weight * s[SPLAT_CHANNELS + k] + c[r * CHANNELS + k];
 #endif
 #if CONTRIBUTIONS
                     sums[j] += weight;
                     maxima[j] = MAX(maxima[j], weight);
-                    pixels[j] -= weight > (float16)0.0f;
+                    pixels[j] += as_int16(weight) >> 29;  // 1 from 2^-63 to 2, where a weight lies that is not 0
 #endif
 #if MEDIAN_DEPTH
                     int16 crosses = (fabs(before) > (float16)MEDIAN_TRANSMITTANCE) &

@@ -48,13 +48,13 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile, __global co
         barrier(CLK_LOCAL_MEM_FENCE);
         for (uint j = 0; j < count && !finished; j++) {
             if (T <= 0.0f) break;
-            float s[STAGED], depth;
+            float s[STAGED], terms[ROW_TERMS], depth;
             for (int i = 0; i < STAGED; i++) s[i] = staged[j * STAGED + i];
 #if MEDIAN_DEPTH
             float before = T;
 #endif
-            float exponent = log2_alpha(x + 0.5f - s[SPLAT_U], y + 0.5f - s[SPLAT_V], s, &depth);
-            float weight = blend(exponent, &T);
+            row_terms(y + 0.5f - s[SPLAT_V], s, terms);
+            float weight = blend(log2_alpha(x + 0.5f - s[SPLAT_U], terms, s, &depth), &T);
             if (weight <= 0.0f) continue;
 #if CHANNELS > 0
             for (int i = 0; i < CHANNELS; i++) channels[i] += weight * s[SPLAT_CHANNELS + i];

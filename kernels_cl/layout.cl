@@ -7,7 +7,7 @@
 //         N = 1 + 2 (LX dx + LY dy) + MXX dx^2 + 2 MXY dx dy + MYY dy^2 = |direction|^2 relative to the centre's ray
 // As a sum of squares Q is never negative, and keeps its digits for needles, where XX dx^2 + XY dx dy + YY dy^2 is the small
 // difference of large terms.
-// ROWS holds the pixel rows that it can touch. Channels (colour or features) follow.
+// Channels (colour or features) follow.
 //
 // A *footprint* is what tiles need: an ellipse {d : d' S^-1 d <= 1} around (X, Y) that holds every pixel with
 // alpha >= ALPHA_MIN, and its tile rectangle. At height y over the centre the ellipse spans
@@ -22,16 +22,15 @@
 #define SPLAT_C 4
 #define SPLAT_LOG2_OPACITY 5
 #define SPLAT_DEPTH 6
-#define SPLAT_ROWS 7  // first | last << 16, both inclusive
 #if RAY
-#define SPLAT_LX 8
-#define SPLAT_LY 9
-#define SPLAT_MXX 10
-#define SPLAT_MXY 11
-#define SPLAT_MYY 12
-#define SPLAT_CHANNELS 13
+#define SPLAT_LX 7
+#define SPLAT_LY 8
+#define SPLAT_MXX 9
+#define SPLAT_MXY 10
+#define SPLAT_MYY 11
+#define SPLAT_CHANNELS 12
 #else
-#define SPLAT_CHANNELS 8
+#define SPLAT_CHANNELS 7
 #endif
 #define SPLAT ((SPLAT_CHANNELS + CHANNELS + 15) / 16 * 16)
 

@@ -207,7 +207,6 @@ __kernel void project(uint count, int width, int height, __constant const float 
         V extent_x = e.unbounded ? (V)INFINITY : sqrt(e.sxx), extent_y = e.unbounded ? (V)INFINITY : sqrt(e.syy);
         V x = e.unbounded ? (V)0.0f : e.x, y = e.unbounded ? (V)0.0f : e.y;
         U columns = pixel_range(x, extent_x, width, &visible), rows = pixel_range(y, extent_y, height, &visible);
-        splat.v[SPLAT_ROWS] = AS_FLOAT(rows);
         footprint.v[FOOTPRINT_X] = x;
         footprint.v[FOOTPRINT_Y] = y;
         footprint.v[FOOTPRINT_SLOPE] = e.sxy / e.syy;

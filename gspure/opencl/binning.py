@@ -26,6 +26,14 @@ class Band:
 
 
 @dataclass(frozen=True)
+class Footprints:
+    """Footprints of the visible Gaussians in depth order, and how many entries each chunk of them can have at most."""
+
+    ordered: cl.Buffer
+    bounds: cl.Buffer
+
+
+@dataclass(frozen=True)
 class TileLists:
     """Lists of a band: `entries` (positions) and `slots`, tile by tile in depth order from `tile_starts` on.
 
@@ -46,26 +54,30 @@ def tile_grid(camera: Camera) -> tuple[int, int]:
     return -(-camera.width // TILE), -(-camera.height // TILE)
 
 
-def gather_footprints(engine: Engine, projected: Projected, order: DepthOrder) -> cl.Buffer:
+def gather_footprints(engine: Engine, projected: Projected, order: DepthOrder) -> Footprints:
     """Return the footprints of the visible Gaussians in depth order."""
-    ordered = engine.buffer("ordered_footprints", 4 * FOOTPRINT_FLOATS * order.visible)
     parts = chunks(engine, order.visible)
-    kernel = _kernel(engine, "gather_footprints")
-    engine.run(
-        kernel, parts, np.uint32(order.visible), np.uint32(parts), order.positions, projected.footprints, ordered
+    footprints = Footprints(
+        engine.buffer("ordered_footprints", 4 * FOOTPRINT_FLOATS * order.visible), engine.buffer("bounds", 4 * parts)
     )
-    return ordered
+    engine.run(
+        _kernel(engine, "gather_footprints"),
+        parts,
+        *(np.uint32(order.visible), np.uint32(parts), order.positions, projected.footprints),
+        *(footprints.ordered, footprints.bounds),
+    )
+    return footprints
 
 
-def bands(engine: Engine, footprints: cl.Buffer, order: DepthOrder, camera: Camera, entry_budget: int) -> list[Band]:
+def bands(engine: Engine, footprints: Footprints, order: DepthOrder, camera: Camera, entry_budget: int) -> list[Band]:
     """Split the tile rows so that no band can hold more than `entry_budget` entries, unless a single row does."""
     _, rows = tile_grid(camera)
-    whole = Band(0, rows - 1)
-    _, most = _chunk_starts(engine, footprints, order, whole)
+    with engine.mapped(footprints.bounds, (chunks(engine, order.visible),), np.uint32) as bounds:
+        most = int(bounds.sum(dtype=np.uint64))
     if most <= entry_budget:
-        return [whole]
+        return [Band(0, rows - 1)]
     found, first, held = [], 0, 0
-    for row, bound in enumerate(_entries_per_row(engine, footprints, order, rows)):
+    for row, bound in enumerate(_entries_per_row(engine, footprints.ordered, order, rows)):
         if held and held + bound > entry_budget:
             found.append(Band(first, row - 1))
             first, held = row, 0
@@ -77,16 +89,17 @@ def bin_tiles(
     engine: Engine,
     frame: Pass,
     projected: Projected,
-    footprints: cl.Buffer,
+    footprints: Footprints,
     order: DepthOrder,
     camera: Camera,
     band: Band,
 ) -> TileLists:
     """Build the tile lists of one band (binning.cl)."""
-    columns, _ = tile_grid(camera)
+    columns, rows = tile_grid(camera)
     tiles = (band.last - band.first + 1) * columns
     visible, parts = order.visible, chunks(engine, order.visible)
-    chunk_starts, capacity = _chunk_starts(engine, footprints, order, band)
+    bounds = footprints.bounds if band == Band(0, rows - 1) else _bounds_of(engine, footprints, order, band)
+    chunk_starts, capacity = prefix_sums(engine, "chunk_starts", bounds, parts)
     chunk_ends = engine.buffer("chunk_ends", 4 * parts)
     slot_ranges = engine.buffer("slot_ranges", 8 * visible)
     histogram = engine.buffer("histogram", 4 * parts * tiles)
@@ -97,7 +110,7 @@ def bin_tiles(
         engine.kernel("emit_entries", "layout", "binning", **frame.layout),
         parts,
         *(np.uint32(visible), np.uint32(parts), np.int32(columns), np.int32(band.first), np.int32(band.last)),
-        *(order.positions, projected.splats, footprints, chunk_starts, chunk_ends),
+        *(order.positions, projected.splats, footprints.ordered, chunk_starts, chunk_ends),
         *(emitted_tiles, emitted_positions, slot_ranges, histogram),
     )
     tile_starts, _ = first_places(engine, "tile_starts", histogram, parts, tiles)
@@ -114,16 +127,17 @@ def _kernel(engine: Engine, name: str) -> cl.Kernel:
     return engine.kernel(name, "layout", "binning", RAY=0, CHANNELS=0)
 
 
-def _chunk_starts(engine: Engine, footprints: cl.Buffer, order: DepthOrder, band: Band) -> tuple[cl.Buffer, int]:
-    """Return (first slot of each chunk, number of slots): bounds by the tile rectangles."""
+def _bounds_of(engine: Engine, footprints: Footprints, order: DepthOrder, band: Band) -> cl.Buffer:
+    """Return how many entries each chunk can have at most in one of several bands."""
     parts = chunks(engine, order.visible)
-    bounds = engine.buffer("bounds", 4 * parts)
+    bounds = engine.buffer("band_bounds", 4 * parts)
     engine.run(
         _kernel(engine, "bound_entries"),
         parts,
-        *(np.uint32(order.visible), np.uint32(parts), np.int32(band.first), np.int32(band.last), footprints, bounds),
+        *(np.uint32(order.visible), np.uint32(parts), np.int32(band.first), np.int32(band.last)),
+        *(footprints.ordered, bounds),
     )
-    return prefix_sums(engine, "chunk_starts", bounds, parts)
+    return bounds
 
 
 def _entries_per_row(engine: Engine, footprints: cl.Buffer, order: DepthOrder, rows: int) -> NDArray[np.int64]:

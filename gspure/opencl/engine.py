@@ -102,9 +102,11 @@ class Engine:
         return buffer
 
     def clear(self, buffer: cl.Buffer, nbytes: int) -> None:
-        """Set the first `nbytes` of `buffer` to zero."""
+        """Set the first `nbytes`, a multiple of 4, of `buffer` to zero."""
         if nbytes:
-            cl.enqueue_fill_buffer(self.queue, buffer, np.uint32(0), 0, nbytes)
+            # PoCL stores pattern by pattern: 16 bytes take a quarter of the time of 4.
+            pattern = np.zeros(1 if nbytes % 16 else 4, np.uint32)
+            cl.enqueue_fill_buffer(self.queue, buffer, pattern, 0, nbytes)
 
     @contextmanager
     def mapped(

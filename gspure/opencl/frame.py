@@ -55,4 +55,4 @@ class Pass:
     @property
     def staged_floats(self) -> int:
         """Floats of a splat that blending reads."""
-        return (13 if self.energy == "ray" else 8) + self.channels
+        return (12 if self.energy == "ray" else 7) + self.channels

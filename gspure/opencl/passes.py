@@ -9,7 +9,7 @@ import numpy as np
 import pyopencl as cl
 
 from gspure.cameras.camera import Camera
-from gspure.opencl.binning import Band, TileLists, bands, bin_tiles, gather_footprints
+from gspure.opencl.binning import Band, Footprints, TileLists, bands, bin_tiles, gather_footprints
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Pass
@@ -31,7 +31,7 @@ class Rendered:
     channels: cl.Buffer | None
     projected: Projected
     order: DepthOrder
-    footprints: cl.Buffer
+    footprints: Footprints
     bands: tuple[Band, ...]
     lists: TileLists
     canvas: Canvas
