@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import ENERGIES, Energy, Pass
 from gspure.opencl.gradients import by_row
+from gspure.opencl.opacity_field import opacities_at
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
 from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, store, upload_features, upload_sh_coeffs
 
@@ -131,6 +133,22 @@ class Renderer:
         """Return the median depth [H,W] along the view axis; infinite where half the light passes."""
         canvas = self._render(Pass(self.energy, median_depth=True), camera).canvas
         return self._engine.read(canvas.median_depth, (camera.height, camera.width), np.float32)
+
+    def opacities_at(self, camera: Camera, points: NDArray[np.floating[Any]]) -> Float32:
+        """Return how much of a view's rays is blended away before and at each of the world `points` [P,3] (GOF).
+
+        Each Gaussian counts by its energy "ray" as far as the point: by its maximum if that lies before the point, by
+        its value there if not. 1 where the view does not show the point.
+
+        Raises
+        ------
+        ValueError
+            If the renderer's energy is not "ray".
+
+        """
+        if self.energy != "ray":
+            raise ValueError("opacities of points exist for the energy 'ray'")
+        return opacities_at(self._engine, self._storage, camera, points, self._entry_budget)
 
     def vjp(
         self, camera: Camera, features: Float32 | None = None, background: Sequence[float] | None = None

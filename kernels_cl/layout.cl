@@ -5,6 +5,7 @@
 //   ewa:  log2 alpha = LOG2_OPACITY - Q,      Q = (A dx + B dy)^2 + (C dy)^2
 //   ray:  log2 alpha = LOG2_OPACITY - Q / N,
 //         N = 1 + 2 (LX dx + LY dy) + MXX dx^2 + 2 MXY dx dy + MYY dy^2 = |direction|^2 relative to the centre's ray
+//         and before the maximum's depth t*, at depth t: further STEEPNESS N (t* - t)^2 less (POINTS)
 // As a sum of squares Q is never negative, and keeps its digits for needles, where XX dx^2 + XY dx dy + YY dy^2 is the small
 // difference of large terms.
 // Channels (colour or features) follow.
@@ -28,7 +29,12 @@
 #define SPLAT_MXX 9
 #define SPLAT_MXY 10
 #define SPLAT_MYY 11
+#if POINTS
+#define SPLAT_STEEPNESS 12
+#define SPLAT_CHANNELS 13
+#else
 #define SPLAT_CHANNELS 12
+#endif
 #else
 #define SPLAT_CHANNELS 7
 #endif
@@ -52,8 +58,13 @@
 // Depth key of a Gaussian that is not drawn; positive floats order as their bits do.
 #define NOT_VISIBLE 0xffffffffu
 
-// Pixel centres lie at +0.5; footprints are widened by this many pixels against rounding.
+// Pixel centres lie at +0.5; footprints are widened by this many pixels against rounding, and by half a pixel more where
+// they have to hold every point of a pixel.
+#if POINTS
+#define FOOTPRINT_MARGIN 0.52f
+#else
 #define FOOTPRINT_MARGIN 0.02f
+#endif
 
 // Camera numbers, in the order of gspure.cameras.Camera.numbers and then the camera's centre.
 #define CAMERA_FX camera[2]

@@ -70,6 +70,9 @@ inline Ellipse ray_form(__constant const float *camera, const V *mean, const V *
     splat[SPLAT_MXX] = centre * (gx[0] * gx[0] + gx[1] * gx[1] + gx[2] * gx[2]);
     splat[SPLAT_MXY] = centre * (gx[0] * gy[0] + gx[1] * gy[1] + gx[2] * gy[2]);
     splat[SPLAT_MYY] = centre * (gy[0] * gy[0] + gy[1] * gy[1] + gy[2] * gy[2]);
+#if POINTS
+    splat[SPLAT_STEEPNESS] = MIN(HALF_LOG2E / centre / smallest / smallest, (V)1e30f);  // |direction|^2 at the centre
+#endif
 
     // Outline of the ellipsoid (x - mean)' Sigma^-1 (x - mean) = t^2: the dual conic t^2 Sigma - mean mean', projected.
     V t2 = TWO_LN2 * level;

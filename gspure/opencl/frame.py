@@ -25,6 +25,8 @@ class Pass:
         Which accumulators run along.
     stored_sh_degree : int, optional
         Degree of the stored coefficients, where it is higher than the one in use.
+    points : bool
+        Made for points in space, not for pixel centres (energy "ray").
 
     """
 
@@ -34,11 +36,12 @@ class Pass:
     contributions: bool = False
     median_depth: bool = False
     stored_sh_degree: int | None = None
+    points: bool = False
 
     @property
     def layout(self) -> dict[str, int]:
         """Definitions that fix the splat's layout (layout.cl)."""
-        return {"RAY": int(self.energy == "ray"), "CHANNELS": self.channels}
+        return {"RAY": int(self.energy == "ray"), "CHANNELS": self.channels, "POINTS": int(self.points)}
 
     @property
     def channel_attributes(self) -> int:
@@ -55,4 +58,4 @@ class Pass:
     @property
     def staged_floats(self) -> int:
         """Floats of a splat that blending reads."""
-        return (12 if self.energy == "ray" else 7) + self.channels
+        return (12 if self.energy == "ray" else 7) + self.points + self.channels

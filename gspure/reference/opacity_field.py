@@ -1,0 +1,49 @@
+"""Opacity at points in space (Yu et al. 2024, Gaussian Opacity Fields), one Gaussian at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE
+from gspure.model.gaussians import Gaussians
+from gspure.reference.projection import pixel_rays, project
+
+Float64 = NDArray[np.float64]
+
+
+def opacity_field(model: Gaussians, cameras: Sequence[Camera], points: NDArray[Any]) -> Float64:
+    """Return O [P]: the least opacity of the `points` [P,3] in any view; 1 where none shows them."""
+    return np.min([opacities_at(model, camera, points)[0] for camera in cameras], axis=0)
+
+
+def opacities_at(model: Gaussians, camera: Camera, points: NDArray[Any]) -> tuple[Float64, Float64]:
+    """Return what a view has blended at each point, and how close it comes to a step there (0: on it, inf: never).
+
+    Steps are the cut-off of alpha and the near plane, as relative distances. Of a point that the view does not show the
+    opacity is 1.
+    """
+    projected = project(model, camera, "ray")
+    view = np.asarray(points, np.float64) @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
+    depths = view[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = camera.K[0, 0] * view[:, 0] / depths + camera.K[0, 2]
+        v = camera.K[1, 1] * view[:, 1] / depths + camera.K[1, 2]
+    shown = (depths > NEAR_PLANE) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+    transmittance, margins = np.ones(shown.sum()), np.full(len(shown), np.inf)
+    rays = pixel_rays(camera.K, u[shown], v[shown])
+    for i in range(len(projected.rows)):
+        d = rays @ projected.M[i].T
+        peaks = d @ projected.p[i] / (d * d).sum(axis=1)
+        offsets = np.minimum(peaks, depths[shown])[:, None] * d - projected.p[i]
+        alpha = np.minimum(ALPHA_MAX, projected.opacities[i] * np.exp(-0.5 * (offsets * offsets).sum(axis=1)))
+        steps = np.minimum(np.abs(alpha / ALPHA_MIN - 1), np.abs(peaks / NEAR_PLANE - 1))
+        margins[shown] = np.minimum(margins[shown], steps)
+        transmittance *= 1 - np.where((alpha >= ALPHA_MIN) & (peaks > NEAR_PLANE), alpha, 0.0)
+    opacities = np.ones(len(shown))
+    opacities[shown] = 1 - transmittance
+    return opacities, margins
