@@ -8,6 +8,7 @@ EVIDENCE = {
     "weights": "results/{scheme}/{scene}/omega.npy",
     "opacities": "results/{scheme}/{scene}/opacities.npy",
     "prune_mask": "results/{scheme}/{scene}/prune_mask.npy",
+    "surface": "results/{scheme}/{scene}/surface.npy",
 }
 EXTRACTIONS = {name: scheme.extractions for name, scheme in WATERMARKS.items()}
 TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}

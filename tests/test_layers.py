@@ -18,7 +18,7 @@ LAYERS = (
     {"model", "cameras", "images"},
     {"opencl"},
     {"renderer"},
-    {"contributions", "weights", "trial"},
+    {"contributions", "weights", "trial", "surface"},
     {"features", "clustering", "pruning"},
     {"evaluation"},
     {"training"},

@@ -18,11 +18,12 @@ Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 Weights = NDArray[np.float32]
 Opacities = NDArray[np.float32]
+Distances = NDArray[np.float32]
 World = NDArray[np.float64]
 Rng = np.random.Generator
 Setting = float | int | str
 
-EVIDENCE: Final = frozenset({"weights", "prune_mask", "opacities"})
+EVIDENCE: Final = frozenset({"weights", "prune_mask", "opacities", "surface"})
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,15 @@ class Evidence:
         GSPure's decision, true where pruned.
     opacities : array [K], float32, optional
         Opacity of each row, 0 to 1: of a Gaussian the stored one, of an anchor what its networks give it.
+    surface : array [K], float32, optional
+        Distance of each row from the surface that the views see, in the row's own scales (`gspure.surface`).
 
     """
 
     weights: Weights | None = None
     prune_mask: Mask | None = None
     opacities: Opacities | None = None
+    surface: Distances | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ STAGES = (
     "contributions",
     "weights",
     "opacities",
+    "surface",
     "features",
     "tree",
     "cluster",

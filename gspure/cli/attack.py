@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NPY",
         help="of `gspure opacities`, for attacks that need them (default: those that Gaussians store)",
     )
+    parser.add_argument("--surface", type=Path, metavar="NPY", help="of `gspure surface`, for attacks that need it")
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of what is random (default: %(default)s)"
     )
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> None:
     model = asset.units
     require_finite(model, args.model)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
-    types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32}
+    types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}
     evidence = Evidence(**_stored(model) | loaded)
     attacked = attack.apply(model, evidence, seed=args.seed, **settings)

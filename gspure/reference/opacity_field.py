@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE
 from gspure.model.gaussians import Gaussians
-from gspure.reference.projection import pixel_rays, project
+from gspure.reference.projection import Rays, pixel_rays, project
 
 Float64 = NDArray[np.float64]
 
 
 def opacity_field(model: Gaussians, cameras: Sequence[Camera], points: NDArray[Any]) -> Float64:
     """Return O [P]: the least opacity of the `points` [P,3] in any view; 1 where none shows them."""
-    return np.min([opacities_at(model, camera, points)[0] for camera in cameras], axis=0)
+    return np.asarray(np.min([opacities_at(model, camera, points)[0] for camera in cameras], axis=0))
 
 
 def opacities_at(model: Gaussians, camera: Camera, points: NDArray[Any]) -> tuple[Float64, Float64]:
@@ -28,6 +28,7 @@ def opacities_at(model: Gaussians, camera: Camera, points: NDArray[Any]) -> tupl
     opacity is 1.
     """
     projected = project(model, camera, "ray")
+    assert isinstance(projected, Rays)
     view = np.asarray(points, np.float64) @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
     depths = view[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,0 +1,43 @@
+"""Which points a view shows, and where."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.constants import NEAR_PLANE
+
+
+def points_shown(
+    camera: Camera, points: NDArray[Any], margin: float = 0.0
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return the rows [S] of those `points` [P,3] that lie in the image and behind the near plane, and where they are.
+
+    Parameters
+    ----------
+    camera : Camera
+    points : array [P,3]
+        In world coordinates; a point that is not finite is not shown.
+    margin : float
+        By which share of its size the image is widened on every side.
+
+    Returns
+    -------
+    rows : array [S]
+        Ascending.
+    positions : array [S,3]
+        Column and row in pixels, and depth along the view axis.
+
+    """
+    with np.errstate(invalid="ignore"):
+        view = points @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
+        behind = np.flatnonzero(view[:, 2] > NEAR_PLANE)
+        x, y, z = view[behind].T
+        u = camera.K[0, 0] * x / z + camera.K[0, 2]
+        v = camera.K[1, 1] * y / z + camera.K[1, 2]
+        left, top = margin * camera.width, margin * camera.height
+        inside = (u >= -left) & (u < camera.width + left) & (v >= -top) & (v < camera.height + top)
+    return behind[inside], np.stack([u, v, z], axis=1)[inside]

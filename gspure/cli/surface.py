@@ -1,0 +1,96 @@
+"""``gspure surface``: how far every row of a model lies from the surface that its views see."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gspure.cli.options import add_device, add_views, read_device, read_views
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from gspure.cameras import Camera
+    from gspure.opencl.device import Device
+
+HELP = "measure how far every Gaussian lies from the surface, as attack gof needs it"
+EXAMPLES = """\
+  gspure surface --model point_cloud.ply --cameras cameras.json --out surface.npy --mesh mesh.ply
+  gspure surface --model point_cloud.ply --cameras cameras.json --out surface.npy --method depth
+"""
+
+METHODS = ("mesh", "depth")
+MOST_OPAQUE = 250_000
+"""Gaussians of which a mesh is made without being asked for: tetrahedra then take a few minutes and gigabytes. Ours."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
+    add_views(parser, split="train")
+    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="distances in scales: float32 [K]")
+    parser.add_argument(
+        "--method",
+        choices=METHODS,
+        help="mesh: from the level set of the opacity field; depth: from the views' median depths (default: mesh; "
+        f"depth of anchors, and of models with more than {MOST_OPAQUE} opaque Gaussians)",
+    )
+    parser.add_argument("--mesh", type=Path, metavar="PLY", help="also write the mesh")
+    add_device(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measure and write the distances."""
+    from gspure.artifacts import save_array, write_provenance
+    from gspure.attacks.gof import TOLERANCE
+    from gspure.errors import InputError
+    from gspure.model import require_finite
+    from gspure.schemes.registry import open_asset
+    from gspure.surface.depths import depth_distances
+
+    asset = open_asset(args.model)
+    require_finite(asset.units, args.model)
+    method = args.method or _suited(asset.units)
+    if method == "depth" and args.mesh:
+        raise InputError(args.model, "--mesh", expected="method mesh", found="method depth, which makes none")
+    views, device = read_views(args), read_device(args)
+    if method == "mesh":
+        distances = _from_mesh(args, asset.units, views, device)
+    else:
+        distances = depth_distances(asset, views, device)
+    save_array(args.out, distances)
+    inputs = {"model": args.model, "cameras": args.cameras}
+    write_provenance(args.out, inputs=inputs, settings={"split": args.split, "method": method})
+    near = int((distances <= TOLERANCE).sum())
+    print(f"method {method}: {near} of {len(distances)} rows within {TOLERANCE:g} scales of the surface")
+
+
+def _suited(model: Any) -> str:
+    """Return the method that suits a model."""
+    from gspure.attacks.attributes import holds_anchors
+    from gspure.surface.meshing import opaque
+
+    return "depth" if holds_anchors(model) or opaque(model).sum() > MOST_OPAQUE else "mesh"
+
+
+def _from_mesh(args: argparse.Namespace, model: Any, views: Sequence[Camera], device: Device) -> NDArray[np.float32]:
+    """Return the distances from the mesh, and write it if asked to."""
+    from gspure.attacks.attributes import holds_anchors
+    from gspure.errors import InputError
+    from gspure.model.mesh import write_mesh_ply
+    from gspure.surface.distance import mesh_distances
+    from gspure.surface.filter import filtered
+    from gspure.surface.meshing import extract_mesh
+
+    if holds_anchors(model):
+        hint = "every view has other Gaussians; method depth takes them view by view"
+        raise InputError(args.model, "rows", expected="Gaussians, for a mesh", found="anchors", hint=hint)
+    smoothed = filtered(model, views)
+    mesh = extract_mesh(smoothed, views, device)
+    if args.mesh:
+        write_mesh_ply(args.mesh, mesh)
+    return mesh_distances(smoothed, mesh)

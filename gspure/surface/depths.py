@@ -1,0 +1,52 @@
+"""How far Gaussians lie from what the views see, by median depth: no mesh, and no fixed set of Gaussians either."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras import Camera
+from gspure.cameras.projection import points_shown
+from gspure.model import Gaussians
+from gspure.opencl.device import Device, choose_device
+from gspure.progress import track
+from gspure.renderer import Renderer
+from gspure.surface.axes import principal_axes
+
+UNSEEN: Final = np.finfo(np.float32).max
+"""Distance of what no view shows; files hold no infinities."""
+
+
+class Seen(Protocol):
+    """A model of any scheme (`gspure.schemes.asset.Asset`): rows, and the Gaussians that a camera sees of them."""
+
+    units: Gaussians
+
+    def gaussians(self, camera: Camera) -> tuple[Gaussians, NDArray[Any]]:
+        """Return the Gaussians that a camera sees, and the row that each belongs to."""
+
+
+def depth_distances(asset: Seen, cameras: Sequence[Camera], device: Device | None = None) -> NDArray[np.float32]:
+    """Return the distance [K] of each row from the surface, in standard deviations along the view axis.
+
+    It is the least, over the views and the row's Gaussians, of |z - median depth of the pixel| / deviation. A row that
+    no view shows gets `UNSEEN`.
+    """
+    device = device or choose_device()
+    nearest = np.full(len(asset.units), UNSEEN, np.float32)
+    renderer = None
+    for camera in track(cameras, "median depth"):
+        gaussians, rows = asset.gaussians(camera)
+        if renderer is None or renderer.model is not gaussians:
+            renderer, axes = Renderer(gaussians, device), principal_axes(gaussians)
+        deviations = np.linalg.norm(axes @ camera.viewmat[2, :3], axis=1)
+        seen, positions = points_shown(camera, gaussians.means)
+        columns, lines = positions[:, :2].astype(np.intp).T
+        surface = renderer.depth(camera)[lines, columns]
+        with np.errstate(divide="ignore", invalid="ignore"):  # a Gaussian without rotation or size is nowhere
+            distances = np.abs(positions[:, 2] - surface) / deviations[seen]
+        np.minimum.at(nearest, rows[seen], np.fmin(distances, UNSEEN))
+    return nearest

@@ -1,0 +1,66 @@
+"""Marching tetrahedra: the triangles that separate inside from outside in a tetrahedralization."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Indices = NDArray[np.intp]
+Triangle = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+"""Three crossed edges, each by its two corners."""
+
+
+def _triangles(case: int) -> list[Triangle]:
+    """Return the triangles in a tetrahedron of positive volume whose corner i is inside where bit i of `case` is set.
+
+    Seen from outside they run anticlockwise.
+    """
+    even = [p for p in permutations(range(4)) if sum(p[i] > p[j] for i in range(4) for j in range(i + 1, 4)) % 2 == 0]
+    inside = [i for i in range(4) if case >> i & 1]
+    if len(inside) == 2:
+        a, b, c, d = next(p for p in even if sorted(p[:2]) == inside)
+        return [((a, c), (a, d), (b, d)), ((a, c), (b, d), (b, c))]
+    lone = inside if len(inside) == 1 else [i for i in range(4) if i not in inside]
+    a, b, c, d = next(p for p in even if [p[0]] == lone)
+    return [((a, b), (a, c), (a, d)) if len(inside) == 1 else ((a, b), (a, d), (a, c))]
+
+
+_TRIANGLES: Final = {case: np.array(_triangles(case)) for case in range(1, 15)}
+
+
+def march(points: NDArray[np.float64], tetrahedra: Indices, inside: NDArray[np.bool_]) -> tuple[Indices, Indices]:
+    """Return the edges that the surface crosses, and its triangles.
+
+    Parameters
+    ----------
+    points : array [P,3]
+    tetrahedra : array [T,4]
+        That fill a convex region face to face, of either orientation.
+    inside : array [P]
+
+    Returns
+    -------
+    edges : array [V,2]
+        Of two points each: one inside, one outside. The mesh has a vertex on each of them.
+    faces : array [F,3]
+        Anticlockwise as seen from outside. Within the region, every edge of a face belongs to exactly two.
+
+    """
+    cases = inside[tetrahedra] @ (1 << np.arange(4))
+    crossed = np.flatnonzero((cases > 0) & (cases < 15))
+    cases, tetrahedra = cases[crossed], tetrahedra[crossed]
+    a, b, c, d = points[tetrahedra].transpose(1, 0, 2)
+    turned = np.einsum("ti,ti->t", np.cross(b - a, c - a), d - a) < 0
+    corners = []
+    for case, triangles in _TRIANGLES.items():
+        of_case = cases == case
+        found = tetrahedra[of_case][:, triangles]
+        found[turned[of_case]] = found[turned[of_case]][:, :, ::-1]
+        corners.append(found.reshape(-1, 3, 2))
+    ends = np.concatenate(corners)
+    ends = np.where(inside[ends[..., :1]], ends, ends[..., ::-1])
+    keys, faces = np.unique(ends @ np.array([len(points), 1]), return_inverse=True)
+    return np.stack(np.divmod(keys, len(points)), axis=1), faces.reshape(-1, 3)

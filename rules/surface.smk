@@ -1,0 +1,26 @@
+# What surface-aware purification knows of a model: how far its rows lie from the surface that the views see.
+
+
+rule measure_surface:
+    input:
+        model=public_model,
+        cameras="results/{scheme}/{scene}/cameras.json",
+    output:
+        surface="results/{scheme}/{scene}/surface.npy",
+    log:
+        "results/logs/{scheme}/{scene}/surface.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/surface.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    threads: 16
+    resources:
+        opencl_device=1,
+    params:
+        kernels=KERNELS,
+        code=code_digest("gspure.cli.surface"),
+    message:
+        "Measuring distances from the surface of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure surface --model {input.model:q}"
+        " --cameras {input.cameras:q} --out {output.surface:q} > {log:q} 2>&1"
