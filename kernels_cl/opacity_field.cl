@@ -19,8 +19,9 @@ __kernel void blend_points(uint items, __global const float *points, __global co
     if (item >= items) return;
     V u = LOAD_POINTS(0), v = LOAD_POINTS(1), depth = LOAD_POINTS(2), T = (V)1.0f;
     uint end = tile_starts[tiles[item] + 1];
-    // Where less than TRANSMITTANCE_MIN is left, what follows changes the opacity by less than that.
-    for (uint entry = tile_starts[tiles[item]]; entry < end && ANY(T >= (V)TRANSMITTANCE_MIN); entry++) {
+    // A point is done once less than TRANSMITTANCE_MIN is left: what follows would change its opacity by less than that.
+    I open = MASK(T >= (V)TRANSMITTANCE_MIN);
+    for (uint entry = tile_starts[tiles[item]]; entry < end && ANY(open); entry++) {
         __global const float *s = splats + (size_t)SPLAT * entries[entry];
         V dx = u - s[SPLAT_U], dy = v - s[SPLAT_V];
         V across = s[SPLAT_A] * dx + s[SPLAT_B] * dy, down = s[SPLAT_C] * dy;
@@ -33,8 +34,9 @@ __kernel void blend_points(uint items, __global const float *points, __global co
         V exponent = s[SPLAT_LOG2_OPACITY] - (across * across + down * down) * inverse -
                      s[SPLAT_STEEPNESS] * norm * (before * before);
         V alpha = MIN(exp2_polynomial(exponent), (V)ALPHA_MAX);
-        alpha = AS_FLOAT(AS_INT(alpha) & MASK(exponent >= (V)LOG2_ALPHA_MIN) & MASK(peak > (V)NEAR_PLANE));
+        alpha = AS_FLOAT(AS_INT(alpha) & MASK(exponent >= (V)LOG2_ALPHA_MIN) & MASK(peak > (V)NEAR_PLANE) & open);
         T -= alpha * T;
+        open = MASK(T >= (V)TRANSMITTANCE_MIN);
     }
     STORE_POINTS(1.0f - T);
 }

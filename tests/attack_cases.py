@@ -26,10 +26,11 @@ KINDS = {"harmonics": blobs, "features": features, "anchors": anchors}
 
 
 def evidence(count: int, seed: int = 1) -> Evidence:
-    """Weights, opacities and a decision, all random."""
+    """Weights, a decision, opacities and distances, all random."""
     rng = np.random.default_rng(seed)
     weights = rng.lognormal(0, 2, count).astype(np.float32)
-    return Evidence(weights, weights < 1, rng.uniform(size=count).astype(np.float32))
+    opacities, distances = rng.uniform(size=(2, count)).astype(np.float32)
+    return Evidence(weights, weights < 1, opacities, 6 * distances)
 
 
 def changed(before: Gaussians, after: Gaussians) -> set[str]:

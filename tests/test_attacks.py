@@ -14,7 +14,7 @@ from gspure.model import Gaussians, read_model, write_model
 COUNT = 40
 PRUNING = {
     *("watermarked", "gspure", "random_pruning", "lowest_weight", "lowest_opacity", "plain_weight", "plain_opacity"),
-    *("random_matched", "lowest_weight_matched", "lowest_opacity_matched", "crop"),
+    *("random_matched", "lowest_weight_matched", "lowest_opacity_matched", "crop", "gof"),
 }
 RANDOM = {
     *("random_pruning", "random_matched", "gaussian_noise", "opacity_noise", "position_noise"),
@@ -38,7 +38,8 @@ def model(count: int = COUNT, seed: int = 0, extra: str | None = None) -> Gaussi
 def evidence(count: int = COUNT) -> Evidence:
     rng = np.random.default_rng(1)
     weights = rng.lognormal(0, 2, count).astype(np.float32)
-    return Evidence(weights, weights < 1, rng.uniform(size=count).astype(np.float32))
+    opacities, distances = rng.uniform(size=(2, count)).astype(np.float32)
+    return Evidence(weights, weights < 1, opacities, 6 * distances)
 
 
 def changed(before: Gaussians, after: Gaussians) -> set[str]:
@@ -241,7 +242,7 @@ def test_a_plug_in_is_found_by_its_entry_point(monkeypatch: pytest.MonkeyPatch) 
         ("MISSING", "expected an importable attack, found AttributeError"),
         ("half", "expected a gspure.attacks.Attack, found function"),
         ("TAKEN", "name: expected a name not in use, found 'gspure'"),
-        ("GREEDY", "needs: expected of opacities, prune_mask, weights, found key"),
+        ("GREEDY", "needs: expected of opacities, prune_mask, surface, weights, found key"),
     ],
 )
 def test_a_bad_plug_in_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch, target: str, message: str) -> None:

@@ -104,8 +104,8 @@ class Attack:
     name : str
         Unique name; the variant's name in every table.
     function : callable
-        ``function(model, rng, [weights], [prune_mask], [opacities], *, setting=default, ...) -> Attacked``: pure,
-        deterministic in its arguments. It names the evidence that it needs, and its keyword-only parameters are its
+        ``function(model, rng, [evidence, ...], *, setting=default, ...) -> Attacked``: pure, deterministic in its
+        arguments. It names the evidence that it needs (fields of `Evidence`), and its keyword-only parameters are its
         settings.
 
     """

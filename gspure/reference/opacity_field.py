@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,7 @@ def opacities_at(model: Gaussians, camera: Camera, points: NDArray[Any]) -> tupl
     Steps are the cut-off of alpha and the near plane, as relative distances. Of a point that the view does not show the
     opacity is 1.
     """
-    projected = project(model, camera, "ray")
-    assert isinstance(projected, Rays)
+    projected = cast("Rays", project(model, camera, "ray"))
     view = np.asarray(points, np.float64) @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
     depths = view[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):

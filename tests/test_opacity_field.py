@@ -1,0 +1,151 @@
+"""Opacity at points in space: against the reference and analysis, on every device at hand, in both kernel styles."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gspure.opencl import opacity_field as stage
+from gspure.reference.opacity_field import opacities_at
+from gspure.reference.opacity_field import opacity_field as reference_field
+from gspure.renderer import Renderer
+from gspure.surface import field
+from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
+
+STEP = 0.005
+"""What one Gaussian at the cut-off, 1/255, moves an opacity."""
+
+ROUNDING = {"needles": 2e-5, "flakes": 2e-6}
+"""Mean errors of cases that float32 cannot hold better than a few 1e-7."""
+
+
+def points_around(model, count=1500, seed=0):
+    """Points in front of the cameras, and at and near the centres."""
+    rng = np.random.default_rng(seed)
+    means = model.means.astype(np.float64)
+    near = means + rng.normal(0, 0.1, means.shape)
+    return np.concatenate([means, near, rng.uniform([-3, -2, 0], [3, 2, 9], (count, 3))])
+
+
+def assert_agrees(found, model, view, points, *, mean=1e-6):
+    """Compare with the reference: tightly away from steps, where only the early end may show."""
+    expected, margins = opacities_at(model, view, points)
+    error, steady = np.abs(found - expected), margins > 1e-3
+    assert found.shape == expected.shape
+    elsewhere = np.isinf(margins)
+    assert (found[elsewhere] == expected[elsewhere]).all(), "exactly 1 where the view does not show a point"
+    assert (error < STEP).all()
+    opaque = expected > 1 - 2e-4  # what follows there may be left out
+    tight = error[steady & ~opaque]
+    assert (tight < 50 * mean).all(), tight.max()
+    assert tight.mean() < mean if tight.size else True
+    assert (error[steady & opaque] < 1.01e-4).all()
+
+
+@pytest.mark.parametrize("case", AWKWARD)
+def test_awkward_models_agree_with_the_reference(device, style, case):
+    model, view = AWKWARD[case]()
+    points = points_around(model)
+    found = Renderer(model, device, energy="ray", style=style).opacities_at(view, points)
+    assert_agrees(found, model, view, points, mean=ROUNDING.get(case, 1e-6))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (15, 17), (17, 15), (33, 31), (65, 47)], ids="{0[0]}x{0[1]}".format)
+def test_any_image_size_agrees(device, style, size):
+    model, view = blobs(120, 1), tilted_camera(*size)
+    points = points_around(model)
+    assert_agrees(Renderer(model, device, energy="ray", style=style).opacities_at(view, points), model, view, points)
+
+
+@pytest.mark.parametrize("count", [0, 1, 15, 17, 257])
+def test_any_number_of_points_agrees(device, style, count):
+    model, view = blobs(60, 2), tilted_camera()
+    points = points_around(model)[:count]
+    assert_agrees(Renderer(model, device, energy="ray", style=style).opacities_at(view, points), model, view, points)
+
+
+def test_the_opacity_of_one_gaussian_is_one_half_at_the_depth_that_analysis_gives(device, style):
+    """Before its centre, o exp(-(z - t)^2 / 2 s^2) = 1/2."""
+    opacity, scale, z = 0.9, 0.3, 4.0
+    model, view = gaussians(means=[0, 0, z], scales=scale, opacities=opacity), camera()
+    surface = z - scale * np.sqrt(2 * np.log(2 * opacity))
+    points = np.array([[0, 0, surface], [0, 0, z], [0, 0, z + 1]])
+    for found in (
+        reference_field(model, [view], points),
+        Renderer(model, device, energy="ray", style=style).opacities_at(view, points),
+    ):
+        np.testing.assert_allclose(found, [0.5, opacity, opacity], atol=2e-6)
+
+
+def test_far_behind_everything_a_point_has_the_opacity_of_its_pixel(device, style):
+    model, view = blobs(200, 4), camera(33, 31)
+    u, v = np.meshgrid(np.arange(view.width) + 0.5, np.arange(view.height) + 0.5)
+    rays = np.stack([(u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1], np.ones_like(u)], axis=-1)
+    renderer = Renderer(model, device, energy="ray", style=style)
+    found = renderer.opacities_at(view, 100 * rays.reshape(-1, 3))
+    np.testing.assert_allclose(found, 1 - renderer.transmittance(view).ravel(), atol=0.011)  # pixels stop one earlier
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**31), count=st.integers(1, 60))
+def test_opacity_grows_along_a_ray(device, style, seed, count):
+    model, view = blobs(count, seed), camera()
+    ray = np.array([*np.random.default_rng(seed).uniform(-0.3, 0.3, 2), 1.0])
+    found = Renderer(model, device, energy="ray", style=style).opacities_at(
+        view, np.linspace(0.3, 12, 60)[:, None] * ray
+    )
+    assert (np.diff(found) > -STEP).all()  # a point's own rounding may take it across a cut-off
+    assert (np.diff(found) > -1e-5).mean() > 0.95
+
+
+def test_bands_change_no_bit(device, style):
+    model, view = blobs(300, 5), tilted_camera()
+    points = points_around(model)
+    whole, banded = (
+        Renderer(model, device, energy="ray", style=style, entry_budget=budget).opacities_at(view, points)
+        for budget in (1 << 20, 500)
+    )
+    assert whole.tobytes() == banded.tobytes()
+
+
+def test_neither_company_nor_order_of_points_changes_a_bit(device, style):
+    model, view = blobs(200, 6, size=(0.2, 0.6)), tilted_camera()
+    points = points_around(model)
+    renderer = Renderer(model, device, energy="ray", style=style)
+    whole = renderer.opacities_at(view, points)
+    some = np.random.default_rng(0).permutation(len(points))[:777]
+    np.testing.assert_array_equal(renderer.opacities_at(view, points[some]), whole[some])
+
+
+def test_finer_tiles_change_nothing(device, style, monkeypatch):
+    model, view = blobs(200, 7), tilted_camera()
+    points = points_around(model)
+    renderer = Renderer(model, device, energy="ray", style=style)
+    fine = renderer.opacities_at(view, points)
+    monkeypatch.setattr(stage, "FINER", 1)
+    error = np.abs(renderer.opacities_at(view, points) - fine)
+    assert (error < STEP).all()
+    assert error.mean() < 5e-6
+
+
+def test_images_know_no_points(device):
+    with pytest.raises(ValueError, match="energy 'ray'"):
+        Renderer(blobs(5), device).opacities_at(camera(), np.zeros((1, 3)))
+
+
+def test_the_field_is_the_least_of_the_views(device, style, monkeypatch):
+    model, views = blobs(150, 8), [camera(), tilted_camera(), tilted_camera(31, 33)]
+    points = points_around(model)
+    renderer = Renderer(model, device, energy="ray", style=style)
+    monkeypatch.setattr(field, "_CHUNK", 200)
+    found = field.opacity_field(renderer, views, points)
+    np.testing.assert_allclose(found, reference_field(model, views, points), atol=STEP)
+    assert 0.01 < (found < 0.5).mean() < 0.99
+    hasty = field.opacity_field(renderer, views, points, outside=0.5)
+    np.testing.assert_array_equal(hasty >= 0.5, found >= 0.5)
+
+
+def test_what_no_view_shows_is_occupied(device):
+    renderer = Renderer(blobs(5), device, energy="ray")
+    points = np.array([[0.0, 0, -1], [50, 0, 1], [np.nan, 0, 1], [0, 0, 0.1]])
+    assert field.opacity_field(renderer, [camera()], points).tolist() == [1, 1, 1, 1]

@@ -1,0 +1,327 @@
+"""The surface of a model: 3-D filter, tetrahedra, mesh, distances; small models seen from all around."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plyfile import PlyData
+from scipy.spatial import Delaunay
+
+from gspure.attacks import Evidence, find_attack
+from gspure.cameras import write_cameras
+from gspure.cameras.projection import points_shown
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.model import write_model
+from gspure.model.mesh import Mesh, write_mesh_ply
+from gspure.reference.opacity_field import opacity_field
+from gspure.reference.projection import rotation_matrices
+from gspure.schemes.asset import Asset
+from gspure.surface.axes import principal_axes
+from gspure.surface.depths import UNSEEN, depth_distances
+from gspure.surface.distance import face_points, mesh_distances
+from gspure.surface.filter import filter_sizes, filtered
+from gspure.surface.marching import march
+from gspure.surface.meshing import extract_mesh
+from gspure.surface.tetrahedra import box_points
+from tests.anchor_cases import random_asset
+from tests.models import blobs, camera, gaussians, joined, tilted_camera
+
+RADIUS = 1.0
+THICKNESS = 0.02
+FRONT = RADIUS + np.sqrt(2 * np.log(2 * 0.95)) * np.hypot(THICKNESS, np.sqrt(0.2) * (4 - RADIUS) / 58)
+"""Where the field of `ball`, filtered, is about one half: before its discs, by their own thickness."""
+
+
+def around(distance=4.0, size=48):
+    """Six views of the origin, along the axes."""
+    views = []
+    for i, (axis, up) in enumerate(((0, 1), (1, 2), (2, 0))):
+        for sign in (1, -1):
+            rows = np.zeros((3, 3))
+            rows[2, axis] = -sign
+            rows[1, up] = 1
+            rows[0] = np.cross(rows[1], rows[2])
+            viewmat = np.eye(4)
+            viewmat[:3, :3], viewmat[2, 3] = rows, distance
+            views.append(camera(size, size, focal=1.2 * size, viewmat=viewmat, name=f"view_{2 * i + (sign < 0)}"))
+    return views
+
+
+def directions(count):
+    """Points spread evenly over the unit sphere (Fibonacci)."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    angle = np.pi * (1 + np.sqrt(5)) * np.arange(count)
+    return np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=1)
+
+
+def ball(count=300, radius=RADIUS, opacity=0.95):
+    """Discs that tile a sphere, flat along its radius."""
+    normals = directions(count)
+    # (1 + n.z, z x n) turns the z axis onto n
+    quats = np.stack([1 + normals[:, 2], -normals[:, 1], normals[:, 0], np.zeros(count)], axis=1)
+    side = 1.2 * radius * np.sqrt(4 * np.pi / count) / 2
+    return gaussians(means=radius * normals, quats=quats, scales=[side, side, THICKNESS], opacities=opacity)
+
+
+@pytest.fixture(scope="module")
+def views():
+    return around()
+
+
+@pytest.fixture(scope="module")
+def mesh(views):
+    return extract_mesh(filtered(ball(), views), views)
+
+
+# --- the 3-D filter ---------------------------------------------------------------------------------------------------
+
+
+def test_the_filter_is_a_share_of_a_pixel_at_the_nearest_view(views):
+    near = camera(48, 48, focal=30.0)
+    model = gaussians(means=[[0, 0, 2], [0, 0, 0.5], [0.69 * 4, 0, 5]], scales=0.1)
+    sizes = filter_sizes(model, [near, tilted_camera(focal=60.0)])
+    expected = np.sqrt(0.2) / 60 * np.array([2, 0.5])
+    np.testing.assert_allclose(sizes[:2], expected, rtol=0.3)  # the other view may be nearer
+    np.testing.assert_allclose(filter_sizes(model, [near])[:2], 2 * expected, rtol=1e-6)
+
+
+def test_views_see_a_margin_beyond_their_edges_and_what_none_sees_gets_the_largest_filter():
+    view = camera(40, 40, focal=20.0)
+    edge = 2 * (1 + 2 * 0.15)  # of x at z = 2, widened
+    model = gaussians(means=[[0.99 * edge, 0, 2], [1.01 * edge, 0, 2], [0, 0, -1], [0, 0, 1]], scales=0.1)
+    sizes = filter_sizes(model, [view]) * 20 / np.sqrt(0.2)
+    np.testing.assert_allclose(sizes, [2, 2, 2, 1], rtol=1e-6)
+    assert len(points_shown(view, model.means[:2], 0.15)[0]) == 1
+
+
+def test_filtered_gaussians_keep_their_mass(views):
+    model = ball(50)
+    after, sizes = filtered(model, views), filter_sizes(model, views)
+    np.testing.assert_allclose(after.scales, np.hypot(model.scales, sizes[:, None]), rtol=1e-6)
+    before, mass = (m.opacities * m.scales.astype(np.float64).prod(axis=1) for m in (model, after))
+    np.testing.assert_allclose(mass, before, rtol=1e-5)
+    assert set(after.table.dtype.names) == set(model.table.dtype.names)
+
+
+def test_a_model_out_of_sight_is_refused(views):
+    with pytest.raises(InputError, match="expected a view of the model, found no Gaussian in any view"):
+        filter_sizes(gaussians(means=[0, 0, 99.0], scales=0.1), [camera(viewmat=np.diag([1.0, -1, -1, 1]))])
+
+
+# --- boxes and tetrahedra ---------------------------------------------------------------------------------------------
+
+
+def test_principal_axes_are_those_of_the_reference():
+    model = blobs(30, 1)
+    expected = rotation_matrices(model.quats) * model.scales[:, None, :]
+    np.testing.assert_allclose(principal_axes(model).transpose(0, 2, 1), expected, rtol=1e-6, atol=1e-7)
+
+
+def test_a_gaussian_lies_in_a_box_of_three_deviations():
+    model = gaussians(means=[1, 2, 3], scales=[0.1, 0.2, 0.3], quats=[1, 0, 0, 1])  # a quarter turn about z
+    points = box_points(model)
+    np.testing.assert_allclose(points[-1], [1, 2, 3])
+    np.testing.assert_allclose(points[:8].min(axis=0), [0.4, 1.7, 2.1], rtol=1e-6)
+    np.testing.assert_allclose(points[:8].max(axis=0), [1.6, 2.3, 3.9], rtol=1e-6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**31), turned=st.booleans())
+def test_marching_separates_inside_from_outside_by_closed_oriented_surfaces(seed, turned):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(60, 3))
+    cells = Delaunay(points).simplices.astype(np.intp)
+    if turned:
+        cells = cells[:, [1, 0, 2, 3]]
+    hull = np.unique(Delaunay(points).convex_hull)
+    inside = rng.random(60) < 0.5
+    inside[hull] = False
+    edges, faces = march(points, cells, inside)
+    assert inside[edges[:, 0]].all()
+    assert not inside[edges[:, 1]].any()
+    assert (np.bincount(faces.ravel(), minlength=len(edges)) > 0).all()
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    assert len(np.unique(sides, axis=0)) == len(sides), "no side twice in one direction"
+    assert {*map(tuple, sides)} == {*map(tuple, sides[:, ::-1])}, "every side once in each: closed, oriented"
+    # The flux of x / 3 through an outward surface is the volume inside: for vertices at the middle of their edges, of
+    # a tetrahedron 1/8 at a lone corner, 1/2 between two and two.
+    a, b, c = points[edges].mean(axis=1)[faces].transpose(1, 0, 2)
+    flux = np.einsum("fi,fi->", a, np.cross(b, c)) / 6
+    x, y, z, w = points[cells].transpose(1, 0, 2)
+    volumes = np.abs(np.einsum("ti,ti->t", np.cross(y - x, z - x), w - x)) / 6
+    shares = np.array([0, 1 / 8, 1 / 2, 7 / 8, 1])[inside[cells].sum(axis=1)]
+    np.testing.assert_allclose(flux, (shares * volumes).sum(), rtol=1e-9, atol=1e-12)
+
+
+def test_nothing_inside_has_no_surface():
+    points = np.random.default_rng(0).normal(size=(20, 3))
+    edges, faces = march(points, Delaunay(points).simplices.astype(np.intp), np.zeros(20, np.bool_))
+    assert edges.shape == (0, 2)
+    assert faces.shape == (0, 3)
+
+
+# --- the mesh ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_ball_of_gaussians_has_a_closed_round_mesh(mesh):
+    sides = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
+    assert (np.unique(sides, axis=0, return_counts=True)[1] == 2).all()
+    radii = np.linalg.norm(mesh.vertices, axis=1)
+    assert abs(radii.mean() - FRONT) < 0.02
+    assert radii.std() < 0.01
+
+
+def test_vertices_lie_where_the_field_is_one_half(views):
+    model = gaussians(means=[[0, 0, 0], [0.2, 0.1, 0.3]], scales=[[0.2, 0.3, 0.25], [0.2, 0.2, 0.2]], opacities=0.8)
+    found = extract_mesh(model, views)
+    np.testing.assert_allclose(opacity_field(model, views, found.vertices), 0.5, atol=0.02)
+    assert len(found.faces) > 20
+
+
+def test_a_mesh_is_read_by_other_programs(mesh, tmp_path):
+    write_mesh_ply(tmp_path / "mesh.ply", mesh)
+    ply = PlyData.read(tmp_path / "mesh.ply")
+    np.testing.assert_allclose(np.stack([ply["vertex"][name] for name in "xyz"], axis=1), mesh.vertices, rtol=1e-6)
+    np.testing.assert_array_equal(np.stack(ply["face"]["vertex_indices"]), mesh.faces)
+    pyvista = pytest.importorskip("pyvista")
+    seen = pyvista.read(tmp_path / "mesh.ply")
+    assert seen.n_cells == len(mesh.faces)
+    assert seen.is_manifold
+    assert abs(seen.volume - 4 / 3 * np.pi * FRONT**3) < 0.3
+
+
+def test_the_same_model_gives_the_same_mesh(mesh, views):
+    again = extract_mesh(filtered(ball(), views), views)
+    assert again.vertices.tobytes() == mesh.vertices.tobytes()
+    assert again.faces.tobytes() == mesh.faces.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("model", "line"),
+    [
+        (ball(20, opacity=0.05), "an opacity above 0.1 in the views, found 0 points"),
+        (ball(20, opacity=0.2), "an opacity of 0.5 somewhere, found none in any view"),
+    ],
+)
+def test_a_model_without_a_surface_is_refused(model, line, views):
+    with pytest.raises(InputError, match=line):
+        extract_mesh(model, views)
+
+
+# --- distances --------------------------------------------------------------------------------------------------------
+
+
+def test_points_on_faces_are_dense_and_on_them():
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5.0, 0, 0], [0, 5, 0], [0, 5, 1]])
+    points = face_points(Mesh(corners, np.array([[0, 1, 2], [0, 3, 4], [0, 1, 2], [0, 1, 2]])))
+    assert (points[:, 2] == 0).all()
+    wanted = 5 * np.random.default_rng(0).dirichlet(np.ones(3), 100)[:, :2]
+    gaps = np.linalg.norm(points[:, None, :2] - wanted, axis=2).min(axis=0)
+    assert gaps.max() < np.sqrt(2)
+
+
+def test_distances_are_in_units_of_the_largest_scale():
+    mesh = Mesh(np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
+    model = gaussians(means=[[-1, -1, 0.5], [1, -1, 3]], scales=[[0.1, 0.5, 0.2], [1.5, 0.1, 0.1]])
+    np.testing.assert_allclose(mesh_distances(model, mesh), [1, 2], rtol=1e-6)
+
+
+def populated():
+    """A ball; a layer hidden in it; a floater in its middle; faint floaters around it. With the part of each row."""
+    faint = gaussians(means=1.7 * directions(12), scales=0.05, opacities=0.3)
+    parts = [ball(), ball(80, radius=0.6), gaussians(means=[0, 0, 0], scales=0.05, opacities=0.9), faint]
+    return joined(*parts), np.repeat(np.arange(4), [len(part) for part in parts])
+
+
+@pytest.mark.parametrize("method", ["mesh", "depth"])
+def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
+    model, part = populated()
+    smoothed = filtered(model, views)
+    if method == "mesh":
+        distances = mesh_distances(smoothed, extract_mesh(smoothed, views))
+    else:
+        distances = depth_distances(Asset(model), views)
+    kept = find_attack("gof").apply(model, Evidence(surface=distances)).kept
+    shares = [kept[part == i].mean() for i in range(4)]
+    assert shares[0] > 0.97
+    assert shares[1:] == [0, 0, 0]
+
+
+def test_what_no_view_shows_is_as_far_as_can_be(views):
+    model = gaussians(means=[[0, 0, 0], [9, 9, 9]], scales=0.2, opacities=0.9)
+    distances = depth_distances(Asset(model), views)
+    assert distances[0] < 0.01  # the median depth is that of the centre
+    assert distances[1] == UNSEEN
+
+
+def test_a_row_without_rotation_is_nowhere(views):
+    model = gaussians(means=[[0, 0, 0], [0, 0, 0]], scales=0.2, quats=[[0, 0, 0, 0], [1, 0, 0, 0]], opacities=0.9)
+    assert depth_distances(Asset(model), views).tolist()[0] == UNSEEN
+    assert extract_mesh(model, views).faces.size
+
+
+def test_an_anchor_is_as_near_as_the_nearest_of_its_gaussians():
+    asset, cameras = random_asset(), [camera(), tilted_camera()]
+    distances = depth_distances(asset, cameras)
+    assert distances.shape == (len(asset.units),)
+    nearest = np.full(len(asset.units), UNSEEN)
+    for view in cameras:
+        gaussians_, rows = asset.gaussians(view)
+        alone = depth_distances(Asset(gaussians_), [view])
+        np.minimum.at(nearest, rows, alone)
+    np.testing.assert_array_equal(distances, nearest)
+    assert 0 < (distances < 3).sum() < len(distances)
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+
+def command(folder, model, *more, views=None):
+    write_model(folder / "model.ply", model)
+    write_cameras(folder / "cameras.json", views or around())
+    where = ["--model", folder / "model.ply", "--cameras", folder / "cameras.json", "--split", "all"]
+    return main(["surface", *map(str, [*where, "--out", folder / "surface.npy", *more])])
+
+
+def test_the_command_measures_what_the_attack_takes(tmp_path, capsys):
+    model, part = populated()
+    assert command(tmp_path, model, "--mesh", tmp_path / "mesh.ply") == 0
+    assert "method mesh: " in capsys.readouterr().out
+    assert PlyData.read(tmp_path / "mesh.ply")["face"].count > 1000
+    distances, out = tmp_path / "surface.npy", tmp_path / "attacked.ply"
+    written = ["--model", tmp_path / "model.ply", "--surface", distances, "--out", out, "--kept", tmp_path / "kept.npy"]
+    assert main(["attack", "gof", *map(str, written)]) == 0
+    kept = np.load(tmp_path / "kept.npy")
+    np.testing.assert_array_equal(kept, np.load(distances) <= 3)
+    assert kept[part == 0].mean() > 0.97
+
+
+def test_the_command_takes_depths_on_demand_and_then_makes_no_mesh(tmp_path, capsys):
+    model, _ = populated()
+    assert command(tmp_path, model, "--method", "depth") == 0
+    assert np.load(tmp_path / "surface.npy").dtype == np.float32
+    assert command(tmp_path, model, "--method", "depth", "--mesh", tmp_path / "mesh.ply") == 2
+    assert "--mesh: expected method mesh, found method depth" in capsys.readouterr().err
+
+
+def test_anchors_get_depths_and_no_mesh(tmp_path, capsys):
+    asset = random_asset()
+    asset.write(tmp_path / "model.ply")
+    write_cameras(tmp_path / "cameras.json", [camera(name="a"), tilted_camera(name="b")])
+    where = ["--model", tmp_path / "model.ply", "--cameras", tmp_path / "cameras.json", "--out", tmp_path / "out.npy"]
+    assert main(["surface", *map(str, where)]) == 0
+    assert "method depth: " in capsys.readouterr().out
+    assert main(["surface", *map(str, where), "--method", "mesh"]) == 2
+    assert "rows: expected Gaussians, for a mesh, found anchors" in capsys.readouterr().err
+
+
+def test_a_model_too_large_for_a_mesh_gets_depths(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("gspure.cli.surface.MOST_OPAQUE", 10)
+    assert command(tmp_path, ball(40)) == 0
+    assert "method depth: " in capsys.readouterr().out
+
+
+def test_the_attack_refuses_an_unfit_tolerance():
+    with pytest.raises(InputError, match="tolerance: expected a number of at least 0, found -1"):
+        find_attack("gof").apply(ball(5), Evidence(surface=np.zeros(5, np.float32)), tolerance=-1)
