@@ -125,7 +125,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
     lines = text.read_text().splitlines()
     assert lines[0] == "### planted / room"
     assert "| gspure | truth | 27.00 | 0.9000 | 10.00 | 0.8000 | 13.00 | 40.0% | 50.0% | 50.0% |" in lines
-    assert "| gaussian_noise | truth | 25.00 | 0.9000 | 23.00 | 0.8000 | -2.00 | 0.0% |  | 0.0% |" in lines
+    assert "| gaussian_noise | truth | 25.00 | 0.9000 | 23.00 † | 0.8000 | -2.00 | 0.0% |  | 0.0% |" in lines
 
 
 def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
