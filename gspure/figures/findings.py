@@ -52,7 +52,7 @@ def findings(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def _measured(outcomes: Sequence[Outcome]) -> str:
-    attacks = sum(o.variant != REFERENCE and not o.is_control for o in outcomes)
+    attacks = sum(o.variant != REFERENCE and not o.is_control and not o.refusal for o in outcomes)
     views = max((count for o in outcomes for count in o.views.values()), default=0)
     what = "scene and hidden message" if any(MESSAGE in o.targets for o in outcomes) else "scene"
     against = "photographs" if all(o.against_truth for o in outcomes) else "what the unattacked model shows"
