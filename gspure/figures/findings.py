@@ -25,8 +25,9 @@ DIAGNOSIS_TERMS: Final = {
     "pruned_weight_share": "share of all weight that was pruned",
     "plain_share": "pruned by the same threshold without clustering",
     "changed_share": "share of the decision that clustering changed",
+    "hidden_low_share": "share of the message's own weight that lies on rows of low public weight",
 }
-"""Fields of `gspure.clustering.Diagnosis` in the order of telling, and what they mean."""
+"""Fields of `gspure.clustering.Diagnosis` and of `gspure hidden` in the order of telling, and what they mean."""
 
 
 def findings(outcomes: Sequence[Outcome]) -> list[str]:
