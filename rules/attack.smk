@@ -5,7 +5,7 @@ rule attack_model:
         model="results/{scheme}/{scene}/{variant}/public/point_cloud.ply",
         kept="results/{scheme}/{scene}/{variant}/kept.npy",
         world="results/{scheme}/{scene}/{variant}/world.npy",
-        reached="results/{scheme}/{scene}/{variant}/reached.json",
+        verdict="results/{scheme}/{scene}/{variant}/verdict.json",
     log:
         "results/logs/{scheme}/{scene}/{variant}/attack.log",
     benchmark:
@@ -23,4 +23,4 @@ rule attack_model:
     shell:
         "python -m gspure attack {params.attack:q} --model {input.model:q} {params.options}"
         " --out {output.model:q} --kept {output.kept:q} --world {output.world:q}"
-        " --reached {output.reached:q} > {log:q} 2>&1"
+        " --verdict {output.verdict:q} > {log:q} 2>&1"

@@ -73,7 +73,7 @@ rule embed_message:
     params:
         kernels=KERNELS,
         code=embedding_code,
-        pair="results/pairs/{scene}",
+        pair=lambda wildcards, input: os.path.dirname(input.cameras),
         folder="results/{scheme}/{scene}",
         options=embedding_options,
     message:
@@ -102,7 +102,7 @@ rule embed_nothing:
     params:
         kernels=KERNELS,
         code=embedding_code,
-        pair="results/pairs/{scene}",
+        pair=lambda wildcards, input: os.path.dirname(input.cameras),
         folder="results/{scheme}/{scene}/clean",
         options=embedding_options,
     message:
@@ -110,3 +110,34 @@ rule embed_nothing:
     shell:
         "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure embed {wildcards.scheme} {params.pair:q} {params.options}"
         " --set message_weight=0 --out {params.folder:q} > {log:q} 2>&1"
+
+
+rule weigh_message:
+    input:
+        model="results/{scheme}/{scene}/public/point_cloud.ply",
+        key="results/{scheme}/{scene}/key",
+        cameras="results/{scheme}/{scene}/cameras.json",
+        weights="results/{scheme}/{scene}/omega.npy",
+    output:
+        share="results/{scheme}/{scene}/hidden.json",
+    log:
+        "results/logs/{scheme}/{scene}/hidden.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/hidden.tsv"
+    wildcard_constraints:
+        scheme="|".join(WATERMARKS) or "none",
+    conda:
+        "../envs/gspure.yaml"
+    threads: 16
+    resources:
+        opencl_device=1,
+    params:
+        kernels=KERNELS,
+        code=lambda wildcards: code_digest("gspure.cli.hidden", WATERMARKS[wildcards.scheme].embed.__module__),
+        options=options(config["method"], "energy"),
+    message:
+        "Weighing the message of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure hidden --model {input.model:q} --scheme {wildcards.scheme}"
+        " --key {input.key:q} --cameras {input.cameras:q} --weights {input.weights:q} {params.options}"
+        " --out {output.share:q} > {log:q} 2>&1"

@@ -116,7 +116,7 @@ rule tabulate_metrics:
     input:
         metrics=metrics_files(),
         kept=expand("results/{model}/{variant}/kept.npy", model=MODELS, variant=VARIANTS),
-        reached=expand("results/{model}/{variant}/reached.json", model=MODELS, variant=VARIANTS),
+        verdicts=expand("results/{model}/{variant}/verdict.json", model=MODELS, variant=VARIANTS),
         truth=expand("results/planted/{scene}/key/carriers.npy", scene=SCHEMES["planted"]),
     output:
         table="results/tables/results.csv",
@@ -135,5 +135,5 @@ rule tabulate_metrics:
         "Tabulating all variants"
     shell:
         "python -m gspure table --metrics {input.metrics:q} --kept {input.kept:q} --truth {input.truth:q}"
-        " --reached {input.reached:q} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q}"
+        " --verdicts {input.verdicts:q} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q}"
         " --latex {output.latex:q} > {log:q} 2>&1"

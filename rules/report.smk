@@ -8,6 +8,7 @@ rule write_report:
         clouds=expand("results/{model}/figures/model", model=MODELS),
         figures=[path for path in figure_files() if "/model/" not in path],
         diagnoses=expand("results/{model}/diagnosis.json", model=MODELS),
+        hidden=[f"results/{scheme}/{scene}/hidden.json" for scheme in WATERMARKS for scene in SCHEMES[scheme]],
         artifacts=expand(
             "results/{model}/{artifact}",
             model=MODELS,
@@ -29,5 +30,5 @@ rule write_report:
     message:
         "Writing the report"
     shell:
-        "python -m gspure report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q}"
+        "python -m gspure report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q} {input.hidden:q}"
         " --provenance {params.provenance:q} --out {output.page:q} > {log:q} 2>&1"

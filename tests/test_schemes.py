@@ -15,6 +15,7 @@ from gspure.model import Gaussians, read_model
 from gspure.renderer import CONTRIBUTION
 from gspure.schemes import gs_hider, registry, secure_gs, splats_in_splats
 from gspure.schemes.asset import Asset, of_units
+from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme, open_asset, schemes
 from gspure.schemes.scheme import Scheme, hide
@@ -130,6 +131,19 @@ def test_the_key_names_the_gaussians_of_the_message_and_their_units(embedded):
     )
     assert units.shape == (len(gaussians),)
     assert not len(units) or (units.min() >= 0 and units.max() < len(embedded.asset.units))
+
+
+def test_the_weight_of_the_message_is_shared_out_over_units(embedded):
+    extraction = next(iter(embedded.scheme.extractions))
+    hidden = hidden_weights(embedded.asset, embedded.key, extraction, embedded.pair.views[:2], "ewa")
+    assert hidden.shape == (len(embedded.asset.units),)
+    assert 0 <= share_on_low(hidden[::-1], hidden, 4.0) <= 1
+
+
+def test_all_that_is_hidden_may_lie_on_what_nobody_sees():
+    seen, hidden = np.array([0.0, 0.0, 5.0, 5.0], np.float32), np.array([2.0, 1.0, 1.0, 0.0], np.float32)
+    assert share_on_low(seen, hidden, 4.0) == 0.75
+    assert share_on_low(seen, np.zeros(4, np.float32), 4.0) == 0
 
 
 def test_no_message_gives_the_clean_model_of_the_same_form_and_no_key(embedded):

@@ -95,12 +95,12 @@ def test_tables_say_what_the_reference_was(tmp_path: Path) -> None:
 def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -> None:
     metrics, masks, truth = results(tmp_path)
     out, text = tmp_path / "results.csv", tmp_path / "results.md"
-    reached = []
+    verdicts = []
     for path in metrics:
-        reached.append(path.with_name("reached.json"))
-        write_json(reached[-1], {"message": "noise" not in path.parent.name})
+        verdicts.append(path.with_name("verdict.json"))
+        write_json(verdicts[-1], {"reached": {"message": "noise" not in path.parent.name}, "refusal": ""})
     arguments = ["--metrics", *metrics, "--kept", *masks, "--truth", truth, "--out", out, "--markdown", text]
-    arguments += ["--reached", *reached]
+    arguments += ["--verdicts", *verdicts]
     assert main(["table", *map(str, arguments)]) == 0
     rows = list(csv.DictReader(out.read_text().splitlines()))
     assert len(rows) == 6
@@ -119,20 +119,21 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "score": "13",
         "pruned_share": "0.4",
         "reached": "true",
+        "refusal": "",
         "precision": "0.5",
         "recall": "0.5",
     }
     lines = text.read_text().splitlines()
     assert lines[0] == "### planted / room"
     assert "| gspure | truth | 27.00 | 0.9000 | 10.00 | 0.8000 | 13.00 | 40.0% | 50.0% | 50.0% |" in lines
-    assert "| gaussian_noise | truth | 25.00 | 0.9000 | 23.00 | 0.8000 | -2.00 | 0.0% |  | 0.0% |" in lines
+    assert "| gaussian_noise | truth | 25.00 | 0.9000 | 23.00 † | 0.8000 | -2.00 | 0.0% |  | 0.0% |" in lines
 
 
 def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     outcomes = collect(metrics[:1])
     write_table(tmp_path / "t.csv", outcomes)
-    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9,,,,,,,")
+    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9,,,,,,,,")
     assert "nan" not in markdown(outcomes)
 
 
@@ -148,23 +149,44 @@ def test_a_missing_table_is_refused(tmp_path: Path) -> None:
         collect([tmp_path / "a" / "b" / "c" / "metrics.csv"])
 
 
+def judged(metrics: list[Path], **refusals: str) -> list[Path]:
+    """Verdicts: noise did not reach the message, some variants were refused."""
+    files = [path.with_name("verdict.json") for path in metrics]
+    for path in files:
+        variant = path.parent.name
+        write_json(path, {"reached": {"message": "noise" not in variant}, "refusal": refusals.get(variant, "")})
+    return files
+
+
 def test_an_attack_that_did_not_reach_what_is_read_is_marked(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
-    reached = [path.with_name("reached.json") for path in metrics]
-    for path in reached:
-        write_json(path, {"message": "noise" not in path.parent.name})
-    outcomes = collect(metrics, reached=reached)
+    outcomes = collect(metrics, verdicts=judged(metrics))
     marked = [line for line in markdown(outcomes).splitlines() if line.startswith("|") and "†" in line]
     assert [line.split("|")[1].strip() for line in marked] == ["gaussian_noise"]
     write_table(tmp_path / "t.csv", outcomes)
     assert [o.reached for o in read_table(tmp_path / "t.csv")] == [o.reached for o in outcomes]
 
 
-def test_what_does_not_say_whether_an_attack_reached_its_aim_is_refused(tmp_path: Path) -> None:
+def test_an_attack_that_was_refused_is_told_with_its_reason_instead_of_numbers(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
-    write_json(metrics[0].with_name("reached.json"), {"message": "yes"})
-    with pytest.raises(InputError, match=r"reached\.json: file: expected true or false by extraction"):
-        collect(metrics, reached=[metrics[0].with_name("reached.json")])
+    outcomes = collect(metrics, verdicts=judged(metrics, gaussian_noise="no colour: a, b"))
+    refused = next(o for o in outcomes if o.variant == "gaussian_noise")
+    assert not refused.targets
+    assert np.isnan(refused.score)
+    text = markdown(outcomes)
+    assert "gaussian_noise was not possible: no colour: a, b" in text.splitlines()
+    assert "| gaussian_noise |" not in text
+    write_table(tmp_path / "t.csv", outcomes)
+    again = read_table(tmp_path / "t.csv")
+    assert [(o.variant, o.refusal) for o in again] == [(o.variant, o.refusal) for o in outcomes]
+    assert [sorted(o.targets) for o in again] == [sorted(o.targets) for o in outcomes]
+
+
+def test_what_is_no_verdict_is_refused(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    write_json(metrics[0].with_name("verdict.json"), {"reached": {"message": "yes"}, "refusal": ""})
+    with pytest.raises(InputError, match=r"verdict\.json: file: expected the verdict of an attack"):
+        collect(metrics, verdicts=[metrics[0].with_name("verdict.json")])
 
 
 def test_controls_have_no_score_and_other_extractions_one_of_their_own(tmp_path: Path) -> None:

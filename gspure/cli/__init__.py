@@ -24,6 +24,7 @@ STAGES = (
     "contributions",
     "weights",
     "opacities",
+    "hidden",
     "surface",
     "features",
     "tree",

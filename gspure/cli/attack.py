@@ -6,7 +6,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gspure.errors import InputError
+
 if TYPE_CHECKING:
+    from gspure.attacks.attack import Attack, Attacked, Evidence, Setting
     from gspure.model import Gaussians
 
 HELP = "attack a model: remove Gaussians, change what they store, move them; and controls"
@@ -43,12 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, required=True, metavar="PLY", help="the attacked model")
     parser.add_argument("--kept", type=Path, metavar="NPY", help="also write which rows it kept: bool [K]")
-    parser.add_argument("--scheme", metavar="NAME", help="the model's scheme, for --reached")
+    parser.add_argument("--scheme", metavar="NAME", help="the model's scheme, for --verdict")
     parser.add_argument(
-        "--reached",
+        "--verdict",
         type=Path,
         metavar="JSON",
-        help="also write whether the attack touched what each extraction of the scheme reads",
+        help="also write whether the attack touched what each extraction of the scheme reads, and if it refuses the "
+        "model, why: the model is then left as it is, and the status is 0",
     )
     parser.add_argument(
         "--world", type=Path, metavar="NPY", help="also write by what it moved the model: float64 [4,4], for --world"
@@ -75,18 +79,33 @@ def run(args: argparse.Namespace) -> None:
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}
     evidence = Evidence(**_stored(model) | loaded)
-    attacked = attack.apply(model, evidence, seed=args.seed, **settings)
+    attacked, refusal = _attacked(attack, model, evidence, args, settings)
     asset.with_units(attacked.model).write(args.out)
     if args.kept:
         save_array(args.kept, attacked.kept)
     if args.world:
         save_array(args.world, np.eye(4) if attacked.world is None else attacked.world)
-    if args.reached:
+    if args.verdict:
         carriers = find_scheme(args.scheme).extractions if args.scheme else {}
-        write_json(args.reached, {name: reached(model, attacked, columns) for name, columns in carriers.items()})
+        touched = {name: reached(model, attacked, columns) for name, columns in carriers.items()}
+        write_json(args.verdict, {"reached": touched, "refusal": refusal})
     said = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
     write_provenance(args.out, inputs={"model": args.model, **files}, settings=said)
     print(f"{attack.name}: kept {int(attacked.kept.sum())} of {len(model)} rows, {len(attacked.model)} in all")
+
+
+def _attacked(
+    attack: Attack, model: Gaussians, evidence: Evidence, args: argparse.Namespace, settings: dict[str, Setting]
+) -> tuple[Attacked, str]:
+    """Return what the attack leaves; or, where a verdict is asked for, the model itself and why it was refused."""
+    from gspure.attacks.attack import Attacked
+
+    try:
+        return attack.apply(model, evidence, seed=args.seed, **settings), ""
+    except InputError as refusal:
+        if not args.verdict:
+            raise
+        return Attacked.changed(model, {}), str(refusal)
 
 
 def _stored(model: Gaussians) -> dict[str, Any]:

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="bool [K], true for Gaussians of the message, below their SCHEME/SCENE",
     )
     parser.add_argument(
-        "--reached",
+        "--verdicts",
         type=Path,
         nargs="*",
         default=[],
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.summary import summarize, write_summary
     from gspure.evaluation.tables import markdown, write_table
 
-    outcomes = collect(args.metrics, args.kept, args.truth, args.reached)
+    outcomes = collect(args.metrics, args.kept, args.truth, args.verdicts)
     write_table(args.out, outcomes)
     write_text(args.markdown, markdown(outcomes))
     if args.summary:

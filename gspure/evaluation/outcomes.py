@@ -45,6 +45,9 @@ class Outcome:
     reached: Mapping[str, bool] = field(default_factory=dict)
     """For each extraction of the message, whether the attack touched what it reads; empty where that is not known."""
 
+    refusal: str = ""
+    """Why the attack would not have this model; there are no metrics then."""
+
     def psnr_drop(self, target: str) -> float:
         r"""Return :math:`\Delta PSNR`: how far the target's PSNR lies below that of the watermarked variant, in dB."""
         if target not in self.targets or target not in self.reference:
@@ -96,7 +99,7 @@ def collect(
     metrics: Sequence[Path],
     kept: Sequence[Path] = (),
     truth: Sequence[Path] = (),
-    reached: Sequence[Path] = (),
+    verdicts: Sequence[Path] = (),
 ) -> list[Outcome]:
     """Gather the outcomes of all variants.
 
@@ -108,8 +111,8 @@ def collect(
         Masks ``.npy`` bool [K], true where a variant kept the row, anywhere below the variant's folder.
     truth : sequence of Path
         Masks ``.npy`` bool [K], true where a row belongs to the message, anywhere below ``{scheme}/{scene}``.
-    reached : sequence of Path
-        Files ``reached.json`` of `gspure attack`, anywhere below the variant's folder.
+    verdicts : sequence of Path
+        Files ``verdict.json`` of `gspure attack`, anywhere below the variant's folder.
 
     Returns
     -------
@@ -122,7 +125,7 @@ def collect(
         If a file cannot be read, or two masks of one model have different lengths.
 
     """
-    found = [_outcome(path, kept, truth, reached) for path in metrics]
+    found = [_outcome(path, kept, truth, verdicts) for path in metrics]
     found.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.variant != REFERENCE))
     outcomes = []
     for _, group in groupby(found, key=lambda outcome: (outcome.scheme, outcome.scene)):
@@ -132,13 +135,16 @@ def collect(
     return outcomes
 
 
-def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], reached: Sequence[Path]) -> Outcome:
+def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: Sequence[Path]) -> Outcome:
     rows = read_metrics(path)
     folder = path.resolve().parent
     scheme, scene, variant = folder.parts[-3:]
+    reached, refusal = _verdict(_below(folder, verdicts))
+    if refusal:
+        return Outcome(scheme, scene, variant, {}, {}, refusal=refusal)
     targets = {mean.target: mean for mean in means(rows)}
     views = {target: sum(row.target == target for row in rows) for target in targets}
-    outcome = Outcome(scheme, scene, variant, targets, views, reached=_reached(_below(folder, reached)))
+    outcome = Outcome(scheme, scene, variant, targets, views, reached=reached)
     if (kept_file := _below(folder, kept)) is None:
         return outcome
     pruned = ~load_array(kept_file, dtype=np.bool_, shape=(None,))
@@ -149,13 +155,14 @@ def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], reached: S
     return replace(outcome, precision=found.precision, recall=found.recall)
 
 
-def _reached(file: Path | None) -> dict[str, bool]:
+def _verdict(file: Path | None) -> tuple[dict[str, bool], str]:
+    """Return what an attack reached, and why it refused the model if it did."""
     if file is None:
-        return {}
-    found = read_json(file)
-    if not isinstance(found, dict) or not all(isinstance(value, bool) for value in found.values()):
-        raise InputError(file, "file", expected="true or false by extraction", found="other JSON")
-    return found
+        return {}, ""
+    match read_json(file):
+        case {"reached": dict(reached), "refusal": str(refusal)} if all(isinstance(v, bool) for v in reached.values()):
+            return reached, refusal
+    raise InputError(file, "file", expected="the verdict of an attack", found="other JSON")
 
 
 def _below(folder: Path, files: Iterable[Path]) -> Path | None:

@@ -46,17 +46,19 @@ def _outcome(rows: list[Row]) -> Outcome:
     targets = {
         row["target"]: ViewMetrics(row["target"], "mean", float(row["psnr"]), float(row["ssim"]), row["reference"])
         for row in rows
+        if not row["refusal"]
     }
     first = rows[0]
     return Outcome(
         *_asset(first),
         first["variant"],
         targets,
-        {row["target"]: int(row["views"]) for row in rows},
+        {target: int(row["views"]) for target, row in zip(targets, rows, strict=False)},
         pruned_share=_number(first["pruned_share"]),
         precision=_number(first["precision"]),
         recall=_number(first["recall"]),
         reached={row["target"]: row["reached"] == "true" for row in rows if row["reached"]},
+        refusal=first["refusal"],
     )
 
 

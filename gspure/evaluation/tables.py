@@ -17,7 +17,7 @@ from gspure.evaluation.outcomes import MESSAGE, REFERENCE, Outcome, ordered
 
 HEADER: Final = (
     *("scheme", "scene", "variant", "target", "reference", "views", "psnr", "ssim"),
-    *("psnr_drop", "ssim_drop", "score", "reached", "pruned_share", "precision", "recall"),
+    *("psnr_drop", "ssim_drop", "score", "reached", "pruned_share", "precision", "recall", "refusal"),
 )
 
 LEGEND: Final = f"""\
@@ -35,12 +35,20 @@ def write_table(path: Path, outcomes: Sequence[Outcome]) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(HEADER)
     for o in outcomes:
+        if o.refusal:
+            asset = {"scheme": o.scheme, "scene": o.scene, "variant": o.variant, "refusal": o.refusal}
+            table.writerow([asset.get(name, "") for name in HEADER])
         for target in ordered(o.targets):
             mean = o.targets[target]
             drops = (mean.psnr, mean.ssim, o.psnr_drop(target), o.ssim_drop(target))
             score = o.score_of(target if target in o.messages else MESSAGE)
             reached = str(o.reached.get(target, "")).lower()
-            numbers = [*map(_plain, (*drops, score)), reached, *map(_plain, (o.pruned_share, o.precision, o.recall))]
+            numbers = [
+                *map(_plain, (*drops, score)),
+                reached,
+                *map(_plain, (o.pruned_share, o.precision, o.recall)),
+                "",
+            ]
             table.writerow([o.scheme, o.scene, o.variant, target, mean.reference, o.views[target], *numbers])
     write_text(path, text.getvalue())
 
@@ -56,8 +64,8 @@ def markdown(outcomes: Sequence[Outcome]) -> str:
         scores = ["Score" if target == MESSAGE else f"Score {target}" for target in messages]
         columns = ["variant", "reference", *columns, *scores, "pruned", "precision", "recall"]
         lines += [f"### {scheme} / {scene}", "", _row(columns), _row(["---"] * 2 + ["---:"] * (len(columns) - 2))]
-        lines += [_row(_cells(o, targets, messages)) for o in variants]
-        lines += [""]
+        lines += [_row(_cells(o, targets, messages)) for o in variants if not o.refusal]
+        lines += ["", *(f"{o.variant} was not possible: {o.refusal}" for o in variants if o.refusal), ""]
     return "\n".join([*lines, LEGEND, ""])
 
 

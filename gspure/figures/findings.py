@@ -25,8 +25,9 @@ DIAGNOSIS_TERMS: Final = {
     "pruned_weight_share": "share of all weight that was pruned",
     "plain_share": "pruned by the same threshold without clustering",
     "changed_share": "share of the decision that clustering changed",
+    "hidden_low_share": "share of the message's own weight that lies on rows of low public weight",
 }
-"""Fields of `gspure.clustering.Diagnosis` in the order of telling, and what they mean."""
+"""Fields of `gspure.clustering.Diagnosis` and of `gspure hidden` in the order of telling, and what they mean."""
 
 
 def findings(outcomes: Sequence[Outcome]) -> list[str]:
@@ -52,7 +53,7 @@ def findings(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def _measured(outcomes: Sequence[Outcome]) -> str:
-    attacks = sum(o.variant != REFERENCE and not o.is_control for o in outcomes)
+    attacks = sum(o.variant != REFERENCE and not o.is_control and not o.refusal for o in outcomes)
     views = max((count for o in outcomes for count in o.views.values()), default=0)
     what = "scene and hidden message" if any(MESSAGE in o.targets for o in outcomes) else "scene"
     against = "photographs" if all(o.against_truth for o in outcomes) else "what the unattacked model shows"

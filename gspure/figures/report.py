@@ -6,7 +6,9 @@ import base64
 import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import groupby, pairwise
+from operator import or_
 from pathlib import Path
 from typing import Any, Final
 
@@ -92,7 +94,7 @@ def write_report(
     figures : sequence of Path
         PNG files, in the order in which to show them; captions are in the ``.png.json`` beside them.
     diagnoses : sequence of Path
-        ``diagnosis.json`` of `gspure prune`.
+        ``diagnosis.json`` of `gspure prune`, ``hidden.json`` of `gspure hidden`.
     provenance : sequence of Path
         JSON files that `gspure.artifacts.write_provenance` has written, to be listed.
 
@@ -130,7 +132,7 @@ def _section(
         targets=ordered({target for o in outcomes for target in o.targets}),
         findings=findings.findings(outcomes),
         pictures=[_picture(file) for file in figures if _owns(key, file)],
-        diagnosis=next((read_json(file) for file in diagnoses if _owns(key, file)), {}),
+        diagnosis=reduce(or_, (read_json(file) for file in diagnoses if _owns(key, file)), {}),
     )
 
 

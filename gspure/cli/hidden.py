@@ -1,0 +1,50 @@
+"""``gspure hidden``: on which rows a message's own weight lies."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
+
+HELP = "measure how much of the message's own weight lies on rows of low public weight"
+EXAMPLES = """\
+  gspure hidden --model marked/public/point_cloud.ply --scheme splats_in_splats --key marked/key \\
+      --cameras pair/cameras.json --weights omega.npy --out hidden.json
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    from gspure.constants import TAU_N
+
+    parser.add_argument("--model", type=Path, required=True, help="the watermarked model's .ply")
+    parser.add_argument("--scheme", required=True, metavar="NAME", help="the scheme that hid the message")
+    parser.add_argument("--key", type=Path, required=True, metavar="DIR", help="the owner's key")
+    add_views(parser, split="train")
+    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="of `gspure weights`")
+    parser.add_argument(
+        "--tau", type=float, default=TAU_N, help="low is below the mean weight divided by this (default: %(default)s)"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="the share, 0 to 1")
+    add_energy(parser, default="ray")
+    add_device(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measure, print and write."""
+    import numpy as np
+
+    from gspure.artifacts import load_array, write_json
+    from gspure.schemes.hidden_weight import hidden_weights, share_on_low
+    from gspure.schemes.registry import find_scheme
+
+    scheme = find_scheme(args.scheme)
+    views = read_views(args)
+    asset, key = scheme.read_asset(args.model), scheme.read_key(args.key)
+    weights = load_array(args.weights, dtype=np.float32, shape=(len(asset.units),))
+    extraction = list(scheme.extractions)[-1]  # the one that knows most
+    hidden = hidden_weights(asset, key, extraction, views, args.energy, read_device(args))
+    share = share_on_low(weights, hidden, args.tau)
+    write_json(args.out, {"hidden_low_share": share})
+    print(f"{share:.1%} of the message's own weight lies on rows of low public weight")

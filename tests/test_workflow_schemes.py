@@ -1,0 +1,107 @@
+"""The workflow with a scheme and pairs: what it makes, and what a change runs again."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from gspure.evaluation.controls import CONTROLS
+from tests.test_workflow import Project, checkout, rules_run  # noqa: F401
+
+pytestmark = pytest.mark.workflow
+
+TABLE = "results/tables/results.csv"
+SMALL = {"views": 9, "width": 32, "height": 24}
+CONFIG = {
+    "pairs": {"raised": SMALL, "front": {**SMALL, "placement": "front"}},
+    "schemes": {"splats_in_splats": {"iterations": 60, "max_gaussians": 600}},
+    "method": {"min_samples": 3, "min_cluster_size": 5},
+    "variants": {
+        "watermarked": {},
+        "gspure": {},
+        "rigid_transform": {},
+        "degree_9": {"attack": "sh_truncation", "degree": 9},
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, checkout):  # noqa: F811
+    project = Project(tmp_path_factory.mktemp("schemes"), checkout)
+    project.configure(CONFIG)
+    project.run(TABLE)
+    return project
+
+
+@pytest.fixture(scope="module")
+def rows(finished):
+    with (finished.folder / TABLE).open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def numbers(rows, variant, scene="raised"):
+    return {row["target"]: row for row in rows if (row["scene"], row["variant"]) == (scene, variant)}
+
+
+def test_every_pair_has_its_model_key_and_clean_model(finished):
+    for pair in CONFIG["pairs"]:
+        folder = finished.folder / "results" / "splats_in_splats" / pair
+        for file in ("public/point_cloud.ply", "key/splats_in_splats.npz", "clean/public/point_cloud.ply"):
+            assert (folder / file).is_file()
+
+
+def test_variants_and_controls_are_in_the_table_with_every_extraction(rows):
+    assert {row["variant"] for row in rows} == {*CONFIG["variants"], *CONTROLS}
+    assert set(numbers(rows, "gspure")) == {"scene", "message", "message_oracle"}
+    assert set(numbers(rows, "wrong_key")) == {"message", "message_oracle"}
+    assert {row["reference"] for row in rows if row["target"]} == {"truth"}
+
+
+def test_a_message_stands_out_from_its_controls(rows):
+    shown = {name: float(numbers(rows, name)["message_oracle"]["psnr"]) for name in ("watermarked", *CONTROLS)}
+    assert shown["watermarked"] > max(shown[name] for name in CONTROLS) + 2
+
+
+def test_a_model_that_was_moved_is_looked_at_from_views_that_moved_along(rows):
+    before, after = (float(numbers(rows, name)["scene"]["psnr"]) for name in ("watermarked", "rigid_transform"))
+    assert after == pytest.approx(before, abs=0.5)
+
+
+def test_an_attack_that_refuses_is_told_and_stops_nothing(rows):
+    (row,) = numbers(rows, "degree_9").values()
+    assert row["refusal"].startswith("attack sh_truncation: degree")
+    assert not row["psnr"]
+
+
+def test_what_an_attack_reached_is_told(rows):
+    assert {t: row["reached"] for t, row in numbers(rows, "watermarked").items() if t != "scene"} == {
+        "message": "false",
+        "message_oracle": "false",
+    }
+    assert numbers(rows, "gspure")["message"]["reached"] == "true"
+
+
+def test_nothing_runs_twice_and_a_setting_of_a_pair_concerns_that_pair_alone(finished, tmp_path):
+    project = finished.copy(tmp_path / "project")
+    assert "Nothing to be done" in project.run(TABLE)
+    edited = {**CONFIG, "pairs": {**CONFIG["pairs"], "front": {**CONFIG["pairs"]["front"], "seed": 1}}}
+    project.configure(edited)
+    ran = rules_run(project.run("results/splats_in_splats/front/public/point_cloud.ply"))
+    assert ran == {"make_pair": 1, "embed_message": 1}
+    assert "Nothing to be done" in project.run("results/splats_in_splats/raised/public/point_cloud.ply")
+
+
+def test_a_message_of_photographs_is_trained_and_moved(checkout, tmp_path):  # noqa: F811
+    import numpy as np
+
+    from tests.training_cases import colmap_project, ring
+
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
+    for name in ("scene", "hidden"):
+        colmap_project(tmp_path / name, ring(), points)
+    project = Project(tmp_path, checkout)
+    pair = {"scene": "scene", "message": "hidden", "resolution": "native", "iterations": 20}
+    project.configure({"pairs": {"photos": pair}, "schemes": CONFIG["schemes"]})
+    ran = rules_run(project.run("results/pairs/photos/cameras.json"))
+    assert ran == {"train_message": 1, "make_pair": 1}
+    assert len(list(Path(tmp_path / "results/pairs/photos/message").glob("*.png"))) == len(ring())
