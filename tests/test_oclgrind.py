@@ -29,6 +29,18 @@ renderer.depth(view)
 renderer.contributions(view)
 """
 
+POINTS = """
+import numpy as np
+from gspure.opencl.device import list_devices
+from gspure.renderer import Renderer
+from tests.models import blobs, tilted_camera
+from tests.test_opacity_field import assert_agrees
+(device,) = list_devices()
+model, view = blobs(40, 1, sh_degree=0), tilted_camera(20, 18)
+renderer = Renderer(model, device, energy="ray", style={style!r})
+assert_agrees(renderer.opacities_at(view, model.means), model, view, model.means)
+"""
+
 GRADIENTS = """
 import numpy as np
 from gspure.opencl.device import list_devices
@@ -118,6 +130,6 @@ def test_the_kernels_have_no_race_and_no_invalid_access(simulate, style, energy)
     assert simulate(RENDER.format(style=style, energy=energy)) == ""
 
 
-@pytest.mark.parametrize("program", [GRADIENTS, TRAIN], ids=["gradients", "training"])
-def test_the_kernels_of_training_have_no_race_and_no_invalid_access(simulate, style, program):
+@pytest.mark.parametrize("program", [POINTS, GRADIENTS, TRAIN], ids=["points", "gradients", "training"])
+def test_the_other_kernels_have_no_race_and_no_invalid_access(simulate, style, program):
     assert simulate(program.format(style=style)) == ""
