@@ -29,8 +29,8 @@ from tests.models import blobs, camera, gaussians, joined, tilted_camera
 
 RADIUS = 1.0
 THICKNESS = 0.02
-FRONT = RADIUS + np.sqrt(2 * np.log(2 * 0.95)) * np.hypot(THICKNESS, np.sqrt(0.2) * (4 - RADIUS) / 58)
-"""Where the field of `ball`, filtered, is about one half: before its discs, by their own thickness."""
+DEVIATION = np.hypot(THICKNESS, np.sqrt(0.2) * (4 - RADIUS) / 58)
+"""Across a disc of `ball`, filtered. The field is one half one to two of them before its centre: where one or two lie."""
 
 
 def around(distance=4.0, size=48):
@@ -95,13 +95,12 @@ def test_views_see_a_margin_beyond_their_edges_and_what_none_sees_gets_the_large
     assert len(points_shown(view, model.means[:2], 0.15)[0]) == 1
 
 
-def test_filtered_gaussians_keep_their_mass(views):
+def test_filtered_gaussians_are_wider_and_as_opaque(views):
     model = ball(50)
     after, sizes = filtered(model, views), filter_sizes(model, views)
     np.testing.assert_allclose(after.scales, np.hypot(model.scales, sizes[:, None]), rtol=1e-6)
-    before, mass = (m.opacities * m.scales.astype(np.float64).prod(axis=1) for m in (model, after))
-    np.testing.assert_allclose(mass, before, rtol=1e-5)
-    assert set(after.table.dtype.names) == set(model.table.dtype.names)
+    kept = [name for name in model.table.dtype.names if not name.startswith("scale_")]
+    assert after.table[kept].tolist() == model.table[kept].tolist()
 
 
 def test_a_model_out_of_sight_is_refused(views):
@@ -168,7 +167,7 @@ def test_a_ball_of_gaussians_has_a_closed_round_mesh(mesh):
     sides = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
     assert (np.unique(sides, axis=0, return_counts=True)[1] == 2).all()
     radii = np.linalg.norm(mesh.vertices, axis=1)
-    assert abs(radii.mean() - FRONT) < 0.02
+    assert RADIUS + DEVIATION < radii.mean() < RADIUS + 2 * DEVIATION
     assert radii.std() < 0.01
 
 
@@ -188,7 +187,7 @@ def test_a_mesh_is_read_by_other_programs(mesh, tmp_path):
     seen = pyvista.read(tmp_path / "mesh.ply")
     assert seen.n_cells == len(mesh.faces)
     assert seen.is_manifold
-    assert abs(seen.volume - 4 / 3 * np.pi * FRONT**3) < 0.3
+    assert (RADIUS + DEVIATION) ** 3 < seen.volume / (4 / 3 * np.pi) < (RADIUS + 2 * DEVIATION) ** 3
 
 
 def test_the_same_model_gives_the_same_mesh(mesh, views):

@@ -43,11 +43,12 @@ def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> NDArray[np.floa
 
 
 def filtered(model: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
-    """Return the model convolved with its filter: larger scales s', opacities lower by det s / det s'."""
+    """Return the model with its filter applied: scales s' = sqrt(s^2 + f^2), opacities as they are.
+
+    GOF, which trains with the filter, also lowers opacities, by det s / det s'. Models that were trained with 3DGS's
+    dilation, which does not, would become transparent where their Gaussians are flat.
+    """
     squared = np.square(filter_sizes(model, cameras))[:, None]
     stored = model.columns("scale_0", "scale_1", "scale_2").astype(np.float64)
     scales = 0.5 * np.logaddexp(2 * stored, np.log(squared))
-    opacities = model.opacities * np.exp((stored - scales).sum(axis=1))
-    with np.errstate(divide="ignore"):  # opacities of 0 and 1 have infinite logits
-        logits = np.log(opacities) - np.log1p(-opacities)
-    return model.with_columns({"opacity": logits} | {f"scale_{axis}": scales[:, axis] for axis in range(3)})
+    return model.with_columns({f"scale_{axis}": scales[:, axis] for axis in range(3)})
