@@ -30,7 +30,7 @@ from tests.models import blobs, camera, gaussians, joined, tilted_camera
 RADIUS = 1.0
 THICKNESS = 0.02
 DEVIATION = np.hypot(THICKNESS, np.sqrt(0.2) * (4 - RADIUS) / 58)
-"""Across a disc of `ball`, filtered. The field is one half one to two of them before its centre: where one or two lie."""
+"""Across a disc of `ball`, filtered. The field is one half one or two of them before the centres: discs overlap."""
 
 
 def around(distance=4.0, size=48):
@@ -167,7 +167,7 @@ def test_a_ball_of_gaussians_has_a_closed_round_mesh(mesh):
     sides = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
     assert (np.unique(sides, axis=0, return_counts=True)[1] == 2).all()
     radii = np.linalg.norm(mesh.vertices, axis=1)
-    assert RADIUS + DEVIATION < radii.mean() < RADIUS + 2 * DEVIATION
+    assert RADIUS + DEVIATION < radii.mean() < RADIUS + 2.5 * DEVIATION
     assert radii.std() < 0.01
 
 
@@ -187,7 +187,7 @@ def test_a_mesh_is_read_by_other_programs(mesh, tmp_path):
     seen = pyvista.read(tmp_path / "mesh.ply")
     assert seen.n_cells == len(mesh.faces)
     assert seen.is_manifold
-    assert (RADIUS + DEVIATION) ** 3 < seen.volume / (4 / 3 * np.pi) < (RADIUS + 2 * DEVIATION) ** 3
+    assert (RADIUS + DEVIATION) ** 3 < seen.volume / (4 / 3 * np.pi) < (RADIUS + 2.5 * DEVIATION) ** 3
 
 
 def test_the_same_model_gives_the_same_mesh(mesh, views):
