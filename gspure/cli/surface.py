@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gspure.cli.options import add_device, add_views, read_device, read_views
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gspure.cameras import Camera
+    from gspure.model import Gaussians
     from gspure.opencl.device import Device
 
 HELP = "measure how far every Gaussian lies from the surface, as attack gof needs it"
@@ -69,7 +70,7 @@ def run(args: argparse.Namespace) -> None:
     print(f"method {method}: {near} of {len(distances)} rows within {TOLERANCE:g} scales of the surface")
 
 
-def _suited(model: Any) -> str:
+def _suited(model: Gaussians) -> str:
     """Return the method that suits a model."""
     from gspure.attacks.attributes import holds_anchors
     from gspure.surface.meshing import opaque
@@ -77,7 +78,9 @@ def _suited(model: Any) -> str:
     return "depth" if holds_anchors(model) or opaque(model).sum() > MOST_OPAQUE else "mesh"
 
 
-def _from_mesh(args: argparse.Namespace, model: Any, views: Sequence[Camera], device: Device) -> NDArray[np.float32]:
+def _from_mesh(
+    args: argparse.Namespace, model: Gaussians, views: Sequence[Camera], device: Device
+) -> NDArray[np.float32]:
     """Return the distances from the mesh, and write it if asked to."""
     from gspure.attacks.attributes import holds_anchors
     from gspure.errors import InputError
