@@ -3,7 +3,12 @@
 import os
 from pathlib import Path
 
+import hypothesis
 import pytest
+
+# A busy machine is no failure.
+hypothesis.settings.register_profile("patient", deadline=None)
+hypothesis.settings.load_profile("patient")
 
 # Compiled kernels are kept between test runs, apart from the user's own; PoCL reads this when it is loaded.
 os.environ.setdefault("POCL_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "pocl"))

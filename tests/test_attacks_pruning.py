@@ -11,7 +11,8 @@ from gspure.artifacts import save_array
 from gspure.attacks import Evidence, find_attack
 from gspure.cli import main
 from gspure.model import read_model, write_model
-from tests.attack_cases import KINDS, anchors, evidence, unhurried
+from tests.anchor_cases import random_asset
+from tests.attack_cases import KINDS, evidence, unhurried
 from tests.models import blobs
 
 COUNT = 30
@@ -99,11 +100,12 @@ def test_the_command_takes_the_opacities_that_gaussians_store(tmp_path: Path) ->
 
 
 def test_the_command_wants_opacities_for_anchors_and_takes_those_given(tmp_path: Path, capsys) -> None:
-    write_model(tmp_path / "model.ply", anchors(COUNT))
-    given_files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
+    random_asset(COUNT).write(tmp_path / "model.ply")
+    given_files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "attacked" / "model.ply")]
     assert main(["attack", "lowest_opacity", *given_files]) == 2
     assert "attack lowest_opacity: opacities: expected an array, found nothing" in capsys.readouterr().err
     save_array(tmp_path / "opacities.npy", np.linspace(1, 0, COUNT, dtype=np.float32))
     measured = ["--opacities", str(tmp_path / "opacities.npy"), "--set", "fraction=0.5"]
     assert main(["attack", "lowest_opacity", *given_files, *measured, "--kept", str(tmp_path / "kept.npy")]) == 0
     np.testing.assert_array_equal(np.load(tmp_path / "kept.npy"), np.arange(COUNT) < COUNT / 2)
+    assert (tmp_path / "attacked" / "checkpoints.pth").is_file()  # what belongs to the model went along
