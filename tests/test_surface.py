@@ -8,11 +8,8 @@ from plyfile import PlyData
 from scipy.spatial import Delaunay
 
 from gspure.attacks import Evidence, find_attack
-from gspure.cameras import write_cameras
 from gspure.cameras.projection import points_shown
-from gspure.cli import main
 from gspure.errors import InputError
-from gspure.model import write_model
 from gspure.model.mesh import Mesh, write_mesh_ply
 from gspure.reference.opacity_field import opacity_field
 from gspure.reference.projection import rotation_matrices
@@ -25,43 +22,8 @@ from gspure.surface.marching import march
 from gspure.surface.meshing import extract_mesh
 from gspure.surface.tetrahedra import box_points
 from tests.anchor_cases import random_asset
-from tests.models import blobs, camera, gaussians, joined, tilted_camera
-
-RADIUS = 1.0
-THICKNESS = 0.02
-DEVIATION = np.hypot(THICKNESS, np.sqrt(0.2) * (4 - RADIUS) / 58)
-"""Across a disc of `ball`, filtered. The field is one half one or two of them before the centres: discs overlap."""
-
-
-def around(distance=4.0, size=48):
-    """Six views of the origin, along the axes."""
-    views = []
-    for i, (axis, up) in enumerate(((0, 1), (1, 2), (2, 0))):
-        for sign in (1, -1):
-            rows = np.zeros((3, 3))
-            rows[2, axis] = -sign
-            rows[1, up] = 1
-            rows[0] = np.cross(rows[1], rows[2])
-            viewmat = np.eye(4)
-            viewmat[:3, :3], viewmat[2, 3] = rows, distance
-            views.append(camera(size, size, focal=1.2 * size, viewmat=viewmat, name=f"view_{2 * i + (sign < 0)}"))
-    return views
-
-
-def directions(count):
-    """Points spread evenly over the unit sphere (Fibonacci)."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    angle = np.pi * (1 + np.sqrt(5)) * np.arange(count)
-    return np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=1)
-
-
-def ball(count=300, radius=RADIUS, opacity=0.95):
-    """Discs that tile a sphere, flat along its radius."""
-    normals = directions(count)
-    # (1 + n.z, z x n) turns the z axis onto n
-    quats = np.stack([1 + normals[:, 2], -normals[:, 1], normals[:, 0], np.zeros(count)], axis=1)
-    side = 1.2 * radius * np.sqrt(4 * np.pi / count) / 2
-    return gaussians(means=radius * normals, quats=quats, scales=[side, side, THICKNESS], opacities=opacity)
+from tests.models import blobs, camera, gaussians, tilted_camera
+from tests.surface_cases import DEVIATION, RADIUS, around, ball, populated
 
 
 @pytest.fixture(scope="module")
@@ -226,13 +188,6 @@ def test_distances_are_in_units_of_the_largest_scale():
     np.testing.assert_allclose(mesh_distances(model, mesh), [1, 2], rtol=1e-6)
 
 
-def populated():
-    """A ball; a layer hidden in it; a floater in its middle; faint floaters around it. With the part of each row."""
-    faint = gaussians(means=1.7 * directions(12), scales=0.05, opacities=0.3)
-    parts = [ball(), ball(80, radius=0.6), gaussians(means=[0, 0, 0], scales=0.05, opacities=0.9), faint]
-    return joined(*parts), np.repeat(np.arange(4), [len(part) for part in parts])
-
-
 @pytest.mark.parametrize("method", ["mesh", "depth"])
 def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
     model, part = populated()
@@ -271,54 +226,6 @@ def test_an_anchor_is_as_near_as_the_nearest_of_its_gaussians():
         np.minimum.at(nearest, rows, alone)
     np.testing.assert_array_equal(distances, nearest)
     assert 0 < (distances < 3).sum() < len(distances)
-
-
-# --- the command ------------------------------------------------------------------------------------------------------
-
-
-def command(folder, model, *more, views=None):
-    write_model(folder / "model.ply", model)
-    write_cameras(folder / "cameras.json", views or around())
-    where = ["--model", folder / "model.ply", "--cameras", folder / "cameras.json", "--split", "all"]
-    return main(["surface", *map(str, [*where, "--out", folder / "surface.npy", *more])])
-
-
-def test_the_command_measures_what_the_attack_takes(tmp_path, capsys):
-    model, part = populated()
-    assert command(tmp_path, model, "--mesh", tmp_path / "mesh.ply") == 0
-    assert "method mesh: " in capsys.readouterr().out
-    assert PlyData.read(tmp_path / "mesh.ply")["face"].count > 1000
-    distances, out = tmp_path / "surface.npy", tmp_path / "attacked.ply"
-    written = ["--model", tmp_path / "model.ply", "--surface", distances, "--out", out, "--kept", tmp_path / "kept.npy"]
-    assert main(["attack", "gof", *map(str, written)]) == 0
-    kept = np.load(tmp_path / "kept.npy")
-    np.testing.assert_array_equal(kept, np.load(distances) <= 3)
-    assert kept[part == 0].mean() > 0.97
-
-
-def test_the_command_takes_depths_on_demand_and_then_makes_no_mesh(tmp_path, capsys):
-    model, _ = populated()
-    assert command(tmp_path, model, "--method", "depth") == 0
-    assert np.load(tmp_path / "surface.npy").dtype == np.float32
-    assert command(tmp_path, model, "--method", "depth", "--mesh", tmp_path / "mesh.ply") == 2
-    assert "--mesh: expected method mesh, found method depth" in capsys.readouterr().err
-
-
-def test_anchors_get_depths_and_no_mesh(tmp_path, capsys):
-    asset = random_asset()
-    asset.write(tmp_path / "model.ply")
-    write_cameras(tmp_path / "cameras.json", [camera(name="a"), tilted_camera(name="b")])
-    where = ["--model", tmp_path / "model.ply", "--cameras", tmp_path / "cameras.json", "--out", tmp_path / "out.npy"]
-    assert main(["surface", *map(str, where)]) == 0
-    assert "method depth: " in capsys.readouterr().out
-    assert main(["surface", *map(str, where), "--method", "mesh"]) == 2
-    assert "rows: expected Gaussians, for a mesh, found anchors" in capsys.readouterr().err
-
-
-def test_a_model_too_large_for_a_mesh_gets_depths(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("gspure.cli.surface.MOST_OPAQUE", 10)
-    assert command(tmp_path, ball(40)) == 0
-    assert "method depth: " in capsys.readouterr().out
 
 
 def test_the_attack_refuses_an_unfit_tolerance():

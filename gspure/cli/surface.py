@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from gspure.model import Gaussians
     from gspure.opencl.device import Device
 
+    Float32 = NDArray[np.float32]
+
 HELP = "measure how far every Gaussian lies from the surface, as attack gof needs it"
 EXAMPLES = """\
   gspure surface --model point_cloud.ply --cameras cameras.json --out surface.npy --mesh mesh.ply
@@ -78,9 +80,7 @@ def _suited(model: Gaussians) -> str:
     return "depth" if holds_anchors(model) or opaque(model).sum() > MOST_OPAQUE else "mesh"
 
 
-def _from_mesh(
-    args: argparse.Namespace, model: Gaussians, views: Sequence[Camera], device: Device
-) -> NDArray[np.float32]:
+def _from_mesh(args: argparse.Namespace, model: Gaussians, views: Sequence[Camera], device: Device) -> Float32:
     """Return the distances from the mesh, and write it if asked to."""
     from gspure.attacks.attributes import holds_anchors
     from gspure.errors import InputError
