@@ -18,6 +18,7 @@ report: "report/workflow.rst"
 
 
 include: "rules/common.smk"
+include: "rules/decisions.smk"
 include: "rules/inputs.smk"
 include: "rules/scenes.smk"
 include: "rules/train.smk"

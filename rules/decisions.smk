@@ -1,0 +1,54 @@
+from gspure.constants import TAU_C, TAU_N
+from gspure.decisions import METHOD, decisions, factors_of, origin, sweeps
+
+# By scheme, every decision with all of its settings. Factors that are null are those that suit the scheme.
+SUITED = {name: {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n} for name, scheme in WATERMARKS.items()}
+DECISIONS = {scheme: decisions(config, SUITED.get(scheme, {"tau_c": TAU_C, "tau_n": TAU_N})) for scheme in SCHEMES}
+
+
+wildcard_constraints:
+    # The folder of a decision below that of its model; nothing for that of the method.
+    decision=f"(?:{'|'.join(['', *(f'/decisions/{name}' for name in config['decisions'])])})",
+
+
+def decision_of(wildcards):
+    """The decision that a variant goes by, or that a folder is of."""
+    if "variant" in wildcards.keys():
+        return VARIANTS[wildcards.variant].get("decision", METHOD)
+    return wildcards.get("decision", "").rpartition("/")[2] or METHOD
+
+
+def settings_of(wildcards):
+    """All settings of a decision."""
+    return DECISIONS[wildcards.scheme][decision_of(wildcards)]
+
+
+def made(artifact):
+    """Where a decision finds an artifact: with the first one that has the same."""
+
+    def path(wildcards):
+        first = origin(DECISIONS[wildcards.scheme], decision_of(wildcards), artifact)
+        folder = "" if first == METHOD else f"decisions/{first}"
+        return os.path.join("results", wildcards.scheme, wildcards.scene, folder, artifact)
+
+    return path
+
+
+def indices(wildcards):
+    """The indices of a decision's contributions, one for each part of the views."""
+    return gather.views(f"{made('contributions')(wildcards)}/{{scatteritem}}.tsv")
+
+
+def opacities(wildcards):
+    """The opacities of a model's rows, whatever the decision."""
+    return f"results/{wildcards.scheme}/{wildcards.scene}/opacities.npy"
+
+
+def decisive(wildcards):
+    """What is thresholded: weights, or opacities where weights are not clustered on."""
+    return (made("omega.npy") if "weight" in settings_of(wildcards)["cluster_on"] else opacities)(wildcards)
+
+
+def method_options(*names):
+    """Some settings of a decision, as options."""
+    return lambda wildcards: options(settings_of(wildcards), *names)
