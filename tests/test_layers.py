@@ -12,7 +12,7 @@ import gspure
 PACKAGE = Path(gspure.__file__).parent
 TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sorted(PACKAGE.rglob("*.py"))}
 
-# A part imports from its own layer and from those above it. `sources`, `configuration`, `decisions` serve the Snakefile.
+# A part imports from its own layer and from those above it. `sources` to `decisions` serve the Snakefile.
 LAYERS = (
     {"constants", "errors", "artifacts", "progress"},
     {"model", "cameras", "images"},
