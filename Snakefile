@@ -27,6 +27,7 @@ include: "rules/contributions.smk"
 include: "rules/purify.smk"
 include: "rules/attack.smk"
 include: "rules/evaluate.smk"
+include: "rules/compare.smk"
 include: "rules/figures.smk"
 include: "rules/report.smk"
 

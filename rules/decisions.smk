@@ -5,6 +5,13 @@ from gspure.decisions import METHOD, decisions, factors_of, origin, sweeps
 SUITED = {name: {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n} for name, scheme in WATERMARKS.items()}
 DECISIONS = {scheme: decisions(config, SUITED.get(scheme, {"tau_c": TAU_C, "tau_n": TAU_N})) for scheme in SCHEMES}
 
+# Variants that are one attack at several strengths. Decisions differ between schemes in their factors alone.
+SWEEPS = shlex.join(
+    word
+    for name, variants in sweeps(VARIANTS, DECISIONS["vanilla"]).items()
+    for word in ("--sweep", f"{name}={','.join(variants)}")
+)
+
 
 wildcard_constraints:
     # The folder of a decision below that of its model; nothing for that of the method.
@@ -52,3 +59,18 @@ def decisive(wildcards):
 def method_options(*names):
     """Some settings of a decision, as options."""
     return lambda wildcards: options(settings_of(wildcards), *names)
+
+
+def factor_points(wildcards):
+    """The variants of a sweep of the pruning factors, that of the method first."""
+    method = DECISIONS[wildcards.scheme][METHOD]
+    points = factors_of(VARIANTS, DECISIONS[wildcards.scheme])
+    ordered = sorted(points.items(), key=lambda point: point[1] != (method["tau_n"], method["tau_c"]))
+    return shlex.join(word for name, (n, c) in ordered for word in ("--point", f"{name}={n},{c}"))
+
+
+def scheme_figures():
+    """The figures about all scenes of a scheme: those of the message where there is one, a sweep where there is one."""
+    shown = [scheme for scheme in SCHEMES if SCHEMES[scheme] and scheme != "vanilla"]
+    swept = ["sweep"] if len(factors_of(VARIANTS, next(iter(DECISIONS.values())))) > 1 else []
+    return [f"results/figures/{scheme}/{name}.png" for scheme in shown for name in [*swept, "tradeoff"]]

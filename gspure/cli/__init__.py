@@ -32,6 +32,7 @@ STAGES = (
     "attack",
     "message",
     "table",
+    "matched",
     "figures",
     "report",
     "stages",

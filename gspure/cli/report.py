@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import add_sweeps
+
 HELP = "write a self-contained HTML page: findings, tables, figures, provenance"
 EXAMPLES = """\
   gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
@@ -24,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="PNG",
-        help="of `gspure figures`, in the order to show them, below their SCHEME/SCENE",
+        help="of `gspure figures`, in the order to show them, below their SCHEME/SCENE or figures/SCHEME",
     )
     parser.add_argument(
         "--diagnosis",
@@ -34,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="JSON",
         help="of `gspure prune`, below their SCHEME/SCENE",
     )
+    add_sweeps(parser)
     parser.add_argument(
         "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="records beside artifacts, to be listed"
     )
@@ -52,6 +55,7 @@ def run(args: argparse.Namespace) -> None:
         read_table(args.table),
         figures=args.figures,
         diagnoses=args.diagnosis,
+        sweeps=dict(args.sweep),
         provenance=args.provenance,
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, nothing outside it is needed")

@@ -1,0 +1,143 @@
+"""What attacks take from the message at equal damage to the scene, averaged over scenes: a table per scheme."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gspure.artifacts import write_text
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
+from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, NotReached, matched_message_drop, mean_interval
+
+Sweeps = Mapping[str, Sequence[str]]
+"""Variants that are one attack at several strengths, by a name for all of them."""
+
+UNATTACKED: Final = (0.0, 0.0)
+"""One point of every sweep, since every strength can go down to doing nothing."""
+
+LEGEND: Final = """\
+What the message loses, in dB, where the scene loses what the column says: mean over scenes, by interpolation between
+the strengths that were tried, and between none and the weakest. Brackets: 95 % interval over scenes; parentheses: range
+of fewer than six. Bold: the most of those that got there in every scene. –: no strength that was tried damages the
+scene as much."""
+
+
+class Matched(NamedTuple):
+    """One sweep at one damage to the scene."""
+
+    scheme: str
+    extraction: str
+    """The target that shows the message."""
+
+    sweep: str
+    strengths: int
+    damage: float
+    """How far the scene's PSNR falls, dB."""
+
+    drop: Interval | None
+    """How far the message's then falls, dB, over the scenes in which the sweep gets there; None if in none."""
+
+    scenes: int
+    """How many scenes there are."""
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether the sweep gets there in every scene, so that its mean compares with others."""
+        return self.drop is not None and self.drop.scenes == self.scenes
+
+    def __str__(self) -> str:
+        if self.drop is None:
+            return "–"
+        return str(self.drop) + ("" if self.everywhere else f", of {self.scenes}")
+
+
+def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
+    """Compare sweeps at `MATCHED_DAMAGES`, for every scheme and extraction of the message.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        Sorted by scheme (`gspure.evaluation.outcomes.collect`).
+    sweeps : mapping
+        Names of variants; those that a scheme lacks or that refused its models are passed over.
+
+    """
+    found = []
+    for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
+        ours = list(group)
+        for extraction in ordered({target for o in ours for target in o.messages}):
+            for name, variants in sweeps.items():
+                scenes = _drops([o for o in ours if o.variant in variants], extraction)
+                strengths = max(map(len, scenes), default=0)
+                found += [
+                    Matched(scheme, extraction, name, strengths, damage, _mean_drop(scenes, damage), len(scenes))
+                    for damage in MATCHED_DAMAGES
+                    if scenes
+                ]
+    return found
+
+
+def write_matched(path: Path, rows: Iterable[Matched]) -> None:
+    """Write one CSV row per sweep and damage; `scenes` are those reached, of `of`."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    columns = [f"drop_{name}" for name in Interval._fields[:-1]]
+    table.writerow(["scheme", "extraction", "sweep", "strengths", "damage", *columns, "scenes", "of"])
+    for row in rows:
+        *numbers, scenes = row.drop or (*("",) * len(columns), 0)
+        shown = [f"{number:.6g}" if number != "" else "" for number in numbers]
+        table.writerow([*row[:5], *shown, scenes, row.scenes])
+    write_text(path, text.getvalue())
+
+
+def matched_markdown(rows: Sequence[Matched]) -> str:
+    """Return one Markdown table per scheme and extraction, and what it says."""
+    if not rows:
+        return "No attack on a model with a message was run at several strengths.\n"
+    lines: list[str] = []
+    for scheme, extraction, table in by_extraction(rows):
+        lines += [f"### {scheme}" + ("" if extraction == MESSAGE else f" / {extraction}"), ""]
+        lines += ["| attack | strengths | " + " | ".join(f"{damage:g} dB" for damage in MATCHED_DAMAGES) + " |"]
+        lines += ["| --- |" + " ---: |" * (1 + len(MATCHED_DAMAGES))]
+        best = most(table)
+        for cells in table:
+            shown = [f"**{cell}**" if cell in best else str(cell) for cell in cells]
+            lines.append("| " + " | ".join([cells[0].sweep, str(cells[0].strengths), *shown]) + " |")
+        lines.append("")
+    return "\n".join([*lines, LEGEND, ""])
+
+
+def by_extraction(rows: Iterable[Matched]) -> Iterator[tuple[str, str, list[list[Matched]]]]:
+    """Yield scheme, extraction and the rows of their table: the cells of each sweep, by damage."""
+    for (scheme, extraction), group in groupby(rows, key=lambda row: (row.scheme, row.extraction)):
+        yield scheme, extraction, [list(cells) for _, cells in groupby(group, key=lambda row: row.sweep)]
+
+
+def most(table: Sequence[Sequence[Matched]]) -> list[Matched]:
+    """Return, for each damage, the cell of the sweep that takes the most, of those that got there in every scene."""
+    columns = ([cell for cell in column if cell.everywhere] for column in zip(*table, strict=True))
+    return [max(column, key=lambda cell: cell.drop.mean if cell.drop else -math.inf) for column in columns if column]
+
+
+def _drops(variants: Sequence[Outcome], extraction: str) -> list[list[tuple[float, float]]]:
+    """Return for every scene its points: what scene and message lost, of the variants of which both are known."""
+    scenes: dict[str, list[tuple[float, float]]] = {}
+    for o in variants:
+        drops = (o.psnr_drop(SCENE), o.psnr_drop(extraction))
+        if not any(map(math.isnan, drops)):
+            scenes.setdefault(o.scene, []).append(drops)
+    return list(scenes.values())
+
+
+def _mean_drop(scenes: Sequence[Sequence[tuple[float, float]]], damage: float) -> Interval | None:
+    sweeps = [np.array([UNATTACKED, *points]).T for points in scenes]
+    drops = [matched_message_drop(scene, message, damage) for scene, message in sweeps]
+    reached = [[drop] for drop in drops if not isinstance(drop, NotReached)]
+    return mean_interval(reached) if reached else None
