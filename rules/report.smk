@@ -8,6 +8,7 @@ rule write_report:
         clouds=expand("results/{model}/figures/model", model=MODELS),
         figures=[path for path in figure_files() if "/model/" not in path],
         comparisons=scheme_figures(),
+        matched="results/tables/matched.csv",
         diagnoses=expand("results/{model}/diagnosis.json", model=MODELS),
         hidden=[f"results/{scheme}/{scene}/hidden.json" for scheme in WATERMARKS for scene in SCHEMES[scheme]],
         artifacts=expand(
@@ -27,10 +28,9 @@ rule write_report:
         code=code_digest("gspure.cli.report"),
         template=file_digest(TEMPLATE),
         figures=[*figure_files(), *scheme_figures()],
-        sweeps=SWEEPS,
         provenance=lambda wildcards, input: [f"{path}.json" for path in input.artifacts],
     message:
         "Writing the report"
     shell:
         "python -m gspure report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q} {input.hidden:q}"
-        " {params.sweeps} --provenance {params.provenance:q} --out {output.page:q} > {log:q} 2>&1"
+        " --matched {input.matched:q} --provenance {params.provenance:q} --out {output.page:q} > {log:q} 2>&1"

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from gspure.cli import main
+from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
-from gspure.evaluation.matched import match, matched_markdown, most
+from gspure.evaluation.matched import match, matched_markdown, most, read_matched, write_matched
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.evaluation.tables import write_table
@@ -88,10 +89,35 @@ def test_the_command_writes_both_tables(tmp_path: Path) -> None:
     assert len(rows) == 2 * len(MATCHED_DAMAGES)
     last = rows[3]
     assert last == {
-        "scheme": "sis", "extraction": "message", "sweep": "ours", "strengths": "2", "damage": "2.0",
-        "drop_mean": "15", "drop_low": "15", "drop_high": "15", "drop_level": "0", "scenes": "1", "of": "2",
+        "scheme": "sis",
+        "extraction": "message",
+        "sweep": "ours",
+        "strengths": "2",
+        "damage": "2.0",
+        "drop_mean": "15",
+        "drop_low": "15",
+        "drop_high": "15",
+        "drop_level": "0",
+        "scenes": "1",
+        "of": "2",
     }
     assert files["matched.md"].read_text() == matched_markdown(match(TWO, SWEEPS))
+
+
+def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
+    rows = match(TWO, SWEEPS)
+    write_matched(tmp_path / "matched.csv", rows)
+    read = read_matched(tmp_path / "matched.csv")
+    assert [str(row) for row in read] == [str(row) for row in rows]
+    assert matched_markdown(read) == matched_markdown(rows)
+
+
+@pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,ours,2\n", "HEADERsis,m,o,2,x,,,,,0,2\n"])
+def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
+    write_matched(tmp_path / "t.csv", [])
+    (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
+    with pytest.raises(InputError, match=r"t\.csv: "):
+        read_matched(tmp_path / "t.csv")
 
 
 def test_a_sweep_without_variants_is_refused(capsys) -> None:

@@ -67,6 +67,12 @@ def test_the_front_is_numbered_and_named(tmp_path: Path, drawn) -> None:  # noqa
     assert np.asarray(axes.lines[0].get_xydata()).shape == (4, 2)
 
 
+def test_neighbours_on_the_front_share_their_number(tmp_path: Path, drawn) -> None:  # noqa: F811
+    close = {f"v{i}": (1 + i / 1000, 16 + i / 1000) for i in range(3)}
+    write_tradeoff(tmp_path / "tradeoff.png", outcomes(room={**close, "far": (4.0, 22.0)}))
+    assert [text.get_text() for text in drawn[0].axes[0].texts][:-1] == ["1", "2–4", "5"]
+
+
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
     write_table(tmp_path / "results.csv", TWO)

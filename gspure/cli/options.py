@@ -69,25 +69,6 @@ def add_views(parser: argparse.ArgumentParser, split: str) -> None:
     )
 
 
-def add_sweeps(parser: argparse.ArgumentParser) -> None:
-    """Add ``--sweep``."""
-    parser.add_argument(
-        "--sweep",
-        type=_sweep,
-        action="append",
-        default=[],
-        metavar="NAME=VARIANT,...",
-        help="variants that are one attack at several strengths; may be repeated",
-    )
-
-
-def _sweep(text: str) -> tuple[str, list[str]]:
-    name, found, variants = text.partition("=")
-    if not (name and found and variants):
-        raise argparse.ArgumentTypeError(f"expected NAME=VARIANT,..., found {text!r}")
-    return name, variants.split(",")
-
-
 def read_views(args: argparse.Namespace) -> list[Camera]:
     """Read the views that ``--cameras`` and ``--split`` name, moved by ``--world``."""
     import numpy as np

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_sweeps
-
 HELP = "write a self-contained HTML page: findings, tables, figures, provenance"
 EXAMPLES = """\
   gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
@@ -36,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="JSON",
         help="of `gspure prune`, below their SCHEME/SCENE",
     )
-    add_sweeps(parser)
+    parser.add_argument("--matched", type=Path, metavar="CSV", help="of `gspure matched`")
     parser.add_argument(
         "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="records beside artifacts, to be listed"
     )
@@ -46,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the page."""
+    from gspure.evaluation.matched import read_matched
     from gspure.evaluation.reading import read_table
     from gspure.figures.report import write_report
 
@@ -55,7 +54,7 @@ def run(args: argparse.Namespace) -> None:
         read_table(args.table),
         figures=args.figures,
         diagnoses=args.diagnosis,
-        sweeps=dict(args.sweep),
+        matched=read_matched(args.matched) if args.matched else [],
         provenance=args.provenance,
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, nothing outside it is needed")

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.artifacts import write_text
+from gspure.errors import InputError, reading
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
 from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, NotReached, matched_message_drop, mean_interval
 
@@ -21,6 +22,11 @@ Sweeps = Mapping[str, Sequence[str]]
 
 UNATTACKED: Final = (0.0, 0.0)
 """One point of every sweep, since every strength can go down to doing nothing."""
+
+HEADER: Final = (
+    *("scheme", "extraction", "sweep", "strengths", "damage"),
+    *("drop_mean", "drop_low", "drop_high", "drop_level", "scenes", "of"),
+)
 
 LEGEND: Final = """\
 What the message loses, in dB, where the scene loses what the column says: mean over scenes, by interpolation between
@@ -88,13 +94,23 @@ def write_matched(path: Path, rows: Iterable[Matched]) -> None:
     """Write one CSV row per sweep and damage; `scenes` are those reached, of `of`."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    columns = [f"drop_{name}" for name in Interval._fields[:-1]]
-    table.writerow(["scheme", "extraction", "sweep", "strengths", "damage", *columns, "scenes", "of"])
+    table.writerow(HEADER)
     for row in rows:
-        *numbers, scenes = row.drop or (*("",) * len(columns), 0)
-        shown = [f"{number:.6g}" if number != "" else "" for number in numbers]
-        table.writerow([*row[:5], *shown, scenes, row.scenes])
+        numbers = [f"{number:.6g}" for number in row.drop[:-1]] if row.drop else [""] * 4
+        table.writerow([*row[:5], *numbers, row.drop.scenes if row.drop else 0, row.scenes])
     write_text(path, text.getvalue())
+
+
+def read_matched(path: Path) -> list[Matched]:
+    """Read what `write_matched` has written, or raise `InputError`."""
+    with (
+        reading(path, "a table of attacks at equal damage", ValueError, TypeError, csv.Error),  # cells may be missing
+        path.open(encoding="utf-8", newline="") as stream,
+    ):
+        header, *rows = list(csv.reader(stream)) or [[]]
+        if tuple(header) != HEADER:
+            raise InputError(path, "header", expected=",".join(HEADER), found=",".join(header))
+        return [_row(*row) for row in rows]
 
 
 def matched_markdown(rows: Sequence[Matched]) -> str:
@@ -124,6 +140,13 @@ def most(table: Sequence[Sequence[Matched]]) -> list[Matched]:
     """Return, for each damage, the cell of the sweep that takes the most, of those that got there in every scene."""
     columns = ([cell for cell in column if cell.everywhere] for column in zip(*table, strict=True))
     return [max(column, key=lambda cell: cell.drop.mean if cell.drop else -math.inf) for column in columns if column]
+
+
+def _row(scheme: str, extraction: str, sweep: str, strengths: str, damage: str, *cells: str) -> Matched:
+    *numbers, reached, scenes = cells
+    mean, low, high, level = (float(number or "nan") for number in numbers)
+    drop = Interval(mean, low, high, level, int(reached)) if int(reached) else None
+    return Matched(scheme, extraction, sweep, int(strengths), float(damage), drop, int(scenes))
 
 
 def _drops(variants: Sequence[Outcome], extraction: str) -> list[list[tuple[float, float]]]:

@@ -10,12 +10,11 @@ from functools import reduce
 from itertools import groupby, pairwise
 from operator import or_
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 from gspure.artifacts import read_json, write_text
 from gspure.errors import InputError, reading
-from gspure.evaluation.matched import Matched, Sweeps, by_extraction, match, most
+from gspure.evaluation.matched import Matched, by_extraction, most
 from gspure.evaluation.outcomes import REFERENCE, Outcome, ordered
 from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.figures import findings, style
@@ -96,7 +95,7 @@ def write_report(
     *,
     figures: Sequence[Path] = (),
     diagnoses: Sequence[Path] = (),
-    sweeps: Sweeps = MappingProxyType({}),
+    matched: Sequence[Matched] = (),
     provenance: Sequence[Path] = (),
 ) -> None:
     """Write the page, whole or not at all. It refers to nothing outside itself.
@@ -116,8 +115,8 @@ def write_report(
         PNG files, in the order in which to show them; captions are in the ``.png.json`` beside them.
     diagnoses : sequence of Path
         ``diagnosis.json`` of `gspure prune`, ``hidden.json`` of `gspure hidden`.
-    sweeps : mapping
-        Variants that are one attack at several strengths, compared at equal damage (`gspure.evaluation.matched`).
+    matched : sequence of Matched
+        Attacks at equal damage to the scene.
     provenance : sequence of Path
         JSON files that `gspure.artifacts.write_provenance` has written, to be listed.
 
@@ -134,7 +133,6 @@ def write_report(
     models = [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.scene))]
     schemes = list(dict.fromkeys(o.scheme for o in outcomes))
     _require_owner((*figures, *diagnoses), [*(key for key, _ in models), *((_FIGURES, scheme) for scheme in schemes)])
-    matched = match(outcomes, sweeps)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {name: getattr(findings, name) for name in ("decibels", "signed", "percent", "spoken")}
     page = environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(

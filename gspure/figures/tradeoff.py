@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
+from itertools import groupby, pairwise
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _LINEAR: Final = 2.0  # dB; further right the axis is logarithmic, for attacks that destroy the scene
+_LETTERS: Final = 70  # that a line of the key has room for
+_APART: Final = 7.0  # points of type, between two numbers
 _TICKS: Final = (0, 0.5, 1, 1.5, 2, 3, 5, 10, 20)
 
 
@@ -54,7 +57,7 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> list[Place]:
     front = [place for place, chosen in zip(found, on_front, strict=True) if chosen]
     with style.page(path, style.COLUMN, 2.3 + 0.13 * len(front)) as figure:
         axes = figure.add_subplot()
-        axes.plot(damage, residual, "o", color=style.KEPT, markersize=2.4, label="variants")
+        axes.plot(damage, residual, "o", color=style.KEPT, markersize=2.4, label="variant")
         line = [(place.damage, place.residual) for place in front]
         axes.step(*zip(*line, strict=True), where="post", color=style.INK, linewidth=0.8)
         axes.plot(*zip(*line, strict=True), "o", color=style.INK, markersize=3.2, label="Pareto front")
@@ -62,13 +65,12 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> list[Place]:
             for place in (place for place in found if name in place.variants):
                 colour = style.PRUNED if name == METHOD else style.SCENE
                 axes.plot(*place[:2], marker, color=colour, markersize=4.4, label=spoken(name), linestyle="none")
-        for number, place in enumerate(front, start=1):
-            axes.annotate(str(number), place[:2], (2.5, 3.5), textcoords="offset points", fontsize=5.5)
         _mark_absence(axes, outcomes)
-        _scale(axes, max(damage))
+        _scale(axes, damage)
+        _number(axes, line)
         axes.set_xlabel("damage to the scene: drop of its PSNR (dB)")
         axes.set_ylabel("left of the message: PSNR (dB)")
-        axes.legend(loc="upper right")
+        figure.legend(loc="outside upper center", ncols=5)
         key = "\n".join(f"{i}  {_named(place)}" for i, place in enumerate(front, start=1))
         axes.annotate(
             key, (0, 0), (0, -26), "axes fraction", textcoords="offset points", va="top", fontsize=6, linespacing=1.3
@@ -83,15 +85,26 @@ def _mark_absence(axes: Axes, outcomes: Sequence[Outcome]) -> None:
         axes.axhline(float(np.mean(shown)), color=style.MESSAGE, linewidth=0.7, linestyle="--", label="no message")
 
 
-def _scale(axes: Axes, damage: float) -> None:
+def _scale(axes: Axes, damage: Sequence[float]) -> None:
+    most = max(*damage, _LINEAR)
     axes.set_xscale("symlog", linthresh=_LINEAR)
-    axes.set_xlim(right=max(damage, _LINEAR) * 1.15)
-    shown = [tick for tick in _TICKS if tick <= max(damage, _LINEAR) * 1.1]
+    axes.set_xlim(min(damage) - 0.15, most * 1.15)
+    shown = [tick for tick in _TICKS if tick <= most * 1.1]
     axes.set_xticks(shown, [f"{tick:g}" for tick in shown])
     axes.minorticks_off()
     for matched in MATCHED_DAMAGES:
         axes.axvline(matched, color=style.tint(style.FAINT, 0.7), linewidth=0.4, zorder=0)
 
 
+def _number(axes: Axes, line: Sequence[tuple[float, float]]) -> None:
+    """Write numbers on the empty side of the front; neighbours too close for one of their own share one."""
+    at = axes.transData.transform(line) * 72 / style.DPI  # in points
+    starts = [0, *(np.flatnonzero(np.hypot(*np.diff(at, axis=0).T) > _APART) + 1).tolist(), len(line)]
+    for first, end in pairwise(starts):
+        label = str(end) if end == first + 1 else f"{first + 1}\N{EN DASH}{end}"
+        axes.annotate(label, line[end - 1], (-3, -3), textcoords="offset points", ha="right", va="top", fontsize=5.5)
+
+
 def _named(place: Place) -> str:
-    return " = ".join(map(spoken, place.variants))
+    names = [spoken(name) for name in sorted(place.variants, key=lambda name: name != METHOD)]
+    return shorten(" = ".join(names), _LETTERS, placeholder=" …")
