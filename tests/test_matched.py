@@ -44,22 +44,22 @@ def test_the_drop_is_interpolated_in_every_scene_and_then_averaged() -> None:
     assert tuple(found) == MATCHED_DAMAGES
     assert found[1.5].drop.mean == pytest.approx((12.5 + 8.0) / 2)
     assert found[0.3].drop.mean == pytest.approx((3.0 + 1.8) / 2)  # between nothing and the weakest
-    assert (found[1.5].strengths, found[1.5].everywhere) == (2, True)
+    assert (found[1.5].strengths, found[1.5].gentle) == (2, 0)
 
 
-def test_where_a_sweep_gets_there_in_some_scenes_only_the_number_says_so_and_does_not_compare() -> None:
+def test_where_no_strength_damages_a_scene_as_much_the_most_that_was_taken_counts_and_says_so() -> None:
     rows = match(TWO, SWEEPS)
     ours, theirs = cells(rows, "ours")[2.0], cells(rows, "theirs")[2.0]
-    assert ours.drop.mean == pytest.approx(15.0)
-    assert not ours.everywhere
-    assert str(ours) == "15.00 (one scene), of 2"
-    assert theirs in most([[ours], [theirs]])
+    assert ours.drop.mean == pytest.approx((15.0 + 8.0) / 2)
+    assert (ours.gentle, theirs.gentle) == (1, 0)
+    assert str(ours) == "≥ 11.50 (2 scenes: 8.00 to 15.00)"
+    assert most([[ours], [theirs]]) == [ours]
 
 
 def test_what_no_strength_reaches_is_not_extrapolated() -> None:
-    rows = match(outcomes(room={"weak": (0.5, 9.0)}), {"ours": ["weak"]})
-    assert [row.drop is None for row in rows] == [False, True, True, True]
-    assert str(rows[-1]) == "–"
+    rows = match(outcomes(room={"weak": (0.5, 9.0), "strong": (0.6, 4.0)}), {"ours": ["weak", "strong"]})
+    assert [row.drop.mean for row in rows] == pytest.approx([5.4, 9.0, 9.0, 9.0])
+    assert [row.gentle for row in rows] == [0, 1, 1, 1]
 
 
 def test_models_without_a_message_have_no_rows() -> None:
@@ -74,7 +74,7 @@ def test_the_markdown_marks_the_most_at_each_damage() -> None:
     assert lines[0] == "### sis"
     assert lines[2] == "| attack | strengths | 0.3 dB | 0.7 dB | 1.5 dB | 2 dB |"
     marked = {line.split("|")[1].strip(): line.count("**") // 2 for line in lines if line.startswith("| ")}
-    assert (marked["ours"], marked["theirs"]) == (3, 1)
+    assert (marked["ours"], marked["theirs"]) == (4, 0)
     assert "No attack" in matched_markdown([])
 
 
@@ -87,20 +87,7 @@ def test_the_command_writes_both_tables(tmp_path: Path) -> None:
     with files["matched.csv"].open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 2 * len(MATCHED_DAMAGES)
-    last = rows[3]
-    assert last == {
-        "scheme": "sis",
-        "extraction": "message",
-        "sweep": "ours",
-        "strengths": "2",
-        "damage": "2.0",
-        "drop_mean": "15",
-        "drop_low": "15",
-        "drop_high": "15",
-        "drop_level": "0",
-        "scenes": "1",
-        "of": "2",
-    }
+    assert list(rows[3].values()) == ["sis", "message", "ours", "2", "2.0", "11.5", "8", "15", "0.5", "2", "1"]
     assert files["matched.md"].read_text() == matched_markdown(match(TWO, SWEEPS))
 
 
@@ -112,7 +99,7 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     assert matched_markdown(read) == matched_markdown(rows)
 
 
-@pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,ours,2\n", "HEADERsis,m,o,2,x,,,,,0,2\n"])
+@pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,ours,2\n", "HEADERsis,m,o,2,x,1,1,1,0,1,0\n"])
 def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
     write_matched(tmp_path / "t.csv", [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))

@@ -25,14 +25,15 @@ UNATTACKED: Final = (0.0, 0.0)
 
 HEADER: Final = (
     *("scheme", "extraction", "sweep", "strengths", "damage"),
-    *("drop_mean", "drop_low", "drop_high", "drop_level", "scenes", "of"),
+    *(f"drop_{part}" for part in Interval._fields),
+    "gentle",
 )
 
 LEGEND: Final = """\
-What the message loses, in dB, where the scene loses what the column says: mean over scenes, by interpolation between
+What the message loses, in dB, where the scene may lose what the column says: mean over scenes, by interpolation between
 the strengths that were tried, and between none and the weakest. Brackets: 95 % interval over scenes; parentheses: range
-of fewer than six. Bold: the most of those that got there in every scene. –: no strength that was tried damages the
-scene as much."""
+of fewer than six. ≥: in some scene no strength that was tried damages the scene as much, and the one that takes the
+most from the message counts. Bold: the most."""
 
 
 class Matched(NamedTuple):
@@ -45,23 +46,16 @@ class Matched(NamedTuple):
     sweep: str
     strengths: int
     damage: float
-    """How far the scene's PSNR falls, dB."""
+    """How far the scene's PSNR may fall, dB."""
 
-    drop: Interval | None
-    """How far the message's then falls, dB, over the scenes in which the sweep gets there; None if in none."""
+    drop: Interval
+    """How far the message's then falls, dB, over the scenes; at least, where some of them are gentle."""
 
-    scenes: int
-    """How many scenes there are."""
-
-    @property
-    def everywhere(self) -> bool:
-        """Whether the sweep gets there in every scene, so that its mean compares with others."""
-        return self.drop is not None and self.drop.scenes == self.scenes
+    gentle: int
+    """In how many scenes no strength that was tried damages the scene as much. There the best of them counts."""
 
     def __str__(self) -> str:
-        if self.drop is None:
-            return "–"
-        return str(self.drop) + ("" if self.everywhere else f", of {self.scenes}")
+        return ("≥ " if self.gentle else "") + str(self.drop)
 
 
 def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
@@ -83,7 +77,7 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
                 scenes = _drops([o for o in ours if o.variant in variants], extraction)
                 strengths = max(map(len, scenes), default=0)
                 found += [
-                    Matched(scheme, extraction, name, strengths, damage, _mean_drop(scenes, damage), len(scenes))
+                    Matched(scheme, extraction, name, strengths, damage, *_mean_drop(scenes, damage))
                     for damage in MATCHED_DAMAGES
                     if scenes
                 ]
@@ -91,13 +85,12 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
 
 
 def write_matched(path: Path, rows: Iterable[Matched]) -> None:
-    """Write one CSV row per sweep and damage; `scenes` are those reached, of `of`."""
+    """Write one CSV row per sweep and damage."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(HEADER)
     for row in rows:
-        numbers = [f"{number:.6g}" for number in row.drop[:-1]] if row.drop else [""] * 4
-        table.writerow([*row[:5], *numbers, row.drop.scenes if row.drop else 0, row.scenes])
+        table.writerow([*row[:5], *(f"{number:.6g}" for number in row.drop), row.gentle])
     write_text(path, text.getvalue())
 
 
@@ -137,16 +130,15 @@ def by_extraction(rows: Iterable[Matched]) -> Iterator[tuple[str, str, list[list
 
 
 def most(table: Sequence[Sequence[Matched]]) -> list[Matched]:
-    """Return, for each damage, the cell of the sweep that takes the most, of those that got there in every scene."""
-    columns = ([cell for cell in column if cell.everywhere] for column in zip(*table, strict=True))
-    return [max(column, key=lambda cell: cell.drop.mean if cell.drop else -math.inf) for column in columns if column]
+    """Return, for each damage, the cell of the sweep that takes the most."""
+    return [max(column, key=lambda cell: cell.drop.mean) for column in zip(*table, strict=True)]
 
 
 def _row(scheme: str, extraction: str, sweep: str, strengths: str, damage: str, *cells: str) -> Matched:
-    *numbers, reached, scenes = cells
-    mean, low, high, level = (float(number or "nan") for number in numbers)
-    drop = Interval(mean, low, high, level, int(reached)) if int(reached) else None
-    return Matched(scheme, extraction, sweep, int(strengths), float(damage), drop, int(scenes))
+    *numbers, scenes, gentle = cells
+    mean, low, high, level = map(float, numbers)
+    drop = Interval(mean, low, high, level, int(scenes))
+    return Matched(scheme, extraction, sweep, int(strengths), float(damage), drop, int(gentle))
 
 
 def _drops(variants: Sequence[Outcome], extraction: str) -> list[list[tuple[float, float]]]:
@@ -159,8 +151,9 @@ def _drops(variants: Sequence[Outcome], extraction: str) -> list[list[tuple[floa
     return list(scenes.values())
 
 
-def _mean_drop(scenes: Sequence[Sequence[tuple[float, float]]], damage: float) -> Interval | None:
+def _mean_drop(scenes: Sequence[Sequence[tuple[float, float]]], damage: float) -> tuple[Interval, int]:
+    """Return the mean drop of the message, and in how many scenes the sweep is too gentle to do the damage."""
     sweeps = [np.array([UNATTACKED, *points]).T for points in scenes]
-    drops = [matched_message_drop(scene, message, damage) for scene, message in sweeps]
-    reached = [[drop] for drop in drops if not isinstance(drop, NotReached)]
-    return mean_interval(reached) if reached else None
+    found = [(matched_message_drop(scene, message, damage), message.max()) for scene, message in sweeps]
+    drops = [[float(most) if isinstance(drop, NotReached) else drop] for drop, most in found]
+    return mean_interval(drops), sum(drop is NotReached.TOO_GENTLE for drop, _ in found)
