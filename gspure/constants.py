@@ -41,10 +41,14 @@ MAX_SH_DEGREE: Final = 3
 # --- GSPure, paper §Methodology; where the paper names no value, the choice is ours -----------------------------------
 
 TAU_C: Final = 4.0
-"""Cluster pruning factor, paper §Implementation Details (4 for Splats in Splats and GS-Hider, 3 for SecureGS)."""
+"""Cluster pruning factor, paper §Implementation Details (for Splats in Splats and GS-Hider)."""
 
 TAU_N: Final = 4.0
-"""Noise pruning factor, paper §Implementation Details (4 for Splats in Splats and GS-Hider, 2 for SecureGS)."""
+"""Noise pruning factor, paper §Implementation Details (for Splats in Splats and GS-Hider)."""
+
+ANCHOR_TAU_C: Final = 3.0
+ANCHOR_TAU_N: Final = 2.0
+"""The same for SecureGS, whose rows are anchors."""
 
 MIN_SAMPLES: Final = 10
 """HDBSCAN's min_samples. Ours: the paper names none."""

@@ -73,7 +73,7 @@ rule embed_message:
     params:
         kernels=KERNELS,
         code=embedding_code,
-        pair="results/pairs/{scene}",
+        pair=lambda wildcards, input: os.path.dirname(input.cameras),
         folder="results/{scheme}/{scene}",
         options=embedding_options,
     message:
@@ -102,7 +102,7 @@ rule embed_nothing:
     params:
         kernels=KERNELS,
         code=embedding_code,
-        pair="results/pairs/{scene}",
+        pair=lambda wildcards, input: os.path.dirname(input.cameras),
         folder="results/{scheme}/{scene}/clean",
         options=embedding_options,
     message:

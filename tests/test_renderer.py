@@ -273,3 +273,9 @@ def test_features_of_another_shape_are_refused(device, rows, background):
 def test_an_unknown_energy_is_refused(device):
     with pytest.raises(ValueError, match="'typo'"):
         Renderer(blobs(1), device, energy="typo")
+
+
+def test_an_image_that_no_device_has_room_for_is_refused(device, style):
+    huge = camera(200_000, 200_000, focal=100.0)
+    with pytest.raises(InputError, match=r"memory: expected room for \d+ GiB in one piece"):
+        Renderer(blobs(3), device, style=style).image(huge)

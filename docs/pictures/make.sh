@@ -4,12 +4,12 @@
 set -eu
 here=$(realpath "$(dirname "$0")")
 root=$(realpath "$here/../..")
-cd "${1:-$root/results}/planted/room"
+cd "${1:-$root/results}/splats_in_splats/room"
 python=$root/.venv/bin/python
 
 for target in scene message; do
   PYTHONPATH=$root "$python" -m gspure figures panels --rows 1 --out "$here/$target.png" \
-    --column "photograph=truth/$target" \
+    --column "photograph=../../pairs/room/$target" \
     --column "watermarked=watermarked/renders/$target" \
     --column "after GSPure=gspure/renders/$target" \
     --column "as many removed at random=random_matched/renders/$target"

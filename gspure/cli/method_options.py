@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from gspure.constants import MIN_SAMPLES, TAU_C, TAU_N
+from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MIN_SAMPLES, TAU_C, TAU_N
 
 
 def add_min_samples(parser: argparse.ArgumentParser) -> None:
@@ -14,19 +14,17 @@ def add_min_samples(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_factors(parser: argparse.ArgumentParser) -> None:
-    """Add ``--tau-c`` and ``--tau-n``."""
-    parser.add_argument(
-        "--tau-c",
-        type=float,
-        default=TAU_C,
-        metavar="TAU",
-        help="prune a cluster whose mean weight is below the mean weight / TAU (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--tau-n",
-        type=float,
-        default=TAU_N,
-        metavar="TAU",
-        help="prune a noise point whose weight is below the mean weight / TAU (default: %(default)s)",
-    )
+def add_factors(parser: argparse.ArgumentParser, *, by_scheme: bool = False) -> None:
+    """Add ``--tau-c`` and ``--tau-n``; with `by_scheme` they are None unless given, and depend on the model."""
+    for name, value, anchors, what in (
+        ("--tau-c", TAU_C, ANCHOR_TAU_C, "a cluster whose mean weight"),
+        ("--tau-n", TAU_N, ANCHOR_TAU_N, "a noise point whose weight"),
+    ):
+        default = f"{value}; anchors: {anchors}" if by_scheme else f"{value}"
+        parser.add_argument(
+            name,
+            type=float,
+            default=None if by_scheme else value,
+            metavar="TAU",
+            help=f"prune {what} is below the mean weight / TAU (default: {default})",
+        )

@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_reduction(parser)
     add_min_samples(parser)
     add_selection(parser)
-    add_factors(parser)
+    add_factors(parser, by_scheme=True)
     add_device(parser)
 
 
@@ -76,6 +76,7 @@ def run(args: argparse.Namespace) -> None:
     asset = open_asset(args.model)
     model = asset.units
     require_finite(model, args.model)
+    _choose_factors(args, model)
     cameras = _cameras(args.cameras, model)
     train, test = split(cameras)
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
@@ -93,6 +94,18 @@ def run(args: argparse.Namespace) -> None:
         for path, caption in draw(folder / "figures", evidence, cameras).items():
             print(f"{args.out / path.relative_to(folder)}: {caption}")
     print(f"results in {args.out}")
+
+
+def _choose_factors(args: argparse.Namespace, model: Gaussians) -> None:
+    """Fill in the pruning factors that were not given: the paper's, for the scheme that the model's columns tell."""
+    from gspure.constants import TAU_C, TAU_N
+    from gspure.schemes.registry import recognized
+
+    scheme = recognized(model)
+    suited = (scheme.tau_c, scheme.tau_n) if scheme else (TAU_C, TAU_N)
+    for name, value in zip(("tau_c", "tau_n"), suited, strict=True):
+        if getattr(args, name) is None:
+            setattr(args, name, value)
 
 
 def _cameras(source: str, model: Gaussians) -> list[Camera]:

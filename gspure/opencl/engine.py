@@ -12,6 +12,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from gspure.errors import InputError
 from gspure.opencl.program import build_options, kernel_source
 
 Style = Literal["cpu", "gpu"]
@@ -80,8 +81,20 @@ class Engine:
         return kept
 
     def allocate(self, nbytes: int) -> cl.Buffer:
-        """Return a new buffer of at least `nbytes`."""
-        return cl.Buffer(self.context, self._flags, max(nbytes, 64))
+        """Return a new buffer of at least `nbytes`.
+
+        Raises
+        ------
+        InputError
+            The device has no room for it.
+
+        """
+        try:
+            return cl.Buffer(self.context, self._flags, max(nbytes, 64))
+        except cl.Error as error:
+            room = f"room for {nbytes / 2**30:.3g} GiB in one piece"
+            hint = "smaller images need less"
+            raise InputError(self.device.name, "memory", expected=room, found=str(error), hint=hint) from None
 
     def has(self, name: str) -> bool:
         """Return whether a buffer is kept under `name`."""

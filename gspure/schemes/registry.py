@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from gspure.errors import InputError
-from gspure.model import read_model
+from gspure.model import Gaussians, read_model
 from gspure.model.signature import Signature
 from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.asset import Asset
@@ -45,12 +45,15 @@ def find_scheme(name: str) -> Scheme:
     return known[name]
 
 
-def open_asset(path: Path, scheme: str | None = None) -> Asset:
-    """Read a public model, of a named scheme or of the one that its columns give away."""
-    if scheme is not None:
-        return find_scheme(scheme).read_asset(path)
-    kind = Signature.of(read_model(path).table.dtype.names or ())
-    return _RECOGNIZED[kind].read_asset(path) if kind in _RECOGNIZED else Asset.read(path)
+def open_asset(path: Path) -> Asset:
+    """Read a public model, of the scheme that its columns give away."""
+    scheme = recognized(read_model(path))
+    return scheme.read_asset(path) if scheme else Asset.read(path)
+
+
+def recognized(units: Gaussians) -> Scheme | None:
+    """Return the scheme that a model's columns give away; None for Gaussians and no more."""
+    return _RECOGNIZED.get(Signature.of(units.table.dtype.names or ()))
 
 
 def _load(entry: EntryPoint) -> Scheme:

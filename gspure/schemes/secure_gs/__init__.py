@@ -1,5 +1,6 @@
 """SecureGS (Zhang et al. 2025) over Scaffold-GS: public anchors, of which private networks make other Gaussians."""
 
+from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
 from gspure.schemes.scheme import MESSAGE, Scheme
 from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.embedding import embed
@@ -8,4 +9,6 @@ from gspure.schemes.secure_gs.key import HiddenKey
 CARRIER = ("x", "y", "z", "f_anchor_feat_*", "scale_*")
 """Not the offsets, which are the host's; anchors' opacities and rotations are constants that nothing reads."""
 
-SCHEME = Scheme("secure_gs", embed, AnchorAsset.read, HiddenKey.read, {MESSAGE: CARRIER}, tau_c=3.0, tau_n=2.0)
+SCHEME = Scheme(
+    "secure_gs", embed, AnchorAsset.read, HiddenKey.read, {MESSAGE: CARRIER}, tau_c=ANCHOR_TAU_C, tau_n=ANCHOR_TAU_N
+)
