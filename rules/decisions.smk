@@ -15,7 +15,7 @@ SWEEPS = shlex.join(
 
 wildcard_constraints:
     # The folder of a decision below that of its model; nothing for that of the method.
-    decision=f"(?:{'|'.join(['', *(f'/decisions/{name}' for name in config['decisions'])])})",
+    decision=f"(?:|/decisions/(?:{'|'.join(config['decisions']) or 'none'}))",
 
 
 def decision_of(wildcards):

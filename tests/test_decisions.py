@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.configuration import resolved, validated
@@ -58,6 +58,7 @@ def test_what_differs_is_made_from_the_first_stage_on_that_it_concerns(own, firs
     assert own_artifacts == (list(STAGES)[list(STAGES).index(first) :] if first else [])
 
 
+@settings(deadline=None)
 @given(st.lists(st.fixed_dictionaries({}, optional={"tau_n": st.integers(1, 3), "min_samples": st.integers(9, 11)})))
 def test_an_artifact_is_shared_exactly_by_equals_and_made_by_the_first(own):
     among = decisions(settled(decisions={f"d{i}": settings for i, settings in enumerate(own)}), SUITED)
