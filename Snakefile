@@ -18,6 +18,7 @@ report: "report/workflow.rst"
 
 
 include: "rules/common.smk"
+include: "rules/decisions.smk"
 include: "rules/inputs.smk"
 include: "rules/scenes.smk"
 include: "rules/train.smk"
@@ -27,6 +28,7 @@ include: "rules/purify.smk"
 include: "rules/surface.smk"
 include: "rules/attack.smk"
 include: "rules/evaluate.smk"
+include: "rules/compare.smk"
 include: "rules/figures.smk"
 include: "rules/report.smk"
 

@@ -63,7 +63,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     ------
     InputError
         If there is no model at all, or one of them, its cameras or its photographs do not exist, or a model is both
-        given and to be trained, or a scheme, an attack or a setting of one is not known.
+        given and to be trained, or a scheme, an attack, a setting of one or a decision is not known.
 
     """
     from gspure.attacks import attacks
@@ -80,6 +80,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     for variant, settings in settled["variants"].items():
         attack = settings.setdefault("attack", variant)
         _check_settings(settings, attack, available, source, f"variants.{variant}")
+        _check_decision(settings, settled["decisions"], source, f"variants.{variant}")
     if settled["schemes"]:
         available = {name: scheme.settings for name, scheme in schemes().items()}
     for scheme, settings in settled["schemes"].items():
@@ -139,13 +140,27 @@ def _check_settings(
     if name not in available:
         raise InputError(source, place, expected=f"one of {', '.join(available)}", found=repr(name))
     known = available[name]
-    for setting in sorted(given.keys() - {"attack", "seed"}):
+    for setting in sorted(given.keys() - {"attack", "decision", "seed"}):
         if setting not in known:
             expected = f"one of {', '.join(known) or 'no settings'}"
             raise InputError(source, f"{place}.{setting}", expected=expected, found="an unknown key")
         if isinstance(given[setting], str) != isinstance(known[setting], str):
             expected = "a text" if isinstance(known[setting], str) else "a number"
             raise InputError(source, f"{place}.{setting}", expected=expected, found=repr(given[setting]))
+
+
+def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], source: str | Path, place: str) -> None:
+    """Refuse a variant that goes by a decision that there is not, or that its attack does not look at."""
+    from gspure.attacks import find_attack
+
+    if "decision" not in variant:
+        return
+    if variant["decision"] not in decisions:
+        expected = f"one of {', '.join(decisions) or 'no decisions'}"
+        raise InputError(source, f"{place}.decision", expected=expected, found=repr(variant["decision"]))
+    if not find_attack(variant["attack"]).needs & {"weights", "prune_mask"}:
+        expected = f"nothing, since {variant['attack']} goes by no decision"
+        raise InputError(source, f"{place}.decision", expected=expected, found=repr(variant["decision"]))
 
 
 def _filling_validator(base: Any) -> Any:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Collection
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 from gspure.errors import InputError
 
 COLUMNS = ("x", "y", "z", "opacity", "weight")
+
+PARTS: Final = {"position": COLUMNS[:3], "opacity": COLUMNS[3:4], "weight": COLUMNS[4:]}
+"""What features consist of; the clustering sees all of it, or for an ablation some."""
 
 
 def standardize(columns: NDArray[Any]) -> NDArray[np.float64]:
@@ -69,3 +73,11 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
         found = f"others in {len(rows)} of {len(raw)} rows, first in row {rows[0]}"
         raise InputError("features", names, expected="finite values", found=found)
     return standardize(raw)
+
+
+def take(found: NDArray[np.float64], parts: Collection[str]) -> NDArray[np.float64]:
+    """Return the columns of `found` [K,5] that belong to these `PARTS`, in the order of `COLUMNS`.
+
+    Every column is standardized by itself, so this is what standardizing these alone would give.
+    """
+    return found[:, [any(column in PARTS[part] for part in parts) for column in COLUMNS]]

@@ -7,11 +7,11 @@ rule measure_contributions:
         model=public_model,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
-        index="results/{scheme}/{scene}/contributions/{scatteritem}.tsv",
+        index="results/{scheme}/{scene}{decision}/contributions/{scatteritem}.tsv",
     log:
-        "results/logs/{scheme}/{scene}/contributions/{scatteritem}.log",
+        "results/logs/{scheme}/{scene}{decision}/contributions/{scatteritem}.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/contributions/{scatteritem}.tsv"
+        "results/benchmarks/{scheme}/{scene}{decision}/contributions/{scatteritem}.tsv"
     conda:
         "../envs/gspure.yaml"
     threads: 16
@@ -22,9 +22,9 @@ rule measure_contributions:
         code=code_digest("gspure.cli.contributions"),
         stages="stages/{scheme}/{scene}/contributions",
         part=lambda wildcards: wildcards.scatteritem.replace("-of-", "/"),
-        options=options(config["method"], "energy"),
+        options=method_options("energy"),
     message:
-        "Measuring contributions in {wildcards.scheme}/{wildcards.scene}, part {wildcards.scatteritem}"
+        "Measuring contributions in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}, part {wildcards.scatteritem}"
     shell:
         "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure contributions --model {input.model:q}"
         " --cameras {input.cameras:q} --stages {params.stages:q} --part {params.part} {params.options}"
@@ -33,21 +33,21 @@ rule measure_contributions:
 
 rule accumulate_weights:
     input:
-        indices=gather.views("results/{{scheme}}/{{scene}}/contributions/{scatteritem}.tsv"),
+        indices=indices,
         model=public_model,
     output:
-        weights="results/{scheme}/{scene}/omega.npy",
+        weights="results/{scheme}/{scene}{decision}/omega.npy",
     log:
-        "results/logs/{scheme}/{scene}/omega.log",
+        "results/logs/{scheme}/{scene}{decision}/omega.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/omega.tsv"
+        "results/benchmarks/{scheme}/{scene}{decision}/omega.tsv"
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.weights"),
-        options=options(config["method"], "reduction"),
+        options=method_options("reduction"),
     message:
-        "Averaging contributions over the views of {wildcards.scheme}/{wildcards.scene}"
+        "Averaging contributions over the views of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
         "python -m gspure weights --index {input.indices:q} --model {input.model:q} {params.options}"
         " --out {output.weights:q} > {log:q} 2>&1"

@@ -22,7 +22,7 @@ rule draw_model:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.figures"),
-        factors=factors,
+        factors=method_options("tau_c", "tau_n"),
         truth=lambda wildcards, input: options(input, "truth") if input.truth else "",
     message:
         "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"

@@ -1,15 +1,8 @@
-from gspure.constants import TAU_C, TAU_N
 from gspure.evaluation.controls import FLOORS, OTHER_SCENE, WRONG_KEY
 from gspure.training.dataset import POINT_FILES
 
 CAMERA_FILES = ["cameras.bin", "images.bin", "cameras.txt", "images.txt"]
 CAMERA_FILES += ["cameras.json", "transforms.json", "transforms_train.json"]
-EVIDENCE = {
-    "weights": "results/{scheme}/{scene}/omega.npy",
-    "opacities": "results/{scheme}/{scene}/opacities.npy",
-    "prune_mask": "results/{scheme}/{scene}/prune_mask.npy",
-    "surface": "results/{scheme}/{scene}/surface.npy",
-}
 EXTRACTIONS = {name: scheme.extractions for name, scheme in WATERMARKS.items()}
 TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}
 TARGETS |= {name: ["scene", *extractions] for name, extractions in EXTRACTIONS.items()}
@@ -135,15 +128,19 @@ def attack_of(wildcards):
 
 def attack_input(wildcards):
     """The public model, and what the attack has measured on it."""
-    evidence = {need: EVIDENCE[need].format(**wildcards) for need in sorted(attack_of(wildcards).needs)}
+    sources = {"weights": made("omega.npy"), "prune_mask": made("prune_mask.npy")}
+    sources |= {"opacities": opacities, "surface": surface}
+    evidence = {need: sources[need](wildcards) for need in sorted(attack_of(wildcards).needs)}
     return {"model": public_model(wildcards), **evidence}
 
 
 def attack_options(wildcards, input):
-    """The evidence, the seed and the settings of a variant."""
-    settings = dict(VARIANTS[wildcards.variant])
-    del settings["attack"]
-    given = {name: path for name, path in input.items() if name in EVIDENCE} | {"seed": settings.pop("seed")}
+    """The evidence, the seed and the settings of a variant; `tau`, if not set, is tau_n of its decision."""
+    own = VARIANTS[wildcards.variant]
+    given = {name: path for name, path in input.items() if name in attack_of(wildcards).needs} | {"seed": own["seed"]}
+    settings = {name: value for name, value in own.items() if name in attack_of(wildcards).settings}
+    if "tau" in attack_of(wildcards).settings:
+        settings.setdefault("tau", settings_of(wildcards)["tau_n"])
     if wildcards.scheme in WATERMARKS:
         given["scheme"] = wildcards.scheme
     assigned = [word for name, value in settings.items() for word in ("--set", f"{name}={value}")]
@@ -221,13 +218,6 @@ def panel_columns(wildcards):
     if wildcards.scheme in WATERMARKS:
         columns = {"truth": f"results/pairs/{wildcards.scene}/{kind}", **columns}
     return columns
-
-
-def factors(wildcards):
-    """The pruning factors: those of the configuration, or those that suit the scheme."""
-    scheme = WATERMARKS.get(wildcards.scheme)
-    suited = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n} if scheme else {"tau_c": TAU_C, "tau_n": TAU_N}
-    return options({name: config["method"][name] or value for name, value in suited.items()}, *suited)
 
 
 def metrics_files():

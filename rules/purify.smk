@@ -1,5 +1,6 @@
-# The spanning tree depends on min_samples alone, the clusters on how they are selected, the mask on the factors tau:
-# each is a result of its own, so that a sweep repeats only what it changes.
+# The spanning tree depends on features and min_samples alone, the clusters on how they are selected, the mask on the factors
+# tau: each is a result of its own, so that a sweep repeats only what it changes. Each may be of the method's decision or of
+# another, in a folder of its own.
 
 
 rule measure_opacities:
@@ -26,20 +27,20 @@ rule measure_opacities:
 rule build_features:
     input:
         model=public_model,
-        weights="results/{scheme}/{scene}/omega.npy",
-        opacities="results/{scheme}/{scene}/opacities.npy",
+        weights=made("omega.npy"),
+        opacities=opacities,
     output:
-        features="results/{scheme}/{scene}/features.npy",
+        features="results/{scheme}/{scene}{decision}/features.npy",
     log:
-        "results/logs/{scheme}/{scene}/features.log",
+        "results/logs/{scheme}/{scene}{decision}/features.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/features.tsv"
+        "results/benchmarks/{scheme}/{scene}{decision}/features.tsv"
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.features"),
     message:
-        "Standardizing positions, opacities and weights of {wildcards.scheme}/{wildcards.scene}"
+        "Standardizing positions, opacities and weights of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
         "python -m gspure features --model {input.model:q} --weights {input.weights:q}"
         " --opacities {input.opacities:q} --out {output.features:q} > {log:q} 2>&1"
@@ -47,62 +48,62 @@ rule build_features:
 
 rule span_tree:
     input:
-        features="results/{scheme}/{scene}/features.npy",
+        features=made("features.npy"),
     output:
-        tree="results/{scheme}/{scene}/tree.npy",
+        tree="results/{scheme}/{scene}{decision}/tree.npy",
     log:
-        "results/logs/{scheme}/{scene}/tree.log",
+        "results/logs/{scheme}/{scene}{decision}/tree.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/tree.tsv"
+        "results/benchmarks/{scheme}/{scene}{decision}/tree.tsv"
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.tree"),
-        options=options(config["method"], "min_samples"),
+        options=method_options("cluster_on", "min_samples"),
     message:
-        "Computing the spanning tree of {wildcards.scheme}/{wildcards.scene}"
+        "Computing the spanning tree of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
         "python -m gspure tree --features {input.features:q} {params.options} --out {output.tree:q} > {log:q} 2>&1"
 
 
 rule select_clusters:
     input:
-        tree="results/{scheme}/{scene}/tree.npy",
+        tree=made("tree.npy"),
     output:
-        clusters="results/{scheme}/{scene}/clusters.npz",
+        clusters="results/{scheme}/{scene}{decision}/clusters.npz",
     log:
-        "results/logs/{scheme}/{scene}/clusters.log",
+        "results/logs/{scheme}/{scene}{decision}/clusters.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/clusters.tsv"
+        "results/benchmarks/{scheme}/{scene}{decision}/clusters.tsv"
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.cluster"),
-        options=options(config["method"], "min_cluster_size", "selection", "max_cluster_share"),
+        options=method_options("min_cluster_size", "selection", "max_cluster_share"),
     message:
-        "Selecting clusters in {wildcards.scheme}/{wildcards.scene}"
+        "Selecting clusters in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
         "python -m gspure cluster --tree {input.tree:q} {params.options} --out {output.clusters:q} > {log:q} 2>&1"
 
 
 rule decide_pruning:
     input:
-        clusters="results/{scheme}/{scene}/clusters.npz",
-        weights="results/{scheme}/{scene}/omega.npy",
+        clusters=made("clusters.npz"),
+        weights=decisive,
     output:
-        mask="results/{scheme}/{scene}/prune_mask.npy",
-        diagnosis="results/{scheme}/{scene}/diagnosis.json",
+        mask="results/{scheme}/{scene}{decision}/prune_mask.npy",
+        diagnosis="results/{scheme}/{scene}{decision}/diagnosis.json",
     log:
-        "results/logs/{scheme}/{scene}/prune.log",
+        "results/logs/{scheme}/{scene}{decision}/prune.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/prune.tsv"
+        "results/benchmarks/{scheme}/{scene}{decision}/prune.tsv"
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.prune"),
-        options=factors,
+        options=method_options("tau_c", "tau_n"),
     message:
-        "Deciding what to prune in {wildcards.scheme}/{wildcards.scene}"
+        "Deciding what to prune in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
         "python -m gspure prune --clusters {input.clusters:q} --weights {input.weights:q} {params.options}"
         " --out {output.mask:q} --diagnosis {output.diagnosis:q} > {log:q} 2>&1"

@@ -7,6 +7,8 @@ rule write_report:
         table="results/tables/results.csv",
         clouds=expand("results/{model}/figures/model", model=MODELS),
         figures=[path for path in figure_files() if "/model/" not in path],
+        comparisons=scheme_figures(),
+        matched="results/tables/matched.csv",
         diagnoses=expand("results/{model}/diagnosis.json", model=MODELS),
         hidden=[f"results/{scheme}/{scene}/hidden.json" for scheme in WATERMARKS for scene in SCHEMES[scheme]],
         artifacts=expand(
@@ -25,10 +27,10 @@ rule write_report:
     params:
         code=code_digest("gspure.cli.report"),
         template=file_digest(TEMPLATE),
-        figures=figure_files(),
+        figures=[*figure_files(), *scheme_figures()],
         provenance=lambda wildcards, input: [f"{path}.json" for path in input.artifacts],
     message:
         "Writing the report"
     shell:
         "python -m gspure report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q} {input.hidden:q}"
-        " --provenance {params.provenance:q} --out {output.page:q} > {log:q} 2>&1"
+        " --matched {input.matched:q} --provenance {params.provenance:q} --out {output.page:q} > {log:q} 2>&1"

@@ -14,7 +14,7 @@ from gspure.model import Gaussians, read_model, write_model
 COUNT = 40
 PRUNING = {
     *("watermarked", "gspure", "random_pruning", "lowest_weight", "lowest_opacity", "plain_weight", "plain_opacity"),
-    *("random_matched", "lowest_weight_matched", "lowest_opacity_matched", "crop", "gof"),
+    *("random_matched", "lowest_weight_matched", "lowest_opacity_matched", "crop", "gof", "opacity_weight"),
 }
 RANDOM = {
     *("random_pruning", "random_matched", "gaussian_noise", "opacity_noise", "position_noise"),

@@ -51,6 +51,16 @@ def test_matched_controls_remove_as_many_as_gspure(name: str, count: int, seed: 
     assert (~find_attack(name).apply(blobs(count), found, seed=seed).kept).sum() == found.prune_mask.sum()
 
 
+@unhurried
+@given(count=counts, seed=seeds, tau=st.floats(0.5, 8))
+def test_opacity_and_weight_together_remove_what_either_does(count: int, seed: int, tau: float) -> None:
+    kept = {
+        name: find_attack(name).apply(blobs(count), evidence(count, seed), tau=tau).kept
+        for name in ("plain_opacity", "plain_weight", "opacity_weight")
+    }
+    assert (kept["opacity_weight"] == (kept["plain_opacity"] & kept["plain_weight"])).all()
+
+
 def test_matched_controls_remove_others_than_gspure() -> None:
     found = Evidence(np.float32([1, 2, 3, 4]), np.array([False, False, True, False]), np.float32([0.4, 0.3, 0.2, 0.1]))
     removed = {

@@ -66,7 +66,7 @@ def test_examples_of_the_stages_pasted_one_after_the_other_purify_a_model(asset,
     write_model("point_cloud.ply", blobs(300))
     for stage in ("contributions", "weights", "opacities", "features", "tree", "cluster", "prune", "attack", "figures"):
         for _, *arguments in examples(stage):
-            if not {"panels", "outcomes"} & {*arguments}:
+            if not {"panels", "--table"} & {*arguments}:
                 assert main(arguments) == 0
     pruned = np.load("prune_mask.npy")
     assert read_model("purified.ply").table.tobytes() == blobs(300).table[~pruned].tobytes()

@@ -17,6 +17,7 @@ from gspure.cli.train import add_arguments
 from gspure.clustering.selection import SELECTIONS
 from gspure.configuration import resolved, validated
 from gspure.errors import InputError
+from gspure.features import PARTS
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.planted import STAGES
 from gspure.schemes.registry import schemes
@@ -50,9 +51,11 @@ def test_the_schema_is_valid():
     ("path", "subschema"), [pytest.param(*found, id=".".join(found[0])) for found in settings(SCHEMA)]
 )
 def test_every_setting_has_a_description_and_a_default_or_is_required(path, subschema):
+    if subschema == {"$ref": f"#/properties/method/properties/{path[-1]}"}:
+        return  # a setting of the method that a decision may differ in
     assert subschema["description"].endswith(".")
     given = {("assets", "*", name) for name in ("model", "cameras", "train")}
-    assert "default" in subschema or path in given | {("variants", "*", "attack")}
+    assert "default" in subschema or path in given | {("variants", "*", name) for name in ("attack", "decision")}
 
 
 @pytest.mark.parametrize("file", sorted((ROOT / "config").glob("*.yaml")), ids=lambda path: path.name)
@@ -81,6 +84,12 @@ def test_defaults_of_training_are_those_of_its_command():
     assert training == {name: defaults[name] for name in training}
 
 
+def test_a_decision_may_differ_from_the_method_in_every_setting():
+    decision = SCHEMA["properties"]["decisions"]["additionalProperties"]["properties"]
+    assert decision.keys() == {"cluster_on", *SCHEMA["properties"]["method"]["properties"]}
+    assert decision["cluster_on"]["items"]["enum"] == decision["cluster_on"]["default"] == list(PARTS)
+
+
 def test_choices_are_those_of_the_code():
     method = SCHEMA["properties"]["method"]["properties"]
     assert set(method["selection"]["enum"]) == set(SELECTIONS)
@@ -98,7 +107,8 @@ def test_the_guide_shows_every_setting_with_its_default():
     guide = (ROOT / "config" / "README.md").read_text()
     shown = yaml.safe_load(re.findall(r"```yaml\n(.*?)```", guide, flags=re.DOTALL)[2])
     files = {"model": shown["assets"]["bicycle"]["model"], "cameras": shown["assets"]["bicycle"]["cameras"]}
-    named = {"planted": {"room": {}}, "pairs": {"room": {}}, "schemes": {"splats_in_splats": {}}}
+    decided = {name: {"tau_n": decision["tau_n"]} for name, decision in shown["decisions"].items()}
+    named = {"decisions": decided, "planted": {"room": {}}, "pairs": {"room": {}}, "schemes": {"splats_in_splats": {}}}
     config = filled({"assets": {"bicycle": files}, **named})
     for kind, available in (("variants", attacks()), ("schemes", schemes())):
         for name, settings in config[kind].items():
@@ -141,6 +151,12 @@ def test_the_configuration_handed_in_is_left_alone():
         ({"variants": {"gspure": {}}}, "variants.watermarked: expected an entry, found nothing"),
         ({"planted": {"room": {"views": 1}}}, "planted.room.views: expected at least 2, found 1"),
         ({"method": None}, "method: expected type object, found None"),
+        ({"decisions": {"gentle": {"tau": 2}}}, "decisions.gentle.tau: expected one of cluster_on, .* unknown key"),
+        ({"decisions": {"gentle": {"tau_n": 0}}}, "decisions.gentle.tau_n: expected more than 0, found 0"),
+        (
+            {"decisions": {"where": {"cluster_on": ["position"]}}},
+            "decisions.where.cluster_on: expected .*opacity.*weight.*, found .'position'.",
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -207,6 +223,18 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         (
             {"planted": {"room": {}}, "variants": {"watermarked": {"sigma": 1}, "gspure": {}}},
             "variants.watermarked.sigma: expected one of no settings, found an unknown key",
+        ),
+        (
+            {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {"decision": "gentle"}}},
+            "variants.gspure.decision: expected one of no decisions, found 'gentle'",
+        ),
+        (
+            {
+                "planted": {"room": {}},
+                "decisions": {"gentle": {}},
+                "variants": {"watermarked": {}, "gspure": {}, "reorder": {"decision": "gentle"}},
+            },
+            "variants.reorder.decision: expected nothing, since reorder goes by no decision, found 'gentle'",
         ),
         (
             {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {}, "gspur": {}}},

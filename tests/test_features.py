@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
-from gspure.features import features, standardize
+from gspure.features import PARTS, features, standardize, take
 
 COLUMNS = hnp.arrays(np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-1e3, 1e3, width=32))
 
@@ -54,3 +54,16 @@ def test_rows_that_are_not_finite_are_refused_with_their_number() -> None:
 
 def test_one_gaussian_has_zero_features() -> None:
     assert features(np.ones((1, 3)), np.ones(1), np.ones(1)).tolist() == [[0.0] * 5]
+
+
+def test_parts_are_columns_in_their_own_order_whatever_that_of_asking() -> None:
+    found = np.arange(10.0).reshape(2, 5)
+    assert take(found, ["weight", "position"]).tolist() == [[0, 1, 2, 4], [5, 6, 7, 9]]
+    assert take(found, PARTS).tolist() == found.tolist()
+
+
+@given(COLUMNS)
+def test_parts_are_standardized_as_if_they_were_alone(columns: np.ndarray) -> None:
+    rest = np.arange(len(columns))
+    found = features(columns, rest, rest**2)
+    np.testing.assert_array_equal(take(found, ["position"]), standardize(columns))

@@ -12,7 +12,7 @@ import gspure
 PACKAGE = Path(gspure.__file__).parent
 TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sorted(PACKAGE.rglob("*.py"))}
 
-# A part imports from its own layer and from those above it. `sources` and `configuration` serve the Snakefile.
+# A part imports from its own layer and from those above it. `sources` to `decisions` serve the Snakefile.
 LAYERS = (
     {"constants", "errors", "artifacts", "progress"},
     {"model", "cameras", "images"},
@@ -26,7 +26,7 @@ LAYERS = (
     {"schemes"},
     {"attacks"},
     {"figures"},
-    {"sources", "configuration"},
+    {"sources", "configuration", "decisions"},
     {"cli"},
 )
 DEPTH = {part: depth for depth, layer in enumerate(LAYERS) for part in layer}

@@ -15,6 +15,7 @@ from gspure.artifacts import write_json, write_provenance
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics
+from gspure.evaluation.matched import match
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.reading import read_table
 from gspure.evaluation.tables import write_table
@@ -165,9 +166,25 @@ def test_models_have_their_own_figures_and_diagnosis(tmp_path: Path, figures: li
     assert "<figure" not in chair
 
 
+def test_a_scheme_s_attacks_are_compared_over_its_scenes(tmp_path: Path, figures: list[Path]) -> None:
+    swept = of_one_model(*(variant(f"v{i}", 30 - i, 25 - 4 * i) for i in range(3)))
+    write_image(figure := tmp_path / "figures" / "planted" / "tradeoff.png", np.zeros((4, 4, 3)))
+    matched = match(PLANTED + swept, {"ours": ["v1", "v2"], "theirs": ["random_pruning"]})
+    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=[*figures, figure], matched=matched)
+    page = Page(tmp_path / "report.html")
+    assert "planted: all scenes" in page.text
+    assert "vanilla: all scenes" not in page.text
+    assert "What the message loses at equal damage to the scene" in page.text
+    table = page.source.split('<h2 id="scheme-1">')[1].split("</table>")[0]
+    assert table.count("<b>") == 4
+    assert "<b>6.00</b>" in table
+    assert len(page.all("img")) == 3
+
+
 def test_a_figure_of_no_model_of_the_table_is_refused(tmp_path: Path, figures: list[Path]) -> None:
     with pytest.raises(
-        InputError, match=r"kept.png: path: expected a folder SCHEME/SCENE of the table .vanilla/chair."
+        InputError,
+        match=r"kept.png: path: expected a folder SCHEME/SCENE of the table .vanilla/chair, figures/va",
     ):
         write_report(tmp_path / "report.html", "Title", VANILLA, figures=figures)
     assert not (tmp_path / "report.html").exists()

@@ -51,6 +51,17 @@ def test_a_control_has_no_score_and_only_the_papers_schemes_have_the_papers(outc
     assert theirs.paper == 15.21
 
 
+def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
+    ours = [
+        outcome(scheme, "room", variant, scene=29.0, message=9.0)
+        for scheme, variant in [("gs_hider", "opacity_weight"), ("splats_in_splats", "weight_clustering")]
+    ]
+    write_summary(tmp_path / "summary.csv", summarize(ours))
+    with (tmp_path / "summary.csv").open(newline="") as stream:
+        printed = [[row[f"paper_{name}"] for name in ("scene", "message", "score")] for row in csv.DictReader(stream)]
+    assert printed == [["", "12.29", ""], ["25", "15.76", ""]]
+
+
 def test_scenes_that_do_not_know_a_number_are_not_counted():
     rows = [outcome("a", "1", "gof", scene=math.inf, message=9.0), outcome("a", "2", "gof", scene=20.0)]
     (row,) = summarize(rows)

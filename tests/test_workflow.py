@@ -64,10 +64,10 @@ class Project:
     def environment(self, *python_path):
         return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [*python_path, self.checkout]))}
 
-    def run(self, *arguments, status=0):
-        """Run the workflow; returns what it printed."""
+    def run(self, *arguments, status=0, beside=()):
+        """Run the workflow, with configurations `beside` the project's; returns what it printed."""
         done = subprocess.run(
-            [*self.command(*arguments), "--configfile", "config.yaml"],
+            [*self.command(*arguments), "--configfile", "config.yaml", *beside],
             cwd=self.folder,
             env=self.environment(),
             stdout=subprocess.PIPE,

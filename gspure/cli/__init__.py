@@ -33,6 +33,7 @@ STAGES = (
     "attack",
     "message",
     "table",
+    "matched",
     "figures",
     "report",
     "stages",

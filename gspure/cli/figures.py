@@ -8,17 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gspure.cli.method_options import add_factors
+from gspure.cli.scheme_figures import add_sweep, add_tradeoff
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
 
-HELP = "draw figures: point clouds and weights, renderings side by side, outcomes"
+HELP = "draw figures: point clouds and weights, renderings side by side, outcomes, sweeps, trade-offs"
 EXAMPLES = """\
   gspure figures model --model point_cloud.ply --weights omega.npy --clusters clusters.npz \\
       --prune-mask prune_mask.npy --cameras cameras.json --out figures
   gspure figures panels --column before=before --column after=after --difference --out figures/views.png
   gspure figures outcomes --table results.csv --asset planted/room --out figures/outcomes.png
+  gspure figures sweep --table results.csv --scheme planted --point gspure=4,4 --point tau_n_1=1,4 --out sweep.png
+  gspure figures tradeoff --table results.csv --scheme planted --out tradeoff.png
 """
 
 
@@ -28,6 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_model(kinds.add_parser("model", help="point clouds (.png, .gltf, .vtp) and the histogram of weights"))
     _add_panels(kinds.add_parser("panels", help="the same views in several renderings, with their PSNR"))
     _add_outcomes(kinds.add_parser("outcomes", help="PSNR of scene and message, and Score, of every variant"))
+    add_sweep(kinds.add_parser("sweep", help="PSNR of scene and message against the pruning factors"))
+    add_tradeoff(kinds.add_parser("tradeoff", help="what variants leave of the message against damage to the scene"))
 
 
 def _add_model(parser: argparse.ArgumentParser) -> None:

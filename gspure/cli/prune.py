@@ -16,7 +16,13 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="of `gspure cluster`")
-    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="of `gspure weights`")
+    parser.add_argument(
+        "--weights",
+        type=Path,
+        required=True,
+        metavar="NPY",
+        help="of `gspure weights`; or of `gspure opacities`, whose means then decide",
+    )
     add_factors(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="bool [K], true where pruned")
     parser.add_argument("--diagnosis", type=Path, metavar="JSON", help="also write the diagnosis here")

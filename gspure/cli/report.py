@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="PNG",
-        help="of `gspure figures`, in the order to show them, below their SCHEME/SCENE",
+        help="of `gspure figures`, in the order to show them, below their SCHEME/SCENE or figures/SCHEME",
     )
     parser.add_argument(
         "--diagnosis",
@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="JSON",
         help="of `gspure prune`, below their SCHEME/SCENE",
     )
+    parser.add_argument("--matched", type=Path, metavar="CSV", help="of `gspure matched`")
     parser.add_argument(
         "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="records beside artifacts, to be listed"
     )
@@ -43,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the page."""
+    from gspure.evaluation.matched import read_matched
     from gspure.evaluation.reading import read_table
     from gspure.figures.report import write_report
 
@@ -52,6 +54,7 @@ def run(args: argparse.Namespace) -> None:
         read_table(args.table),
         figures=args.figures,
         diagnoses=args.diagnosis,
+        matched=read_matched(args.matched) if args.matched else [],
         provenance=args.provenance,
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, nothing outside it is needed")

@@ -7,16 +7,27 @@ from pathlib import Path
 
 from gspure.cli.method_options import add_min_samples
 
-HELP = "compute HDBSCAN's minimum spanning tree, which depends on min_samples only"
+HELP = "compute HDBSCAN's minimum spanning tree, which depends on features and min_samples only"
 EXAMPLES = """\
   gspure tree --features features.npy --out tree.npy
   gspure tree --features features.npy --min-samples 20 --out tree_20.npy
+  gspure tree --features features.npy --cluster-on position weight --out tree_without_opacity.npy
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
+    from gspure.features import PARTS
+
     parser.add_argument("--features", type=Path, required=True, metavar="NPY", help="of `gspure features`")
+    parser.add_argument(
+        "--cluster-on",
+        nargs="+",
+        choices=tuple(PARTS),
+        default=list(PARTS),
+        metavar="PART",
+        help="which of position, opacity and weight distances are measured in (default: all)",
+    )
     add_min_samples(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="edges: float64 [K-1,3], by distance")
 
@@ -27,7 +38,9 @@ def run(args: argparse.Namespace) -> None:
 
     from gspure.artifacts import load_array, save_array, write_provenance
     from gspure.clustering.tree import spanning_tree
+    from gspure.features import COLUMNS, take
 
-    features = load_array(args.features, dtype=np.float64, shape=(None, None))
-    save_array(args.out, spanning_tree(features, args.min_samples))
-    write_provenance(args.out, inputs={"features": args.features}, settings={"min_samples": args.min_samples})
+    features = load_array(args.features, dtype=np.float64, shape=(None, len(COLUMNS)))
+    save_array(args.out, spanning_tree(take(features, args.cluster_on), args.min_samples))
+    settings = {"cluster_on": args.cluster_on, "min_samples": args.min_samples}
+    write_provenance(args.out, inputs={"features": args.features}, settings=settings)

@@ -13,7 +13,8 @@ from typing import Final, NamedTuple
 from gspure.artifacts import write_text
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
 from gspure.evaluation.paper import read_cells
-from gspure.evaluation.paper.quantities import printed_scores
+from gspure.evaluation.paper.cells import TARGETS
+from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
 from gspure.evaluation.statistics import Interval, mean_interval
 
 QUANTITIES: Final = ("scene", "message", "score")
@@ -37,13 +38,18 @@ class Summary(NamedTuple):
     paper: float
     """The Score that the paper prints for this scheme and variant, of its own scenes; NaN if it prints none."""
 
+    paper_scene: float = math.nan
+    paper_message: float = math.nan
+    """The PSNR of scene and message that it prints, means over its own scenes, dB (Tables 1 to 3)."""
+
 
 def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
     """Average over scenes; schemes and variants stay in the order of `outcomes`, which is sorted by scheme.
 
     A number counts where it is known: a scene without it is missing from that mean, as the interval's count tells.
     """
-    printed = printed_scores(read_cells())
+    cells = read_cells()
+    printed, psnr = printed_scores(cells), ablations(cells) | table_1(cells)
     found = []
     for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
         ours = list(group)
@@ -51,7 +57,8 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
         for variant in dict.fromkeys(o.variant for o in ours):
             scenes = [o for o in ours if o.variant == variant]
             paper = printed.get((scheme, variant), math.nan)
-            found += [_row(scenes, extraction, paper) for extraction in extractions]
+            means = [psnr.get((scheme, variant, target), math.nan) for target in TARGETS]
+            found += [_row(scenes, extraction, paper, *means) for extraction in extractions]
     return found
 
 
@@ -64,21 +71,21 @@ def write_summary(path: Path, rows: Iterable[Summary]) -> None:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     columns = [f"{name}_{part}" for name in QUANTITIES for part in Interval._fields]
-    table.writerow(["scheme", "variant", "extraction", *columns, "paper_score"])
+    table.writerow(["scheme", "variant", "extraction", *columns, *(f"paper_{name}" for name in QUANTITIES)])
     for row in rows:
         numbers = [number for interval in (row.scene, row.message, row.score) for number in interval or (None,) * 5]
-        paper = None if math.isnan(row.paper) else row.paper
-        table.writerow([row.scheme, row.variant, row.extraction, *map(_plain, (*numbers, paper))])
+        paper = (row.paper_scene, row.paper_message, row.paper)
+        table.writerow([row.scheme, row.variant, row.extraction, *map(_plain, (*numbers, *paper))])
     write_text(path, text.getvalue())
 
 
-def _row(scenes: Sequence[Outcome], extraction: str, paper: float) -> Summary:
+def _row(scenes: Sequence[Outcome], extraction: str, *paper: float) -> Summary:
     psnr = {
         target: _interval(o.targets[target].psnr for o in scenes if target in o.targets)
         for target in (SCENE, extraction)
     }
     score = _interval(o.score_of(extraction) for o in scenes)
-    return Summary(scenes[0].scheme, scenes[0].variant, extraction, psnr[SCENE], psnr[extraction], score, paper)
+    return Summary(scenes[0].scheme, scenes[0].variant, extraction, psnr[SCENE], psnr[extraction], score, *paper)
 
 
 def _interval(values: Iterable[float]) -> Interval | None:
@@ -87,4 +94,4 @@ def _interval(values: Iterable[float]) -> Interval | None:
 
 
 def _plain(number: float | None) -> str:
-    return "" if number is None else f"{number:.6g}"
+    return "" if number is None or math.isnan(number) else f"{number:.6g}"

@@ -14,11 +14,14 @@ from typing import Any, Final
 
 from gspure.artifacts import read_json, write_text
 from gspure.errors import InputError, reading
+from gspure.evaluation.matched import Matched, by_extraction, most
 from gspure.evaluation.outcomes import REFERENCE, Outcome, ordered
+from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.figures import findings, style
 
 TEMPLATE: Final = Path(__file__).with_name("report.html.j2")
 
+_FIGURES: Final = "figures"  # the folder that holds those about all models of a scheme
 _WIDEST: Final = 1600  # pixels of an embedded picture
 _OTHER_FORMATS: Final = (".gltf", ".vtp")
 
@@ -37,6 +40,21 @@ class Picture:
 
     companions: tuple[str, ...]
     """Names of the files beside it that hold the same in 3-D."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The variants of one scheme over all of its scenes."""
+
+    name: str
+    pictures: list[Picture]
+    tables: list[tuple[str, list[list[Matched]]]]
+    """For each extraction, the sweeps at equal damage to the scene."""
+
+    @property
+    def best(self) -> list[Matched]:
+        """The cells of the sweeps that take the most from the message."""
+        return [cell for _, table in self.tables for cell in most(table)]
 
 
 @dataclass(frozen=True)
@@ -77,11 +95,13 @@ def write_report(
     *,
     figures: Sequence[Path] = (),
     diagnoses: Sequence[Path] = (),
+    matched: Sequence[Matched] = (),
     provenance: Sequence[Path] = (),
 ) -> None:
     """Write the page, whole or not at all. It refers to nothing outside itself.
 
-    Figures and diagnoses belong to the model whose scheme and scene are consecutive folders of their path.
+    Figures and diagnoses belong to the model whose scheme and scene are consecutive folders of their path; figures in
+    ``figures/SCHEME`` to all models of the scheme.
 
     Parameters
     ----------
@@ -95,6 +115,8 @@ def write_report(
         PNG files, in the order in which to show them; captions are in the ``.png.json`` beside them.
     diagnoses : sequence of Path
         ``diagnosis.json`` of `gspure prune`, ``hidden.json`` of `gspure hidden`.
+    matched : sequence of Matched
+        Attacks at equal damage to the scene.
     provenance : sequence of Path
         JSON files that `gspure.artifacts.write_provenance` has written, to be listed.
 
@@ -109,12 +131,15 @@ def write_report(
     from gspure import __version__
 
     models = [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.scene))]
-    _require_owner((*figures, *diagnoses), [key for key, _ in models])
+    schemes = list(dict.fromkeys(o.scheme for o in outcomes))
+    _require_owner((*figures, *diagnoses), [*(key for key, _ in models), *((_FIGURES, scheme) for scheme in schemes)])
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {name: getattr(findings, name) for name in ("decibels", "signed", "percent", "spoken")}
     page = environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         title=title,
         version=__version__,
+        comparisons=[_comparison(scheme, matched, figures) for scheme in schemes],
+        damages=MATCHED_DAMAGES,
         sections=[_section(key, variants, figures, diagnoses) for key, variants in models],
         limits=list(findings.limits(outcomes)),
         diagnosis_terms=findings.DIAGNOSIS_TERMS,
@@ -133,6 +158,15 @@ def _section(
         findings=findings.findings(outcomes),
         pictures=[_picture(file) for file in figures if _owns(key, file)],
         diagnosis=reduce(or_, (read_json(file) for file in diagnoses if _owns(key, file)), {}),
+    )
+
+
+def _comparison(scheme: str, matched: Sequence[Matched], figures: Sequence[Path]) -> Comparison:
+    tables = by_extraction(row for row in matched if row.scheme == scheme)
+    return Comparison(
+        name=scheme,
+        pictures=[_picture(file) for file in figures if _owns((_FIGURES, scheme), file)],
+        tables=[(extraction, table) for _, extraction, table in tables],
     )
 
 

@@ -21,13 +21,13 @@ def by_scene(cells: Sequence[Cell], scheme: str, variant: str, target: str) -> d
     return {c.scene: c.value for c in cells if (c.table, c.scheme, c.variant, c.target, c.metric) == row}
 
 
-def table_1(cells: Sequence[Cell]) -> Means:
+def table_1(cells: Sequence[Cell]) -> dict[tuple[str, str, str], float]:
     """Return the means over the nine scenes of Table 1."""
     rows = {(c.scheme, c.variant, c.target) for c in cells if c.table == 1 and c.metric == PSNR}
     return {row: float(np.mean([*by_scene(cells, *row).values()])) for row in rows}
 
 
-def ablations(cells: Sequence[Cell]) -> Means:
+def ablations(cells: Sequence[Cell]) -> dict[tuple[str, str, str], float]:
     """Return the means of Tables 2 and 3, which print GSPure's a second time."""
     return {(c.scheme, c.variant, c.target): c.value for c in cells if c.table > 1 and c.metric == PSNR}
 

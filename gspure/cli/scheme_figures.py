@@ -1,0 +1,104 @@
+"""The kinds of ``gspure figures`` that compare the variants of one scheme, over all of its scenes."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gspure.errors import InputError
+
+if TYPE_CHECKING:
+    from gspure.evaluation.outcomes import Outcome
+
+
+def add_sweep(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``gspure figures sweep``."""
+    _add_scheme(parser)
+    parser.add_argument(
+        "--point",
+        type=_point,
+        action="append",
+        required=True,
+        metavar="VARIANT=TAU_N,TAU_C",
+        help="a variant and its pruning factors, that of the method first; may be repeated",
+    )
+    parser.set_defaults(draw=_draw_sweep)
+
+
+def add_tradeoff(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``gspure figures tradeoff``."""
+    _add_scheme(parser)
+    parser.set_defaults(draw=_draw_tradeoff)
+
+
+def _add_scheme(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
+    parser.add_argument("--scheme", required=True, metavar="NAME", help="the scheme whose variants to compare")
+    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
+
+
+def _point(text: str) -> tuple[str, tuple[float, float]]:
+    try:
+        variant, factors = text.rsplit("=", 1)
+        tau_n, tau_c = map(float, factors.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected VARIANT=TAU_N,TAU_C, found {text!r}") from None
+    return variant, (tau_n, tau_c)
+
+
+def _outcomes(args: argparse.Namespace) -> list[Outcome]:
+    from gspure.evaluation.reading import read_table
+
+    outcomes = [o for o in read_table(args.table) if o.scheme == args.scheme]
+    if not outcomes:
+        raise InputError(args.table, "scheme", expected=args.scheme, found="no such row")
+    return outcomes
+
+
+def _draw_sweep(args: argparse.Namespace) -> None:
+    from gspure.evaluation.summary import summarize
+    from gspure.figures.factors import Point, write_factor_curves
+
+    means = {row.variant: row for row in reversed(summarize(_outcomes(args)))}  # of extractions, the first
+    points = []
+    for variant, factors in args.point:
+        if variant not in means:
+            raise InputError(args.table, "variant", expected=variant, found="no such row")
+        psnr = {name: value for name in ("scene", "message") if (value := getattr(means[variant], name))}
+        points.append(Point(factors, psnr))
+    own = points[0].factors
+    write_factor_curves(args.out, points, own)
+    scenes = max((interval.scenes for point in points for interval in point.psnr.values()), default=0)
+    caption = (
+        f"PSNR of scene and message after GSPure with other pruning factors: one varies, the other stays at "
+        f"τ_n = {own[0]:g} or τ_c = {own[1]:g} (ring: both). Mean over {scenes} scenes"
+    )
+    band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
+    settings = {"points": {name: list(factors) for name, factors in args.point}}
+    _note(args, caption + band + ".", settings)
+
+
+def _draw_tradeoff(args: argparse.Namespace) -> None:
+    from gspure.figures.tradeoff import write_tradeoff
+
+    outcomes = _outcomes(args)
+    if not any(math.isfinite(o.score) for o in outcomes):
+        raise InputError(args.table, "score", expected=f"of a variant of {args.scheme}", found="none")
+    front = write_tradeoff(args.out, outcomes)
+    caption = (
+        "Every variant by what it costs the scene and what it leaves of the message, means over the scenes. "
+        f"{len(front)} of them are beaten by no other in both: the Pareto front. Vertical lines: the damages at which "
+        "attacks are compared."
+    )
+    _note(args, caption, {})
+
+
+def _note(args: argparse.Namespace, caption: str, settings: dict[str, Any]) -> None:
+    """Write beside the figure what it shows and what it was made of, and say where it is."""
+    from gspure.artifacts import write_provenance
+
+    settings = {"scheme": args.scheme, **settings, "caption": caption}
+    write_provenance(args.out, inputs={"table": args.table}, settings=settings)
+    print(f"{args.out}: {caption}")

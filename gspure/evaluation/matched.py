@@ -1,0 +1,159 @@
+"""What attacks take from the message at equal damage to the scene, averaged over scenes: a table per scheme."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gspure.artifacts import write_text
+from gspure.errors import InputError, reading
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
+from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, NotReached, matched_message_drop, mean_interval
+
+Sweeps = Mapping[str, Sequence[str]]
+"""Variants that are one attack at several strengths, by a name for all of them."""
+
+UNATTACKED: Final = (0.0, 0.0)
+"""One point of every sweep, since every strength can go down to doing nothing."""
+
+HEADER: Final = (
+    *("scheme", "extraction", "sweep", "strengths", "damage"),
+    *(f"drop_{part}" for part in Interval._fields),
+    "gentle",
+)
+
+LEGEND: Final = """\
+What the message loses, in dB, where the scene may lose what the column says: mean over scenes, by interpolation between
+the strengths that were tried, and between none and the weakest. Brackets: 95 % interval over scenes; parentheses: range
+of fewer than six. ≥: in some scene no strength that was tried damages the scene as much, and the one that takes the
+most from the message counts. Bold: the most."""
+
+
+class Matched(NamedTuple):
+    """One sweep at one damage to the scene."""
+
+    scheme: str
+    extraction: str
+    """The target that shows the message."""
+
+    sweep: str
+    strengths: int
+    damage: float
+    """How far the scene's PSNR may fall, dB."""
+
+    drop: Interval
+    """How far the message's then falls, dB, over the scenes; at least, where some of them are gentle."""
+
+    gentle: int
+    """In how many scenes no strength that was tried damages the scene as much. There the best of them counts."""
+
+    def __str__(self) -> str:
+        return ("≥ " if self.gentle else "") + str(self.drop)
+
+
+def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
+    """Compare sweeps at `MATCHED_DAMAGES`, for every scheme and extraction of the message.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        Sorted by scheme (`gspure.evaluation.outcomes.collect`).
+    sweeps : mapping
+        Names of variants; those that a scheme lacks or that refused its models are passed over.
+
+    """
+    found = []
+    for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
+        ours = list(group)
+        for extraction in ordered({target for o in ours for target in o.messages}):
+            for name, variants in sweeps.items():
+                scenes = _drops([o for o in ours if o.variant in variants], extraction)
+                strengths = max(map(len, scenes), default=0)
+                found += [
+                    Matched(scheme, extraction, name, strengths, damage, *_mean_drop(scenes, damage))
+                    for damage in MATCHED_DAMAGES
+                    if scenes
+                ]
+    return found
+
+
+def write_matched(path: Path, rows: Iterable[Matched]) -> None:
+    """Write one CSV row per sweep and damage."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(HEADER)
+    for row in rows:
+        table.writerow([*row[:5], *(f"{number:.6g}" for number in row.drop), row.gentle])
+    write_text(path, text.getvalue())
+
+
+def read_matched(path: Path) -> list[Matched]:
+    """Read what `write_matched` has written, or raise `InputError`."""
+    with (
+        reading(path, "a table of attacks at equal damage", ValueError, TypeError, csv.Error),  # cells may be missing
+        path.open(encoding="utf-8", newline="") as stream,
+    ):
+        header, *rows = list(csv.reader(stream)) or [[]]
+        if tuple(header) != HEADER:
+            raise InputError(path, "header", expected=",".join(HEADER), found=",".join(header))
+        return [_row(*row) for row in rows]
+
+
+def matched_markdown(rows: Sequence[Matched]) -> str:
+    """Return one Markdown table per scheme and extraction, and what it says."""
+    if not rows:
+        return "No attack on a model with a message was run at several strengths.\n"
+    lines: list[str] = []
+    for scheme, extraction, table in by_extraction(rows):
+        lines += [f"### {scheme}" + ("" if extraction == MESSAGE else f" / {extraction}"), ""]
+        lines += ["| attack | strengths | " + " | ".join(f"{damage:g} dB" for damage in MATCHED_DAMAGES) + " |"]
+        lines += ["| --- |" + " ---: |" * (1 + len(MATCHED_DAMAGES))]
+        best = most(table)
+        for cells in table:
+            shown = [f"**{cell}**" if cell in best else str(cell) for cell in cells]
+            lines.append("| " + " | ".join([cells[0].sweep, str(cells[0].strengths), *shown]) + " |")
+        lines.append("")
+    return "\n".join([*lines, LEGEND, ""])
+
+
+def by_extraction(rows: Iterable[Matched]) -> Iterator[tuple[str, str, list[list[Matched]]]]:
+    """Yield scheme, extraction and the rows of their table: the cells of each sweep, by damage."""
+    for (scheme, extraction), group in groupby(rows, key=lambda row: (row.scheme, row.extraction)):
+        yield scheme, extraction, [list(cells) for _, cells in groupby(group, key=lambda row: row.sweep)]
+
+
+def most(table: Sequence[Sequence[Matched]]) -> list[Matched]:
+    """Return, for each damage, the cell of the sweep that takes the most."""
+    return [max(column, key=lambda cell: cell.drop.mean) for column in zip(*table, strict=True)]
+
+
+def _row(scheme: str, extraction: str, sweep: str, strengths: str, damage: str, *cells: str) -> Matched:
+    *numbers, scenes, gentle = cells
+    mean, low, high, level = map(float, numbers)
+    drop = Interval(mean, low, high, level, int(scenes))
+    return Matched(scheme, extraction, sweep, int(strengths), float(damage), drop, int(gentle))
+
+
+def _drops(variants: Sequence[Outcome], extraction: str) -> list[list[tuple[float, float]]]:
+    """Return for every scene its points: what scene and message lost, of the variants of which both are known."""
+    scenes: dict[str, list[tuple[float, float]]] = {}
+    for o in variants:
+        drops = (o.psnr_drop(SCENE), o.psnr_drop(extraction))
+        if not any(map(math.isnan, drops)):
+            scenes.setdefault(o.scene, []).append(drops)
+    return list(scenes.values())
+
+
+def _mean_drop(scenes: Sequence[Sequence[tuple[float, float]]], damage: float) -> tuple[Interval, int]:
+    """Return the mean drop of the message, and in how many scenes the sweep is too gentle to do the damage."""
+    sweeps = [np.array([UNATTACKED, *points]).T for points in scenes]
+    found = [(matched_message_drop(scene, message, damage), message.max()) for scene, message in sweeps]
+    drops = [[float(most) if isinstance(drop, NotReached) else drop] for drop, most in found]
+    return mean_interval(drops), sum(drop is NotReached.TOO_GENTLE for drop, _ in found)

@@ -1,0 +1,71 @@
+"""PSNR of scene and message against the pruning factors, as in the paper's Fig. 5."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from gspure.evaluation.outcomes import MESSAGE, SCENE
+from gspure.evaluation.statistics import Interval
+from gspure.figures import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_COLOURS: Final = {SCENE: style.SCENE, MESSAGE: style.MESSAGE}
+_AXES: Final = (r"noise pruning factor $\tau_n$", r"cluster pruning factor $\tau_c$")
+
+
+class Point(NamedTuple):
+    """GSPure with one pair of pruning factors."""
+
+    factors: tuple[float, float]
+    """tau_n and tau_c."""
+
+    psnr: Mapping[str, Interval]
+    """Mean over scenes, dB, of scene and message."""
+
+
+def curve(points: Sequence[Point], axis: int, own: tuple[float, float]) -> list[Point]:
+    """Return the points along one factor, in ascending order, where the other is that of the method's `own`."""
+    chosen = {p.factors[axis]: p for p in points if p.factors[1 - axis] == own[1 - axis]}
+    return [chosen[factor] for factor in sorted(chosen)]
+
+
+def write_factor_curves(path: Path, points: Sequence[Point], own: tuple[float, float]) -> None:
+    """Write a panel for each factor and target as a PNG; the method's own factors are marked by a ring.
+
+    Parameters
+    ----------
+    path : Path
+        PNG to write.
+    points : sequence of Point
+        All with the same targets.
+    own : tuple of float
+        tau_n and tau_c of the method.
+
+    """
+    targets = [target for target in (SCENE, MESSAGE) if all(target in point.psnr for point in points)]
+    with style.page(path, style.COLUMN, 0.45 + 1.05 * len(targets)) as figure:
+        grid = figure.subplots(len(targets), 2, sharex="col", sharey="row", squeeze=False)
+        for row, target in zip(grid, targets, strict=True):
+            for axis, axes in enumerate(row):
+                _draw(axes, curve(points, axis, own), axis, target, own)
+            row[0].set_ylabel(f"{target} PSNR (dB)")
+        for axes, label in zip(grid[-1], _AXES, strict=True):
+            axes.set_xlabel(label)
+
+
+def _draw(axes: Axes, points: Sequence[Point], axis: int, target: str, own: tuple[float, float]) -> None:
+    factors = [point.factors[axis] for point in points]
+    means, low, high = np.array([point.psnr[target][:3] for point in points]).T
+    axes.fill_between(factors, low, high, color=style.tint(_COLOURS[target], 0.82), linewidth=0)
+    axes.plot(factors, means, "o-", color=_COLOURS[target], linewidth=1.1, markersize=2.6)
+    at = factors.index(own[axis])
+    axes.plot(own[axis], means[at], "o", markersize=6, markerfacecolor="none", markeredgecolor=style.INK, mew=0.7)
+    axes.set_xticks(factors, [f"{factor:g}" for factor in factors])
+    axes.grid(axis="y", color=style.tint(style.FAINT, 0.75), linewidth=0.4)
+    axes.set_axisbelow(True)

@@ -1,0 +1,110 @@
+"""All variants of a scheme by what they cost the scene and what they leave of the message, with the Pareto front."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby, pairwise
+from pathlib import Path
+from textwrap import shorten
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from gspure.evaluation.controls import CLEAN
+from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
+from gspure.evaluation.statistics import MATCHED_DAMAGES, pareto_front
+from gspure.figures import style
+from gspure.figures.findings import METHOD, spoken
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_LINEAR: Final = 2.0  # dB; further right the axis is logarithmic, for attacks that destroy the scene
+_LETTERS: Final = 70  # that a line of the key has room for
+_APART: Final = 7.0  # points of type, between two numbers
+_TICKS: Final = (0, 0.5, 1, 1.5, 2, 3, 5, 10, 20)
+
+
+class Place(NamedTuple):
+    """Variants that do the same, and where they lie: means over the scenes."""
+
+    damage: float
+    """How far the scene's PSNR fell, dB."""
+
+    residual: float
+    """PSNR of the message, dB."""
+
+    variants: tuple[str, ...]
+
+
+def places(outcomes: Sequence[Outcome]) -> list[Place]:
+    """Return where the variants of one scheme lie, by damage. One that lacks a scene that others have is left out."""
+    known: dict[str, list[tuple[float, float]]] = {}
+    for o in outcomes:
+        if not o.is_control and np.isfinite([o.psnr_drop(SCENE), o.psnr_drop(MESSAGE)]).all():
+            known.setdefault(o.variant, []).append((o.psnr_drop(SCENE), o.targets[MESSAGE].psnr))
+    scenes = max(map(len, known.values()), default=0)
+    at = {name: np.mean(points, axis=0).tolist() for name, points in known.items() if len(points) == scenes}
+    listed = groupby(sorted(at, key=lambda name: at[name]), key=lambda name: at[name])
+    return [Place(damage, residual, tuple(names)) for (damage, residual), names in listed]
+
+
+def write_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> list[Place]:
+    """Write the variants of one scheme as points of a PNG; return those on the front, numbered there in this order."""
+    found = places(outcomes)
+    damage, residual = [place.damage for place in found], [place.residual for place in found]
+    on_front = pareto_front(damage, residual)
+    front = [place for place, chosen in zip(found, on_front, strict=True) if chosen]
+    with style.page(path, style.COLUMN, 2.3 + 0.13 * len(front)) as figure:
+        axes = figure.add_subplot()
+        axes.plot(damage, residual, "o", color=style.KEPT, markersize=2.4, label="variant")
+        line = [(place.damage, place.residual) for place in front]
+        axes.step(*zip(*line, strict=True), where="post", color=style.INK, linewidth=0.8)
+        axes.plot(*zip(*line, strict=True), "o", color=style.INK, markersize=3.2, label="Pareto front")
+        for name, marker in ((REFERENCE, "s"), (METHOD, "D")):
+            for place in (place for place in found if name in place.variants):
+                colour = style.PRUNED if name == METHOD else style.SCENE
+                axes.plot(*place[:2], marker, color=colour, markersize=4.4, label=spoken(name), linestyle="none")
+        _mark_absence(axes, outcomes)
+        _scale(axes, damage)
+        _number(axes, line)
+        axes.set_xlabel("damage to the scene: drop of its PSNR (dB)")
+        axes.set_ylabel("left of the message: PSNR (dB)")
+        figure.legend(loc="outside upper center", ncols=5)
+        key = "\n".join(f"{i}  {_named(place)}" for i, place in enumerate(front, start=1))
+        axes.annotate(
+            key, (0, 0), (0, -26), "axes fraction", textcoords="offset points", va="top", fontsize=6, linespacing=1.3
+        )
+    return front
+
+
+def _mark_absence(axes: Axes, outcomes: Sequence[Outcome]) -> None:
+    """Mark what is seen of a message in models that never held one."""
+    shown = [o.targets[MESSAGE].psnr for o in outcomes if o.variant == CLEAN and MESSAGE in o.targets]
+    if shown:
+        axes.axhline(float(np.mean(shown)), color=style.MESSAGE, linewidth=0.7, linestyle="--", label="no message")
+
+
+def _scale(axes: Axes, damage: Sequence[float]) -> None:
+    most = max(*damage, _LINEAR)
+    axes.set_xscale("symlog", linthresh=_LINEAR)
+    axes.set_xlim(min(damage) - 0.15, most * 1.15)
+    shown = [tick for tick in _TICKS if tick <= most * 1.1]
+    axes.set_xticks(shown, [f"{tick:g}" for tick in shown])
+    axes.minorticks_off()
+    for matched in MATCHED_DAMAGES:
+        axes.axvline(matched, color=style.tint(style.FAINT, 0.7), linewidth=0.4, zorder=0)
+
+
+def _number(axes: Axes, line: Sequence[tuple[float, float]]) -> None:
+    """Write numbers on the empty side of the front; neighbours too close for one of their own share one."""
+    at = axes.transData.transform(line) * 72 / style.DPI  # in points
+    starts = [0, *(np.flatnonzero(np.hypot(*np.diff(at, axis=0).T) > _APART) + 1).tolist(), len(line)]
+    for first, end in pairwise(starts):
+        label = str(end) if end == first + 1 else f"{first + 1}\N{EN DASH}{end}"
+        axes.annotate(label, line[end - 1], (-3, -3), textcoords="offset points", ha="right", va="top", fontsize=5.5)
+
+
+def _named(place: Place) -> str:
+    names = [spoken(name) for name in sorted(place.variants, key=lambda name: name != METHOD)]
+    return shorten(" = ".join(names), _LETTERS, placeholder=" …")

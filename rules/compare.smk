@@ -1,0 +1,74 @@
+# Variants of a scheme compared over all of its scenes.
+
+
+rule match_damage:
+    input:
+        table="results/tables/results.csv",
+    output:
+        table="results/tables/matched.csv",
+        markdown=report("results/tables/matched.md"),
+    log:
+        "results/logs/matched.log",
+    benchmark:
+        "results/benchmarks/matched.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.matched"),
+        sweeps=SWEEPS,
+    message:
+        "Comparing attacks at equal damage to the scene"
+    shell:
+        "python -m gspure matched --table {input.table:q} {params.sweeps}"
+        " --out {output.table:q} --markdown {output.markdown:q} > {log:q} 2>&1"
+
+
+rule draw_sweep:
+    input:
+        table="results/tables/results.csv",
+    output:
+        figure=report(
+            "results/figures/{scheme}/sweep.png",
+            caption="../report/sweep.rst",
+            category="{scheme}",
+            subcategory="All scenes",
+        ),
+    log:
+        "results/logs/figures/{scheme}/sweep.log",
+    benchmark:
+        "results/benchmarks/figures/{scheme}/sweep.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.scheme_figures"),
+        points=factor_points,
+    message:
+        "Drawing {wildcards.scheme} against the pruning factors"
+    shell:
+        "python -m gspure figures sweep --table {input.table:q} --scheme {wildcards.scheme} {params.points}"
+        " --out {output.figure:q} > {log:q} 2>&1"
+
+
+rule draw_tradeoff:
+    input:
+        table="results/tables/results.csv",
+    output:
+        figure=report(
+            "results/figures/{scheme}/tradeoff.png",
+            caption="../report/tradeoff.rst",
+            category="{scheme}",
+            subcategory="All scenes",
+        ),
+    log:
+        "results/logs/figures/{scheme}/tradeoff.log",
+    benchmark:
+        "results/benchmarks/figures/{scheme}/tradeoff.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.scheme_figures"),
+    message:
+        "Drawing what variants of {wildcards.scheme} leave of the message"
+    shell:
+        "python -m gspure figures tradeoff --table {input.table:q} --scheme {wildcards.scheme} --out {output.figure:q}"
+        " > {log:q} 2>&1"

@@ -1,0 +1,128 @@
+"""Decisions: what they inherit, what they share, and which variants make a sweep; the shipped sets of them."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gspure.configuration import resolved, validated
+from gspure.decisions import METHOD, STAGES, decisions, factors_of, origin, sweeps
+from gspure.evaluation.paper import read_cells
+from tests.documentation import ROOT
+
+SUITED = {"tau_c": 3.0, "tau_n": 2.0}
+SHIPPED = {name: yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text()) for name in ("ablations", "sweep")}
+
+
+def settled(**config):
+    schema = ROOT / "schemas" / "config.schema.yaml"
+    return resolved(validated({"planted": {"room": {}}, **config}, schema, "mine.yaml"), "mine.yaml")
+
+
+def made(config):
+    """How many decisions make each artifact, beside the method's."""
+    among = decisions(config, SUITED)
+    return {artifact: len({origin(among, name, artifact) for name in among} - {METHOD}) for artifact in STAGES}
+
+
+def test_a_decision_has_the_settings_of_the_method_but_its_own():
+    config = settled(method={"min_samples": 7, "tau_n": 1.5}, decisions={"leaf": {"selection": "leaf", "tau_c": 9}})
+    among = decisions(config, SUITED)
+    assert list(among) == [METHOD, "leaf"]
+    assert among[METHOD] == {"cluster_on": ["position", "opacity", "weight"], **config["method"], "tau_c": 3.0}
+    assert among["leaf"] == {**among[METHOD], "selection": "leaf", "tau_c": 9}
+
+
+def test_a_factor_that_is_null_is_that_of_the_scheme_also_where_the_method_has_one():
+    config = settled(method={"tau_n": 4.0}, decisions={"own": {"tau_n": None}})
+    assert decisions(config, SUITED)["own"]["tau_n"] == 2.0
+
+
+@pytest.mark.parametrize(
+    ("own", "first"),
+    [
+        ({"energy": "ewa"}, "contributions"),
+        ({"reduction": "max"}, "omega.npy"),
+        ({"cluster_on": ["position", "weight"]}, "tree.npy"),
+        ({"min_samples": 3}, "tree.npy"),
+        ({"selection": "leaf"}, "clusters.npz"),
+        ({"tau_n": 1}, "prune_mask.npy"),
+        ({"tau_n": 2}, None),  # what suits the scheme anyhow
+    ],
+)
+def test_what_differs_is_made_from_the_first_stage_on_that_it_concerns(own, first):
+    among = decisions(settled(decisions={"other": own}), SUITED)
+    own_artifacts = [artifact for artifact in STAGES if origin(among, "other", artifact) == "other"]
+    assert own_artifacts == (list(STAGES)[list(STAGES).index(first) :] if first else [])
+
+
+@settings(deadline=None)
+@given(st.lists(st.fixed_dictionaries({}, optional={"tau_n": st.integers(1, 3), "min_samples": st.integers(9, 11)})))
+def test_an_artifact_is_shared_exactly_by_equals_and_made_by_the_first(own):
+    among = decisions(settled(decisions={f"d{i}": settings for i, settings in enumerate(own)}), SUITED)
+    for name in among:
+        tree, mask = (origin(among, name, artifact) for artifact in ("tree.npy", "prune_mask.npy"))
+        assert origin(among, mask, "prune_mask.npy") == mask
+        assert among[mask] == among[name]
+        assert among[tree]["min_samples"] == among[name]["min_samples"]
+        assert list(among).index(tree) <= list(among).index(mask) <= list(among).index(name)
+
+
+def test_the_sweep_makes_nothing_but_prune_masks():
+    assert made(settled(**SHIPPED["sweep"])) == {**dict.fromkeys(STAGES, 0), "prune_mask.npy": 6}
+
+
+def test_the_ablations_repeat_only_what_they_change():
+    assert list(made(settled(**SHIPPED["ablations"])).values()) == [1, 3, 3, 5, 9, 9]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_entry_of_a_shipped_set_is_used_and_its_own(name):
+    variants = settled(**SHIPPED[name])["variants"]
+    used = [variant["decision"] for variant in variants.values() if "decision" in variant]
+    assert sorted(used) == sorted(SHIPPED[name]["decisions"])
+    said = [tuple(sorted(variant.items())) for variant in variants.values()]
+    assert len(set(said)) == len(said)
+
+
+def test_the_ablations_have_the_names_under_which_the_paper_s_cells_are_kept():
+    printed = {cell.variant for cell in read_cells() if cell.table in (2, 3)}
+    assert printed <= SHIPPED["ablations"]["variants"].keys()
+    assert len(printed) == 6
+
+
+def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else():
+    variants = {
+        "watermarked": {},
+        "gspure": {},
+        "gentle": {"attack": "gspure", "decision": "gentle"},
+        "leaf": {"attack": "gspure", "decision": "leaf"},
+        "gentle_leaf": {"attack": "gspure", "decision": "gentle_leaf"},
+        "half": {"attack": "random_pruning", "fraction": 0.5},
+        "random_pruning": {},
+        "half_again": {"attack": "random_pruning", "fraction": 0.5, "seed": 1},
+        "noise": {"attack": "gaussian_noise", "sigma": 0.2, "attributes": "base_colour"},
+        "gaussian_noise": {},
+    }
+    named = {"gentle": {"tau_n": 9}, "leaf": {"selection": "leaf"}, "gentle_leaf": {"selection": "leaf", "tau_c": 9}}
+    config = settled(decisions=named, variants=variants)
+    among = decisions(config, SUITED)
+    assert sweeps(config["variants"], among) == {
+        "gspure": ["gspure", "gentle"],
+        "gspure leaf": ["leaf", "gentle_leaf"],
+        "random_pruning": ["half", "random_pruning"],
+    }
+    assert factors_of(config["variants"], among) == {"gspure": (2.0, 3.0), "gentle": (9, 3.0)}
+
+
+def test_weights_by_another_energy_are_another_sweep():
+    variants = {
+        "watermarked": {},
+        "gspure": {},
+        "plain_weight": {},
+        "ewa": {"attack": "plain_weight", "decision": "ewa"},
+    }
+    config = settled(decisions={"ewa": {"energy": "ewa"}}, variants=variants)
+    assert sweeps(config["variants"], decisions(config, SUITED)) == {}

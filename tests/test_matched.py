@@ -1,0 +1,113 @@
+"""Attacks at equal damage: the table over scenes, and how it is told."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.evaluation.comparison import TRUTH, ViewMetrics
+from gspure.evaluation.matched import match, matched_markdown, most, read_matched, write_matched
+from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.statistics import MATCHED_DAMAGES
+from gspure.evaluation.tables import write_table
+
+BEFORE = {"scene": 30.0, "message": 28.0}
+SWEEPS = {"ours": ["weak", "strong"], "theirs": ["other", "absent"]}
+
+
+def outcomes(**drops: dict[str, tuple[float, float]]) -> list[Outcome]:
+    """Variants with what they take from scene and message, by scene."""
+    found = []
+    for scene, variants in drops.items():
+        for variant, (of_scene, of_message) in {"watermarked": (0.0, 0.0), **variants}.items():
+            after = {"scene": BEFORE["scene"] - of_scene, "message": BEFORE["message"] - of_message}
+            targets = {name: ViewMetrics(name, "mean", psnr, 0.9, TRUTH) for name, psnr in after.items()}
+            reference = {name: ViewMetrics(name, "mean", psnr, 0.9, TRUTH) for name, psnr in BEFORE.items()}
+            found.append(Outcome("sis", scene, variant, targets, dict.fromkeys(targets, 3), reference=reference))
+    return found
+
+
+TWO = outcomes(
+    room={"weak": (1.0, 10.0), "strong": (3.0, 20.0), "other": (2.0, 2.0)},
+    vault={"weak": (1.0, 6.0), "strong": (1.5, 8.0), "other": (2.0, 4.0)},
+)
+
+
+def cells(rows, sweep):
+    return {row.damage: row for row in rows if row.sweep == sweep}
+
+
+def test_the_drop_is_interpolated_in_every_scene_and_then_averaged() -> None:
+    found = cells(match(TWO, SWEEPS), "ours")
+    assert tuple(found) == MATCHED_DAMAGES
+    assert found[1.5].drop.mean == pytest.approx((12.5 + 8.0) / 2)
+    assert found[0.3].drop.mean == pytest.approx((3.0 + 1.8) / 2)  # between nothing and the weakest
+    assert (found[1.5].strengths, found[1.5].gentle) == (2, 0)
+
+
+def test_where_no_strength_damages_a_scene_as_much_the_most_that_was_taken_counts_and_says_so() -> None:
+    rows = match(TWO, SWEEPS)
+    ours, theirs = cells(rows, "ours")[2.0], cells(rows, "theirs")[2.0]
+    assert ours.drop.mean == pytest.approx((15.0 + 8.0) / 2)
+    assert (ours.gentle, theirs.gentle) == (1, 0)
+    assert str(ours) == "≥ 11.50 (2 scenes: 8.00 to 15.00)"
+    assert most([[ours], [theirs]]) == [ours]
+
+
+def test_what_no_strength_reaches_is_not_extrapolated() -> None:
+    rows = match(outcomes(room={"weak": (0.5, 9.0), "strong": (0.6, 4.0)}), {"ours": ["weak", "strong"]})
+    assert [row.drop.mean for row in rows] == pytest.approx([5.4, 9.0, 9.0, 9.0])
+    assert [row.gentle for row in rows] == [0, 1, 1, 1]
+
+
+def test_models_without_a_message_have_no_rows() -> None:
+    scene_only = [
+        Outcome("own", "bot", o.variant, {"scene": o.targets["scene"]}, {}, reference=o.reference) for o in TWO
+    ]
+    assert match(scene_only, SWEEPS) == []
+
+
+def test_the_markdown_marks_the_most_at_each_damage() -> None:
+    lines = matched_markdown(match(TWO, SWEEPS)).splitlines()
+    assert lines[0] == "### sis"
+    assert lines[2] == "| attack | strengths | 0.3 dB | 0.7 dB | 1.5 dB | 2 dB |"
+    marked = {line.split("|")[1].strip(): line.count("**") // 2 for line in lines if line.startswith("| ")}
+    assert (marked["ours"], marked["theirs"]) == (4, 0)
+    assert "No attack" in matched_markdown([])
+
+
+def test_the_command_writes_both_tables(tmp_path: Path) -> None:
+    write_table(tmp_path / "results.csv", TWO)
+    files = {name: tmp_path / name for name in ("matched.csv", "matched.md")}
+    words = ["--table", tmp_path / "results.csv", "--out", files["matched.csv"], "--markdown", files["matched.md"]]
+    sweeps = [word for name, variants in SWEEPS.items() for word in ("--sweep", f"{name}={','.join(variants)}")]
+    assert main(["matched", *map(str, words), *sweeps]) == 0
+    with files["matched.csv"].open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 2 * len(MATCHED_DAMAGES)
+    assert list(rows[3].values()) == ["sis", "message", "ours", "2", "2.0", "11.5", "8", "15", "0.5", "2", "1"]
+    assert files["matched.md"].read_text() == matched_markdown(match(TWO, SWEEPS))
+
+
+def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
+    rows = match(TWO, SWEEPS)
+    write_matched(tmp_path / "matched.csv", rows)
+    read = read_matched(tmp_path / "matched.csv")
+    assert [str(row) for row in read] == [str(row) for row in rows]
+    assert matched_markdown(read) == matched_markdown(rows)
+
+
+@pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,ours,2\n", "HEADERsis,m,o,2,x,1,1,1,0,1,0\n"])
+def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
+    write_matched(tmp_path / "t.csv", [])
+    (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
+    with pytest.raises(InputError, match=r"t\.csv: "):
+        read_matched(tmp_path / "t.csv")
+
+
+def test_a_sweep_without_variants_is_refused(capsys) -> None:
+    with pytest.raises(SystemExit):
+        main(["matched", "--table", "t.csv", "--sweep", "ours", "--out", "o.csv", "--markdown", "o.md"])
+    assert "expected NAME=VARIANT,..., found 'ours'" in capsys.readouterr().err

@@ -1,0 +1,105 @@
+"""Figures over all scenes of a scheme: the sweep of pruning factors, and the Pareto front."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.cli import main
+from gspure.evaluation.statistics import Interval
+from gspure.evaluation.tables import write_table
+from gspure.figures.factors import Point, curve, write_factor_curves
+from gspure.figures.tradeoff import places, write_tradeoff
+from tests.test_matched import outcomes
+from tests.test_plots import drawn  # noqa: F401
+
+
+def point(tau_n: float, tau_c: float, scene: float, message: float) -> Point:
+    psnr = {"scene": scene, "message": message}
+    return Point((tau_n, tau_c), {name: Interval(x, x - 1, x + 1, 0.75, 3) for name, x in psnr.items()})
+
+
+POINTS = [point(4, 3, 29, 12), point(1, 3, 25, 8), point(2, 3, 27, 9), point(4, 1, 26, 11), point(1, 1, 20, 5)]
+TWO = outcomes(
+    room={"gspure": (1.0, 18.0), "harsh": (3.0, 20.0), "random": (5.0, 2.0), "same": (3.0, 20.0)},
+    vault={"gspure": (1.0, 14.0), "harsh": (2.0, 16.0), "random": (4.0, 0.0), "same": (2.0, 16.0)},
+)
+
+
+@pytest.mark.parametrize(("axis", "factors"), [(0, [1, 2, 4]), (1, [1, 3])])
+def test_a_curve_has_the_points_where_the_other_factor_is_the_method_s(axis: int, factors: list[int]) -> None:
+    assert [p.factors[axis] for p in curve(POINTS, axis, (4, 3))] == factors
+
+
+def test_curves_show_means_and_bands_by_target_and_factor(tmp_path: Path, drawn) -> None:  # noqa: F811
+    write_factor_curves(tmp_path / "sweep.png", POINTS, (4, 3))
+    axes = drawn[0].axes
+    assert [ax.get_ylabel() for ax in axes] == ["scene PSNR (dB)", "", "message PSNR (dB)", ""]
+    assert axes[2].lines[0].get_xydata().tolist() == [[1, 8], [2, 9], [4, 12]]
+    assert [ax.lines[1].get_xydata().tolist() for ax in axes[2:]] == [[[4, 12]], [[3, 12]]]  # the method's own
+    band = axes[2].collections[0].get_paths()[0].vertices
+    assert (band[:, 1].min(), band[:, 1].max()) == (7, 13)
+
+
+def test_variants_lie_at_their_means_and_those_that_do_the_same_lie_together() -> None:
+    found = {place.variants: place[:2] for place in places(TWO)}
+    assert found == {
+        ("watermarked",): (0.0, 28.0),
+        ("gspure",): (1.0, 12.0),
+        ("harsh", "same"): (2.5, 10.0),
+        ("random",): (4.5, 27.0),
+    }
+
+
+def test_a_variant_that_lacks_a_scene_is_left_out() -> None:
+    fewer = [o for o in TWO if (o.scene, o.variant) != ("vault", "harsh")]
+    assert {name for place in places(fewer) for name in place.variants} == {"watermarked", "gspure", "same", "random"}
+
+
+def test_the_front_is_numbered_and_named(tmp_path: Path, drawn) -> None:  # noqa: F811
+    front = write_tradeoff(tmp_path / "tradeoff.png", TWO)
+    assert [place.variants[0] for place in front] == ["watermarked", "gspure", "harsh"]
+    axes = drawn[0].axes[0]
+    *numbers, key = [text.get_text() for text in axes.texts]
+    assert numbers == ["1", "2", "3"]
+    assert key.splitlines()[2].split("  ") == ["3", "harsh = same"]
+    assert np.asarray(axes.lines[0].get_xydata()).shape == (4, 2)
+
+
+def test_neighbours_on_the_front_share_their_number(tmp_path: Path, drawn) -> None:  # noqa: F811
+    close = {f"v{i}": (1 + i / 1000, 16 + i / 1000) for i in range(3)}
+    write_tradeoff(tmp_path / "tradeoff.png", outcomes(room={**close, "far": (4.0, 22.0)}))
+    assert [text.get_text() for text in drawn[0].axes[0].texts][:-1] == ["1", "2–4", "5"]
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    write_table(tmp_path / "results.csv", TWO)
+    return tmp_path / "results.csv"
+
+
+def test_the_commands_write_a_figure_with_its_caption(table: Path) -> None:
+    folder = table.parent / "figures" / "sis"
+    common = ["--table", str(table), "--scheme", "sis", "--out"]
+    points = ["--point", "gspure=4,4", "--point", "harsh=1,4"]
+    assert main(["figures", "sweep", *common, str(folder / "sweep.png"), *points]) == 0
+    assert main(["figures", "tradeoff", *common, str(folder / "tradeoff.png")]) == 0
+    captions = [json.loads(path.read_text())["settings"]["caption"] for path in sorted(folder.glob("*.json"))]
+    assert "τ_n = 4 or τ_c = 4 (ring: both). Mean over 2 scenes and their range." in captions[0]
+    assert "3 of them are beaten by no other in both" in captions[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["sweep", "--scheme", "sis", "--point", "gentle=4,4"], "results.csv: variant: expected gentle, found no such"),
+        (["sweep", "--scheme", "other", "--point", "gspure=4,4"], "results.csv: scheme: expected other, found no such"),
+        (["tradeoff", "--scheme", "other"], "results.csv: scheme: expected other, found no such row"),
+    ],
+)
+def test_what_the_table_lacks_is_told_in_one_line(table: Path, capsys, words: list[str], told: str) -> None:
+    assert main(["figures", *words, "--table", str(table), "--out", str(table.parent / "f.png")]) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
