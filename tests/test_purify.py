@@ -158,7 +158,8 @@ def test_the_stages_one_by_one_come_to_the_same(tmp_path: Path, found: Purificat
     np.testing.assert_array_equal(np.load(at["k.npy"]), ~found.pruned)
     assert read_json(tmp_path / "d.json") == found.diagnosis.to_json()
     assert read_model(tmp_path / "out.ply").table.tobytes() == found.model.table.tobytes()
-    assert read_json(tmp_path / "t.npy.json")["settings"] == {"min_samples": 5}
+    settings = read_json(tmp_path / "t.npy.json")["settings"]
+    assert settings == {"min_samples": 5, "cluster_on": ["position", "opacity", "weight"]}
 
 
 def files(folder: Path) -> list[str]:

@@ -80,7 +80,7 @@ def test_the_configuration_is_all_that_the_workflow_needs(folder):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert re.search(r"^attack_model +7$", done.stdout, re.MULTILINE)
+    assert re.search(r"^attack_model +8$", done.stdout, re.MULTILINE)
     assert re.search(r"^write_report +1$", done.stdout, re.MULTILINE)
 
 
