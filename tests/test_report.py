@@ -269,3 +269,18 @@ def test_the_command_writes_the_page(tmp_path: Path, figures: list[Path], capsys
     assert main(["report", *map(str, words)]) == 0
     assert "A room" in Page(out).text
     assert str(out) in capsys.readouterr().out
+
+
+def test_a_sentence_names_the_first_attacks_of_many():
+    targets = {"scene": mean("scene", 30.0), "message": mean("message", 25.0)}
+    outcomes = [Outcome("s", "room", "watermarked", targets, {}, reference=targets)]
+    for i in range(12):
+        shown = {"scene": targets["scene"], "message": mean("message", 24.0 - i)}
+        outcomes.append(Outcome("s", "room", f"attack_{i}", shown, {}, reference=targets))
+    (sentence,) = [s for s in findings.findings(outcomes) if "rank" in s]
+    assert "attack 11 +12.00, attack 10 +11.00" in sentence
+    assert sentence.endswith("attack 4 +5.00, and 4 more.")
+
+
+def mean(target, psnr):
+    return ViewMetrics(target, "mean", psnr, 0.9, TRUTH)

@@ -11,6 +11,9 @@ from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
 METHOD: Final = "gspure"
 PLANTED: Final = "planted"
 
+_NAMED: Final = 8
+"""How many attacks a sentence names."""
+
 MINUS: Final = "\N{MINUS SIGN}"
 
 
@@ -110,8 +113,9 @@ def _ranking(outcomes: Sequence[Outcome]) -> str:
     ranked = sorted((o for o in outcomes if isfinite(o.score) and o.variant != REFERENCE), key=lambda o: -o.score)
     if len(ranked) < 2:
         return ""
-    listed = ", ".join(f"{spoken(o.variant)} {signed(o.score)}" for o in ranked)
-    return f"By Score, what the message lost less what the scene lost, the attacks rank: {listed}."
+    listed = ", ".join(f"{spoken(o.variant)} {signed(o.score)}" for o in ranked[:_NAMED])
+    others = f", and {len(ranked) - _NAMED} more" if len(ranked) > _NAMED else ""
+    return f"By Score, what the message lost less what the scene lost, the attacks rank: {listed}{others}."
 
 
 def limits(outcomes: Sequence[Outcome]) -> Iterator[str]:
