@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gspure import plugins
 from gspure.attacks import Attack, Attacked, Evidence, attacks, find_attack, registry
 from gspure.cli import main
 from gspure.errors import InputError
@@ -224,7 +225,7 @@ GREEDY = Attack("greedy", lambda model, rng, key: Attacked.pruned(model, key))
 
 def offer(monkeypatch: pytest.MonkeyPatch, target: str) -> None:
     entry = EntryPoint("theirs", f"{__name__}:{target}" if ":" not in target else target, registry.GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group == registry.GROUP else [])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == registry.GROUP else [])
 
 
 def test_a_plug_in_is_found_by_its_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:

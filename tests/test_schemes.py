@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gspure import plugins
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.images import read_image
 from gspure.model import Gaussians, read_model
 from gspure.renderer import CONTRIBUTION
-from gspure.schemes import gs_hider, registry, secure_gs, splats_in_splats
+from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.asset import Asset, of_units
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.pair import read_pair
@@ -194,7 +195,7 @@ def test_built_in_schemes_have_the_settings_that_all_have():
 
 def test_a_plug_in_is_found_by_its_entry_point(monkeypatch):
     entry = SimpleNamespace(name="veil", value="veil:SCHEME", dist=None, load=lambda: example()[0])
-    monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group == "gspure.schemes" else [])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == "gspure.schemes" else [])
     assert find_scheme("veil").name == "veil"
 
 
@@ -211,7 +212,7 @@ def test_a_plug_in_is_found_by_its_entry_point(monkeypatch):
 )
 def test_a_faulty_plug_in_is_blamed_by_name(monkeypatch, loaded, line):
     entry = SimpleNamespace(name="p", value="p:S", dist=SimpleNamespace(name="pack"), load=lambda: loaded)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [entry])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry])
     with pytest.raises(InputError, match=re.escape("pack (entry point 'p' of gspure.schemes)") + ".*" + line):
         schemes()
 

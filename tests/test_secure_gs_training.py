@@ -12,7 +12,8 @@ from gspure.schemes.secure_gs.anchors import Anchors
 torch = pytest.importorskip("torch")
 
 from gspure.opencl.device import choose_device  # noqa: E402
-from gspure.schemes.secure_gs.learner import Learner, single_threaded  # noqa: E402
+from gspure.schemes.pytorch import single_threaded  # noqa: E402
+from gspure.schemes.secure_gs.learner import Learner  # noqa: E402
 from gspure.schemes.secure_gs.training import Training  # noqa: E402
 from tests.anchor_cases import random_asset, random_key  # noqa: E402
 from tests.models import camera  # noqa: E402

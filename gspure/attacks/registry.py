@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint, entry_points
-
 from gspure.attacks import (
     compression,
     crop,
@@ -32,6 +30,7 @@ from gspure.attacks import (
 )
 from gspure.attacks.attack import EVIDENCE, Attack
 from gspure.errors import InputError
+from gspure.plugins import offered
 
 BUILT_IN = (
     watermarked.ATTACK,
@@ -71,13 +70,7 @@ def attacks() -> dict[str, Attack]:
         If a plug-in cannot be imported, is not an `Attack`, or takes a name that is already in use.
 
     """
-    found = {attack.name: attack for attack in BUILT_IN}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        attack = _load(entry)
-        if attack.name in found:
-            raise InputError(_source(entry), "name", expected="a name not in use", found=repr(attack.name))
-        found[attack.name] = attack
-    return found
+    return offered(GROUP, Attack, BUILT_IN, _require_evidence)
 
 
 def find_attack(name: str) -> Attack:
@@ -88,20 +81,8 @@ def find_attack(name: str) -> Attack:
     return known[name]
 
 
-def _load(entry: EntryPoint) -> Attack:
-    try:
-        attack = entry.load()
-    except Exception as error:  # whatever a foreign module raises, say whose it is
-        message = f"{type(error).__name__}: {error}"
-        raise InputError(_source(entry), entry.value, expected="an importable attack", found=message) from error
-    if not isinstance(attack, Attack):
-        raise InputError(_source(entry), entry.value, expected="a gspure.attacks.Attack", found=type(attack).__name__)
+def _require_evidence(attack: Attack, source: str) -> None:
+    """Refuse an attack that needs what nobody measures."""
     if not attack.needs <= EVIDENCE:
         needs = ", ".join(sorted(attack.needs))
-        raise InputError(_source(entry), "needs", expected=f"of {', '.join(sorted(EVIDENCE))}", found=needs)
-    return attack
-
-
-def _source(entry: EntryPoint) -> str:
-    package = entry.dist.name if entry.dist else "unknown package"
-    return f"{package} (entry point {entry.name!r} of {GROUP})"
+        raise InputError(source, "needs", expected=f"of {', '.join(sorted(EVIDENCE))}", found=needs)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
 from gspure.model.signature import Signature
+from gspure.plugins import offered
 from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.asset import Asset
 from gspure.schemes.scheme import REQUIRED, Scheme
@@ -28,13 +28,7 @@ def schemes() -> dict[str, Scheme]:
         If a plug-in cannot be imported, is not a `Scheme`, lacks a required setting, or takes a name in use.
 
     """
-    found = {scheme.name: scheme for scheme in BUILT_IN}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        scheme = _load(entry)
-        if scheme.name in found:
-            raise InputError(_source(entry), "name", expected="a name not in use", found=repr(scheme.name))
-        found[scheme.name] = scheme
-    return found
+    return offered(GROUP, Scheme, BUILT_IN, _require_settings)
 
 
 def find_scheme(name: str) -> Scheme:
@@ -56,20 +50,8 @@ def recognized(units: Gaussians) -> Scheme | None:
     return _RECOGNIZED.get(Signature.of(units.table.dtype.names or ()))
 
 
-def _load(entry: EntryPoint) -> Scheme:
-    try:
-        scheme = entry.load()
-    except Exception as error:  # whatever a foreign module raises, say whose it is
-        message = f"{type(error).__name__}: {error}"
-        raise InputError(_source(entry), entry.value, expected="an importable scheme", found=message) from error
-    if not isinstance(scheme, Scheme):
-        raise InputError(_source(entry), entry.value, expected="a gspure.schemes.Scheme", found=type(scheme).__name__)
+def _require_settings(scheme: Scheme, source: str) -> None:
+    """Refuse a scheme that lacks a setting that all have."""
     if missing := REQUIRED - scheme.settings.keys():
         expected = f"among others {', '.join(sorted(missing))}"
-        raise InputError(_source(entry), "settings", expected=expected, found=", ".join(scheme.settings) or "none")
-    return scheme
-
-
-def _source(entry: EntryPoint) -> str:
-    package = entry.dist.name if entry.dist else "unknown package"
-    return f"{package} (entry point {entry.name!r} of {GROUP})"
+        raise InputError(source, "settings", expected=expected, found=", ".join(scheme.settings) or "none")

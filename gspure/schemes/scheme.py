@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -94,6 +95,12 @@ class Scheme:
             raise InputError(f"scheme {self.name}", "setting", expected=f"one of {known}", found=name)
 
 
+def require(scheme: str, name: str, value: Setting, expected: str, *, fits: bool) -> None:
+    """Refuse a setting of a scheme that does not fit."""
+    if not fits:
+        raise InputError(f"scheme {scheme}", name, expected=expected, found=str(value))
+
+
 def hide(
     scheme: Scheme, pair: Pair, *, seed: int = 0, device: Device | None = None, **settings: Setting
 ) -> tuple[Asset, Key | None]:
@@ -106,6 +113,9 @@ def hide(
 
     """
     scheme.require_settings(settings)
-    if seed < 0:
-        raise InputError(f"scheme {scheme.name}", "seed", expected="at least 0", found=str(seed))
+    chosen = scheme.settings | settings
+    require(scheme.name, "iterations", chosen["iterations"], "at least 1", fits=float(chosen["iterations"]) >= 1)
+    weight = float(chosen["message_weight"])
+    require(scheme.name, "message_weight", chosen["message_weight"], "at least 0", fits=0 <= weight < math.inf)
+    require(scheme.name, "seed", seed, "at least 0", fits=seed >= 0)
     return scheme.embed(pair, seed, device, **settings)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,14 +41,3 @@ class Branch:
         loss.backward()
         gradient: Float32 = features.grad.numpy()
         return loss.item(), gradient
-
-
-@contextmanager
-def one_thread_each() -> Iterator[None]:
-    """Let PyTorch use one thread per branch in the block: its sums then do not depend on how many cores there are."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)

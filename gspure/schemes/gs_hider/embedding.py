@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gspure.errors import InputError
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.gs_hider.asset import FeatureAsset
@@ -15,6 +13,7 @@ from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.key import DecoderKey
 from gspure.schemes.gs_hider.layout import MESSAGE, SCENE
 from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import require
 from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
 from gspure.training.monitor import watched
 
@@ -56,9 +55,7 @@ def embed(
         A setting is out of range, or PyTorch is missing.
 
     """
-    _require("iterations", iterations, "at least 1", fits=iterations >= 1)
-    _require("message_weight", message_weight, "at least 0", fits=0 <= message_weight < math.inf)
-    _require("max_gaussians", max_gaussians, f"at least {LEAST_POINTS}", fits=max_gaussians >= LEAST_POINTS)
+    require("gs_hider", "max_gaussians", max_gaussians, f"at least {LEAST_POINTS}", fits=max_gaussians >= LEAST_POINTS)
     from gspure.schemes.gs_hider.training import Training
 
     begin = gaussians_at(*thinned(*pair.points, max_gaussians, seed))
@@ -84,8 +81,3 @@ def _say_gains(run: Training, seed: int) -> None:
     maps = [run.field.feature_map(camera)[0] for camera, *_ in run.pair.probes]
     gains = (noise_gain(branch.decoder, maps, np.random.default_rng(seed)) for branch in run.branches)
     say(f"noise gain of the decoders, scene and message: {', '.join(f'{gain:.3g}' for gain in gains)}")
-
-
-def _require(name: str, value: float, expected: str, *, fits: bool) -> None:
-    if not fits:
-        raise InputError("scheme gs_hider", name, expected=expected, found=str(value))

@@ -13,11 +13,11 @@ from gspure.errors import InputError
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.schemes.asset import View
-from gspure.schemes.gs_hider.branch import Branch, one_thread_each
+from gspure.schemes.gs_hider.branch import Branch
 from gspure.schemes.gs_hider.decoder import decoded, untrained
 from gspure.schemes.gs_hider.field import Field
 from gspure.schemes.pair import Pair
-from gspure.schemes.pytorch import torch
+from gspure.schemes.pytorch import single_threaded, torch
 from gspure.training.densification import densify, reset_opacities
 from gspure.training.schedule import Schedule, shuffled
 
@@ -71,7 +71,7 @@ class Training:
 
     def __iter__(self) -> Iterator[float]:
         views = shuffled(len(self.pair.views), self._rng)
-        with one_thread_each(), ThreadPoolExecutor(len(self.branches)) as threads:
+        with single_threaded(), ThreadPoolExecutor(len(self.branches)) as threads:
             for iteration in range(1, self._schedule.iterations + 1):
                 yield self._step(iteration, next(views), threads)
                 if self._schedule.densifies(iteration):

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.errors import InputError
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import require
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors, table_of
 from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.files import PRIVATE, PUBLIC
@@ -70,11 +70,9 @@ def embed(
 
     """
     least = math.ceil(LEAST_POINTS / FIRST_SHARE)
-    _require("iterations", iterations, "at least 1", fits=iterations >= 1)
-    _require("message_weight", message_weight, "at least 0", fits=0 <= message_weight < math.inf)
-    _require("max_anchors", max_anchors, f"at least {least}", fits=max_anchors >= least)
-    _require("density", density, "at least 1", fits=1 <= density < math.inf)
-    from gspure.schemes.secure_gs.learner import single_threaded
+    require("secure_gs", "max_anchors", max_anchors, f"at least {least}", fits=max_anchors >= least)
+    require("secure_gs", "density", density, "at least 1", fits=1 <= density < math.inf)
+    from gspure.schemes.pytorch import single_threaded
     from gspure.schemes.secure_gs.training import Training
 
     device = device or choose_device()
@@ -128,8 +126,3 @@ def _state(run: Training, device: Device) -> str:
     asset, key = _outcome(run)
     views = [asset.scene(device)] + ([key.message(asset, "message", device)] if key else [])
     return f"{run.pair.quality(*views)}  {len(asset.units)} anchors"
-
-
-def _require(name: str, value: float, expected: str, *, fits: bool) -> None:
-    if not fits:
-        raise InputError("scheme secure_gs", name, expected=expected, found=str(value))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Final
 
@@ -135,17 +134,6 @@ class Learner:
             self._optimizer.state[leaf] = moments
             group["params"] = [leaf]
             self._learned[name] = leaf
-
-
-@contextmanager
-def single_threaded() -> Iterator[None]:
-    """Let torch work on one thread in the block: same bits on every machine, and no waiting over such small tensors."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _leaf(array: Float32) -> torch.Tensor:

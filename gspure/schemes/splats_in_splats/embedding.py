@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 
-from gspure.errors import InputError
 from gspure.model.gaussians import sigmoid
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.morton import morton_order
@@ -20,6 +19,7 @@ from gspure.opencl.trainable import Parameters
 from gspure.progress import say
 from gspure.schemes.asset import Asset
 from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import require
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit, logits
@@ -65,10 +65,14 @@ def embed(
 
     """
     least, most = bits.SHIFT_RANGE
-    _require("iterations", iterations, "at least 1", fits=iterations >= 1)
-    _require("message_weight", message_weight, "at least 0", fits=message_weight >= 0)
-    _require("max_gaussians", max_gaussians, f"at least {LEAST_POINTS}", fits=max_gaussians >= LEAST_POINTS)
-    _require("shift", shift, f"{least} to {most}", fits=least <= shift <= most)
+    require(
+        "splats_in_splats",
+        "max_gaussians",
+        max_gaussians,
+        f"at least {LEAST_POINTS}",
+        fits=max_gaussians >= LEAST_POINTS,
+    )
+    require("splats_in_splats", "shift", shift, f"{least} to {most}", fits=least <= shift <= most)
     device = device or choose_device()
     begin = gaussians_at(*thinned(*pair.points, max_gaussians, seed))
     if not message_weight:
@@ -109,8 +113,3 @@ def _published(
     public = replace(shown, sh_coeffs=bits.embed(shown.sh_coeffs, colours, shift))
     say(f"{len(known)} of {len(shown)} Gaussians are more than {OPACITY_THRESHOLD} opaque in the message")
     return Asset(as_gaussians(public)), SplatsInSplatsKey(hidden.means[known], mapping, shift, as_gaussians(hidden))
-
-
-def _require(name: str, value: float, expected: str, *, fits: bool) -> None:
-    if not fits:
-        raise InputError("scheme splats_in_splats", name, expected=expected, found=str(value))
