@@ -39,7 +39,7 @@ def test_at_a_measured_damage_the_best_setting_up_to_it_counts(points, at):
     if at in damages:
         best = max(y for x, y in points if x <= at)
         assert found >= best
-        if any(point == (at, best) for point in points):
+        if (at, best) in points and all(y < best for x, y in points if x < at):
             assert found == best
 
 
