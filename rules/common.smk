@@ -26,6 +26,10 @@ SCHEMES = {"planted": config["planted"], "vanilla": config["assets"], **dict.fro
 MODELS = [f"{scheme}/{scene}" for scheme, scenes in SCHEMES.items() for scene in scenes]
 VARIANTS = config["variants"]
 
+# Jobs on the OpenCL device take all cores and turns; with `threads` set, as many go side by side as there are cores.
+THREADS = config["threads"] or 16
+TURNS = 0 if config["threads"] else 1
+
 
 wildcard_constraints:
     scheme="|".join(SCHEMES),

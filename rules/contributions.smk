@@ -14,9 +14,9 @@ rule measure_contributions:
         "results/benchmarks/{scheme}/{scene}{decision}/contributions/{scatteritem}.tsv"
     conda:
         "../envs/gspure.yaml"
-    threads: 16
+    threads: THREADS
     resources:
-        opencl_device=1,
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.contributions"),

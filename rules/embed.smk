@@ -38,9 +38,9 @@ rule train_message:
         "results/benchmarks/pairs/{scene}/train.tsv"
     conda:
         "../envs/gspure.yaml"
-    threads: 16
+    threads: THREADS
     resources:
-        opencl_device=1,
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.train"),
@@ -67,9 +67,9 @@ rule embed_message:
         scheme="|".join(WATERMARKS) or "none",
     conda:
         "../envs/gspure.yaml"
-    threads: 16
+    threads: THREADS
     resources:
-        opencl_device=1,
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=embedding_code,
@@ -96,9 +96,9 @@ rule embed_nothing:
         scheme="|".join(WATERMARKS) or "none",
     conda:
         "../envs/gspure.yaml"
-    threads: 16
+    threads: THREADS
     resources:
-        opencl_device=1,
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=embedding_code,
@@ -128,9 +128,9 @@ rule weigh_message:
         scheme="|".join(WATERMARKS) or "none",
     conda:
         "../envs/gspure.yaml"
-    threads: 16
+    threads: THREADS
     resources:
-        opencl_device=1,
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=lambda wildcards: code_digest("gspure.cli.hidden", WATERMARKS[wildcards.scheme].embed.__module__),

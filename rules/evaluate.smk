@@ -40,9 +40,9 @@ rule render_target:
         target="scene|message",
     conda:
         "../envs/gspure.yaml"
-    threads: 16
+    threads: THREADS
     resources:
-        opencl_device=1,
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.render"),
@@ -72,9 +72,9 @@ rule extract_message:
         target="message[a-z_]*",
     conda:
         "../envs/gspure.yaml"
-    threads: 16
+    threads: THREADS
     resources:
-        opencl_device=1,
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=lambda wildcards: code_digest("gspure.cli.extract", WATERMARKS[wildcards.scheme].embed.__module__),

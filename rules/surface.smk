@@ -13,9 +13,9 @@ rule measure_surface:
         "results/benchmarks/{scheme}/{scene}/surface.tsv"
     conda:
         "../envs/gspure.yaml"
-    threads: 16
+    threads: THREADS
     resources:
-        opencl_device=1,
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.surface"),

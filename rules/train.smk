@@ -13,9 +13,9 @@ rule train_model:
         "results/benchmarks/vanilla/{scene}/train.tsv"
     conda:
         "../envs/gspure.yaml"
-    threads: 16
+    threads: THREADS
     resources:
-        opencl_device=1,
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.train"),
