@@ -153,7 +153,16 @@ def _drops(variants: Sequence[Outcome], extraction: str) -> list[list[tuple[floa
 
 def _mean_drop(scenes: Sequence[Sequence[tuple[float, float]]], damage: float) -> tuple[Interval, int]:
     """Return the mean drop of the message, and in how many scenes the sweep is too gentle to do the damage."""
-    sweeps = [np.array([UNATTACKED, *points]).T for points in scenes]
-    found = [(matched_message_drop(scene, message, damage), message.max()) for scene, message in sweeps]
-    drops = [[float(most) if isinstance(drop, NotReached) else drop] for drop, most in found]
-    return mean_interval(drops), sum(drop is NotReached.TOO_GENTLE for drop, _ in found)
+    found = [drop_within(points, damage) for points in scenes]
+    return mean_interval([[drop] for drop, _ in found]), sum(gentle for _, gentle in found)
+
+
+def drop_within(points: Sequence[tuple[float, float]], damage: float) -> tuple[float, bool]:
+    """Return what the message loses if the scene may lose `damage`, in dB, and whether no strength does that damage.
+
+    `points` is what scene and message lose in one model, by strength. Where all are gentler, the one that takes the most
+    from the message counts.
+    """
+    scene, message = np.array([UNATTACKED, *points]).T
+    drop = matched_message_drop(scene, message, damage)
+    return (float(message.max()), drop is NotReached.TOO_GENTLE) if isinstance(drop, NotReached) else (drop, False)
