@@ -160,8 +160,8 @@ def _mean_drop(scenes: Sequence[Sequence[tuple[float, float]]], damage: float) -
 def drop_within(points: Sequence[tuple[float, float]], damage: float) -> tuple[float, bool]:
     """Return what the message loses if the scene may lose `damage`, in dB, and whether no strength does that damage.
 
-    `points` is what scene and message lose in one model, by strength. Where all are gentler, the one that takes the most
-    from the message counts.
+    `points` is what scene and message lose in one model, by strength. Where all are gentler, the one that takes the
+    most from the message counts.
     """
     scene, message = np.array([UNATTACKED, *points]).T
     drop = matched_message_drop(scene, message, damage)
