@@ -1,9 +1,11 @@
-"""Digests of the package's own code, so that a workflow knows which results an edit makes stale."""
+"""Digests of the code behind a result, so that a workflow knows which results an edit makes stale."""
 
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from gspure.artifacts import digest
@@ -12,31 +14,65 @@ _PACKAGE = Path(__file__).parent
 
 
 def code_digest(*modules: str) -> str:
-    """Return a digest of the source of `modules` and of all modules of this package that they import, at any depth.
+    """Return a digest of the source of `modules` and of all that these import, at any depth.
 
-    Imports inside functions count too. The package's own ``__init__`` does not: it only names the public functions.
-    Modules of other packages are passed over.
+    That is modules of this package, and of a plug-in's own; those of other packages are passed over, and so is what is
+    not Python source. Imports inside functions count too. This package's own ``__init__`` does not: it only names the
+    public functions.
     """
-    waiting = [module for module in modules if module.startswith("gspure.")]
+    waiting = [module for module in modules if _file(module)]
     reached = set(waiting)
     while waiting:
         found = _imports(waiting.pop()) - reached
         reached |= found
         waiting += found
-    return digest(*(_file(name).read_bytes() for name in sorted(reached)))
+    return digest(*(file.read_bytes() for name in sorted(reached) if (file := _file(name))))
 
 
 @cache
 def _imports(module: str) -> frozenset[str]:
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(_file(module).read_bytes())):
+    file = _file(module)
+    names = _named(ast.parse(file.read_bytes()), _parents(module, file)) if file else ()
+    packages = {"gspure", _top(module)}
+    return frozenset(name for name in names if name != "gspure" and _top(name) in packages and _file(name))
+
+
+def _named(tree: ast.AST, parents: list[str]) -> Iterator[str]:
+    """Yield all that a module imports, and all that might be modules among the names that it takes from others."""
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return frozenset(name for name in names if name.startswith("gspure.") and _file(name).exists())
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = parents[: len(parents) + 1 - node.level] if node.level else []
+            source = ".".join([*above, *([node.module] if node.module else [])])
+            yield from (source, *(f"{source}.{alias.name}" for alias in node.names))
 
 
-def _file(module: str) -> Path:
-    path = _PACKAGE.joinpath(*module.split(".")[1:])
-    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+def _parents(module: str, file: Path) -> list[str]:
+    """Return the names of the package in which a module's relative imports begin."""
+    names = module.split(".")
+    return names if file.name == "__init__.py" else names[:-1]
+
+
+def _file(module: str) -> Path | None:
+    """Return the source of a module; None where there is none to be read."""
+    top, *inner = module.split(".")
+    if (home := _home(top)) is None:
+        return None
+    path = home.joinpath(*inner)
+    source = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    return source if source.exists() else None
+
+
+def _home(top: str) -> Path | None:
+    """Return the folder of a package, or the file of a module without its suffix; None if there is no such module."""
+    if top == "gspure":
+        return _PACKAGE
+    spec = find_spec(top)
+    if spec and spec.submodule_search_locations:
+        return Path(spec.submodule_search_locations[0])
+    return Path(spec.origin).with_suffix("") if spec and spec.origin else None
+
+
+def _top(module: str) -> str:
+    return module.partition(".")[0]

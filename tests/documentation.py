@@ -1,8 +1,9 @@
-"""Reading Markdown: its code blocks and its diagrams."""
+"""Reading Markdown: its code blocks, its diagrams, and the example of a package."""
 
 import re
 import subprocess
 import sys
+import tomllib
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,6 +14,20 @@ PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("config/*.md")]
 def blocks(page, language):
     """Return the fenced code blocks of a language."""
     return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def install_example(folder):
+    """Put the package of the guide into a folder, as pip would."""
+    module, metadata = (blocks(ROOT / "docs" / "extending.md", language)[0] for language in ("python", "toml"))
+    project = tomllib.loads(metadata)["project"]
+    name, version = project["name"], project["version"]
+    (folder / f"{name}.py").write_text(module)
+    info = folder / f"{name}-{version}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    with (info / "entry_points.txt").open("w") as stream:
+        for group, names in project["entry-points"].items():
+            print(f"[{group}]", *(f"{name} = {value}" for name, value in names.items()), sep="\n", file=stream)
 
 
 def edges(diagram):

@@ -1,9 +1,8 @@
-"""The documentation agrees with the code: links, constants, functions, diagrams, the example of an attack."""
+"""The documentation agrees with the code: links, constants, functions, diagrams, the example of a package."""
 
 import importlib
 import pkgutil
 import re
-import tomllib
 from operator import attrgetter
 
 import numpy as np
@@ -15,7 +14,7 @@ from gspure import constants
 from gspure.attacks import Evidence, attacks
 from gspure.attacks.registry import BUILT_IN
 from gspure.configuration import resolved, validated
-from tests.documentation import PAGES, ROOT, blocks, edges, workflow_edges
+from tests.documentation import PAGES, ROOT, blocks, edges, install_example, workflow_edges
 from tests.models import blobs
 
 DOCS = ROOT / "docs"
@@ -68,15 +67,8 @@ def test_arrows_of_the_diagram_are_arrows_of_the_workflow(tmp_path):
 
 @pytest.fixture
 def plugged_in(tmp_path, monkeypatch):
-    """The example of an attack, installed as a package of its own; returns the example's configuration."""
-    module, metadata = blocks(DOCS / "extending.md", "python")[0], blocks(DOCS / "extending.md", "toml")[0]
-    (tmp_path / "faint.py").write_text(module)
-    info = tmp_path / "faint-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: faint\nVersion: 1.0\n")
-    groups = tomllib.loads(metadata)["project"]["entry-points"]
-    lines = [f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in names.items()) for group, names in groups.items()]
-    (info / "entry_points.txt").write_text("\n".join(lines))
+    """The example of the guide, installed as a package of its own; returns the example's configuration."""
+    install_example(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     return yaml.safe_load(blocks(DOCS / "extending.md", "yaml")[0])
 
@@ -91,7 +83,7 @@ def test_the_example_of_an_attack_is_found_and_does_what_it_says(plugged_in):
 
 
 def test_the_example_configuration_is_valid(plugged_in):
-    config = {"planted": {"room": {}}, **plugged_in}
-    settled = resolved(validated(config, ROOT / "schemas" / "config.schema.yaml", "example"), "example")
+    settled = resolved(validated(plugged_in, ROOT / "schemas" / "config.schema.yaml", "example"), "example")
     assert settled["variants"]["faint_half"] == {"attack": "faint_pruning", "share": 0.5, "seed": 1}
     assert settled["variants"]["faint_pruning"]["attack"] == "faint_pruning"
+    assert settled["schemes"]["faint_splats"] == {"iterations": 1500, "seed": 0}

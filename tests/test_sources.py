@@ -15,6 +15,13 @@ MODULES = {
     "middle/deep": "import numpy\ndepth = 1\n",
     "unrelated": "number = 1\n",
 }
+PLUGIN = {
+    "__init__": "",
+    "attack": "import numpy\nfrom gspure.unrelated import number\nfrom . import order\n",
+    "order": "from .shares import share\n",
+    "shares": "share = 1\n",
+    "other": "number = 1\n",
+}
 
 
 @pytest.fixture
@@ -44,6 +51,37 @@ def test_an_edit_elsewhere_leaves_the_digest_alone(package, module):
 
 def test_modules_of_other_packages_are_passed_over(package):
     assert code_digest("gspure.stage", "elsewhere.attack") == code_digest("gspure.stage")
+
+
+@pytest.fixture
+def plugin(package, tmp_path, monkeypatch):
+    folder = tmp_path / "installed" / "faint"
+    folder.mkdir(parents=True)
+    for name, text in PLUGIN.items():
+        (folder / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(str(folder.parent))
+    sources._imports.cache_clear()
+    return folder
+
+
+@pytest.mark.parametrize("module", ["attack", "order", "shares"])
+def test_an_edit_of_a_plug_in_changes_the_digest(plugin, module):
+    before = code_digest("gspure.stage", "faint.attack")
+    assert before != code_digest("gspure.stage")
+    (plugin / f"{module}.py").write_text(PLUGIN[module] + "# edited\n")
+    assert code_digest("gspure.stage", "faint.attack") != before
+
+
+def test_so_does_an_edit_of_what_a_plug_in_takes_from_here(plugin, package):
+    before = code_digest("faint.attack")
+    (package / "unrelated.py").write_text("number = 2\n")
+    assert code_digest("faint.attack") != before
+
+
+def test_and_of_a_plug_in_nothing_that_its_attack_does_not_import(plugin):
+    before = code_digest("faint.attack")
+    (plugin / "other.py").write_text("number = 2\n")
+    assert code_digest("faint.attack") == before
 
 
 def test_stages_that_share_little_code_have_digests_of_their_own():

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +48,8 @@ class Project:
 
     folder: Path
     checkout: Path
+    packages: tuple[Path, ...] = ()
+    """Folders of further packages that are installed."""
 
     def command(self, *arguments):
         return [
@@ -62,7 +64,7 @@ class Project:
         ]
 
     def environment(self, *python_path):
-        return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [*python_path, self.checkout]))}
+        return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [*python_path, *self.packages, self.checkout]))}
 
     def run(self, *arguments, status=0, beside=()):
         """Run the workflow, with configurations `beside` the project's; returns what it printed."""
@@ -92,12 +94,12 @@ class Project:
 
     def copy(self, folder):
         shutil.copytree(self.folder, folder)
-        return Project(folder, self.checkout)
+        return replace(self, folder=folder)
 
     def with_own_checkout(self, folder):
         """The same project, run by a checkout that may be edited."""
         shutil.copytree(self.checkout, folder)
-        return Project(self.folder, folder)
+        return replace(self, checkout=folder)
 
 
 def rules_run(output):
