@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import add_sweeps
+
 HELP = "tell what each attack takes from the message at equal damage to the scene"
 EXAMPLES = """\
   gspure matched --table results.csv --sweep pruning=random_pruning_10,random_pruning_30 \\
@@ -15,31 +17,19 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
-    parser.add_argument(
-        "--sweep",
-        type=_sweep,
-        action="append",
-        default=[],
-        metavar="NAME=VARIANT,...",
-        help="variants that are one attack at several strengths; may be repeated",
-    )
+    add_sweeps(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per sweep and damage")
     parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="one table per scheme, for reading")
 
 
-def _sweep(text: str) -> tuple[str, list[str]]:
-    name, found, variants = text.partition("=")
-    if not (name and found and variants):
-        raise argparse.ArgumentTypeError(f"expected NAME=VARIANT,..., found {text!r}")
-    return name, variants.split(",")
-
-
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
-    from gspure.artifacts import write_text
+    from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.matched import match, matched_markdown, write_matched
     from gspure.evaluation.reading import read_table
 
-    rows = match(read_table(args.table), dict(args.sweep))
+    sweeps = dict(args.sweep)
+    rows = match(read_table(args.table), sweeps)
     write_matched(args.out, rows)
     write_text(args.markdown, matched_markdown(rows))
+    write_provenance(args.out, inputs={"table": args.table}, settings={"sweeps": sweeps})

@@ -87,6 +87,25 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     return views
 
 
+def add_sweeps(parser: argparse.ArgumentParser) -> None:
+    """Add ``--sweep``: a list of names, each with its variants."""
+    parser.add_argument(
+        "--sweep",
+        type=_sweep,
+        action="append",
+        default=[],
+        metavar="NAME=VARIANT,...",
+        help="variants that are one attack at several strengths; may be repeated",
+    )
+
+
+def _sweep(text: str) -> tuple[str, list[str]]:
+    name, found, variants = text.partition("=")
+    if not (name and found and variants):
+        raise argparse.ArgumentTypeError(f"expected NAME=VARIANT,..., found {text!r}")
+    return name, variants.split(",")
+
+
 def parsed_settings(source: str, defaults: Mapping[str, Setting], texts: Sequence[str]) -> dict[str, Setting]:
     """Return settings given as ``NAME=VALUE``, each in the type of its default; a name without default is a string.
 

@@ -1,0 +1,160 @@
+"""GSPure against every other attack: differences in the same scenes and seeds, their test, and the tables of them."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gspure.artifacts import file_digest
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, contest, read_contest, write_contest
+from gspure.evaluation.contest_markdown import contest_markdown
+from gspure.evaluation.statistics import MATCHED_DAMAGES
+from gspure.evaluation.survival import survival
+from gspure.evaluation.tables import write_table
+from tests.contest_cases import attacked, benchmark, outcome
+
+SCENES = benchmark(
+    {
+        f"s{i}": {"gspure": (1.0, 10.0 + i), "weaker": (2.0, 4.0), "twin": (1.0, 10.0 + i), "better": (0.5, 12.0 + i)}
+        for i in range(6)
+    }
+)
+
+DROPS = st.tuples(st.floats(0, 5), st.floats(0, 20))
+
+
+def by_rival(rows, quantity=SCORE):
+    return {row.rival: row for row in rows if row.quantity == quantity and math.isnan(row.damage)}
+
+
+def test_each_rival_is_compared_in_score_message_and_scene() -> None:
+    rows = contest(SCENES, {})
+    assert {row.rival for row in rows} == {"weaker", "twin", "better"}
+    assert by_rival(rows)["weaker"].difference.mean == pytest.approx(6.0 + 2.5 + 1.0)
+    assert by_rival(rows, MESSAGE_DROP)["weaker"].difference.mean == pytest.approx(8.5)
+    assert by_rival(rows, SCENE_DROP)["weaker"].difference.mean == pytest.approx(-1.0)
+    assert by_rival(rows)["better"].difference.mean == pytest.approx(-2.5)
+
+
+def test_an_attack_that_does_exactly_the_same_differs_by_nothing_and_p_is_1() -> None:
+    twin = by_rival(contest(SCENES, {}))["twin"]
+    assert tuple(twin.difference[:3]) == (0.0, 0.0, 0.0)
+    assert (twin.p, twin.adjusted) == (1.0, 1.0)
+
+
+def test_p_values_are_corrected_for_all_rivals_and_say_what_they_could_be() -> None:
+    rows = by_rival(contest(SCENES, {}))
+    assert rows["better"].p == 2 / 2**6
+    assert rows["better"].adjusted == pytest.approx(3 * 2 / 2**6)
+    assert [row.attainable for row in rows.values()] == pytest.approx([3 * 2 / 2**6] * 3)
+    assert all(math.isnan(row.p) for row in contest(SCENES, {}) if row.quantity != SCORE)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.dictionaries(
+        st.sampled_from("abcd"), st.fixed_dictionaries({"gspure": DROPS, "x": DROPS, "y": DROPS}), min_size=1
+    ),
+    st.integers(1, 2),
+    st.randoms(use_true_random=False),
+)
+def test_the_order_of_outcomes_does_not_matter(drops, seeds, random) -> None:
+    outcomes = benchmark(drops, seeds)
+    rows, shuffled = (contest(o, {}) for o in (outcomes, random.sample(outcomes, len(outcomes))))
+    assert sorted(map(repr, rows)) == sorted(map(repr, shuffled))
+    assert all(row.adjusted >= row.p and row.adjusted >= row.attainable for row in by_rival(rows).values())
+
+
+def test_seeds_of_a_scene_belong_together_and_are_counted_as_cells() -> None:
+    drops = {scene: {"gspure": (1.0, 10.0), "x": (1.0, 7.0)} for scene in "ab"}
+    once, often = (by_rival(contest(benchmark(drops, seeds), {}))["x"] for seeds in (1, 3))
+    assert (once.cells, often.cells) == (2, 6)
+    assert (once.difference.scenes, once.p) == (often.difference.scenes, often.p) == (2, 0.5)
+
+
+def test_only_scenes_and_seeds_that_both_have_are_compared() -> None:
+    outcomes = benchmark({scene: {"gspure": (1.0, 10.0), "x": (1.0, 7.0)} for scene in "abc"})
+    without = [o for o in outcomes if (o.scene, o.variant) != ("b", "x")] + [attacked("x", 0.0, 0.0, "b", 7)]
+    (row,) = by_rival(contest(without, {})).values()
+    assert (row.cells, row.difference.scenes, row.difference.mean) == (2, 2, 3.0)
+
+
+def test_controls_and_what_failed_are_no_rivals() -> None:
+    outcomes = [*benchmark({"a": {"gspure": (1.0, 10.0)}}), outcome("gof", "a", failure="no mesh")]
+    assert contest(outcomes, {}) == []
+    assert contest([o for o in SCENES if o.variant != "gspure"], {}) == []
+
+
+def test_at_equal_damage_the_sweeps_are_compared_scene_by_scene() -> None:
+    outcomes = benchmark(
+        {"a": {"gspure": (1.0, 10.0), "weak": (2.0, 4.0), "strong": (4.0, 10.0)}, "b": {"gspure": (2.0, 10.0)}}
+    )
+    rows = [row for row in contest(outcomes, {"theirs": ["weak", "strong", "absent"]}) if not math.isnan(row.damage)]
+    assert [(row.rival, row.damage, row.cells) for row in rows] == [("theirs", at, 1) for at in MATCHED_DAMAGES]
+    assert [row.difference.mean for row in rows] == pytest.approx([3 - 0.6, 7 - 1.4, 10 - 3, 10 - 4])
+
+
+def test_a_sweep_of_gspure_takes_the_place_of_the_single_variant() -> None:
+    outcomes = benchmark({"a": {"gspure": (1.0, 10.0), "tau_2": (2.0, 15.0), "x": (2.0, 4.0)}})
+    (at_2,) = (row for row in contest(outcomes, {"gspure": ["gspure", "tau_2"], "xs": ["x"]}) if row.damage == 2.0)
+    assert at_2.difference.mean == pytest.approx(11.0)
+
+
+def test_every_extraction_is_a_family_of_its_own() -> None:
+    targets = {"gspure": (20.0, 18.0), "x": (25.0, 10.0)}
+    outcomes = [
+        outcome(name, targets={"scene": 30.0, "message": one, "message_oracle": other})
+        for name, (one, other) in targets.items()
+    ]
+    means = {row.extraction: row.difference.mean for row in contest(outcomes, {}) if row.quantity == SCORE}
+    assert means == {"message": 5.0, "message_oracle": -8.0}
+
+
+def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
+    rows = contest(SCENES, {"theirs": ["weaker", "better"]})
+    write_contest(tmp_path / "contest.csv", rows)
+    read = read_contest(tmp_path / "contest.csv")
+    write_contest(tmp_path / "again.csv", read)
+    assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "contest.csv").read_bytes()
+    assert contest_markdown(survival(SCENES), read) == contest_markdown(survival(SCENES), rows)
+
+
+@pytest.mark.parametrize(
+    "content", ["", "a,b\n1,2\n", "HEADERsis,message,x\n", "HEADERs,m,x,score,,a" + ",1" * 8 + "\n"]
+)
+def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
+    write_contest(tmp_path / "t.csv", [])
+    (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
+    with pytest.raises(InputError, match=r"t\.csv: "):
+        read_contest(tmp_path / "t.csv")
+
+
+def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path) -> None:
+    write_table(tmp_path / "results.csv", SCENES)
+    files = {"--table": "results.csv", "--out": "contest.csv", "--survival": "survival.csv", "--markdown": "contest.md"}
+    words = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
+    assert main(["contest", *words, "--sweep", "theirs=weaker,better"]) == 0
+    with (tmp_path / "contest.csv").open(newline="") as stream:
+        rows = {(row["rival"], row["quantity"], row["damage"]): row for row in csv.DictReader(stream)}
+    assert rows["weaker", "score", ""]["difference_mean"] == "9.5"
+    assert ("theirs", "message_drop", "0.7") in rows
+    for name in ("contest.csv", "survival.csv"):
+        record = json.loads((tmp_path / f"{name}.json").read_text())
+        assert record["inputs"]["table"]["digest"] == file_digest(tmp_path / "results.csv")
+        assert record["digest"] == file_digest(tmp_path / name)
+
+
+def test_the_markdown_tells_what_is_left_and_the_differences() -> None:
+    lines = contest_markdown(survival(SCENES), contest(SCENES, {})).splitlines()
+    assert lines[0] == "### sis"
+    (told,) = (line for line in lines if line.startswith("| better | 14.50"))
+    assert told.split(" | ")[3] == "6 of 6"
+    (against,) = (line for line in lines if line.startswith("| better | -2.50 ["))
+    assert against.endswith("| 0.094 (0.094) |")
+    assert "No model" in contest_markdown([], [])

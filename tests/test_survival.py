@@ -1,0 +1,126 @@
+"""What is left of the message: told against the controls of the same scene, and against those of all."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gspure.errors import InputError
+from gspure.evaluation.statistics import detectability
+from gspure.evaluation.survival import MARGIN, read_survival, survival, write_survival
+from tests.contest_cases import BEFORE, CONTROLS, attacked, benchmark, outcome
+
+FOUR = benchmark({f"s{i}": {"gone": (2.0, 20.0), "left": (1.0, 5.0), "half": (1.0, 5.0 * i)} for i in range(4)})
+DROPS = st.tuples(st.floats(0, 5), st.floats(0, 25))
+
+
+def by_variant(outcomes, extraction="message"):
+    return {row.variant: row for row in survival(outcomes) if row.extraction == extraction}
+
+
+def test_a_message_survives_where_it_stands_out_from_the_highest_control_of_its_scene() -> None:
+    rows = by_variant(FOUR)
+    assert {name: row.survives for name, row in rows.items()} == {
+        "watermarked": True,
+        "gone": False,
+        "left": True,
+        "half": True,
+    }
+    assert rows["left"].above_controls.mean == BEFORE["message"] - 5 - CONTROLS["clean"]
+    assert (rows["gone"].survived, rows["left"].survived) == (0, 4)
+    assert rows["gone"].above_controls.mean == 0.0
+
+
+def test_less_than_the_margin_above_the_controls_is_gone() -> None:
+    above = BEFORE["message"] - CONTROLS["clean"]
+    for margin, survived in ((MARGIN + 0.01, 1), (MARGIN - 0.01, 0)):
+        assert by_variant(benchmark({"a": {"x": (1.0, above - margin)}}))["x"].survived == survived
+
+
+def test_what_survives_in_some_scenes_only_is_neither() -> None:
+    row = by_variant(benchmark({"a": {"x": (1.0, 2.0)}, "b": {"x": (1.0, 25.0)}}))["x"]
+    assert (row.survived, row.above_controls.scenes, row.survives) == (1, 2, None)
+
+
+def test_pictures_without_content_do_not_decide_but_are_told() -> None:
+    row = by_variant(benchmark({"a": {"x": (1.0, 18.5)}}))["x"]  # 9.5 dB: between the clean model and a mean colour
+    assert (row.survives, row.above_controls.mean, row.above_floors.mean) == (True, 1.5, -0.5)
+    assert row.control == "clean"
+
+
+def test_the_kind_of_control_that_is_told_apart_least_counts_one_value_per_scene() -> None:
+    outcomes = [o for o in FOUR if o.variant != "clean"]
+    outcomes += [outcome("clean", f"s{i}", targets={"message": 20.0 + i}) for i in range(4)]
+    row = by_variant(outcomes)["left"]
+    assert row.control == "clean"
+    assert row.told == detectability([23.0] * 4, [20.0, 21.0, 22.0, 23.0])
+
+
+def test_without_controls_nothing_is_said_of_survival() -> None:
+    rows = by_variant([o for o in FOUR if not o.is_control])
+    assert {(row.survives, row.above_controls, row.above_floors, row.told) for row in rows.values()} == {
+        (None, None, None, None)
+    }
+    assert rows["left"].message_drop.mean == 5.0
+
+
+def test_seeds_are_averaged_within_scenes() -> None:
+    drops = {scene: {"x": (1.0, 12.0)} for scene in "ab"}
+    once, often = (by_variant(benchmark(drops, seeds))["x"] for seeds in (1, 3))
+    assert (often.survived, often.told.assets, often.told.controls) == (2, 2, 2)
+    assert often.above_controls.mean == pytest.approx(once.above_controls.mean - 0.1)
+
+
+def test_whether_the_carrier_was_reached_is_told_by_extraction() -> None:
+    reached = {"message": False, "message_oracle": True}
+    targets = {"scene": 30.0, "message": 28.0, "message_oracle": 20.0}
+    outcomes = [outcome("x", targets=targets, reached=reached), attacked("y", 1.0, 1.0)]
+    assert by_variant(outcomes)["x"].reached is False
+    assert by_variant(outcomes, "message_oracle")["x"].reached is True
+    assert by_variant(outcomes)["y"].reached is None
+
+
+def test_controls_models_without_message_and_failures_have_no_row() -> None:
+    assert "clean" not in by_variant(FOUR)
+    assert survival([outcome("gspure", targets={"scene": 30.0})]) == []
+    assert "x" not in by_variant([*FOUR, outcome("x", "s0", failure="out of memory")])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.dictionaries(st.sampled_from("abcd"), st.fixed_dictionaries({"x": DROPS, "y": DROPS}), min_size=1),
+    st.randoms(use_true_random=False),
+)
+def test_the_order_of_outcomes_does_not_matter(drops, random) -> None:
+    outcomes = benchmark(drops)
+    shuffled = random.sample(outcomes, len(outcomes))
+    assert by_variant(shuffled) == by_variant(outcomes)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(DROPS, min_size=1, max_size=4), st.floats(0, 5))
+def test_taking_more_from_the_message_never_makes_it_survive_more(drops, more) -> None:
+    scenes = {f"s{i}": {"x": (a, b), "y": (a, b + more)} for i, (a, b) in enumerate(drops)}
+    rows = by_variant(benchmark(scenes))
+    assert rows["y"].survived <= rows["x"].survived
+    assert rows["y"].told.auc <= rows["x"].told.auc
+
+
+def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
+    outcomes = [*FOUR, *(outcome("odd", s, targets={"message": math.inf}, reached={"message": True}) for s in ("s0",))]
+    rows = survival([*outcomes, outcome("gspure", scheme="bare", targets={"message": 9.0})])
+    write_survival(tmp_path / "survival.csv", rows)
+    read = read_survival(tmp_path / "survival.csv")
+    assert [row.survives for row in read] == [row.survives for row in rows]
+    write_survival(tmp_path / "again.csv", read)
+    assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "survival.csv").read_bytes()
+
+
+@pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,x\n"])
+def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
+    write_survival(tmp_path / "t.csv", [])
+    (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
+    with pytest.raises(InputError, match=r"t\.csv: "):
+        read_survival(tmp_path / "t.csv")
