@@ -53,12 +53,13 @@ def write_panels(
         for view, row in zip(views, grid, strict=True):
             for axes, rendering in zip(row, renderings, strict=False):
                 label = view if rendering is reference else f"{psnr(reference[view], rendering[view]):.2f} dB"
-                _show(axes, rendering[view], label)
+                show(axes, rendering[view], label)
             if difference:
-                _show(row[-1], GAIN * np.abs(last[view] - reference[view]), "")
+                show(row[-1], GAIN * np.abs(last[view] - reference[view]), "")
 
 
-def _show(axes: Axes, image: Image, label: str) -> None:
+def show(axes: Axes, image: Image, label: str) -> None:
+    """Draw an image [H,W,3] and nothing else, with a label below."""
     axes.imshow(np.clip(image, 0, 1))
     axes.set_xticks([])
     axes.set_yticks([])
