@@ -35,6 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of `gspure prune`, below their SCHEME/SCENE",
     )
     parser.add_argument("--matched", type=Path, metavar="CSV", help="of `gspure matched`")
+    parser.add_argument("--contest", type=Path, metavar="CSV", help="of `gspure contest`")
+    parser.add_argument("--survival", type=Path, metavar="CSV", help="of `gspure contest`")
     parser.add_argument(
         "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="records beside artifacts, to be listed"
     )
@@ -44,10 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the page."""
+    from gspure.evaluation.contest import read_contest
     from gspure.evaluation.matched import read_matched
     from gspure.evaluation.reading import read_table
+    from gspure.evaluation.survival import read_survival
     from gspure.figures.report import write_report
 
+    sources = {"results": args.table, "matched": args.matched, "survivals": args.survival, "contests": args.contest}
     write_report(
         args.out,
         args.title,
@@ -55,6 +60,9 @@ def run(args: argparse.Namespace) -> None:
         figures=args.figures,
         diagnoses=args.diagnosis,
         matched=read_matched(args.matched) if args.matched else [],
+        survivals=read_survival(args.survival) if args.survival else [],
+        contests=read_contest(args.contest) if args.contest else [],
+        sources={name: file for name, file in sources.items() if file},
         provenance=args.provenance,
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, nothing outside it is needed")

@@ -6,16 +6,24 @@ from collections.abc import Iterator, Sequence
 from math import isfinite, isnan
 from typing import Final
 
+from gspure.evaluation.contest import METHOD
 from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
+from gspure.figures.wording import MINUS, plural
 
-METHOD: Final = "gspure"
 PLANTED: Final = "planted"
 
 _NAMED: Final = 8
 """How many attacks a sentence names."""
 
-MINUS: Final = "\N{MINUS SIGN}"
-
+SPOKEN: Final = {
+    "gspure": "GSPure",
+    "gof": "GOF",
+    "gaussian_noise": "Gaussian noise",
+    "message_oracle": "message (oracle)",
+    "splats_in_splats": "Splats in Splats",
+    "gs_hider": "GS-Hider",
+    "secure_gs": "SecureGS",
+}
 
 DIAGNOSIS_TERMS: Final = {
     "gaussians": "Gaussians",
@@ -56,18 +64,14 @@ def findings(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def _measured(outcomes: Sequence[Outcome]) -> str:
-    attacks = sum(o.variant != REFERENCE and not o.is_control and not o.refusal for o in outcomes)
+    attacks = sum(o.variant != REFERENCE and not o.is_control and not o.failure for o in outcomes)
     views = max((count for o in outcomes for count in o.views.values()), default=0)
     what = "scene and hidden message" if any(MESSAGE in o.targets for o in outcomes) else "scene"
     against = "photographs" if all(o.against_truth for o in outcomes) else "what the unattacked model shows"
     return (
-        f"{_plural(attacks, 'attack')} on this model, judged by {_plural(views, 'view')} of its {what}, compared with "
+        f"{plural(attacks, 'attack')} on this model, judged by {plural(views, 'view')} of its {what}, compared with "
         f"{against}."
     )
-
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _pruned(o: Outcome) -> str:
@@ -125,10 +129,10 @@ def limits(outcomes: Sequence[Outcome]) -> Iterator[str]:
             "A planted message is a demonstration with known truth. It shows that the measurement works, and says "
             "nothing about any published watermarking scheme."
         )
-    silent = sorted({f"{o.scheme}/{o.scene}" for o in outcomes} - _with_message(outcomes))
+    silent = sorted({f"{o.scheme}/{o.asset}" for o in outcomes} - _with_message(outcomes))
     if silent:
         yield f"Whether a message survives was not measured for {', '.join(silent)}: that takes the owner's key."
-    relative = sorted({f"{o.scheme}/{o.scene}" for o in outcomes if not o.against_truth})
+    relative = sorted({f"{o.scheme}/{o.asset}" for o in outcomes if not o.against_truth})
     if relative:
         yield (
             f"PSNR and SSIM of {', '.join(relative)} are against the unattacked model's own views: they say how far an "
@@ -137,7 +141,7 @@ def limits(outcomes: Sequence[Outcome]) -> Iterator[str]:
     views = sorted({count for o in outcomes for count in o.views.values()})
     if views:
         span = str(views[0]) if len(views) == 1 else f"{views[0]} to {views[-1]}"
-        yield f"Numbers are means over {span} views of each model and one seed of each attack, without error bars."
+        yield f"Numbers of one model are means over {span} views and one seed of each attack, without error bars."
     yield (
         "PSNR and SSIM compare pixels. Whether a person, or a detector trained to, would still recognize the message "
         "was not tested."
@@ -149,14 +153,12 @@ def limits(outcomes: Sequence[Outcome]) -> Iterator[str]:
 
 
 def _with_message(outcomes: Sequence[Outcome]) -> set[str]:
-    return {f"{o.scheme}/{o.scene}" for o in outcomes if MESSAGE in o.targets}
+    return {f"{o.scheme}/{o.asset}" for o in outcomes if MESSAGE in o.targets}
 
 
 def spoken(name: str) -> str:
-    """Return the name of a variant or a target as people write it."""
-    return {"gspure": "GSPure", "gaussian_noise": "Gaussian noise", "message_oracle": "message (oracle)"}.get(
-        name, name.replace("_", " ")
-    )
+    """Return the name of a scheme, a variant or a target as people write it."""
+    return SPOKEN.get(name, name.replace("_", " "))
 
 
 def decibels(value: float) -> str:

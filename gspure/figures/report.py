@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import groupby, pairwise
 from operator import or_
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from gspure.artifacts import read_json, write_text
 from gspure.errors import InputError, reading
-from gspure.evaluation.matched import Matched, by_extraction, most
+from gspure.evaluation.contest import Contest
+from gspure.evaluation.matched import Matched
 from gspure.evaluation.outcomes import REFERENCE, Outcome, ordered
 from gspure.evaluation.statistics import MATCHED_DAMAGES
+from gspure.evaluation.survival import MARGIN, Survival
 from gspure.figures import findings, style
+from gspure.figures.audit import CRITERION, audit
+from gspure.figures.comparisons import Extraction, extractions
 
 TEMPLATE: Final = Path(__file__).with_name("report.html.j2")
 
@@ -48,13 +53,7 @@ class Comparison:
 
     name: str
     pictures: list[Picture]
-    tables: list[tuple[str, list[list[Matched]]]]
-    """For each extraction, the sweeps at equal damage to the scene."""
-
-    @property
-    def best(self) -> list[Matched]:
-        """The cells of the sweeps that take the most from the message."""
-        return [cell for _, table in self.tables for cell in most(table)]
+    extractions: list[Extraction]
 
 
 @dataclass(frozen=True)
@@ -96,6 +95,9 @@ def write_report(
     figures: Sequence[Path] = (),
     diagnoses: Sequence[Path] = (),
     matched: Sequence[Matched] = (),
+    survivals: Sequence[Survival] = (),
+    contests: Sequence[Contest] = (),
+    sources: Mapping[str, Path] = MappingProxyType({}),
     provenance: Sequence[Path] = (),
 ) -> None:
     """Write the page, whole or not at all. It refers to nothing outside itself.
@@ -117,6 +119,12 @@ def write_report(
         ``diagnosis.json`` of `gspure prune`, ``hidden.json`` of `gspure hidden`.
     matched : sequence of Matched
         Attacks at equal damage to the scene.
+    survivals : sequence of Survival
+        What every attack leaves of the message.
+    contests : sequence of Contest
+        GSPure against every other attack.
+    sources : mapping
+        The files of ``outcomes``, ``matched``, ``survivals`` and ``contests``, to be named below the tables.
     provenance : sequence of Path
         JSON files that `gspure.artifacts.write_provenance` has written, to be listed.
 
@@ -130,7 +138,7 @@ def write_report(
 
     from gspure import __version__
 
-    models = [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.scene))]
+    models = [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.asset))]
     schemes = list(dict.fromkeys(o.scheme for o in outcomes))
     _require_owner((*figures, *diagnoses), [*(key for key, _ in models), *((_FIGURES, scheme) for scheme in schemes)])
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
@@ -138,7 +146,18 @@ def write_report(
     page = environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         title=title,
         version=__version__,
-        comparisons=[_comparison(scheme, matched, figures) for scheme in schemes],
+        audits=audit(outcomes, survivals, contests),
+        criterion=CRITERION,
+        margin=f"{MARGIN:g}",
+        comparisons=[
+            Comparison(
+                scheme,
+                [_picture(file) for file in figures if _owns((_FIGURES, scheme), file)],
+                extractions(scheme, survivals, contests, matched),
+            )
+            for scheme in schemes
+        ],
+        sources=sources,
         damages=MATCHED_DAMAGES,
         sections=[_section(key, variants, figures, diagnoses) for key, variants in models],
         limits=list(findings.limits(outcomes)),
@@ -158,15 +177,6 @@ def _section(
         findings=findings.findings(outcomes),
         pictures=[_picture(file) for file in figures if _owns(key, file)],
         diagnosis=reduce(or_, (read_json(file) for file in diagnoses if _owns(key, file)), {}),
-    )
-
-
-def _comparison(scheme: str, matched: Sequence[Matched], figures: Sequence[Path]) -> Comparison:
-    tables = by_extraction(row for row in matched if row.scheme == scheme)
-    return Comparison(
-        name=scheme,
-        pictures=[_picture(file) for file in figures if _owns((_FIGURES, scheme), file)],
-        tables=[(extraction, table) for _, extraction, table in tables],
     )
 
 

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from gspure.evaluation.contest import METHOD
 from gspure.evaluation.controls import CLEAN
 from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
 from gspure.evaluation.statistics import MATCHED_DAMAGES, pareto_front
 from gspure.figures import style
-from gspure.figures.findings import METHOD, spoken
+from gspure.figures.findings import spoken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,0 +1,181 @@
+"""The owner's audit: what of a scheme's message survives which attack, at what price, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from textwrap import shorten
+from typing import Final
+
+from gspure.evaluation.contest import METHOD, Contest
+from gspure.evaluation.outcomes import MESSAGE, REFERENCE, Outcome
+from gspure.evaluation.summary import summarize
+from gspure.evaluation.survival import MARGIN, Survival
+from gspure.figures import rivalry
+from gspure.figures.findings import spoken
+from gspure.figures.wording import db, listed, loses, plural, tenths
+
+CRITERION: Final = (
+    f"A message survives in a scene if its PSNR lies {MARGIN:g} dB or more above all that the extraction shows "
+    "of that scene where there is none to be seen: in a model without one, with a wrong key, in another scene's model. "
+    "In parentheses: smallest and largest scene, or from six scenes on the 95% interval of the mean."
+)
+
+_REASON: Final = 160
+"""Letters of the reason of a failure; all of it stands with the model."""
+
+Point = tuple[str, str]
+"""A label of a few words, and the sentences that belong to it."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What the owner of one scheme should know."""
+
+    scheme: str
+    verdict: str
+    points: list[Point]
+
+
+def audit(
+    outcomes: Sequence[Outcome], survivals: Sequence[Survival] = (), contests: Sequence[Contest] = ()
+) -> list[Audit]:
+    """Return the audit of every scheme.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        All variants of all models; schemes stay in their order.
+    survivals : sequence of Survival
+        What `gspure.evaluation.survival.survival` says of them.
+    contests : sequence of Contest
+        What `gspure.evaluation.contest.contest` says of them.
+
+    """
+    found = []
+    for scheme in dict.fromkeys(o.scheme for o in outcomes):
+        ours = [o for o in outcomes if o.scheme == scheme]
+        left = {(row.extraction, row.variant): row for row in survivals if row.scheme == scheme}
+        main = {variant: row for (extraction, variant), row in left.items() if extraction == MESSAGE}
+        bouts = [c for c in contests if c.scheme == scheme and c.extraction == MESSAGE]
+        points = [
+            *(_message(main) if main else _scene(ours)),
+            *_other_extractions(left),
+            *rivalry.points(bouts),
+            ("How sure", f"{_basis(ours)} {rivalry.certainty(bouts)}".strip()),
+            *_untested(ours, main),
+        ]
+        found.append(Audit(spoken(scheme), _verdict(ours, main), points))
+    return found
+
+
+def _verdict(outcomes: Sequence[Outcome], main: Mapping[str, Survival]) -> str:
+    if all(o.failure for o in outcomes):
+        return "Nothing could be measured: everything failed."
+    if not main:
+        return "Whether a message survives was not measured: that takes the owner's key."
+    judged = _judged(main)
+    if not judged:
+        return "Whether what is left is still a message was not judged: there are no controls to compare it with."
+    if (before := main.get(REFERENCE)) and before.survives is False:
+        return "There is no message to lose: even before any attack, nothing stands out from the controls."
+    always, never = (sum(row.survives is state for row in judged) for state in (True, False))
+    text = f"Of {plural(len(judged), 'attack')} that touched it, the message survives {always} in every scene"
+    sometimes = len(judged) - always - never
+    return f"{text}, {sometimes} in some, and {never} in none."
+
+
+def _judged(main: Mapping[str, Survival]) -> list[Survival]:
+    """Return the attacks that may have touched the message and can be compared with controls, the gentlest first."""
+    rows = (row for row in main.values() if row.variant != REFERENCE and row.reached is not False)
+    return sorted((row for row in rows if row.above_controls), key=_damage)
+
+
+def _damage(row: Survival) -> float:
+    return row.scene_drop.mean if row.scene_drop else inf
+
+
+def _message(main: Mapping[str, Survival]) -> Iterator[Point]:
+    """Yield what the message was before, what GSPure does to it, and which attacks leave it."""
+    if (before := main.get(REFERENCE)) and before.above_controls:
+        text = f"The message stands {db(before.above_controls)} above the highest control"
+        stands = f"{before.survived} of {plural(before.above_controls.scenes, 'scene')}"
+        yield "Before any attack", text + ("." if before.survives else f", and stands out in {stands}.")
+    if ours := main.get(METHOD):
+        yield "GSPure", _attack(ours)
+    judged = _judged(main)
+    for state, label in ((True, "It survives"), (None, "It survives in some scenes"), (False, "It is gone after")):
+        rows = [row for row in judged if row.survives is state]
+        if rows:
+            yield label, f"{_sentence_case(listed(map(_priced, rows)))}."
+    if not judged:
+        rows = sorted((r for r in main.values() if r.variant != REFERENCE), key=_damage)
+        yield "All attacks", f"{_sentence_case(listed(map(_priced, rows)))}."
+    flat = [row for row in judged if row.survives is not False and row.above_floors and row.above_floors.mean < 0]
+    if flat:
+        names = listed(spoken(row.variant) for row in flat)
+        yield "Little of a picture", f"After {names} the message is further from the truth than one flat colour."
+
+
+def _attack(row: Survival) -> str:
+    if not (row.message_drop and row.scene_drop):
+        return "What it takes is not known."
+    text = f"The message {loses(row.message_drop)}, the scene {loses(row.scene_drop)}."
+    if row.above_controls:
+        text += f" The message survives in {row.survived} of {plural(row.above_controls.scenes, 'scene')}"
+        text += f", at {db(row.above_controls)} from the highest control."
+    if row.told:
+        bounds = f"{row.told.low:.2f} to {row.told.high:.2f}"
+        text += f" It is told from a control with probability {row.told.auc:.2f} ({bounds}; 0.50 is chance)."
+    return text
+
+
+def _priced(row: Survival) -> str:
+    """Return an attack with what it costs message and scene."""
+    cost = [f"{tenths(-drop.mean)}" if drop else "?" for drop in (row.message_drop, row.scene_drop)]
+    scenes = f", {row.survived} of {row.above_controls.scenes}" if row.above_controls and row.survives is None else ""
+    return f"{spoken(row.variant)} (message {cost[0]} dB, scene {cost[1]} dB{scenes})"
+
+
+def _scene(outcomes: Sequence[Outcome]) -> Iterator[Point]:
+    """Yield what is known of models without a message: the scene alone."""
+    rows = [row for row in summarize(outcomes) if row.variant != REFERENCE and row.scene]
+    shown = sorted(((row.scene.mean, row) for row in rows if row.scene), key=lambda pair: -pair[0])
+    if shown:
+        names = (f"{spoken(row.variant)} {db(row.scene)}" for _, row in shown if row.scene)
+        yield "The scene", f"PSNR after each attack: {listed(names)}."
+
+
+def _other_extractions(left: Mapping[tuple[str, str], Survival]) -> Iterator[Point]:
+    for (extraction, variant), row in left.items():
+        if variant == METHOD and extraction != MESSAGE:
+            yield _sentence_case(f"{spoken(extraction)}, after GSPure"), _attack(row)
+
+
+def _basis(outcomes: Sequence[Outcome]) -> str:
+    """Return how many scenes and seeds the numbers rest on."""
+    measured = {(o.scene, o.seed) for o in outcomes if not o.failure}
+    scenes = {scene for scene, _ in measured}
+    seeds = sorted({sum(scene == other for other, _ in measured) for scene in scenes})
+    each = f"{seeds[0]} to {seeds[-1]} seeds" if len(seeds) > 1 else plural(seeds[0] if seeds else 0, "seed")
+    return f"{_sentence_case(plural(len(scenes), 'scene'))}, {each} each."
+
+
+def _untested(outcomes: Sequence[Outcome], main: Mapping[str, Survival]) -> Iterator[Point]:
+    """Yield which attacks say nothing of the message, and which cells failed, with the reason."""
+    missed = [spoken(row.variant) for row in main.values() if row.reached is False and row.variant != REFERENCE]
+    if missed:
+        text = f"{_sentence_case(listed(missed))} did not change anything that the extraction reads."
+        yield "Did not touch it", f"{text} That the message is left says nothing of its strength."
+    models = len({o.asset for o in outcomes})
+    reasons = dict.fromkeys(o.failure for o in outcomes if o.failure)
+    for reason in reasons:
+        failed = [o for o in outcomes if o.failure == reason]
+        names = listed(dict.fromkeys(spoken(o.variant) for o in failed))
+        where = f"on {len({o.asset for o in failed})} of {plural(models, 'model')}"
+        yield "Not possible", f"{_sentence_case(names)} {where}: {shorten(reason, _REASON, placeholder=' …')}"
+
+
+def _sentence_case(text: str) -> str:
+    return text[:1].upper() + text[1:]

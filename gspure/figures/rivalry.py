@@ -1,0 +1,77 @@
+"""In words: where GSPure is not the best attack, and whether any difference can be taken seriously."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import isnan
+from typing import Final
+
+from gspure.evaluation.contest import MESSAGE_DROP, SCORE, Contest
+from gspure.evaluation.statistics import MATCHED_DAMAGES
+from gspure.figures.findings import spoken
+from gspure.figures.wording import db, how_sure, is_sure, listed, mirrored, plural
+
+RANDOM: Final = "random_matched"
+"""The attack that removes as many rows as GSPure at random: what takes no more than this has done nothing."""
+
+SIGNIFICANT: Final = 0.05
+
+
+def points(contests: Sequence[Contest]) -> Iterator[tuple[str, str]]:
+    """Yield labels and sentences about the rivals of GSPure on one extraction of one scheme."""
+    as_run = [c for c in contests if isnan(c.damage)]
+    for c in as_run:
+        if (c.rival, c.quantity) == (RANDOM, MESSAGE_DROP):
+            yield "Against chance", _against_chance(c)
+    scores = [c for c in as_run if c.quantity == SCORE]
+    if scores:
+        yield "Is GSPure the best?", _best(scores)
+    equal = [sentence for damage in MATCHED_DAMAGES for sentence in _at(damage, contests)]
+    if equal:
+        yield "At equal damage", " ".join(equal)
+
+
+def certainty(contests: Sequence[Contest]) -> str:
+    """Return whether a difference in Score is significant, or could be with so few scenes."""
+    tests = [c for c in contests if c.quantity == SCORE and isnan(c.damage)]
+    if not tests:
+        return ""
+    best = min(c.attainable for c in tests)
+    among = f"With {plural(max(c.difference.scenes for c in tests), 'scene')} and {plural(len(tests), 'rival')}"
+    if best > SIGNIFICANT:
+        return f"{among}, no difference in Score can be significant: p is {best:.2g} at best."
+    found = [c for c in tests if c.adjusted <= SIGNIFICANT]
+    names = f": {listed(f'{spoken(c.rival)} (p = {c.adjusted:.2g})' for c in found)}" if found else ""
+    return f"{among}, {len(found)} of {plural(len(tests), 'difference')} in Score are significant at 5%{names}."
+
+
+def _against_chance(c: Contest) -> str:
+    difference = c.difference
+    if not is_sure(difference):
+        return (
+            f"No reliable effect: from the message it takes {db(difference)} more than removing as much at random, "
+            f"{how_sure(difference)}."
+        )
+    side = "more" if difference.mean > 0 else "less"
+    shown = db(difference if difference.mean > 0 else mirrored(difference))
+    return f"From the message it takes {shown} {side} than removing as much at random, {how_sure(difference)}."
+
+
+def _best(scores: Sequence[Contest]) -> str:
+    better = sorted((c for c in scores if c.difference.mean < 0), key=lambda c: c.difference.mean)
+    if not better:
+        return f"By Score, yes: on average none of {plural(len(scores), 'rival')} does better."
+    names = listed(f"{spoken(c.rival)} by {db(mirrored(c.difference))}, {how_sure(c.difference)}" for c in better)
+    return f"By Score, no. Better on average: {names}."
+
+
+def _at(damage: float, contests: Sequence[Contest]) -> Iterator[str]:
+    rows = [c for c in contests if c.damage == damage]
+    if not rows:
+        return
+    strongest = min(rows, key=lambda c: c.difference.mean)
+    if strongest.difference.mean >= 0:
+        yield f"For {damage:g} dB of the scene none takes more from the message."
+    else:
+        name, more = spoken(strongest.rival), mirrored(strongest.difference)
+        yield f"For {damage:g} dB of the scene {name} takes {db(more)} more, {how_sure(more)}."
