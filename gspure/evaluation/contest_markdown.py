@@ -7,14 +7,15 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
-from gspure.evaluation.outcomes import MESSAGE
+from gspure.evaluation.outcomes import MESSAGE, REFERENCE
 from gspure.evaluation.statistics import MATCHED_DAMAGES, Detectability, Interval
 from gspure.evaluation.survival import MARGIN, Survival
 
 LEFT: Final = f"""\
 In dB, mean over scenes. Brackets: 95 % interval over scenes; parentheses: range of fewer than six. Above controls: how
 far the message's PSNR lies above the highest of its own scene's controls (a model without message, a wrong key, another
-scene's model); the message survives in a scene where that is {MARGIN:g} dB or more. Above a flat picture: the same for
+scene's model). Where that is {MARGIN:g} dB or more the message is there; survives in: of the scenes in which it is
+there before any attack. Above a flat picture: the same for
 pictures of one colour, which no extractor shows. Told from controls: the probability that an attacked model shows more
 of the message than a control of the kind that it is told from least, with its 95 % interval; 0.5 is chance. † The
 attack did not touch what this extraction reads."""
@@ -47,8 +48,8 @@ def _left(rows: Iterable[Survival]) -> list[str]:
     columns = ["message drop", "scene drop", "survives in", "above controls", "above a flat picture"]
     lines = _head(["attack", *columns, "told from controls"])
     for row in rows:
-        missed = " †" if row.reached is False else ""
-        scenes = f"{row.survived} of {row.above_controls.scenes}" if row.above_controls else ""
+        missed = " †" if row.reached is False and row.variant != REFERENCE else ""
+        scenes = f"{row.survived} of {row.present}" if row.above_controls else ""
         drops = (_shown(row.message_drop), _shown(row.scene_drop))
         above = (_shown(row.above_controls), _shown(row.above_floors))
         lines.append(_line([row.variant + missed, *drops, scenes, *above, _told(row.told, row.control)]))

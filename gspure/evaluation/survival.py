@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from numpy.typing import ArrayLike
 
 from gspure.evaluation.controls import FLOORS, MODELS
-from gspure.evaluation.outcomes import SCENE, Outcome, ordered
+from gspure.evaluation.outcomes import REFERENCE, SCENE, Outcome, ordered
 from gspure.evaluation.sheet import Cell, read_sheet, write_sheet
 from gspure.evaluation.statistics import (
     Cells,
@@ -26,7 +26,7 @@ MARGIN: Final = 1.0
 """How far a message stands out from its scene's controls that is told to survive, dB. Ours: about what an eye sees."""
 
 HEADER: Final = (
-    *("scheme", "extraction", "variant", "survived", "reached"),
+    *("scheme", "extraction", "variant", "present", "survived", "reached"),
     *(f"message_drop_{part}" for part in Interval._fields),
     *(f"scene_drop_{part}" for part in Interval._fields),
     *(f"above_controls_{part}" for part in Interval._fields),
@@ -43,8 +43,11 @@ class Survival(NamedTuple):
     """The target that shows the message."""
 
     variant: str
+    present: int
+    """In how many scenes the message of the unattacked model stands out by `MARGIN` from the scene's controls."""
+
     survived: int
-    """In how many scenes the message stands out by `MARGIN` from the highest control of the same scene."""
+    """In how many of these it still does."""
 
     reached: bool | None
     """Whether the attack touched what the extraction reads, in any scene."""
@@ -65,10 +68,8 @@ class Survival(NamedTuple):
 
     @property
     def survives(self) -> bool | None:
-        """Whether the message survives in every scene; None if it does in some, or no control says."""
-        if self.above_controls is None or 0 < self.survived < self.above_controls.scenes:
-            return None
-        return self.survived > 0
+        """Whether the message survives wherever it was; None if it does in some scenes, or was in none."""
+        return self.survived > 0 if self.survived in {0, self.present} and self.present else None
 
 
 def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
@@ -115,8 +116,9 @@ def _left(outcomes: Sequence[Outcome], extraction: str) -> dict[str, dict[tuple[
 
 def _survival(attacked: Sequence[Outcome], extraction: str, left: Mapping[str, Cells]) -> Survival:
     first = attacked[0]
-    ours = left.get(first.variant, {})
-    margins = differences(ours, _highest(left, MODELS))
+    ours, controls = left.get(first.variant, {}), _highest(left, MODELS)
+    before = _standing_out(left.get(REFERENCE, {}), controls)
+    after = _standing_out(ours, controls)
     known = [o.reached[extraction] for o in attacked if extraction in o.reached]
     told = {
         kind: detectability(_scene_means(ours), _scene_means(left[kind])) for kind in MODELS if ours and kind in left
@@ -126,11 +128,12 @@ def _survival(attacked: Sequence[Outcome], extraction: str, left: Mapping[str, C
         first.scheme,
         extraction,
         first.variant,
-        sum(margin.mean() >= MARGIN for margin in margins),
+        len(before & {scene for scene, _ in ours}),
+        len(before & after),
         any(known) if known else None,
         _mean(by_scene(_known(attacked, extraction))),
         _mean(by_scene(_known(attacked, SCENE))),
-        _mean(margins),
+        _mean(differences(ours, controls)),
         _mean(differences(ours, _highest(left, FLOORS))),
         control,
         told.get(control),
@@ -152,6 +155,13 @@ def _highest(left: Mapping[str, Cells], kinds: Iterable[str]) -> dict[tuple[str,
     return found
 
 
+def _standing_out(ours: Cells, controls: Cells) -> set[str]:
+    """Return the scenes in which the mean over seeds lies `MARGIN` or more above the highest control."""
+    scenes = sorted({scene for scene, _ in ours.keys() & controls.keys()})
+    margins = differences(ours, controls)
+    return {scene for scene, margin in zip(scenes, margins, strict=True) if margin.mean() >= MARGIN}
+
+
 def _scene_means(cells: Cells) -> list[float]:
     return [float(seeds.mean()) for seeds in by_scene(cells)]
 
@@ -162,22 +172,23 @@ def _mean(scenes: Sequence[ArrayLike]) -> Interval | None:
 
 def _cells(row: Survival) -> Iterator[Cell]:
     unknown = (None,) * len(Interval._fields)
-    yield from (*row[:4], "" if row.reached is None else str(row.reached).lower())
+    yield from (*row[:5], "" if row.reached is None else str(row.reached).lower())
     for interval in (row.message_drop, row.scene_drop, row.above_controls, row.above_floors):
         yield from interval or unknown
     yield row.control
     yield from row.told or (None,) * len(Detectability._fields)
 
 
-def _row(scheme: str, extraction: str, variant: str, survived: str, reached: str, *cells: str) -> Survival:
+def _row(
+    scheme: str, extraction: str, variant: str, present: str, survived: str, reached: str, *cells: str
+) -> Survival:
     touched = {"true": True, "false": False, "": None}.get(reached)
     width = len(Interval._fields)
     message, scene, controls, floors = (_interval(*cells[i : i + width]) for i in range(0, 4 * width, width))
     control, *told = cells[4 * width :]
     told_from = _detectability(*told) if control else None
-    return Survival(
-        scheme, extraction, variant, int(survived), touched, message, scene, controls, floors, control, told_from
-    )
+    of_variant = (scheme, extraction, variant, int(present), int(survived), touched)
+    return Survival(*of_variant, message, scene, controls, floors, control, told_from)
 
 
 def _interval(mean: str, low: str, high: str, level: str, scenes: str) -> Interval | None:

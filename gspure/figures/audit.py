@@ -10,11 +10,12 @@ from typing import Final
 
 from gspure.evaluation.contest import METHOD, Contest
 from gspure.evaluation.outcomes import MESSAGE, REFERENCE, Outcome
+from gspure.evaluation.statistics import Interval
 from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.figures import rivalry
 from gspure.figures.findings import spoken
-from gspure.figures.wording import db, listed, loses, plural, tenths
+from gspure.figures.wording import db, listed, loses, mirrored, plural, tenths
 
 CRITERION: Final = (
     f"A message survives in a scene if its PSNR lies {MARGIN:g} dB or more above all that the extraction shows "
@@ -71,25 +72,37 @@ def audit(
 
 
 def _verdict(outcomes: Sequence[Outcome], main: Mapping[str, Survival]) -> str:
+    if not (judged := _judged(main)):
+        return _unjudged(outcomes, main)
+    always, never = (sum(row.survives is state for row in judged) for state in (True, False))
+    attacks, sometimes = plural(len(judged), "attack"), len(judged) - always - never
+    partly = any(row.above_controls and row.present < row.above_controls.scenes for row in judged)
+    where = "scene in which it is there at all" if partly else "scene"
+    if never == len(judged):
+        return f"The message survives none of {attacks}, in any {where}."
+    if always == len(judged):
+        return f"The message survives all of {attacks}, in every {where}."
+    others = [f"{sometimes} in some only"] * bool(sometimes) + [f"{never} in none"] * bool(never)
+    return f"Of {attacks}, the message survives {listed([f'{always} in every {where}', *others])}."
+
+
+def _unjudged(outcomes: Sequence[Outcome], main: Mapping[str, Survival]) -> str:
+    """Return why nothing can be said about survival."""
     if all(o.failure for o in outcomes):
         return "Nothing could be measured: everything failed."
     if not main:
         return "Whether a message survives was not measured: that takes the owner's key."
-    judged = _judged(main)
-    if not judged:
+    if not any(row.above_controls for row in main.values()):
         return "Whether what is left is still a message was not judged: there are no controls to compare it with."
-    if (before := main.get(REFERENCE)) and before.survives is False:
+    if not any(row.present for row in main.values()):
         return "There is no message to lose: even before any attack, nothing stands out from the controls."
-    always, never = (sum(row.survives is state for row in judged) for state in (True, False))
-    text = f"Of {plural(len(judged), 'attack')} that touched it, the message survives {always} in every scene"
-    sometimes = len(judged) - always - never
-    return f"{text}, {sometimes} in some, and {never} in none."
+    return "No attack touched the message."
 
 
 def _judged(main: Mapping[str, Survival]) -> list[Survival]:
-    """Return the attacks that may have touched the message and can be compared with controls, the gentlest first."""
+    """Return the attacks that may have touched the message and met one that stood out, the gentlest first."""
     rows = (row for row in main.values() if row.variant != REFERENCE and row.reached is not False)
-    return sorted((row for row in rows if row.above_controls), key=_damage)
+    return sorted((row for row in rows if row.present), key=_damage)
 
 
 def _damage(row: Survival) -> float:
@@ -99,9 +112,11 @@ def _damage(row: Survival) -> float:
 def _message(main: Mapping[str, Survival]) -> Iterator[Point]:
     """Yield what the message was before, what GSPure does to it, and which attacks leave it."""
     if (before := main.get(REFERENCE)) and before.above_controls:
-        text = f"The message stands {db(before.above_controls)} above the highest control"
-        stands = f"{before.survived} of {plural(before.above_controls.scenes, 'scene')}"
-        yield "Before any attack", text + ("." if before.survives else f", and stands out in {stands}.")
+        text = f"The message lies {_from_controls(before.above_controls)}."
+        if before.present < before.above_controls.scenes:
+            scenes = f"{before.present} of {plural(before.above_controls.scenes, 'scene')}"
+            text += f" It stands out in {scenes}, and only there can it survive."
+        yield "Before any attack", text
     if ours := main.get(METHOD):
         yield "GSPure", _attack(ours)
     judged = _judged(main)
@@ -123,19 +138,23 @@ def _attack(row: Survival) -> str:
         return "What it takes is not known."
     text = f"The message {loses(row.message_drop)}, the scene {loses(row.scene_drop)}."
     if row.above_controls:
-        text += f" The message survives in {row.survived} of {plural(row.above_controls.scenes, 'scene')}"
-        text += f", at {db(row.above_controls)} from the highest control."
+        text += f" It then lies {_from_controls(row.above_controls)}, and survives in {row.survived} of {row.present}."
     if row.told:
         bounds = f"{row.told.low:.2f} to {row.told.high:.2f}"
         text += f" It is told from a control with probability {row.told.auc:.2f} ({bounds}; 0.50 is chance)."
     return text
 
 
+def _from_controls(margin: Interval) -> str:
+    side, distance = ("above", margin) if margin.mean >= 0 else ("below", mirrored(margin))
+    return f"{db(distance)} {side} the highest control"
+
+
 def _priced(row: Survival) -> str:
     """Return an attack with what it costs message and scene."""
     cost = [f"{tenths(-drop.mean)}" if drop else "?" for drop in (row.message_drop, row.scene_drop)]
-    scenes = f", {row.survived} of {row.above_controls.scenes}" if row.above_controls and row.survives is None else ""
-    return f"{spoken(row.variant)} (message {cost[0]} dB, scene {cost[1]} dB{scenes})"
+    scenes = f"; {row.survived} of {row.present}" if row.present and row.survives is None else ""
+    return f"{spoken(row.variant)} (message {cost[0]}, scene {cost[1]} dB{scenes})"
 
 
 def _scene(outcomes: Sequence[Outcome]) -> Iterator[Point]:
@@ -144,7 +163,8 @@ def _scene(outcomes: Sequence[Outcome]) -> Iterator[Point]:
     shown = sorted(((row.scene.mean, row) for row in rows if row.scene), key=lambda pair: -pair[0])
     if shown:
         names = (f"{spoken(row.variant)} {db(row.scene)}" for _, row in shown if row.scene)
-        yield "The scene", f"PSNR after each attack: {listed(names)}."
+        against = "" if all(o.against_truth for o in outcomes) else " against what the unattacked model shows"
+        yield "The scene", f"PSNR after each attack{against}: {listed(names)}."
 
 
 def _other_extractions(left: Mapping[tuple[str, str], Survival]) -> Iterator[Point]:
@@ -168,6 +188,8 @@ def _untested(outcomes: Sequence[Outcome], main: Mapping[str, Survival]) -> Iter
     if missed:
         text = f"{_sentence_case(listed(missed))} did not change anything that the extraction reads."
         yield "Did not touch it", f"{text} That the message is left says nothing of its strength."
+    elif any(row.reached for row in main.values()):
+        yield "All touched it", "Every attack changed something that the extraction reads."
     models = len({o.asset for o in outcomes})
     reasons = dict.fromkeys(o.failure for o in outcomes if o.failure)
     for reason in reasons:

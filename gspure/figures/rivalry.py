@@ -16,6 +16,9 @@ RANDOM: Final = "random_matched"
 
 SIGNIFICANT: Final = 0.05
 
+EQUAL: Final = 0.05
+"""What is no difference on average, dB: less than the page shows."""
+
 
 def points(contests: Sequence[Contest]) -> Iterator[tuple[str, str]]:
     """Yield labels and sentences about the rivals of GSPure on one extraction of one scheme."""
@@ -52,17 +55,20 @@ def _against_chance(c: Contest) -> str:
             f"No reliable effect: from the message it takes {db(difference)} more than removing as much at random, "
             f"{how_sure(difference)}."
         )
-    side = "more" if difference.mean > 0 else "less"
-    shown = db(difference if difference.mean > 0 else mirrored(difference))
-    return f"From the message it takes {shown} {side} than removing as much at random, {how_sure(difference)}."
+    if difference.mean < 0:
+        less = f"{db(mirrored(difference))} less than removing as much at random"
+        return f"No effect: from the message it takes {less}, {how_sure(difference)}."
+    return f"From the message it takes {db(difference)} more than removing as much at random, {how_sure(difference)}."
 
 
 def _best(scores: Sequence[Contest]) -> str:
-    better = sorted((c for c in scores if c.difference.mean < 0), key=lambda c: c.difference.mean)
+    better = sorted((c for c in scores if c.difference.mean <= -EQUAL), key=lambda c: c.difference.mean)
+    equal = listed(spoken(c.rival) for c in scores if abs(c.difference.mean) < EQUAL)
+    as_well = f" As good on average, to {EQUAL:g} dB: {equal}." if equal else ""
     if not better:
-        return f"By Score, yes: on average none of {plural(len(scores), 'rival')} does better."
+        return f"By Score, none of {plural(len(scores), 'rival')} does better on average.{as_well}"
     names = listed(f"{spoken(c.rival)} by {db(mirrored(c.difference))}, {how_sure(c.difference)}" for c in better)
-    return f"By Score, no. Better on average: {names}."
+    return f"By Score, no. Better on average: {names}.{as_well}"
 
 
 def _at(damage: float, contests: Sequence[Contest]) -> Iterator[str]:
