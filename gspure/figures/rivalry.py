@@ -40,12 +40,11 @@ def certainty(contests: Sequence[Contest]) -> str:
     if not tests:
         return ""
     best = min(c.attainable for c in tests)
-    among = f"With {plural(max(c.difference.scenes for c in tests), 'scene')} and {plural(len(tests), 'rival')}"
     if best > SIGNIFICANT:
-        return f"{among}, no difference in Score can be significant: p is {best:.2g} at best."
-    found = [c for c in tests if c.adjusted <= SIGNIFICANT]
-    names = f": {listed(f'{spoken(c.rival)} (p = {c.adjusted:.2g})' for c in found)}" if found else ""
-    return f"{among}, {len(found)} of {plural(len(tests), 'difference')} in Score are significant at 5%{names}."
+        among = f"{plural(max(c.difference.scenes for c in tests), 'scene')} and {plural(len(tests), 'rival')}"
+        return f"With {among}, no difference in Score can be significant: p is {best:.2g} at best."
+    found = listed(f"{spoken(c.rival)} (p = {c.adjusted:.2g})" for c in tests if c.adjusted <= SIGNIFICANT)
+    return f"Differences in Score that are significant at {SIGNIFICANT:.0%}: {found or 'none'}."
 
 
 def _against_chance(c: Contest) -> str:

@@ -23,8 +23,8 @@ def listed(names: Iterable[str]) -> str:
     every = list(names)
     rest = len(every) - _NAMED
     shown = [*every[:_NAMED], f"{rest} more"] if rest > 0 else every
-    between = "; " if any("," in name for name in shown) else ", "
-    return between.join(shown[:-1]) + (" and " if len(shown) > 1 else "") + "".join(shown[-1:])
+    between, last = ("; ", "; and ") if any("," in name for name in shown) else (", ", " and ")
+    return last.join([between.join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
 
 
 def tenths(value: float) -> str:
