@@ -23,6 +23,29 @@ rule match_damage:
         " --out {output.table:q} --markdown {output.markdown:q} > {log:q} 2>&1"
 
 
+rule hold_contest:
+    input:
+        table="results/tables/results.csv",
+    output:
+        table="results/tables/contest.csv",
+        survival="results/tables/survival.csv",
+        markdown=report("results/tables/contest.md"),
+    log:
+        "results/logs/contest.log",
+    benchmark:
+        "results/benchmarks/contest.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.contest"),
+        sweeps=SWEEPS,
+    message:
+        "Comparing GSPure with every other attack"
+    shell:
+        "python -m gspure contest --table {input.table:q} {params.sweeps} --out {output.table:q}"
+        " --survival {output.survival:q} --markdown {output.markdown:q} > {log:q} 2>&1"
+
+
 rule draw_sweep:
     input:
         table="results/tables/results.csv",

@@ -9,6 +9,9 @@ rule write_report:
         figures=[path for path in figure_files() if "/model/" not in path],
         comparisons=scheme_figures(),
         matched="results/tables/matched.csv",
+        contest="results/tables/contest.csv",
+        survival="results/tables/survival.csv",
+        summary="results/tables/summary.csv",
         diagnoses=expand("results/{model}/diagnosis.json", model=MODELS),
         hidden=[f"results/{scheme}/{scene}/hidden.json" for scheme in WATERMARKS for scene in SCHEMES[scheme]],
         artifacts=expand(
@@ -28,9 +31,13 @@ rule write_report:
         code=code_digest("gspure.cli.report"),
         template=file_digest(TEMPLATE),
         figures=[*figure_files(), *scheme_figures()],
-        provenance=lambda wildcards, input: [f"{path}.json" for path in input.artifacts],
+        provenance=lambda wildcards, input: [
+            f"{path}.json"
+            for path in [input.table, input.summary, input.matched, input.contest, input.survival, *input.artifacts]
+        ],
     message:
         "Writing the report"
     shell:
         "python -m gspure report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q} {input.hidden:q}"
-        " --matched {input.matched:q} --provenance {params.provenance:q} --out {output.page:q} > {log:q} 2>&1"
+        " --matched {input.matched:q} --contest {input.contest:q} --survival {input.survival:q}"
+        " --provenance {params.provenance:q} --out {output.page:q} > {log:q} 2>&1"

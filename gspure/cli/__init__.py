@@ -34,6 +34,7 @@ STAGES = (
     "message",
     "table",
     "matched",
+    "contest",
     "figures",
     "report",
     "stages",

@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
-    from gspure.artifacts import write_text
+    from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.latex import latex
     from gspure.evaluation.outcomes import collect
     from gspure.evaluation.summary import summarize, write_summary
@@ -55,8 +55,11 @@ def run(args: argparse.Namespace) -> None:
 
     outcomes = collect(args.metrics, args.kept, args.truth, args.verdicts)
     write_table(args.out, outcomes)
+    files = (*args.metrics, *args.kept, *args.truth, *args.verdicts)
+    write_provenance(args.out, inputs={path.as_posix(): path for path in files}, settings={})
     write_text(args.markdown, markdown(outcomes))
     if args.summary:
         write_summary(args.summary, summarize(outcomes))
+        write_provenance(args.summary, inputs={"table": args.out}, settings={})
     if args.latex:
         write_text(args.latex, latex(summarize(outcomes)))
