@@ -1,7 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from gspure.cameras import Camera, intrinsics, scaled
 from gspure.errors import InputError
@@ -34,6 +37,25 @@ def test_a_width_caps_the_view_and_cuts_its_height():
     assert size(9000, 1, "1600px") == (1600, 1)
 
 
+def test_a_photograph_that_is_a_reduced_copy_gives_the_view_its_size(tmp_path):
+    Image.new("RGB", (1237, 822)).save(tmp_path / "reduced.png")
+    large = replace(view(4946, 3286), image=tmp_path / "reduced.png")
+    (small,) = scaled([large], "photographs")
+    assert (small.width, small.height) == (1237, 822)
+    assert small.K[0, 0] / small.width == pytest.approx(large.K[0, 0] / large.width)
+
+
+def test_a_view_is_not_enlarged_to_its_photograph(tmp_path):
+    Image.new("RGB", (80, 60)).save(tmp_path / "large.png")
+    (same,) = scaled([replace(view(40, 30), image=tmp_path / "large.png")], "photographs")
+    assert (same.width, same.height) == (40, 30)
+
+
+def test_a_view_without_a_photograph_has_no_size_of_one():
+    with pytest.raises(InputError, match="view: image: expected a photograph, found none named"):
+        scaled([view(40, 30)], "photographs")
+
+
 @given(cameras(), st.sampled_from(["native", "1/2", "1/7", "100px", "1600px"]))
 def test_every_point_keeps_its_place_in_the_picture(camera, rule):
     (small,) = scaled([camera], rule)
@@ -44,5 +66,5 @@ def test_every_point_keeps_its_place_in_the_picture(camera, rule):
 
 @pytest.mark.parametrize("rule", ["", "0", "4", "1/0", "1/-2", "1/2.5", "0px", "1600", "1600 px", "2/3", "native "])
 def test_any_other_rule_is_refused(rule):
-    with pytest.raises(InputError, match="expected native, 1/N or Wpx"):
+    with pytest.raises(InputError, match="expected native, photographs, 1/N or Wpx"):
         scaled([view(4, 3)], rule)

@@ -15,7 +15,7 @@ TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sor
 # A part imports from its own layer and from those above it. `sources` to `decisions` serve the Snakefile.
 LAYERS = (
     {"constants", "errors", "artifacts", "progress", "plugins"},
-    {"model", "cameras", "images"},
+    {"model", "cameras", "images", "datasets"},
     {"opencl"},
     {"renderer"},
     {"contributions", "weights", "trial", "surface"},
@@ -44,10 +44,13 @@ OWNERS = {
     "gsply": ("attacks/compression.py",),
     "hdbscan": ("clustering",),
     "snakemake": (),
+    "pooch": ("datasets",),
+    "requests": ("datasets",),
     "torch": ("schemes", "training/torch_bridge.py"),
     "pickle": (),
 }
-HEAVY = {"gsply", "hdbscan", "jinja2", "matplotlib", "pyvista", "rich", "scipy", "sklearn", "vtk", "vtkmodules"}
+HEAVY = {"gsply", "hdbscan", "jinja2", "matplotlib", "pooch", "pyvista", "requests"}
+HEAVY |= {"rich", "scipy", "sklearn", "vtk", "vtkmodules"}
 
 
 def part_of(source: Path) -> str:

@@ -16,7 +16,18 @@ from types import ModuleType
 from gspure import __version__
 from gspure.errors import InputError
 
-MAIN_COMMANDS = ("purify", "train", "embed", "extract", "render", "metrics", "info", "paper-check", "doctor")
+MAIN_COMMANDS = (
+    "purify",
+    "download",
+    "train",
+    "embed",
+    "extract",
+    "render",
+    "metrics",
+    "info",
+    "paper-check",
+    "doctor",
+)
 STAGES = (
     "pair",
     "plant",

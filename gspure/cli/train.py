@@ -53,7 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--resolution",
         default="320px",
         metavar="RULE",
-        help="image size: Wpx, at most W pixels wide; 1/N; or native (default: %(default)s)",
+        help="image size: Wpx, at most W pixels wide; 1/N; native; or photographs, if those are smaller (default: "
+        "%(default)s)",
     )
     parser.add_argument(
         "--images", type=Path, metavar="DIR", help="photographs, named as the views, instead of those that DATA names"

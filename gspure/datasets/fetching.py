@@ -1,0 +1,119 @@
+"""Files over HTTP: continued where they were cut off, and checked against a digest."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
+
+from gspure.artifacts import digest, write_text
+from gspure.errors import InputError
+from gspure.progress import say
+
+if TYPE_CHECKING:
+    from requests import Response
+
+TRIES: Final = 5
+"""A download ends when so many connections one after the other brought nothing; ours."""
+
+_TIMEOUT: Final = 30.0
+_CHUNK: Final = 1 << 16
+_SECONDS_BETWEEN_LINES: Final = 10.0
+
+
+def fetch(url: str, folder: Path) -> tuple[Path, str]:
+    """Download a file into a folder unless it is there, and check it.
+
+    The digest of the first download is recorded beside the file, as ``NAME.sha256`` in the format of ``sha256sum``, and
+    holds from then on: it tells a file that was changed later, not one that was wrong to begin with. If you know the
+    right digest, write it there before.
+
+    Parameters
+    ----------
+    url : str
+        What to download.
+    folder : Path
+        Where to.
+
+    Returns
+    -------
+    (Path, str)
+        The file and its SHA-256.
+
+    Raises
+    ------
+    InputError
+        The server does not have it, the connection breaks again and again, or the digest is another. A part that has
+        arrived is kept, and the next call goes on from there.
+
+    """
+    import pooch
+    import requests
+
+    name = url.rpartition("/")[2]
+    record = folder / f"{name}.sha256"
+    known = record.read_text(encoding="utf-8").split()[0] if record.is_file() else None
+    pooch.get_logger().setLevel("WARNING")
+    try:
+        file = Path(pooch.retrieve(url, known, fname=name, path=folder, downloader=_download))
+    except requests.RequestException as error:
+        raise InputError(url, "download", expected="an answer", found=" ".join(str(error).split())) from None
+    except ValueError:  # pooch has removed the file
+        hint = f"if there is a new version and you trust it, remove {record}"
+        raise InputError(url, "sha256", expected=str(known), found="another", hint=hint) from None
+    if known is None:
+        known = pooch.file_hash(str(file))
+        write_text(record, f"{known}  {name}\n")
+        say(f"no digest of {name} is published: from now on it is to be {known}")
+    return file, known
+
+
+def _download(url: str, output_file: str, _pooch: Any) -> None:
+    """Download to a file, beside which the part that has arrived is kept until it is whole; pooch's own starts anew."""
+    import requests
+
+    head = requests.head(url, timeout=_TIMEOUT, allow_redirects=True)
+    head.raise_for_status()
+    if "Content-Length" not in head.headers:
+        raise InputError(url, "Content-Length", expected="the size of a file", found="none")
+    total = int(head.headers["Content-Length"])
+    version = head.headers.get("ETag") or head.headers.get("Last-Modified") or ""
+    name = url.rpartition("/")[2]
+    part = Path(output_file).with_name(f"{name}.{digest(version, str(total))}.part")
+    for stale in set(part.parent.glob(f"{name}.*.part")) - ({part} if version else set()):
+        stale.unlink()  # of another version, to which nothing may be added
+    part.touch()
+    fruitless = 0
+    while (size := part.stat().st_size) < total:
+        try:
+            _append(url, part, version, total)
+        except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError):
+            fruitless = 0 if part.stat().st_size > size else fruitless + 1
+            if fruitless == TRIES:
+                raise
+            time.sleep(fruitless)
+    part.replace(output_file)
+
+
+def _append(url: str, part: Path, version: str, total: int) -> None:
+    """Ask for what is missing of one version of a file; a server that has another one sends all of that."""
+    import requests
+
+    size = part.stat().st_size
+    headers = {"Accept-Encoding": "identity"}
+    if size:
+        headers |= {"Range": f"bytes={size}-", "If-Range": version}
+    with requests.get(url, headers=headers, stream=True, timeout=_TIMEOUT) as response:
+        response.raise_for_status()
+        continued = response.headers.get("Content-Range", "").startswith(f"bytes {size}-")
+        with part.open("ab" if continued else "wb") as stream:
+            _copy(response, stream, total)
+
+
+def _copy(response: Response, stream: BinaryIO, total: int) -> None:
+    last = time.monotonic()
+    for chunk in response.iter_content(_CHUNK):
+        stream.write(chunk)
+        if time.monotonic() - last > _SECONDS_BETWEEN_LINES:
+            last = time.monotonic()
+            say(f"{stream.tell() >> 20} of {total >> 20} MiB have arrived")
