@@ -1,6 +1,7 @@
 """Means over scenes with intervals, as CSV and as LaTeX."""
 
 import csv
+import json
 import math
 import re
 
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gspure.artifacts import file_digest
 from gspure.cli import main
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, write_metrics
 from gspure.evaluation.latex import escaped, latex
@@ -115,6 +117,10 @@ def test_the_command_writes_both(tmp_path):
         write_metrics(tmp_path / "a" / "b" / variant / "metrics.csv", rows)
     files = [f"--{name}={tmp_path / name}" for name in ("out", "markdown", "summary", "latex")]
     assert main(["table", "--metrics", *map(str, sorted(tmp_path.rglob("metrics.csv"))), *files]) == 0
+    record = json.loads((tmp_path / "summary.json").read_text())
+    assert record["inputs"]["table"]["digest"] == file_digest(tmp_path / "out")
+    of_table = json.loads((tmp_path / "out.json").read_text())
+    assert set(of_table["inputs"]) == {path.as_posix() for path in tmp_path.rglob("metrics.csv")}
     _, ours = csv.DictReader((tmp_path / "summary").read_text().splitlines())
     assert (ours["variant"], ours["score_mean"]) == ("gspure", "14")
     assert " & gspure & 1 & $29.00$ & $10.00$ & $14.00$ & --" in (tmp_path / "latex").read_text()
