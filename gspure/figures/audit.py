@@ -67,7 +67,7 @@ def audit(
             ("How sure", f"{_basis(ours)} {rivalry.certainty(bouts)}".strip()),
             *_untested(ours, main),
         ]
-        found.append(Audit(spoken(scheme), _verdict(ours, main), points))
+        found.append(Audit(_sentence_case(spoken(scheme)), _verdict(ours, main), points))
     return found
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from math import isnan
 from typing import Final
 
-from gspure.evaluation.contest import MESSAGE_DROP, SCORE, Contest
-from gspure.evaluation.statistics import MATCHED_DAMAGES
+from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
+from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval
 from gspure.figures.findings import spoken
 from gspure.figures.wording import db, how_sure, is_sure, listed, mirrored, plural
 
@@ -23,9 +23,9 @@ EQUAL: Final = 0.05
 def points(contests: Sequence[Contest]) -> Iterator[tuple[str, str]]:
     """Yield labels and sentences about the rivals of GSPure on one extraction of one scheme."""
     as_run = [c for c in contests if isnan(c.damage)]
-    for c in as_run:
-        if (c.rival, c.quantity) == (RANDOM, MESSAGE_DROP):
-            yield "Against chance", _against_chance(c)
+    chance = {c.quantity: c.difference for c in as_run if c.rival == RANDOM}
+    if chance:
+        yield "Against chance", _against_chance(chance[MESSAGE_DROP], chance[SCENE_DROP])
     scores = [c for c in as_run if c.quantity == SCORE]
     if scores:
         yield "Is GSPure the best?", _best(scores)
@@ -42,22 +42,22 @@ def certainty(contests: Sequence[Contest]) -> str:
     best = min(c.attainable for c in tests)
     if best > SIGNIFICANT:
         among = f"{plural(max(c.difference.scenes for c in tests), 'scene')} and {plural(len(tests), 'rival')}"
-        return f"With {among}, no difference in Score can be significant: p is {best:.2g} at best."
+        return f"With {among}, no difference in Score can be significant: corrected, p is {best:.2g} at best."
     found = listed(f"{spoken(c.rival)} (p = {c.adjusted:.2g})" for c in tests if c.adjusted <= SIGNIFICANT)
     return f"Differences in Score that are significant at {SIGNIFICANT:.0%}: {found or 'none'}."
 
 
-def _against_chance(c: Contest) -> str:
-    difference = c.difference
-    if not is_sure(difference):
-        return (
-            f"No reliable effect: from the message it takes {db(difference)} more than removing as much at random, "
-            f"{how_sure(difference)}."
-        )
-    if difference.mean < 0:
-        less = f"{db(mirrored(difference))} less than removing as much at random"
-        return f"No effect: from the message it takes {less}, {how_sure(difference)}."
-    return f"From the message it takes {db(difference)} more than removing as much at random, {how_sure(difference)}."
+def _against_chance(message: Interval, scene: Interval) -> str:
+    """Compare with removing as many rows at random: who takes no more from the message has not found it."""
+    doubt = "" if is_sure(message) else "No reliable effect. "
+    if is_sure(message) and message.mean < 0:
+        doubt = "No effect of its own. "
+    less = f"From the message it takes {_more(message)} than removing as much at random, {how_sure(message)}"
+    return f"{doubt}{less}; from the scene {_more(scene)}."
+
+
+def _more(difference: Interval) -> str:
+    return f"{db(difference)} more" if difference.mean >= 0 else f"{db(mirrored(difference))} less"
 
 
 def _best(scores: Sequence[Contest]) -> str:
