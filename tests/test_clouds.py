@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gspure.figures import style
-from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, truth_cloud
+from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud, truth_cloud
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
@@ -65,6 +65,16 @@ def test_low_and_high_ranks_have_the_ends_of_the_scale() -> None:
     assert not cloud.legend
 
 
+def test_the_share_of_the_message_goes_from_the_colour_of_the_scene_to_that_of_the_message() -> None:
+    cloud = share_cloud(BALL[:4], np.array([2, 0, 3, 0], np.float32), np.array([0, 5, 3, 0], np.float32))
+    assert [colour(cloud, i) for i in (0, 1, 3)] == [hexadecimal(c) for c in (style.KEPT, style.MESSAGE, style.NOISE)]
+    np.testing.assert_array_equal(cloud.scalars["message_share"], np.array([0, 1, 0.5, np.nan], np.float32))
+    middle = np.mean([hexadecimal(style.KEPT), hexadecimal(style.MESSAGE)], axis=0)
+    np.testing.assert_allclose(cloud.colours[2], middle, atol=1)
+    assert cloud.scale
+    assert (colour(cloud, 0), colour(cloud, 1)) == tuple(map(tuple, cloud.scale.colours[[0, -1]].tolist()))
+
+
 def test_pruned_gaussians_and_carriers_of_the_message_stand_out() -> None:
     mask = np.array([True, False, False, False])
     for cloud, true, false in (
@@ -83,4 +93,4 @@ def test_a_subset_keeps_points_colours_and_scalars_together() -> None:
     assert np.array_equal(part.points, BALL[rows])
     assert np.array_equal(part.colours, cloud.colours[rows])
     assert np.array_equal(part.scalars["weight"], weights[rows])
-    assert part.scale == cloud.scale
+    assert part.scale is cloud.scale

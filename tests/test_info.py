@@ -95,6 +95,15 @@ def test_further_properties_are_shown_as_series(capsys, tmp_path):
     assert "further properties: semantic_0..15 tag\n" in text
 
 
+def test_rows_that_are_anchors_are_called_so(capsys, tmp_path):
+    anchors = np.zeros(3, [(name, "<f4") for name in (*blobs(1).table.dtype.names, "f_anchor_feat_0", "f_offset_0")])
+    anchors["rot_0"] = 1
+    write_model(tmp_path / "m.ply", Gaussians(anchors))
+    text = report(capsys, tmp_path / "m.ply")
+    assert "3 anchors, " in text
+    assert "Gaussians" not in text
+
+
 def test_a_training_folder_is_shown_with_its_arguments(capsys, tmp_path):
     write_model(tmp_path / "point_cloud/iteration_30000/point_cloud.ply", blobs(2).with_comment("made by hand"))
     (tmp_path / "cfg_args").write_text("Namespace(sh_degree=3, eval=True)")

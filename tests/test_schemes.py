@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gspure import plugins
+from gspure.artifacts import load_array, read_json, save_array
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.images import read_image
@@ -242,6 +243,26 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
     assert main([*extract, "--extraction", "guess", "--out", str(tmp_path / "guess")]) == 2
     expected = "scheme splats_in_splats: --extraction: expected one of message, message_oracle, found 'guess'"
     assert expected in capsys.readouterr().err
+
+
+def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_low(embedded, pair_folder, tmp_path):
+    if embedded.scheme.name not in schemes():
+        pytest.skip("no entry point offers the example of the guide here")
+    embedded.asset.write(tmp_path / "point_cloud.ply")
+    embedded.key.write(tmp_path / "key")
+    weights = np.arange(len(embedded.asset.units), dtype=np.float32)
+    save_array(tmp_path / "omega.npy", weights)
+    inputs = {"model": "point_cloud.ply", "key": "key", "weights": "omega.npy"}
+    files = {**inputs, "out": "share.json", "hidden": "hidden.npy"}
+    options = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
+    options += ["--scheme", embedded.scheme.name, "--cameras", str(pair_folder / "cameras.json")]
+    assert main(["hidden", *options, "--reduction", "max"]) == 0
+    hidden = load_array(tmp_path / "hidden.npy", dtype=np.float32, shape=weights.shape)
+    extraction = list(embedded.scheme.extractions)[-1]
+    views = embedded.pair.views
+    expected = hidden_weights(embedded.asset, embedded.key, extraction, views, "ray", reduction="max")
+    assert hidden.tobytes() == expected.tobytes()
+    assert read_json(tmp_path / "share.json") == {"hidden_low_share": share_on_low(weights, hidden, 4.0)}
 
 
 def test_a_clean_model_comes_without_a_key(pair_folder, tmp_path):

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
+from gspure.cli.weights import add_reduction
 
 HELP = "measure how much of the message's own weight lies on rows of low public weight"
 EXAMPLES = """\
@@ -27,6 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tau", type=float, default=TAU_N, help="low is below the mean weight divided by this (default: %(default)s)"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="the share, 0 to 1")
+    parser.add_argument("--hidden", type=Path, metavar="NPY", help="also write the message's weight of every row: [K]")
+    add_reduction(parser)
     add_energy(parser, default="ray")
     add_device(parser)
 
@@ -35,7 +38,7 @@ def run(args: argparse.Namespace) -> None:
     """Measure, print and write."""
     import numpy as np
 
-    from gspure.artifacts import load_array, write_json
+    from gspure.artifacts import load_array, save_array, write_json
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
     from gspure.schemes.registry import find_scheme
 
@@ -44,7 +47,9 @@ def run(args: argparse.Namespace) -> None:
     asset, key = scheme.read_asset(args.model), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(asset.units),))
     extraction = list(scheme.extractions)[-1]  # the one that knows most
-    hidden = hidden_weights(asset, key, extraction, views, args.energy, read_device(args))
+    hidden = hidden_weights(asset, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau)
     write_json(args.out, {"hidden_low_share": share})
+    if args.hidden:
+        save_array(args.hidden, hidden)
     print(f"{share:.1%} of the message's own weight lies on rows of low public weight")

@@ -67,7 +67,7 @@ def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dic
     size = f"{file.stat().st_size / 1e6:,.1f} MB"
     return [
         str(file),
-        f"  {summary.gaussians:,} Gaussians, {colour}, {len(summary.columns)} properties, {size}",
+        f"  {summary.gaussians:,} {summary.signature.rows}, {colour}, {len(summary.columns)} properties, {size}",
         f"  {summary.signature.title}",
         *([f"  further properties: {_series(summary.further_columns)}"] if summary.further_columns else []),
         "",

@@ -1,8 +1,9 @@
 """What a point-cloud figure shows: points, a colour and scalars for each, and the legend that explains them.
 
 The three clouds of the method are those of the paper's figures of point clouds: by cluster, by the rank of the weight
-that decides about a Gaussian (low ranks are pruned first), and kept against pruned. All of it is plain arrays; how they
-become a picture or a file is left to `portrait` and `export`.
+that decides about a Gaussian (low ranks are pruned first), and kept against pruned. Two more say where the message is:
+which Gaussians carry it, if that is known, or else how much of each one's weight goes to it. All of it is plain arrays;
+how they become a picture or a file is left to `portrait` and `export`.
 """
 
 from __future__ import annotations
@@ -17,9 +18,19 @@ from gspure.constants import NOISE_LABEL
 from gspure.figures import style
 from gspure.pruning import cluster_weights
 
+_STEPS = 256  # of a scale
+
 _TINT = 0.5  # share of white in the colours of clusters that are too small for one of their own
 
 Legend = tuple[tuple[tuple[str, str], ...], ...]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Colours from one end of a quantity to the other: uint8 [S,3], with words for both ends and the middle."""
+
+    colours: NDArray[np.uint8]
+    words: tuple[str, str, str]
 
 
 @dataclass(frozen=True)
@@ -36,8 +47,8 @@ class Cloud:
         The data behind the colours, for export.
     legend : rows of (label, colour)
         What the colours mean; empty where they are a scale.
-    scale : str
-        Label of the scale from the lowest to the highest rank; empty where the colours are categories.
+    scale : Scale, optional
+        What the colours mean where they are a scale.
 
     """
 
@@ -45,7 +56,7 @@ class Cloud:
     colours: NDArray[np.uint8]
     scalars: Mapping[str, NDArray[np.generic]]
     legend: Legend = ()
-    scale: str = ""
+    scale: Scale | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -107,7 +118,8 @@ def rank_cloud(means: NDArray[np.float32], labels: NDArray[np.int32], weights: N
     first = np.cumsum(count) - count
     rank = (first + (count - 1) / 2)[tie] / max(len(means) - 1, 1)
     scalars = {"rank": rank.astype(np.float32), "weight": weights, "deciding_weight": deciding.astype(np.float32)}
-    return Cloud(means, _colour_map(rank), scalars, scale="rank of the mean weight")
+    scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), ("lowest", "rank of the mean weight", "highest"))
+    return Cloud(means, _colour_map(rank), scalars, scale=scale)
 
 
 def _deciding_weights(labels: NDArray[np.int32], weights: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -132,6 +144,32 @@ def kept_cloud(means: NDArray[np.float32], pruned: NDArray[np.bool_]) -> Cloud:
 def truth_cloud(means: NDArray[np.float32], carries_message: NDArray[np.bool_]) -> Cloud:
     """Colour each Gaussian by whether it carries the message (bool [K]), where that is known."""
     return _two_kinds(means, carries_message, "message", ("scene", style.KEPT), ("message", style.MESSAGE))
+
+
+def share_cloud(means: NDArray[np.float32], weights: NDArray[np.float32], hidden: NDArray[np.float32]) -> Cloud:
+    """Colour each Gaussian by the share of its weight that goes to the message; grey if no view shows it in either.
+
+    That is h / (h + ω), of its mean contributions to views of the message (h) and of the scene (ω).
+
+    Parameters
+    ----------
+    means : float32 array [K,3]
+    weights, hidden : float32 array [K]
+        View-accumulated weights, in the scene and in the message (`gspure.schemes.hidden_weight.hidden_weights`).
+
+    """
+    total = weights.astype(np.float64) + hidden
+    share = np.divide(hidden, total, where=total > 0, out=np.full(len(total), np.nan))
+    colours = np.where(total[:, None] > 0, _between(np.nan_to_num(share)), style.rgb(style.NOISE)).astype(np.uint8)
+    scalars = {"message_share": share.astype(np.float32), "weight": weights, "hidden_weight": hidden}
+    scale = Scale(_between(np.linspace(0, 1, _STEPS)), ("scene only", "both alike", "message only"))
+    return Cloud(means, colours, scalars, scale=scale)
+
+
+def _between(share: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return colours [S,3] from that of the scene (0) to that of the message (1)."""
+    ends = [style.rgb(colour).astype(np.float64) for colour in (style.KEPT, style.MESSAGE)]
+    return np.rint(ends[0] + share[:, None] * (ends[1] - ends[0])).astype(np.uint8)
 
 
 def _two_kinds(

@@ -5,19 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
-from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, truth_cloud
+from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud, truth_cloud
 from gspure.figures.export import write_gltf, write_vtp
-from gspure.figures.plate import PICTURE_WIDTH, write_plate
+from gspure.figures.plate import PICTURE_WIDTH, THIRD_WIDTH, write_plate
 from gspure.figures.plots import write_weight_histogram
 from gspure.figures.portrait import portrait
 from gspure.figures.probe import gl_problem
 from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
+
+TITLES: Final = ("where the message is", "what goes first", "where it is after pruning")
+"""Of the three clouds of a purification."""
+
+_RANKS: Final = (
+    "Rank of the weight that decides about a row: the mean of its cluster, or its own if it is noise. Low ranks are "
+    "pruned first."
+)
 
 
 @dataclass(frozen=True)
@@ -36,8 +45,12 @@ class Evidence:
         True where a Gaussian is pruned.
     carries_message : bool array [K], optional
         True where a Gaussian is known to carry the message.
+    hidden : float32 array [K], optional
+        Where that is not known, the weights of the Gaussians in views of the message.
     tau_c, tau_n : float
         Pruning factors.
+    rows : str
+        What the rows of the model are: Gaussians, or anchors.
 
     """
 
@@ -46,8 +59,10 @@ class Evidence:
     weights: NDArray[np.float32]
     pruned: NDArray[np.bool_]
     carries_message: NDArray[np.bool_] | None = None
+    hidden: NDArray[np.float32] | None = None
     tau_c: float = TAU_C
     tau_n: float = TAU_N
+    rows: str = "Gaussians"
 
 
 def draw(
@@ -55,8 +70,10 @@ def draw(
 ) -> dict[Path, str]:
     """Draw every figure of a model into a folder.
 
-    Writes ``clusters``, ``ranks``, ``kept`` and, where it is known who carries the message, ``truth``, each as .png,
-    .gltf and .vtp, and ``weights.png``. Without a working OpenGL numpy draws the clouds, and their captions say so.
+    Writes ``clusters``, ``ranks``, ``kept`` and, where it is known where the message is, ``truth`` or ``hidden``, each
+    as .png, .gltf and .vtp, and ``weights.png``. ``purification.png`` is as the paper's Fig. 6: where the message is,
+    the ranks, and where the message is after pruning. Without a working OpenGL numpy draws the clouds, and their
+    captions say so.
 
     Parameters
     ----------
@@ -75,38 +92,83 @@ def draw(
 
     """
     means = evidence.means
-    camera = fitted(view or choose(means, cameras), PICTURE_WIDTH)
+    view = view or choose(means, cameras)
     axes = world_axes(means, cameras)
     problem = gl_problem()
-    rows = thinned(len(means))
+    remarks = list(_remarks(len(means), problem))
     captions = {}
     for name, cloud, caption in _clouds(evidence):
-        shown = cloud.subset(rows)
-        write_plate(folder / f"{name}.png", portrait(shown, camera, opengl=problem is None), shown)
+        shown = cloud.subset(thinned(len(cloud)))
+        picture = portrait(shown, fitted(view, PICTURE_WIDTH), opengl=problem is None)
+        write_plate(folder / f"{name}.png", [picture], [shown])
         write_gltf(folder / f"{name}.gltf", shown, axes)
         write_vtp(folder / f"{name}.vtp", shown)
-        captions[folder / f"{name}.png"] = " ".join([caption, *_remarks(len(means), problem)])
+        captions[folder / f"{name}.png"] = " ".join([caption, *remarks])
+    if clouds := _purification(evidence):
+        clouds = [cloud.subset(thinned(len(cloud))) for cloud in clouds]
+        pictures = [portrait(cloud, fitted(view, THIRD_WIDTH), opengl=problem is None) for cloud in clouds]
+        write_plate(folder / "purification.png", pictures, clouds, TITLES)
+        told = [_message_caption(evidence), _RANKS, *_pruned_weight(evidence), *remarks]
+        captions[folder / "purification.png"] = " ".join(told)
     histogram = folder / "weights.png"
-    write_weight_histogram(histogram, evidence.weights, evidence.pruned, evidence.tau_c, evidence.tau_n)
+    factors = evidence.tau_c, evidence.tau_n
+    write_weight_histogram(histogram, evidence.weights, evidence.pruned, *factors, evidence.rows)
     captions[histogram] = _histogram_caption(evidence)
     return captions
 
 
 def _clouds(evidence: Evidence) -> Iterator[tuple[str, Cloud, str]]:
-    means, labels = evidence.means, evidence.labels
+    means, labels, rows = evidence.means, evidence.labels, evidence.rows
     clusters = int(labels.max(initial=NOISE_LABEL)) + 1
-    caption = f"{clusters} clusters of the {len(means):,} Gaussians, by HDBSCAN on position, opacity and weight."
+    caption = f"{clusters} clusters of the {len(means):,} {rows}, by HDBSCAN on position, opacity and weight."
     yield "clusters", cluster_cloud(means, labels), caption + " Each has its share in the legend; noise is grey."
-    caption = (
-        "Rank of the weight that decides about a Gaussian: the mean of its cluster, or its own if it is noise. "
-        "Low ranks are pruned first."
-    )
-    yield "ranks", rank_cloud(means, labels, evidence.weights), caption
-    caption = f"{evidence.pruned.sum():,} of {len(means):,} Gaussians are pruned."
+    yield "ranks", rank_cloud(means, labels, evidence.weights), _RANKS
+    caption = f"{evidence.pruned.sum():,} of {len(means):,} {rows} are pruned."
     yield "kept", kept_cloud(means, evidence.pruned), caption
+    if (message := _message_cloud(evidence, np.ones_like(evidence.pruned))) is not None:
+        name = "hidden" if evidence.carries_message is None else "truth"
+        yield name, message, _message_caption(evidence)
+
+
+def _purification(evidence: Evidence) -> list[Cloud]:
+    """Return where the message is, the ranks, and where it is after pruning; nothing if it is not known where it is."""
+    before, after = (_message_cloud(evidence, chosen) for chosen in (np.ones_like(evidence.pruned), ~evidence.pruned))
+    ranks = rank_cloud(evidence.means, evidence.labels, evidence.weights)
+    return [before, ranks, after] if before is not None and after is not None else []
+
+
+def _message_cloud(evidence: Evidence, chosen: NDArray[np.bool_]) -> Cloud | None:
+    """Return where among the `chosen` rows (bool [K]) the message is, as far as that is known."""
+    means = evidence.means[chosen]
     if evidence.carries_message is not None:
-        caption = f"Ground truth: {evidence.carries_message.sum():,} Gaussians carry the message."
-        yield "truth", truth_cloud(means, evidence.carries_message), caption
+        return truth_cloud(means, evidence.carries_message[chosen])
+    if evidence.hidden is not None:
+        return share_cloud(means, evidence.weights[chosen], evidence.hidden[chosen])
+    return None
+
+
+def _message_caption(evidence: Evidence) -> str:
+    if evidence.carries_message is not None:
+        return f"Ground truth: {evidence.carries_message.sum():,} {evidence.rows} carry the message."
+    caption = (
+        f"The share of the weight of each of the {evidence.rows} that goes to the message: h / (h + ω), of what it "
+        "contributes to views of the message (h) and of the scene (ω); grey where both are 0."
+    )
+    if evidence.hidden is not None and np.allclose(evidence.hidden, evidence.weights):
+        caption += " Each serves both alike: what tells message from scene is not where it is."
+    return caption
+
+
+def _pruned_weight(evidence: Evidence) -> Iterator[str]:
+    """Say what pruning takes from scene and message, where both have a weight."""
+    if evidence.hidden is not None:
+        taken = [_share(values, evidence.pruned) for values in (evidence.hidden, evidence.weights)]
+        yield f"Pruning takes {taken[0]:.1%} of the weight in the message and {taken[1]:.1%} of that in the scene."
+
+
+def _share(values: NDArray[np.float32], chosen: NDArray[np.bool_]) -> float:
+    total = float(values.sum(dtype=np.float64))
+    return float(values[chosen].sum(dtype=np.float64)) / total if total else 0.0
 
 
 def _remarks(count: int, problem: str | None) -> Iterator[str]:
@@ -119,8 +181,8 @@ def _remarks(count: int, problem: str | None) -> Iterator[str]:
 def _histogram_caption(evidence: Evidence) -> str:
     unseen = float(np.mean(evidence.weights == 0))
     return (
-        f"Weights of the Gaussians, averaged over the views; {unseen:.1%} have weight 0, as no view shows them. Pruned "
-        f"are clusters whose mean weight is below the mean of all / {evidence.tau_c:g}, and noise points whose own is "
-        f"below the mean of all / {evidence.tau_n:g}. "
+        f"Weights of the {evidence.rows}, averaged over the views; {unseen:.1%} have weight 0, as no view shows them. "
+        f"Pruned are clusters whose mean weight is below the mean of all / {evidence.tau_c:g}, and noise points whose "
+        f"own is below the mean of all / {evidence.tau_n:g}. "
         "What is kept left of the threshold, or pruned right of it, is in a cluster that was judged as a whole."
     )

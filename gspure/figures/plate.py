@@ -1,7 +1,8 @@
-"""A figure of one point cloud: the picture above its legend."""
+"""A figure of point clouds beside each other: each picture above its legend."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -9,33 +10,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.figures import style
-from gspure.figures.clouds import Cloud, Legend
+from gspure.figures.clouds import Cloud, Legend, Scale
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import SubFigure
 
 PICTURE_WIDTH: Final = round(style.COLUMN * style.DPI)
-"""Width in pixels at which a portrait is printed dot for dot."""
+"""Width in pixels at which a portrait is printed dot for dot in a column."""
+
+THIRD_WIDTH: Final = round(style.PAGE / 3 * style.DPI)
+"""The same, of one of three across the page."""
 
 _ROW: Final = 0.15  # height of a row of the legend, inches
+_TITLE: Final = 0.2  # height of a title
 
 
-def write_plate(path: Path, picture: NDArray[np.uint8], cloud: Cloud) -> None:
-    """Write the picture of a cloud, `PICTURE_WIDTH` wide, with its legend or scale as a PNG."""
-    above = picture.shape[0] / style.DPI
-    below = _ROW * ((len(cloud.legend) or 2) + 0.7)
-    share = below / (above + below)
-    with style.page(path, style.COLUMN, above + below, layout=None) as figure:
-        axes = figure.add_axes((0, share, 1, 1 - share))
-        axes.imshow(picture, interpolation="none", aspect="auto")
-        axes.set_axis_off()
-        if cloud.scale:
-            _draw_scale(figure, cloud.scale, share)
-        else:
-            _draw_legend(figure, cloud.legend, share)
+def write_plate(
+    path: Path, pictures: Sequence[NDArray[np.uint8]], clouds: Sequence[Cloud], titles: Sequence[str] = ()
+) -> None:
+    """Write pictures of clouds, all of one size, each with its legend or scale and perhaps a title, as a PNG."""
+    height, width = pictures[0].shape[:2]
+    above, below = _TITLE if titles else 0.0, _ROW * (max(len(cloud.legend) or 2 for cloud in clouds) + 0.7)
+    total = above + height / style.DPI + below
+    with style.page(path, len(pictures) * width / style.DPI, total, layout=None) as figure:
+        parts = figure.subfigures(1, len(pictures), squeeze=False, wspace=0)[0]
+        for part, picture, cloud in zip(parts, pictures, clouds, strict=True):
+            axes = part.add_axes((0, below / total, 1, height / style.DPI / total))
+            axes.imshow(picture, interpolation="none", aspect="auto")
+            axes.set_axis_off()
+            if cloud.scale:
+                _draw_scale(part, cloud.scale, below / total)
+            else:
+                _draw_legend(part, cloud.legend, below / total)
+        for part, title in zip(parts, titles, strict=False):
+            part.text(0.5, 1 - 0.5 * above / total, title, ha="center", va="center")
 
 
-def _draw_legend(figure: Figure, legend: Legend, share: float) -> None:
+def _draw_legend(figure: SubFigure, legend: Legend, share: float) -> None:
     from matplotlib.lines import Line2D
 
     for i, row in enumerate(legend):
@@ -44,10 +55,11 @@ def _draw_legend(figure: Figure, legend: Legend, share: float) -> None:
         figure.legend(handles=dots, loc="center", bbox_to_anchor=place, ncols=len(row), borderpad=0, fontsize=5.7)
 
 
-def _draw_scale(figure: Figure, label: str, share: float) -> None:
-    axes = figure.add_axes((0.25, 0.6 * share, 0.5, 0.18 * share))
-    axes.imshow(np.linspace(0, 1, 256)[None], cmap=style.RANKS, aspect="auto")
+def _draw_scale(figure: SubFigure, scale: Scale, share: float) -> None:
+    axes = figure.add_axes((0.15, 0.6 * share, 0.7, 0.18 * share))
+    axes.imshow(scale.colours[None], aspect="auto")
     axes.set_yticks([])
     axes.spines[:].set_visible(False)
-    axes.set_xticks([0, 127.5, 255], ["lowest", label, "highest"])
+    last = len(scale.colours) - 1
+    axes.set_xticks([0, last / 2, last], list(scale.words))
     axes.tick_params(length=0, pad=2)

@@ -25,7 +25,12 @@ _TAIL: Final = 5e-4  # share of the weights that may lie below the axis; they ar
 
 
 def write_weight_histogram(
-    path: Path, weights: NDArray[np.float32], pruned: NDArray[np.bool_], tau_c: float, tau_n: float
+    path: Path,
+    weights: NDArray[np.float32],
+    pruned: NDArray[np.bool_],
+    tau_c: float,
+    tau_n: float,
+    rows: str = "Gaussians",
 ) -> None:
     """Write a histogram of the weights, in which weights of zero have a bar of their own.
 
@@ -39,6 +44,8 @@ def write_weight_histogram(
         True where a Gaussian is pruned; its share of every bar is coloured.
     tau_c, tau_n : float
         Pruning factors: the thresholds are mean / tau.
+    rows : str
+        What the rows of the model are: Gaussians, or anchors.
 
     """
     zero = weights == 0
@@ -67,7 +74,7 @@ def write_weight_histogram(
         axes.set_xticks(list(ticks), list(ticks.values()))
         axes.set_xlim(low - (5 if zero.any() else 1) * step, high + step)
         axes.set_xlabel("view-accumulated weight ω")
-        axes.set_ylabel("Gaussians (%)")
+        axes.set_ylabel(f"{rows} (%)")
         figure.legend(handles=keys, loc="outside upper center", ncols=5)
 
 

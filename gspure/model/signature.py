@@ -19,6 +19,11 @@ class Signature(Enum):
         self.title = title
         self.columns = columns
 
+    @property
+    def rows(self) -> str:
+        """What the rows of such a model are called."""
+        return "anchors" if self is Signature.SCAFFOLD_GS else "Gaussians"
+
     @classmethod
     def of(cls, columns: Collection[str]) -> Signature:
         """Return the signature of a table with these columns."""

@@ -19,11 +19,17 @@ from gspure.pruning import plain_prune_mask
 from gspure.renderer import Renderer
 from gspure.schemes.asset import Asset, of_units
 from gspure.schemes.scheme import Key
-from gspure.weights import accumulate
+from gspure.weights import Reduction, accumulate
 
 
 def hidden_weights(
-    asset: Asset, key: Key, extraction: str, cameras: Sequence[Camera], energy: Energy, device: Device | None = None
+    asset: Asset,
+    key: Key,
+    extraction: str,
+    cameras: Sequence[Camera],
+    energy: Energy,
+    device: Device | None = None,
+    reduction: Reduction = "sum",
 ) -> NDArray[np.float32]:
     """Return the mean contribution [K] of each unit to views of the message, as omega_k is to those of the scene."""
 
@@ -31,7 +37,7 @@ def hidden_weights(
         gaussians, units = key.gaussians(asset, camera, extraction)
         return of_units(Renderer(gaussians, device, energy=energy).contributions(camera), units)
 
-    return accumulate(map(stage, track(cameras, "hidden weight")), len(asset.units), "sum")
+    return accumulate(map(stage, track(cameras, "hidden weight")), len(asset.units), reduction)
 
 
 def share_on_low(weights: NDArray[Any], hidden: NDArray[Any], tau: float) -> float:
