@@ -1,6 +1,7 @@
 """The figures of one model, and the command that draws them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ PNG = b"\x89PNG\r\n"
 @pytest.fixture
 def evidence(monkeypatch: pytest.MonkeyPatch) -> gallery.Evidence:
     monkeypatch.setattr(gallery, "PICTURE_WIDTH", 120)
+    monkeypatch.setattr(gallery, "THIRD_WIDTH", 120)
     labels = np.repeat([-1, 0, 1, -1], 100).astype(np.int32)
     weights = np.where(np.arange(400) < 50, 0, RNG.random(400)).astype(np.float32)
     return gallery.Evidence(BALL, labels, weights, weights < 0.1, weights < 0.2)
@@ -36,12 +38,29 @@ def test_without_opengl_all_figures_are_drawn_and_say_why(
     monkeypatch.setattr(portrait, "_draw_balls", None)
     captions = gallery.draw(tmp_path / "figures", evidence)
     clouds = ("clusters", "ranks", "kept", "truth")
-    expected = {f"{name}{suffix}" for name in clouds for suffix in (".png", ".gltf", ".vtp")} | {"weights.png"}
+    expected = {f"{name}{suffix}" for name in clouds for suffix in (".png", ".gltf", ".vtp")}
+    expected |= {"purification.png", "weights.png"}
     assert {path.name for path in (tmp_path / "figures").iterdir()} == expected
-    assert {path.stem for path in captions} == {*clouds, "weights"}
+    assert {path.stem for path in captions} == {*clouds, "purification", "weights"}
     for path, caption in captions.items():
         assert path.read_bytes().startswith(PNG)
         assert ("Drawn without OpenGL (no driver: install one)." in caption) == (path.stem != "weights")
+
+
+def test_of_a_trained_scheme_the_weights_of_the_message_stand_for_the_truth(tmp_path: Path, evidence) -> None:
+    hidden = np.where(evidence.pruned, 3 * evidence.weights.max(), 0).astype(np.float32)
+    trained = replace(evidence, carries_message=None, hidden=hidden, rows="anchors")
+    captions = {path.stem: caption for path, caption in gallery.draw(tmp_path, trained).items()}
+    assert captions.keys() == {"clusters", "ranks", "kept", "hidden", "purification", "weights"}
+    assert "Pruning takes 100.0% of the weight in the message" in captions["purification"]
+    assert not any("Gaussians" in caption for caption in captions.values())
+    unmarked = gallery.draw(tmp_path / "unmarked", replace(evidence, carries_message=None))
+    assert {path.stem for path in unmarked} == {"clusters", "ranks", "kept", "weights"}
+
+
+def test_a_model_of_which_all_is_pruned_is_drawn_too(tmp_path: Path, evidence) -> None:
+    gallery.draw(tmp_path, replace(evidence, pruned=np.ones(400, np.bool_)))
+    assert (tmp_path / "purification.png").read_bytes().startswith(PNG)
 
 
 def test_figures_are_the_same_bytes_again(tmp_path: Path, evidence: gallery.Evidence) -> None:

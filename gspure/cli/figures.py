@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gspure.cli.image_figures import add_attacks, add_panels
 from gspure.cli.method_options import add_factors
 from gspure.cli.scheme_figures import add_sweep, add_tradeoff
 from gspure.errors import InputError
@@ -19,6 +20,8 @@ EXAMPLES = """\
   gspure figures model --model point_cloud.ply --weights omega.npy --clusters clusters.npz \\
       --prune-mask prune_mask.npy --cameras cameras.json --out figures
   gspure figures panels --column before=before --column after=after --difference --out figures/views.png
+  gspure figures attacks --table results.csv --asset planted/room --column truth=truth \\
+      --column watermarked=watermarked/renders --column gspure=gspure/renders --out attacks.png
   gspure figures outcomes --table results.csv --asset planted/room --out figures/outcomes.png
   gspure figures sweep --table results.csv --scheme planted --point gspure=4,4 --point tau_n_1=1,4 --out sweep.png
   gspure figures tradeoff --table results.csv --scheme planted --out tradeoff.png
@@ -29,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the kinds of figures, and the options of each."""
     kinds = parser.add_subparsers(title="figures", metavar="KIND", required=True)
     _add_model(kinds.add_parser("model", help="point clouds (.png, .gltf, .vtp) and the histogram of weights"))
-    _add_panels(kinds.add_parser("panels", help="the same views in several renderings, with their PSNR"))
+    add_panels(kinds.add_parser("panels", help="the same views in several renderings, with their PSNR"))
+    add_attacks(kinds.add_parser("attacks", help="one view of scene and message after every attack, with its PSNR"))
     _add_outcomes(kinds.add_parser("outcomes", help="PSNR of scene and message, and Score, of every variant"))
     add_sweep(kinds.add_parser("sweep", help="PSNR of scene and message against the pruning factors"))
     add_tradeoff(kinds.add_parser("tradeoff", help="what variants leave of the message against damage to the scene"))
@@ -41,7 +45,9 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="of `gspure cluster`")
     parser.add_argument("--prune-mask", type=Path, required=True, metavar="NPY", help="of `gspure prune`")
     add_factors(parser)
-    parser.add_argument("--truth", type=Path, metavar="NPY", help="bool [K], true for Gaussians of the message")
+    known = parser.add_mutually_exclusive_group()
+    known.add_argument("--truth", type=Path, metavar="NPY", help="bool [K], true for Gaussians of the message")
+    known.add_argument("--hidden", type=Path, metavar="NPY", help="or the message's weight: of `gspure hidden`")
     parser.add_argument(
         "--cameras", type=Path, metavar="FILE", help="the model's views: which way is up, and where from"
     )
@@ -53,29 +59,10 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="DIR",
-        help="folder for clusters, ranks, kept (and truth) as .png, .gltf and .vtp, and weights.png; "
-        "each .png has its caption in .png.json",
+        help="folder for clusters, ranks, kept (and truth or hidden) as .png, .gltf and .vtp, weights.png (and "
+        "purification.png); each .png has its caption in .png.json",
     )
     parser.set_defaults(draw=_draw_model)
-
-
-def _add_panels(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--column",
-        type=_column,
-        action="append",
-        required=True,
-        metavar="TITLE=DIR",
-        help="a column and its folder of VIEW.png; give the reference first; may be repeated",
-    )
-    parser.add_argument(
-        "--rows", type=int, default=3, metavar="N", help="how many views to show (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--difference", action="store_true", help="add the difference between the last column and the first"
-    )
-    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
-    parser.set_defaults(draw=_draw_panels)
 
 
 def _add_outcomes(parser: argparse.ArgumentParser) -> None:
@@ -83,13 +70,6 @@ def _add_outcomes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
     parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
     parser.set_defaults(draw=_draw_outcomes)
-
-
-def _column(text: str) -> tuple[str, Path]:
-    title, found, folder = text.rpartition("=")
-    if not (title and found and folder):
-        raise argparse.ArgumentTypeError(f"expected TITLE=DIR, found {text!r}")
-    return title, Path(folder)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -105,11 +85,12 @@ def _draw_model(args: argparse.Namespace) -> None:
     from gspure.clustering.store import read_clusters
     from gspure.figures.gallery import Evidence, draw
     from gspure.model import read_model, require_finite
+    from gspure.model.signature import Signature
 
     model = read_model(args.model)
     require_finite(model, args.model)
     if not len(model):
-        raise InputError(args.model, "Gaussians", expected="at least one", found="none")
+        raise InputError(args.model, "rows", expected="at least one", found="none")
     shape = (len(model),)
     labels = read_clusters(args.clusters).labels
     if labels.shape != shape:
@@ -120,12 +101,14 @@ def _draw_model(args: argparse.Namespace) -> None:
         load_array(args.weights, dtype=np.float32, shape=shape),
         load_array(args.prune_mask, dtype=np.bool_, shape=shape),
         load_array(args.truth, dtype=np.bool_, shape=shape) if args.truth else None,
+        load_array(args.hidden, dtype=np.float32, shape=shape) if args.hidden else None,
         args.tau_c,
         args.tau_n,
+        Signature.of(model.table.dtype.names or ()).rows,
     )
     cameras = read_cameras(args.cameras) if args.cameras else []
     captions = draw(args.out, evidence, cameras, _named(cameras, args.view, args.cameras) if args.view else None)
-    names = ("model", "weights", "clusters", "prune_mask", "truth", "cameras")
+    names = ("model", "weights", "clusters", "prune_mask", "truth", "hidden", "cameras")
     inputs = {name: path for name in names if (path := getattr(args, name))}
     _note(captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n, "view": args.view})
 
@@ -136,30 +119,6 @@ def _named(cameras: list[Camera], name: str, source: Path | None) -> Camera:
             return camera
     found = f"{len(cameras)} others" if cameras else "no cameras"
     raise InputError(source or "--cameras", "view", expected=f"one named {name}", found=found)
-
-
-def _draw_panels(args: argparse.Namespace) -> None:
-    import numpy as np
-
-    from gspure.figures.findings import spoken
-    from gspure.figures.panels import GAIN, write_panels
-    from gspure.images import read_image
-
-    folders = dict(args.column)
-    views = sorted(set.intersection(*({path.stem for path in folder.glob("*.png")} for folder in folders.values())))
-    if not views:
-        raise InputError(args.column[0][1], "*.png", expected="a view that all columns have", found="none")
-    chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, args.rows).round().astype(int))]
-    images = {title: {view: read_image(folder / f"{view}.png") for view in chosen} for title, folder in folders.items()}
-    write_panels(args.out, images, chosen, difference=args.difference)
-    titles = list(folders)
-    caption = f"{len(chosen)} of {len(views)} views, with their PSNR against {spoken(titles[0])}."
-    if args.difference:
-        caption += (
-            f" Last column: {GAIN} times the absolute difference between {spoken(titles[-1])} and {spoken(titles[0])}."
-        )
-    inputs = {f"{title} {view}": folders[title] / f"{view}.png" for title in titles for view in chosen}
-    _note({args.out: caption}, inputs, {})
 
 
 def _draw_outcomes(args: argparse.Namespace) -> None:

@@ -1,0 +1,118 @@
+"""What every attack leaves, side by side: which variants, which view, and what a tile says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from PIL import Image
+
+from gspure.cli import main
+from gspure.evaluation.comparison import ViewMetrics
+from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.tables import write_table
+from gspure.figures import lineup, style
+from gspure.figures.lineup import COLUMNS, Column, chosen, typical, write_lineup
+from gspure.images import write_image
+
+PHOTOGRAPH = np.full((6, 8, 3), 0.5, np.float32)
+
+
+def outcome(variant, scene=30.0, message=30.0, **known):
+    reference, targets = (
+        {name: ViewMetrics(name, "mean", psnr, 0.9, "truth") for name, psnr in (("scene", a), ("message", b))}
+        for a, b in ((30.0, 30.0), (scene, message))
+    )
+    return Outcome("planted", "room", variant, targets, dict.fromkeys(targets, 3), reference=reference, **known)
+
+
+def names(outcomes):
+    return [o.variant for o in outcomes]
+
+
+def test_of_an_attack_at_several_strengths_the_highest_score_is_shown():
+    outcomes = [outcome("watermarked"), outcome("weak", 29, 28), outcome("fit", 28, 10), outcome("strong", 5, 5)]
+    sweeps = {"pruning": ["weak", "fit", "strong", "elsewhere"], "other": ["nowhere"]}
+    assert names(chosen(outcomes, sweeps)) == ["watermarked", "fit"]
+    assert names(chosen(outcomes, {})) == names(outcomes)
+
+
+def test_of_gspure_it_is_the_method_itself_and_of_what_failed_the_first():
+    failed = [Outcome("planted", "room", name, {}, {}, failure="no memory") for name in ("a", "b")]
+    outcomes = [outcome("tau_n_1", 30, 5), outcome("gspure", 20, 20), *failed, outcome("clean")]
+    shown = chosen(outcomes, {"gspure": ["tau_n_1", "gspure"], "other": ["a", "b"]})
+    assert names(shown) == ["gspure", "a"], "controls are no attacks"
+
+
+def test_the_view_is_neither_the_best_nor_the_worst():
+    shown = {name: PHOTOGRAPH + error for name, error in (("a", 0.3), ("b", 0.1), ("c", 0.2), ("d", 0.4))}
+    truth = dict.fromkeys(shown, PHOTOGRAPH)
+    assert typical(truth, shown) == "a"
+    assert typical(truth, {name: shown[name] for name in "abc"}) == "c"
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The labels and texts of the tiles, as they are drawn."""
+    said: list[str] = []
+    monkeypatch.setattr(lineup, "show", lambda axes, image, label: said.append(label))
+    monkeypatch.setattr(Axes, "text", lambda axes, x, y, text, **style: said.append(text))
+    return said
+
+
+def test_a_tile_says_its_psnr_whether_it_was_reached_and_why_it_is_empty(tmp_path, drawn):
+    columns = [
+        Column("truth", {"message": PHOTOGRAPH}),
+        Column("noise", {"message": PHOTOGRAPH + np.float32(0.1)}, frozenset({"message"})),
+        Column("gof", {}, failure="no memory"),
+    ]
+    write_lineup(tmp_path / "lineup.png", ["message"], columns)
+    assert drawn == ["", "20.00 dB †", "failed", "no memory"]
+
+
+def test_many_columns_go_on_below_and_keep_their_size(tmp_path):
+    sizes = []
+    for count in (COLUMNS, 4 * COLUMNS - 1):
+        columns = [Column(f"v{i}", {"scene": PHOTOGRAPH, "message": PHOTOGRAPH}) for i in range(count)]
+        write_lineup(tmp_path / "lineup.png", ["scene", "message"], columns)
+        with Image.open(tmp_path / "lineup.png") as image:
+            sizes.append(image.size)
+    assert {width for width, _ in sizes} == {style.PAGE * style.DPI}
+    assert sizes[1][1] == pytest.approx(4 * sizes[0][1], rel=0.1)
+
+
+@pytest.fixture
+def results(tmp_path):
+    outcomes = [outcome("watermarked"), outcome("noise", reached={"message": False})]
+    outcomes += [Outcome("planted", "room", "gof", {}, {}, failure="no memory")]
+    write_table(tmp_path / "results.csv", outcomes)
+    for target in ("scene", "message"):
+        for i, view in enumerate("abc"):
+            write_image(tmp_path / "truth" / target / f"{view}.png", PHOTOGRAPH)
+            for variant in ("watermarked", "noise"):
+                write_image(tmp_path / variant / target / f"{view}.png", PHOTOGRAPH + np.float32(0.1 * (i + 1)))
+    return tmp_path
+
+
+def command(folder, *titles):
+    columns = [f"--column={title}={folder / title}" for title in titles]
+    table = ["--table", str(folder / "results.csv"), "--asset", "planted/room"]
+    return ["figures", "attacks", *table, *columns, "--out", str(folder / "attacks.png")]
+
+
+def test_the_command_shows_what_is_in_the_table(results: Path) -> None:
+    assert main(command(results, "truth", "watermarked", "noise", "gof")) == 0
+    note = json.loads((results / "attacks.png.json").read_text())
+    shown = {f"{name} {target}" for name in ("truth", "watermarked", "noise") for target in ("scene", "message")}
+    assert note["inputs"].keys() == {"table", *shown}
+    assert note["settings"]["caption"].startswith("View b, that of 3")
+    assert "†" in note["settings"]["caption"]
+    assert main(command(results, "watermarked", "noise")) == 0, "without a truth"
+
+
+def test_without_the_unattacked_model_there_is_nothing_to_compare(results: Path, capsys) -> None:
+    assert main(command(results, "truth", "noise")) == 2
+    assert "expected watermarked of planted/room" in capsys.readouterr().err
