@@ -28,13 +28,13 @@ def test_a_message_survives_where_it_stands_out_from_the_highest_control_of_its_
         "left": True,
         "half": True,
     }
-    assert rows["left"].above_controls.mean == BEFORE["message"] - 5 - CONTROLS["clean"]
+    assert rows["left"].above_controls.mean == BEFORE["message"] - 5 - CONTROLS["mean_colour"]
     assert (rows["gone"].survived, rows["left"].survived) == (0, 4)
-    assert rows["gone"].above_controls.mean == 0.0
+    assert rows["gone"].above_controls.mean == -2.0
 
 
 def test_less_than_the_margin_above_the_controls_is_gone() -> None:
-    above = BEFORE["message"] - CONTROLS["clean"]
+    above = BEFORE["message"] - CONTROLS["mean_colour"]
     for margin, survived in ((MARGIN + 0.01, 1), (MARGIN - 0.01, 0)):
         assert by_variant(benchmark({"a": {"x": (1.0, above - margin)}}))["x"].survived == survived
 
@@ -44,10 +44,22 @@ def test_what_survives_in_some_scenes_only_is_neither() -> None:
     assert (row.survived, row.above_controls.scenes, row.survives) == (1, 2, None)
 
 
-def test_pictures_without_content_do_not_decide_but_are_told() -> None:
+def test_what_tells_less_than_one_flat_colour_is_gone_though_a_clean_model_shows_less() -> None:
     row = by_variant(benchmark({"a": {"x": (1.0, 18.5)}}))["x"]  # 9.5 dB: between the clean model and a mean colour
-    assert (row.survives, row.above_controls.mean, row.above_floors.mean) == (True, 1.5, -0.5)
-    assert row.control == "clean"
+    assert (row.survives, row.above_controls.mean) == (False, -0.5)
+    assert (row.control, row.told.auc) == ("clean", 1.0)
+
+
+def test_a_wrong_key_that_shows_the_message_does_not_make_it_gone() -> None:
+    outcomes = [o for o in benchmark({"a": {"x": (1.0, 5.0)}}) if o.variant != "wrong_key"]
+    row = by_variant([*outcomes, outcome("wrong_key", "a", targets={"message": 24.0})])["x"]
+    assert (row.survives, row.above_wrong_key.mean) == (True, -1.0)
+
+
+def test_a_message_that_was_not_there_cannot_survive() -> None:
+    outcomes = [o for o in benchmark({s: {"x": (1.0, 1.0)} for s in "ab"}) if (o.scene, o.variant) != ("a", "clean")]
+    row = by_variant([*outcomes, outcome("clean", "a", targets={"message": 27.5})])["x"]
+    assert (row.present, row.survived, row.above_controls.scenes, row.survives) == (1, 1, 2, True)
 
 
 def test_the_kind_of_control_that_is_told_apart_least_counts_one_value_per_scene() -> None:
@@ -60,7 +72,7 @@ def test_the_kind_of_control_that_is_told_apart_least_counts_one_value_per_scene
 
 def test_without_controls_nothing_is_said_of_survival() -> None:
     rows = by_variant([o for o in FOUR if not o.is_control])
-    assert {(row.survives, row.above_controls, row.above_floors, row.told) for row in rows.values()} == {
+    assert {(row.survives, row.above_controls, row.above_wrong_key, row.told) for row in rows.values()} == {
         (None, None, None, None)
     }
     assert rows["left"].message_drop.mean == 5.0

@@ -13,12 +13,12 @@ from gspure.evaluation.survival import MARGIN, Survival
 
 LEFT: Final = f"""\
 In dB, mean over scenes. Brackets: 95 % interval over scenes; parentheses: range of fewer than six. Above controls: how
-far the message's PSNR lies above the highest of its own scene's controls (a model without message, a wrong key, another
-scene's model). Where that is {MARGIN:g} dB or more the message is there; survives in: of the scenes in which it is
-there before any attack. Above a flat picture: the same for
-pictures of one colour, which no extractor shows. Told from controls: the probability that an attacked model shows more
-of the message than a control of the kind that it is told from least, with its 95 % interval; 0.5 is chance. † The
-attack did not touch what this extraction reads."""
+far the message's PSNR lies above all that is seen of the same scene where there is none: in a model without message, in
+another scene's model, in pictures of one colour. Where that is {MARGIN:g} dB or more the message is there. Survives in:
+of the scenes in which it is there before any attack. Above a wrong key: what it shows of the unattacked model. Told
+from controls: the probability that an attacked model shows more of the message than a model without it, of the kind
+that it is told from least, with its 95 % interval; 0.5 is chance. † The attack did not touch what this extraction
+reads."""
 
 AGAINST: Final = """\
 GSPure less the other, in dB, mean over scenes: positive where GSPure has more, so that it does better in Score and
@@ -45,13 +45,13 @@ def contest_markdown(survivals: Sequence[Survival], contests: Sequence[Contest])
 
 
 def _left(rows: Iterable[Survival]) -> list[str]:
-    columns = ["message drop", "scene drop", "survives in", "above controls", "above a flat picture"]
+    columns = ["message drop", "scene drop", "survives in", "above controls", "above a wrong key"]
     lines = _head(["attack", *columns, "told from controls"])
     for row in rows:
         missed = " †" if row.reached is False and row.variant != REFERENCE else ""
         scenes = f"{row.survived} of {row.present}" if row.above_controls else ""
         drops = (_shown(row.message_drop), _shown(row.scene_drop))
-        above = (_shown(row.above_controls), _shown(row.above_floors))
+        above = (_shown(row.above_controls), _shown(row.above_wrong_key))
         lines.append(_line([row.variant + missed, *drops, scenes, *above, _told(row.told, row.control)]))
     return [*lines, ""]
 

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from numpy.typing import ArrayLike
 
-from gspure.evaluation.controls import FLOORS, MODELS
+from gspure.evaluation.controls import CLEAN, FLOORS, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.outcomes import REFERENCE, SCENE, Outcome, ordered
 from gspure.evaluation.sheet import Cell, read_sheet, write_sheet
 from gspure.evaluation.statistics import (
@@ -25,12 +25,19 @@ from gspure.evaluation.statistics import (
 MARGIN: Final = 1.0
 """How far a message stands out from its scene's controls that is told to survive, dB. Ours: about what an eye sees."""
 
+MODELS: Final = (CLEAN, OTHER_SCENE)
+"""Models without the message. A wrong key is no such control: what it shows is a model that holds the message."""
+
+CONTROLS: Final = (*MODELS, *FLOORS)
+"""All that is seen where there is no message. An extraction may show black of a clean model, which a message in shreds
+surpasses easily; so a message has to tell more than one flat colour would, too."""
+
 HEADER: Final = (
     *("scheme", "extraction", "variant", "present", "survived", "reached"),
     *(f"message_drop_{part}" for part in Interval._fields),
     *(f"scene_drop_{part}" for part in Interval._fields),
     *(f"above_controls_{part}" for part in Interval._fields),
-    *(f"above_floors_{part}" for part in Interval._fields),
+    *(f"above_wrong_key_{part}" for part in Interval._fields),
     *("control", *Detectability._fields),
 )
 
@@ -55,13 +62,13 @@ class Survival(NamedTuple):
     message_drop: Interval | None
     scene_drop: Interval | None
     above_controls: Interval | None
-    """How far the message's PSNR lies above the highest of the same scene's `MODELS`, dB."""
+    """How far the message's PSNR lies above the highest of the same scene's `CONTROLS`, dB."""
 
-    above_floors: Interval | None
-    """How far above the highest of its `FLOORS`, dB. No extractor shows these, so they do not decide what survives."""
+    above_wrong_key: Interval | None
+    """How far above what a wrong key shows of the unattacked model, dB."""
 
     control: str
-    """The kind of control that the message is told from least; "" if there is none."""
+    """The kind of model without message that it is told from least; "" if there is none."""
 
     told: Detectability | None
     """How well it is told from that kind, one value per scene."""
@@ -116,7 +123,7 @@ def _left(outcomes: Sequence[Outcome], extraction: str) -> dict[str, dict[tuple[
 
 def _survival(attacked: Sequence[Outcome], extraction: str, left: Mapping[str, Cells]) -> Survival:
     first = attacked[0]
-    ours, controls = left.get(first.variant, {}), _highest(left, MODELS)
+    ours, controls = left.get(first.variant, {}), _highest(left, CONTROLS)
     before = _standing_out(left.get(REFERENCE, {}), controls)
     after = _standing_out(ours, controls)
     known = [o.reached[extraction] for o in attacked if extraction in o.reached]
@@ -134,7 +141,7 @@ def _survival(attacked: Sequence[Outcome], extraction: str, left: Mapping[str, C
         _mean(by_scene(_known(attacked, extraction))),
         _mean(by_scene(_known(attacked, SCENE))),
         _mean(differences(ours, controls)),
-        _mean(differences(ours, _highest(left, FLOORS))),
+        _mean(differences(ours, left.get(WRONG_KEY, {}))),
         control,
         told.get(control),
     )
@@ -173,7 +180,7 @@ def _mean(scenes: Sequence[ArrayLike]) -> Interval | None:
 def _cells(row: Survival) -> Iterator[Cell]:
     unknown = (None,) * len(Interval._fields)
     yield from (*row[:5], "" if row.reached is None else str(row.reached).lower())
-    for interval in (row.message_drop, row.scene_drop, row.above_controls, row.above_floors):
+    for interval in (row.message_drop, row.scene_drop, row.above_controls, row.above_wrong_key):
         yield from interval or unknown
     yield row.control
     yield from row.told or (None,) * len(Detectability._fields)
@@ -184,11 +191,11 @@ def _row(
 ) -> Survival:
     touched = {"true": True, "false": False, "": None}.get(reached)
     width = len(Interval._fields)
-    message, scene, controls, floors = (_interval(*cells[i : i + width]) for i in range(0, 4 * width, width))
+    message, scene, controls, wrong_key = (_interval(*cells[i : i + width]) for i in range(0, 4 * width, width))
     control, *told = cells[4 * width :]
     told_from = _detectability(*told) if control else None
     of_variant = (scheme, extraction, variant, int(present), int(survived), touched)
-    return Survival(*of_variant, message, scene, controls, floors, control, told_from)
+    return Survival(*of_variant, message, scene, controls, wrong_key, control, told_from)
 
 
 def _interval(mean: str, low: str, high: str, level: str, scenes: str) -> Interval | None:

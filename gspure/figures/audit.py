@@ -18,9 +18,9 @@ from gspure.figures.findings import spoken
 from gspure.figures.wording import db, listed, loses, mirrored, plural, tenths
 
 CRITERION: Final = (
-    f"A message survives in a scene if its PSNR lies {MARGIN:g} dB or more above all that the extraction shows "
-    "of that scene where there is none to be seen: in a model without one, with a wrong key, in another scene's model. "
-    "In parentheses: smallest and largest scene, or from six scenes on the 95% interval of the mean."
+    f"A message survives in a scene if its PSNR lies {MARGIN:g} dB or more above all that is seen of that scene where "
+    "there is none: in a model without it, in another scene's model, in pictures of one colour. In parentheses: smallest "
+    "and largest scene, or from six scenes on the 95% interval of the mean."
 )
 
 _REASON: Final = 160
@@ -117,6 +117,8 @@ def _message(main: Mapping[str, Survival]) -> Iterator[Point]:
             scenes = f"{before.present} of {plural(before.above_controls.scenes, 'scene')}"
             text += f" It stands out in {scenes}, and only there can it survive."
         yield "Before any attack", text
+        if before.above_wrong_key:
+            yield "The key", _secrecy(before.above_controls, before.above_wrong_key)
     if ours := main.get(METHOD):
         yield "GSPure", _attack(ours)
     judged = _judged(main)
@@ -127,10 +129,12 @@ def _message(main: Mapping[str, Survival]) -> Iterator[Point]:
     if not judged:
         rows = sorted((r for r in main.values() if r.variant != REFERENCE), key=_damage)
         yield "All attacks", f"{_sentence_case(listed(map(_priced, rows)))}."
-    flat = [row for row in judged if row.survives is not False and row.above_floors and row.above_floors.mean < 0]
-    if flat:
-        names = listed(spoken(row.variant) for row in flat)
-        yield "Little of a picture", f"After {names} the message is further from the truth than one flat colour."
+
+
+def _secrecy(right: Interval, over_wrong: Interval) -> str:
+    shown = right.mean - over_wrong.mean
+    text = f"A wrong one shows {db(over_wrong)} less than the right one"
+    return f"{text}, and so still the message: it is no secret." if shown >= MARGIN else f"{text}, no message."
 
 
 def _attack(row: Survival) -> str:
@@ -141,7 +145,7 @@ def _attack(row: Survival) -> str:
         text += f" It then lies {_from_controls(row.above_controls)}, and survives in {row.survived} of {row.present}."
     if row.told:
         bounds = f"{row.told.low:.2f} to {row.told.high:.2f}"
-        text += f" It is told from a control with probability {row.told.auc:.2f} ({bounds}; 0.50 is chance)."
+        text += f" It is told from a model without it with probability {row.told.auc:.2f} ({bounds}; 0.50 is chance)."
     return text
 
 
