@@ -19,8 +19,8 @@ from gspure.figures.wording import db, listed, loses, mirrored, plural, tenths
 
 CRITERION: Final = (
     f"A message survives in a scene if its PSNR lies {MARGIN:g} dB or more above all that is seen of that scene where "
-    "there is none: in a model without it, in another scene's model, in pictures of one colour. In parentheses: smallest "
-    "and largest scene, or from six scenes on the 95% interval of the mean."
+    "there is none: in a model without it, in another scene's model, in pictures of one colour. In parentheses: the "
+    "smallest and the largest scene, or from six scenes on the 95% interval of the mean."
 )
 
 _REASON: Final = 160
