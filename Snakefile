@@ -33,6 +33,10 @@ include: "rules/figures.smk"
 include: "rules/report.smk"
 
 
+for each in workflow.rules:
+    retry(each)
+
+
 rule all:
     default_target: True
     input:
@@ -44,5 +48,11 @@ rule all:
 rule purified:
     input:
         expand("results/{model}/gspure/public/point_cloud.ply", model=MODELS),
+    log:
+        "results/logs/purified.log",
+    conda:
+        "envs/gspure.yaml"
     message:
         "Purified models only"
+    shell:
+        "python -m gspure failures {input:q} > {log:q} 2>&1"

@@ -21,6 +21,8 @@ rule attack_model:
     message:
         "Making variant {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "python -m gspure attack {params.attack:q} --model {input.model:q} {params.options}"
-        " --out {output.model:q} --kept {output.kept:q} --world {output.world:q}"
-        " --verdict {output.verdict:q} > {log:q} 2>&1"
+        job(
+            "attack {params.attack:q} --model {input.model:q} {params.options}"
+            " --out {output.model:q} --kept {output.kept:q} --world {output.world:q}"
+            " --verdict {output.verdict:q}"
+        )

@@ -6,6 +6,7 @@ from gspure.attacks import find_attack
 from gspure.configuration import GENERATED, resolved, validated
 from gspure.errors import InputError
 from gspure.evaluation.controls import CONTROLS
+from gspure.failures import note_of
 from gspure.opencl.program import kernel_digest
 from gspure.schemes.registry import find_scheme
 from gspure.sources import code_digest
@@ -20,9 +21,13 @@ except InputError as error:
     print(f"gspure: {error}", file=sys.stderr)
     sys.exit(2)
 
-# By scheme, the scenes of each: planted messages, the user's own models, and pairs that schemes are trained on.
+# By scheme, the scenes of each: planted messages, the user's own models, and pairs that schemes are trained on. `raised@1`
+# is the pair `raised` again, with other seeds.
 WATERMARKS = {name: find_scheme(name) for name in config["schemes"]}
-SCHEMES = {"planted": config["planted"], "vanilla": config["assets"], **dict.fromkeys(WATERMARKS, config["pairs"])}
+REPEATED = {
+    f"{pair}@{n}" if n else pair: own for pair, own in config["pairs"].items() for n in range(config["repetitions"])
+}
+SCHEMES = {"planted": config["planted"], "vanilla": config["assets"], **dict.fromkeys(WATERMARKS, REPEATED)}
 MODELS = [f"{scheme}/{scene}" for scheme, scenes in SCHEMES.items() for scene in scenes]
 VARIANTS = config["variants"]
 
@@ -33,7 +38,7 @@ TURNS = 0 if config["threads"] else 1
 
 wildcard_constraints:
     scheme="|".join(SCHEMES),
-    scene="[A-Za-z0-9_-]+",
+    scene="[A-Za-z0-9_-]+(?:@[0-9]+)?",
     variant="|".join([*VARIANTS, *CONTROLS]),
 
 
@@ -48,6 +53,22 @@ if not workflow.deployment_settings.deployment_method:
 shell.prefix(prefix)
 
 
+# How a rule runs a command. If it fails, a note in place of its files says why, and what needs these is not tried.
+ATTEMPT = (
+    "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure attempt" " --after {input:q} --makes {output:q} --log {log:q} --"
+)
+
+
+def job(command):
+    """The shell command of a rule whose failure stops nothing else."""
+    return f"{ATTEMPT} {command}"
+
+
+def retry(made):
+    """Let how often its jobs have failed be a parameter of a rule: the next run then tries these again."""
+    made.set_params(tries=lambda wildcards: note_of(made.output[0].apply_wildcards(wildcards)).failures)
+
+
 def options(settings, *names):
     """Command-line options for some of `settings`: `--tau-c 4.0 --tau-n 4.0`; none for one that is null."""
     words = []
@@ -55,3 +76,8 @@ def options(settings, *names):
         if (value := settings[name]) is not None:
             words += [f"--{name.replace('_', '-')}", *(value if isinstance(value, list) else [value])]
     return shlex.join(map(str, words))
+
+
+def column_options(folders):
+    """Folders of images by title, as options of a figure's columns."""
+    return shlex.join(word for title, folder in folders.items() for word in ("--column", f"{title}={folder}"))

@@ -68,8 +68,10 @@ rule draw_sweep:
     message:
         "Drawing {wildcards.scheme} against the pruning factors"
     shell:
-        "python -m gspure figures sweep --table {input.table:q} --scheme {wildcards.scheme} {params.points}"
-        " --out {output.figure:q} > {log:q} 2>&1"
+        job(
+            "figures sweep --table {input.table:q} --scheme {wildcards.scheme} {params.points}"
+            " --out {output.figure:q}"
+        )
 
 
 rule draw_tradeoff:
@@ -93,5 +95,4 @@ rule draw_tradeoff:
     message:
         "Drawing what variants of {wildcards.scheme} leave of the message"
     shell:
-        "python -m gspure figures tradeoff --table {input.table:q} --scheme {wildcards.scheme} --out {output.figure:q}"
-        " > {log:q} 2>&1"
+        job("figures tradeoff --table {input.table:q} --scheme {wildcards.scheme} --out {output.figure:q}")

@@ -26,9 +26,11 @@ rule measure_contributions:
     message:
         "Measuring contributions in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}, part {wildcards.scatteritem}"
     shell:
-        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure contributions --model {input.model:q}"
-        " --cameras {input.cameras:q} --stages {params.stages:q} --part {params.part} {params.options}"
-        " --index {output.index:q} > {log:q} 2>&1"
+        job(
+            "contributions --model {input.model:q}"
+            " --cameras {input.cameras:q} --stages {params.stages:q} --part {params.part} {params.options}"
+            " --index {output.index:q}"
+        )
 
 
 rule accumulate_weights:
@@ -49,5 +51,4 @@ rule accumulate_weights:
     message:
         "Averaging contributions over the views of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
-        "python -m gspure weights --index {input.indices:q} --model {input.model:q} {params.options}"
-        " --out {output.weights:q} > {log:q} 2>&1"
+        job("weights --index {input.indices:q} --model {input.model:q} {params.options}" " --out {output.weights:q}")

@@ -24,7 +24,7 @@ rule make_pair:
     message:
         "Making the views of pair {wildcards.scene}"
     shell:
-        "python -m gspure pair {params.sources} {params.options} --out {params.folder:q} > {log:q} 2>&1"
+        job("pair {params.sources} {params.options} --out {params.folder:q}")
 
 
 rule train_message:
@@ -49,13 +49,12 @@ rule train_message:
     message:
         "Training the message of pair {wildcards.scene}"
     shell:
-        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure train {params.data:q} {params.options}"
-        " --out {output.model:q} > {log:q} 2>&1"
+        job("train {params.data:q} {params.options}" " --out {output.model:q}")
 
 
 rule embed_message:
     input:
-        **PAIR,
+        unpack(pair_inputs),
     output:
         model="results/{scheme}/{scene}/public/point_cloud.ply",
         key=directory("results/{scheme}/{scene}/key"),
@@ -79,13 +78,12 @@ rule embed_message:
     message:
         "Hiding the message of {wildcards.scene} by {wildcards.scheme}"
     shell:
-        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure embed {wildcards.scheme} {params.pair:q} {params.options}"
-        " --out {params.folder:q} > {log:q} 2>&1"
+        job("embed {wildcards.scheme} {params.pair:q} {params.options}" " --out {params.folder:q}")
 
 
 rule embed_nothing:
     input:
-        **PAIR,
+        unpack(pair_inputs),
     output:
         model="results/{scheme}/{scene}/clean/public/point_cloud.ply",
     log:
@@ -108,8 +106,10 @@ rule embed_nothing:
     message:
         "Training {wildcards.scheme} on {wildcards.scene} without a message"
     shell:
-        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure embed {wildcards.scheme} {params.pair:q} {params.options}"
-        " --set message_weight=0 --out {params.folder:q} > {log:q} 2>&1"
+        job(
+            "embed {wildcards.scheme} {params.pair:q} {params.options}"
+            " --set message_weight=0 --out {params.folder:q}"
+        )
 
 
 rule weigh_message:
@@ -120,6 +120,7 @@ rule weigh_message:
         weights="results/{scheme}/{scene}/omega.npy",
     output:
         share="results/{scheme}/{scene}/hidden.json",
+        hidden="results/{scheme}/{scene}/hidden.npy",
     log:
         "results/logs/{scheme}/{scene}/hidden.log",
     benchmark:
@@ -134,10 +135,12 @@ rule weigh_message:
     params:
         kernels=KERNELS,
         code=lambda wildcards: code_digest("gspure.cli.hidden", WATERMARKS[wildcards.scheme].embed.__module__),
-        options=options(config["method"], "energy"),
+        options=options(config["method"], "energy", "reduction"),
     message:
         "Weighing the message of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure hidden --model {input.model:q} --scheme {wildcards.scheme}"
-        " --key {input.key:q} --cameras {input.cameras:q} --weights {input.weights:q} {params.options}"
-        " --out {output.share:q} > {log:q} 2>&1"
+        job(
+            "hidden --model {input.model:q} --scheme {wildcards.scheme}"
+            " --key {input.key:q} --cameras {input.cameras:q} --weights {input.weights:q} {params.options}"
+            " --out {output.share:q} --hidden {output.hidden:q}"
+        )

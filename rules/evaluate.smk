@@ -22,7 +22,7 @@ rule reveal_planted:
     message:
         "Revealing the message of {wildcards.variant} of planted/{wildcards.scene}"
     shell:
-        "python -m gspure message {input.model:q} --key {input.key:q} --out {output.model:q} > {log:q} 2>&1"
+        job("message {input.model:q} --key {input.key:q} --out {output.model:q}")
 
 
 rule render_target:
@@ -51,8 +51,10 @@ rule render_target:
     message:
         "Rendering the {wildcards.target} of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure render {input.model:q} --cameras {input.cameras:q}"
-        " --split {params.split} {params.world} --out {output.images:q} > {log:q} 2>&1"
+        job(
+            "render {input.model:q} --cameras {input.cameras:q}"
+            " --split {params.split} {params.world} --out {output.images:q}"
+        )
 
 
 rule extract_message:
@@ -84,8 +86,10 @@ rule extract_message:
     message:
         "Extracting the {wildcards.target} from {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure extract {input.model:q} --key {input.key:q} {params.options}"
-        " --cameras {input.cameras:q} --split {params.split} {params.world} --out {output.images:q} > {log:q} 2>&1"
+        job(
+            "extract {input.model:q} --key {input.key:q} {params.options}"
+            " --cameras {input.cameras:q} --split {params.split} {params.world} --out {output.images:q}"
+        )
 
 
 rule compare_renders:
@@ -108,8 +112,7 @@ rule compare_renders:
     message:
         "Comparing the renders of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "python -m gspure metrics {params.references:q} {params.images:q} {params.options}"
-        " --out {output.metrics:q} > {log:q} 2>&1"
+        job("metrics {params.references:q} {params.images:q} {params.options}" " --out {output.metrics:q}")
 
 
 rule tabulate_metrics:

@@ -6,6 +6,7 @@ rule draw_model:
         mask="results/{scheme}/{scene}/prune_mask.npy",
         cameras="results/{scheme}/{scene}/cameras.json",
         truth=lambda wildcards: truth_of(**wildcards),
+        hidden=lambda wildcards: hidden_of(**wildcards),
     output:
         figures=report(
             directory("results/{scheme}/{scene}/figures/model"),
@@ -23,13 +24,15 @@ rule draw_model:
     params:
         code=code_digest("gspure.cli.figures"),
         factors=method_options("tau_c", "tau_n"),
-        truth=lambda wildcards, input: options(input, "truth") if input.truth else "",
+        message=lambda wildcards, input: options(input, *(name for name in ("truth", "hidden") if input[name])),
     message:
         "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "python -m gspure figures model --model {input.model:q} --weights {input.weights:q} --clusters {input.clusters:q}"
-        " --prune-mask {input.mask:q} --cameras {input.cameras:q} {params.truth} {params.factors}"
-        " --out {output.figures:q} > {log:q} 2>&1"
+        job(
+            "figures model --model {input.model:q} --weights {input.weights:q} --clusters {input.clusters:q}"
+            " --prune-mask {input.mask:q} --cameras {input.cameras:q} {params.message} {params.factors}"
+            " --out {output.figures:q}"
+        )
 
 
 rule draw_panels:
@@ -52,13 +55,41 @@ rule draw_panels:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.figures"),
-        columns=lambda wildcards: shlex.join(
-            word for title, folder in panel_columns(wildcards).items() for word in ("--column", f"{title}={folder}")
-        ),
+        columns=lambda wildcards: column_options(panel_columns(wildcards)),
     message:
         "Drawing the {wildcards.target} of {wildcards.scheme}/{wildcards.scene} before and after"
     shell:
-        "python -m gspure figures panels {params.columns} --difference --out {output.figure:q} > {log:q} 2>&1"
+        job("figures panels {params.columns} --difference --out {output.figure:q}")
+
+
+rule draw_attacks:
+    input:
+        table="results/tables/results.csv",  # which tells of all images, and of those that could not be made
+    output:
+        figure=report(
+            "results/{scheme}/{scene}/figures/attacks.png",
+            caption="../report/attacks.rst",
+            category="{scheme}/{scene}",
+            subcategory="Images",
+        ),
+    log:
+        "results/logs/{scheme}/{scene}/figures/attacks.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/figures/attacks.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.figures"),
+        asset="{scheme}/{scene}",
+        columns=lambda wildcards: column_options(shown_folders(wildcards)),
+        sweeps=SWEEPS,
+    message:
+        "Drawing what every attack leaves of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        job(
+            "figures attacks --table {input.table:q} --asset {params.asset:q} {params.columns} {params.sweeps}"
+            " --out {output.figure:q}"
+        )
 
 
 rule draw_outcomes:
@@ -83,5 +114,4 @@ rule draw_outcomes:
     message:
         "Drawing the outcomes of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "python -m gspure figures outcomes --table {input.table:q} --asset {params.asset:q} --out {output.figure:q}"
-        " > {log:q} 2>&1"
+        job("figures outcomes --table {input.table:q} --asset {params.asset:q} --out {output.figure:q}")

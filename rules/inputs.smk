@@ -6,12 +6,23 @@ CAMERA_FILES += ["cameras.json", "transforms.json", "transforms_train.json"]
 EXTRACTIONS = {name: scheme.extractions for name, scheme in WATERMARKS.items()}
 TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}
 TARGETS |= {name: ["scene", *extractions] for name, extractions in EXTRACTIONS.items()}
-PAIR = {
-    "cameras": "results/pairs/{scene}/cameras.json",
-    "points": "results/pairs/{scene}/points3D.ply",
-    "scene": "results/pairs/{scene}/scene",
-    "message": "results/pairs/{scene}/message",
-}
+
+
+def pair_of(wildcards):
+    """The name of an asset's pair: raised, of raised@1."""
+    return wildcards.scene.partition("@")[0]
+
+
+def repetition(wildcards):
+    """What an asset's repetition adds to all seeds: 1, of raised@1."""
+    return int(wildcards.scene.partition("@")[2] or 0)
+
+
+def pair_inputs(wildcards):
+    """What a scheme is trained on."""
+    folder = f"results/pairs/{pair_of(wildcards)}"
+    names = {"cameras": "cameras.json", "points": "points3D.ply", "scene": "scene", "message": "message"}
+    return {name: f"{folder}/{file}" for name, file in names.items()}
 
 
 def public_model(wildcards):
@@ -91,7 +102,7 @@ def embedding_code(wildcards):
 def embedding_options(wildcards):
     """The seed and the settings of a scheme's training."""
     settings = dict(config["schemes"][wildcards.scheme])
-    seed = settings.pop("seed")
+    seed = settings.pop("seed") + repetition(wildcards)
     assigned = [word for name, value in settings.items() for word in ("--set", f"{name}={value}")]
     return shlex.join(["--seed", str(seed), *assigned])
 
@@ -99,7 +110,7 @@ def embedding_options(wildcards):
 def camera_source(wildcards):
     """What names the views of an asset: a pair, a file or folder, a way to generate them, or what training left."""
     if wildcards.scheme in WATERMARKS:
-        return f"results/pairs/{wildcards.scene}/cameras.json"
+        return pair_inputs(wildcards)["cameras"]
     return config["assets"][wildcards.scene].get("cameras", f"results/vanilla/{wildcards.scene}/trained/cameras.json")
 
 
@@ -137,7 +148,8 @@ def attack_input(wildcards):
 def attack_options(wildcards, input):
     """The evidence, the seed and the settings of a variant; `tau`, if not set, is tau_n of its decision."""
     own = VARIANTS[wildcards.variant]
-    given = {name: path for name, path in input.items() if name in attack_of(wildcards).needs} | {"seed": own["seed"]}
+    given = {name: path for name, path in input.items() if name in attack_of(wildcards).needs}
+    given["seed"] = own["seed"] + repetition(wildcards)
     settings = {name: value for name, value in own.items() if name in attack_of(wildcards).settings}
     if "tau" in attack_of(wildcards).settings:
         settings.setdefault("tau", settings_of(wildcards)["tau_n"])
@@ -151,7 +163,7 @@ def model_of(wildcards):
     """The model that a variant or a control shows."""
     folder = f"results/{wildcards.scheme}/{wildcards.scene}"
     if wildcards.variant == OTHER_SCENE:
-        others = [scene for scene in config["pairs"] if scene != wildcards.scene]
+        others = [scene for scene in config["pairs"] if scene != pair_of(wildcards)]
         return f"results/{wildcards.scheme}/{others[0]}/public/point_cloud.ply"
     if wildcards.variant == WRONG_KEY:
         return f"{folder}/public/point_cloud.ply"
@@ -197,7 +209,7 @@ def references(wildcards):
     if wildcards.scheme == "planted":
         return expand("results/planted/{scene}/truth/{target}", target=TARGETS["planted"], scene=wildcards.scene)
     if wildcards.scheme in WATERMARKS:
-        return expand("results/pairs/{scene}/{target}", target=["scene", "message"], scene=wildcards.scene)
+        return [pair_inputs(wildcards)[target] for target in ("scene", "message")]
     return expand("results/vanilla/{scene}/watermarked/renders/scene", scene=wildcards.scene)
 
 
@@ -208,16 +220,20 @@ def comparison_options(wildcards):
     return " ".join([f"--reference {'render' if wildcards.scheme == 'vanilla' else 'truth'}", *assigned, *floor])
 
 
+def shown_folders(wildcards):
+    """The folders of images, with one folder for each target, by title: the truth where it is known, then the variants."""
+    folder = f"results/{wildcards.scheme}/{wildcards.scene}"
+    truths = {"planted": f"{folder}/truth"} | dict.fromkeys(WATERMARKS, f"results/pairs/{pair_of(wildcards)}")
+    truth = {"truth": truths[wildcards.scheme]} if wildcards.scheme in truths else {}
+    return truth | {variant: f"{folder}/{variant}/renders" for variant in VARIANTS}
+
+
 def panel_columns(wildcards):
     """The folders of images beside each other in a panel, by title: the reference, then before and after."""
-    renders = f"results/{wildcards.scheme}/{wildcards.scene}/{{variant}}/renders/{wildcards.target}"
-    columns = {variant: renders.format(variant=variant) for variant in ("watermarked", "gspure")}
-    kind = wildcards.target.partition("_")[0]
-    if wildcards.scheme == "planted":
-        columns = {"truth": f"results/planted/{wildcards.scene}/truth/{kind}", **columns}
-    if wildcards.scheme in WATERMARKS:
-        columns = {"truth": f"results/pairs/{wildcards.scene}/{kind}", **columns}
-    return columns
+    shown = shown_folders(wildcards)
+    targets = {"truth": wildcards.target.partition("_")[0]}
+    titles = [title for title in ("truth", "watermarked", "gspure") if title in shown]
+    return {title: f"{shown[title]}/{targets.get(title, wildcards.target)}" for title in titles}
 
 
 def metrics_files():
@@ -235,12 +251,16 @@ def truth_of(scheme, scene):
     return [f"results/planted/{scene}/key/carriers.npy"] if scheme == "planted" else []
 
 
+def hidden_of(scheme, scene):
+    """What each row weighs in views of the message, where a scheme has hidden one."""
+    return [f"results/{scheme}/{scene}/hidden.npy"] if scheme in WATERMARKS else []
+
+
 def figure_files():
     """All figures, in the order in which the page shows them; those of a model are files of one folder."""
     files = []
     for scheme, scenes in SCHEMES.items():
-        truth = ["model/truth"] if scheme == "planted" else []
-        clouds = [*truth, "model/kept", "model/clusters", "model/ranks"]
-        names = ["outcomes", "model/weights", *TARGETS[scheme], *clouds]
+        clouds = ["kept", "clusters", "ranks"] if scheme == "vanilla" else ["purification", "kept", "clusters"]
+        names = ["outcomes", "attacks", "model/weights", *TARGETS[scheme], *(f"model/{name}" for name in clouds)]
         files += [f"results/{scheme}/{scene}/figures/{name}.png" for scene in scenes for name in names]
     return files

@@ -20,8 +20,7 @@ rule measure_opacities:
     message:
         "Taking the opacities of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "python -m gspure opacities --model {input.model:q} --cameras {input.cameras:q} --out {output.opacities:q}"
-        " > {log:q} 2>&1"
+        job("opacities --model {input.model:q} --cameras {input.cameras:q} --out {output.opacities:q}")
 
 
 rule build_features:
@@ -42,8 +41,10 @@ rule build_features:
     message:
         "Standardizing positions, opacities and weights of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
-        "python -m gspure features --model {input.model:q} --weights {input.weights:q}"
-        " --opacities {input.opacities:q} --out {output.features:q} > {log:q} 2>&1"
+        job(
+            "features --model {input.model:q} --weights {input.weights:q}"
+            " --opacities {input.opacities:q} --out {output.features:q}"
+        )
 
 
 rule span_tree:
@@ -63,7 +64,7 @@ rule span_tree:
     message:
         "Computing the spanning tree of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
-        "python -m gspure tree --features {input.features:q} {params.options} --out {output.tree:q} > {log:q} 2>&1"
+        job("tree --features {input.features:q} {params.options} --out {output.tree:q}")
 
 
 rule select_clusters:
@@ -83,7 +84,7 @@ rule select_clusters:
     message:
         "Selecting clusters in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
-        "python -m gspure cluster --tree {input.tree:q} {params.options} --out {output.clusters:q} > {log:q} 2>&1"
+        job("cluster --tree {input.tree:q} {params.options} --out {output.clusters:q}")
 
 
 rule decide_pruning:
@@ -105,5 +106,7 @@ rule decide_pruning:
     message:
         "Deciding what to prune in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
-        "python -m gspure prune --clusters {input.clusters:q} --weights {input.weights:q} {params.options}"
-        " --out {output.mask:q} --diagnosis {output.diagnosis:q} > {log:q} 2>&1"
+        job(
+            "prune --clusters {input.clusters:q} --weights {input.weights:q} {params.options}"
+            " --out {output.mask:q} --diagnosis {output.diagnosis:q}"
+        )

@@ -22,7 +22,7 @@ rule plant_scene:
     message:
         "Planting a message in {wildcards.scene}"
     shell:
-        "python -m gspure plant {params.options} --out {params.folder:q} > {log:q} 2>&1"
+        job("plant {params.options} --out {params.folder:q}")
 
 
 rule prepare_cameras:
@@ -46,4 +46,4 @@ rule prepare_cameras:
     message:
         "Preparing the views of {wildcards.scene}"
     shell:
-        "python -m gspure cameras {params.source:q} {params.options} --out {output.cameras:q} > {log:q} 2>&1"
+        job("cameras {params.source:q} {params.options} --out {output.cameras:q}")

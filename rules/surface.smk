@@ -22,5 +22,4 @@ rule measure_surface:
     message:
         "Measuring distances from the surface of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure surface --model {input.model:q}"
-        " --cameras {input.cameras:q} --out {output.surface:q} > {log:q} 2>&1"
+        job("surface --model {input.model:q}" " --cameras {input.cameras:q} --out {output.surface:q}")

@@ -21,11 +21,8 @@ rule train_model:
         code=code_digest("gspure.cli.train"),
         data=lambda wildcards: config["assets"][wildcards.scene]["train"],
         folder="results/vanilla/{scene}/trained",
-        iterations=lambda wildcards: config["assets"][wildcards.scene]["training"]["iterations"],
         options=training_options,
     message:
         "Training a model of {wildcards.scene}"
     shell:
-        "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure train {params.data:q} {params.options} --resume"
-        " --out {params.folder:q} > {log:q} 2>&1 &&"
-        " cp {params.folder:q}/point_cloud/iteration_{params.iterations}/point_cloud.ply {output.model:q}"
+        job("train {params.data:q} {params.options} --resume" " --out {params.folder:q} --model {output.model:q}")

@@ -1,6 +1,7 @@
 """Tables over schemes, scenes and variants."""
 
 import csv
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, write_metrics
 from gspure.evaluation.outcomes import collect
 from gspure.evaluation.reading import read_table
+from gspure.evaluation.summary import summarize
 from gspure.evaluation.tables import markdown, write_table
+from gspure.failures import mark_failed
 
 ROWS = {  # scene PSNR, message PSNR of two views
     "watermarked": ((30.0, 26.0), (25.0, 23.0)),
@@ -98,7 +101,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
     verdicts = []
     for path in metrics:
         verdicts.append(path.with_name("verdict.json"))
-        write_json(verdicts[-1], {"reached": {"message": "noise" not in path.parent.name}, "refusal": ""})
+        write_json(verdicts[-1], {"reached": {"message": "noise" not in path.parent.name}})
     arguments = ["--metrics", *metrics, "--kept", *masks, "--truth", truth, "--out", out, "--markdown", text]
     arguments += ["--verdicts", *verdicts]
     assert main(["table", *map(str, arguments)]) == 0
@@ -119,7 +122,8 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "score": "13",
         "pruned_share": "0.4",
         "reached": "true",
-        "refusal": "",
+        "failure": "",
+        "seed": "0",
         "precision": "0.5",
         "recall": "0.5",
     }
@@ -149,12 +153,11 @@ def test_a_missing_table_is_refused(tmp_path: Path) -> None:
         collect([tmp_path / "a" / "b" / "c" / "metrics.csv"])
 
 
-def judged(metrics: list[Path], **refusals: str) -> list[Path]:
-    """Verdicts: noise did not reach the message, some variants were refused."""
+def judged(metrics: list[Path]) -> list[Path]:
+    """Verdicts: noise did not reach the message."""
     files = [path.with_name("verdict.json") for path in metrics]
     for path in files:
-        variant = path.parent.name
-        write_json(path, {"reached": {"message": "noise" not in variant}, "refusal": refusals.get(variant, "")})
+        write_json(path, {"reached": {"message": "noise" not in path.parent.name}})
     return files
 
 
@@ -167,24 +170,43 @@ def test_an_attack_that_did_not_reach_what_is_read_is_marked(tmp_path: Path) -> 
     assert [o.reached for o in read_table(tmp_path / "t.csv")] == [o.reached for o in outcomes]
 
 
-def test_an_attack_that_was_refused_is_told_with_its_reason_instead_of_numbers(tmp_path: Path) -> None:
+def test_what_failed_is_told_with_its_reason_instead_of_numbers(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
-    outcomes = collect(metrics, verdicts=judged(metrics, gaussian_noise="no colour: a, b"))
-    refused = next(o for o in outcomes if o.variant == "gaussian_noise")
-    assert not refused.targets
-    assert np.isnan(refused.score)
+    mark_failed([path for path in metrics if "noise" in str(path)], "no colour: a, b", own=False)
+    outcomes = collect(metrics, verdicts=judged(metrics))
+    failed = next(o for o in outcomes if o.variant == "gaussian_noise")
+    assert not failed.targets
+    assert np.isnan(failed.score)
     text = markdown(outcomes)
-    assert "gaussian_noise was not possible: no colour: a, b" in text.splitlines()
+    assert "gaussian_noise failed: no colour: a, b" in text.splitlines()
     assert "| gaussian_noise |" not in text
     write_table(tmp_path / "t.csv", outcomes)
     again = read_table(tmp_path / "t.csv")
-    assert [(o.variant, o.refusal) for o in again] == [(o.variant, o.refusal) for o in outcomes]
+    assert [(o.variant, o.failure) for o in again] == [(o.variant, o.failure) for o in outcomes]
     assert [sorted(o.targets) for o in again] == [sorted(o.targets) for o in outcomes]
+
+
+def test_a_table_of_nothing_but_failures_is_refused(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    mark_failed(metrics, "no room", own=False)
+    with pytest.raises(InputError, match="expected metrics of some variant, found no room"):
+        collect(metrics)
+
+
+def test_repetitions_of_a_scene_are_told_apart_and_averaged_within_it(tmp_path: Path) -> None:
+    first, _, _ = results(tmp_path)
+    shutil.copytree(first[0].parents[1], repeated := first[0].parents[2] / "room@1")
+    outcomes = collect([*first, *sorted(repeated.glob("*/metrics.csv"))])
+    assert [(o.scene, o.seed, o.asset) for o in outcomes][::3] == [("room", 0, "room"), ("room", 1, "room@1")]
+    write_table(tmp_path / "t.csv", outcomes)
+    assert [o.asset for o in read_table(tmp_path / "t.csv")] == [o.asset for o in outcomes]
+    assert {row.scene.scenes for row in summarize(outcomes) if row.scene} == {1}
+    assert "### planted / room@1" in markdown(outcomes)
 
 
 def test_what_is_no_verdict_is_refused(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
-    write_json(metrics[0].with_name("verdict.json"), {"reached": {"message": "yes"}, "refusal": ""})
+    write_json(metrics[0].with_name("verdict.json"), {"reached": {"message": "yes"}})
     with pytest.raises(InputError, match=r"verdict\.json: file: expected the verdict of an attack"):
         collect(metrics, verdicts=[metrics[0].with_name("verdict.json")])
 

@@ -16,6 +16,7 @@ CONFIG = {
     "pairs": {"raised": SMALL, "front": {**SMALL, "placement": "front"}},
     "schemes": {"splats_in_splats": {"iterations": 60, "max_gaussians": 600}},
     "method": {"min_samples": 3, "min_cluster_size": 5},
+    "repetitions": 2,
     "variants": {
         "watermarked": {},
         "gspure": {},
@@ -39,8 +40,9 @@ def rows(finished):
         return list(csv.DictReader(stream))
 
 
-def numbers(rows, variant, scene="raised"):
-    return {row["target"]: row for row in rows if (row["scene"], row["variant"]) == (scene, variant)}
+def numbers(rows, variant, scene="raised", seed="0"):
+    cell = (scene, seed, variant)
+    return {row["target"]: row for row in rows if (row["scene"], row["seed"], row["variant"]) == cell}
 
 
 def test_every_pair_has_its_model_key_and_clean_model(finished):
@@ -69,7 +71,7 @@ def test_a_model_that_was_moved_is_looked_at_from_views_that_moved_along(rows):
 
 def test_an_attack_that_refuses_is_told_and_stops_nothing(rows):
     (row,) = numbers(rows, "degree_9").values()
-    assert row["refusal"].startswith("attack sh_truncation: degree")
+    assert "attack sh_truncation: degree" in row["failure"]
     assert not row["psnr"]
 
 
@@ -79,6 +81,13 @@ def test_what_an_attack_reached_is_told(rows):
         "message_oracle": "false",
     }
     assert numbers(rows, "gspure")["message"]["reached"] == "true"
+
+
+def test_a_pair_is_repeated_with_another_seed_of_training(rows, finished):
+    first, second = (float(numbers(rows, "watermarked", seed=seed)["scene"]["psnr"]) for seed in "01")
+    assert first != second
+    assert first == pytest.approx(second, abs=3)
+    assert not (finished.folder / "results" / "pairs" / "raised@1").exists()
 
 
 def test_nothing_runs_twice_and_a_setting_of_a_pair_concerns_that_pair_alone(finished, tmp_path):

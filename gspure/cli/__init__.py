@@ -26,6 +26,7 @@ MAIN_COMMANDS = (
     "metrics",
     "info",
     "paper-check",
+    "failures",
     "doctor",
 )
 STAGES = (
@@ -49,6 +50,7 @@ STAGES = (
     "figures",
     "report",
     "stages",
+    "attempt",
 )
 COMMANDS = MAIN_COMMANDS + STAGES
 

@@ -6,10 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.errors import InputError
-
 if TYPE_CHECKING:
-    from gspure.attacks.attack import Attack, Attacked, Evidence, Setting
     from gspure.model import Gaussians
 
 HELP = "attack a model: remove Gaussians, change what they store, move them; and controls"
@@ -51,8 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--verdict",
         type=Path,
         metavar="JSON",
-        help="also write whether the attack touched what each extraction of the scheme reads, and if it refuses the "
-        "model, why: the model is then left as it is, and the status is 0",
+        help="also write whether the attack touched what each extraction of the scheme reads",
     )
     parser.add_argument(
         "--world", type=Path, metavar="NPY", help="also write by what it moved the model: float64 [4,4], for --world"
@@ -79,7 +75,7 @@ def run(args: argparse.Namespace) -> None:
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}
     evidence = Evidence(**_stored(model) | loaded)
-    attacked, refusal = _attacked(attack, model, evidence, args, settings)
+    attacked = attack.apply(model, evidence, seed=args.seed, **settings)
     asset.with_units(attacked.model).write(args.out)
     if args.kept:
         save_array(args.kept, attacked.kept)
@@ -88,24 +84,10 @@ def run(args: argparse.Namespace) -> None:
     if args.verdict:
         carriers = find_scheme(args.scheme).extractions if args.scheme else {}
         touched = {name: reached(model, attacked, columns) for name, columns in carriers.items()}
-        write_json(args.verdict, {"reached": touched, "refusal": refusal})
+        write_json(args.verdict, {"reached": touched})
     said = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
     write_provenance(args.out, inputs={"model": args.model, **files}, settings=said)
     print(f"{attack.name}: kept {int(attacked.kept.sum())} of {len(model)} rows, {len(attacked.model)} in all")
-
-
-def _attacked(
-    attack: Attack, model: Gaussians, evidence: Evidence, args: argparse.Namespace, settings: dict[str, Setting]
-) -> tuple[Attacked, str]:
-    """Return what the attack leaves; or, where a verdict is asked for, the model itself and why it was refused."""
-    from gspure.attacks.attack import Attacked
-
-    try:
-        return attack.apply(model, evidence, seed=args.seed, **settings), ""
-    except InputError as refusal:
-        if not args.verdict:
-            raise
-        return Attacked.changed(model, {}), str(refusal)
 
 
 def _stored(model: Gaussians) -> dict[str, Any]:

@@ -125,7 +125,7 @@ def _draw_outcomes(args: argparse.Namespace) -> None:
     from gspure.evaluation.reading import read_table
     from gspure.figures.plots import write_outcomes
 
-    outcomes = [o for o in read_table(args.table) if f"{o.scheme}/{o.scene}" == args.asset]
+    outcomes = [o for o in read_table(args.table) if f"{o.scheme}/{o.asset}" == args.asset]
     if not outcomes:
         raise InputError(args.table, "scheme, scene", expected=args.asset, found="no such row")
     write_outcomes(args.out, outcomes)

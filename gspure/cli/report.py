@@ -45,11 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write the page."""
+    """Write the page, without what could not be made."""
     from gspure.evaluation.contest import read_contest
     from gspure.evaluation.matched import read_matched
     from gspure.evaluation.reading import read_table
     from gspure.evaluation.survival import read_survival
+    from gspure.failures import made
     from gspure.figures.report import write_report
 
     sources = {"results": args.table, "matched": args.matched, "survivals": args.survival, "contests": args.contest}
@@ -57,12 +58,12 @@ def run(args: argparse.Namespace) -> None:
         args.out,
         args.title,
         read_table(args.table),
-        figures=args.figures,
-        diagnoses=args.diagnosis,
+        figures=made(args.figures),
+        diagnoses=made(args.diagnosis),
         matched=read_matched(args.matched) if args.matched else [],
         survivals=read_survival(args.survival) if args.survival else [],
         contests=read_contest(args.contest) if args.contest else [],
         sources={name: file for name, file in sources.items() if file},
-        provenance=args.provenance,
+        provenance=[record for record in args.provenance if made([record.with_suffix("")])],
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, nothing outside it is needed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -48,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="COLMAP project, transforms.json (nerfstudio, Blender), cameras.json, or a folder with one of them",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the model")
+    parser.add_argument("--model", type=Path, metavar="PLY", help="also copy the model there")
     parser.add_argument("--iterations", type=int, default=3000, metavar="N", help="steps (default: %(default)s)")
     parser.add_argument(
         "--resolution",
@@ -77,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import replacing, write_provenance
     from gspure.progress import say, track
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
     from gspure.training.output import write_output
@@ -98,6 +100,9 @@ def run(args: argparse.Namespace) -> None:
     trainer = _train(args, dataset, images, settings, device)
     model = write_output(args.out, dataset, trainer.model.state().parameters, args.iterations, args.background)
     write_provenance(model, inputs={}, settings=settings)
+    if args.model:
+        with replacing(args.model) as temporary:
+            shutil.copyfile(model, temporary)
     _checkpoint(args).unlink(missing_ok=True)
     if dataset.test:
         _compare(args, dataset, model, device)

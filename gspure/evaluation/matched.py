@@ -15,10 +15,20 @@ import numpy as np
 from gspure.artifacts import write_text
 from gspure.errors import InputError, reading
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
-from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, NotReached, matched_message_drop, mean_interval
+from gspure.evaluation.statistics import (
+    MATCHED_DAMAGES,
+    Interval,
+    NotReached,
+    by_scene,
+    matched_message_drop,
+    mean_interval,
+)
 
 Sweeps = Mapping[str, Sequence[str]]
 """Variants that are one attack at several strengths, by a name for all of them."""
+
+Curves = dict[tuple[str, int], list[tuple[float, float]]]
+"""What scene and message lost, dB, at every strength, by scene and seed."""
 
 UNATTACKED: Final = (0.0, 0.0)
 """One point of every sweep, since every strength can go down to doing nothing."""
@@ -49,10 +59,10 @@ class Matched(NamedTuple):
     """How far the scene's PSNR may fall, dB."""
 
     drop: Interval
-    """How far the message's then falls, dB, over the scenes; at least, where some of them are gentle."""
+    """How far the message's then falls, dB, over scenes and seeds; at least, where some of them are gentle."""
 
     gentle: int
-    """In how many scenes no strength that was tried damages the scene as much. There the best of them counts."""
+    """On how many models no strength that was tried damages the scene as much. There the best of them counts."""
 
     def __str__(self) -> str:
         return ("≥ " if self.gentle else "") + str(self.drop)
@@ -74,12 +84,12 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
         ours = list(group)
         for extraction in ordered({target for o in ours for target in o.messages}):
             for name, variants in sweeps.items():
-                scenes = _drops([o for o in ours if o.variant in variants], extraction)
-                strengths = max(map(len, scenes), default=0)
+                curves = _drops([o for o in ours if o.variant in variants], extraction)
+                strengths = max(map(len, curves.values()), default=0)
                 found += [
-                    Matched(scheme, extraction, name, strengths, damage, *_mean_drop(scenes, damage))
+                    Matched(scheme, extraction, name, strengths, damage, *_mean_drop(curves, damage))
                     for damage in MATCHED_DAMAGES
-                    if scenes
+                    if curves
                 ]
     return found
 
@@ -141,20 +151,21 @@ def _row(scheme: str, extraction: str, sweep: str, strengths: str, damage: str, 
     return Matched(scheme, extraction, sweep, int(strengths), float(damage), drop, int(gentle))
 
 
-def _drops(variants: Sequence[Outcome], extraction: str) -> list[list[tuple[float, float]]]:
-    """Return for every scene its points: what scene and message lost, of the variants of which both are known."""
-    scenes: dict[str, list[tuple[float, float]]] = {}
+def _drops(variants: Sequence[Outcome], extraction: str) -> Curves:
+    """Return for every scene and seed its points: what scene and message lost, of variants of which both are known."""
+    curves: Curves = {}
     for o in variants:
         drops = (o.psnr_drop(SCENE), o.psnr_drop(extraction))
         if not any(map(math.isnan, drops)):
-            scenes.setdefault(o.scene, []).append(drops)
-    return list(scenes.values())
+            curves.setdefault((o.scene, o.seed), []).append(drops)
+    return curves
 
 
-def _mean_drop(scenes: Sequence[Sequence[tuple[float, float]]], damage: float) -> tuple[Interval, int]:
-    """Return the mean drop of the message, and in how many scenes the sweep is too gentle to do the damage."""
-    found = [drop_within(points, damage) for points in scenes]
-    return mean_interval([[drop] for drop, _ in found]), sum(gentle for _, gentle in found)
+def _mean_drop(curves: Curves, damage: float) -> tuple[Interval, int]:
+    """Return the mean drop of the message, and in how many curves the sweep is too gentle to do the damage."""
+    found = {cell: drop_within(points, damage) for cell, points in curves.items()}
+    drops = by_scene({cell: drop for cell, (drop, _) in found.items()})
+    return mean_interval(drops), sum(gentle for _, gentle in found.values())
 
 
 def drop_within(points: Sequence[tuple[float, float]], damage: float) -> tuple[float, bool]:

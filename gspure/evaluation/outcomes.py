@@ -16,6 +16,7 @@ from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, means, read_metrics
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.recall import recall
+from gspure.failures import note_of
 
 REFERENCE: Final = "watermarked"
 """The variant that drops are relative to."""
@@ -45,8 +46,16 @@ class Outcome:
     reached: Mapping[str, bool] = field(default_factory=dict)
     """For each extraction of the message, whether the attack touched what it reads; empty where that is not known."""
 
-    refusal: str = ""
-    """Why the attack would not have this model; there are no metrics then."""
+    failure: str = ""
+    """Why there are no metrics: what went wrong on the way to them."""
+
+    seed: int = 0
+    """Which repetition on the same scene, with other seeds, this is."""
+
+    @property
+    def asset(self) -> str:
+        """Its model among those of its scheme, as its folder is named: ``room``, or ``room@1`` for a repetition."""
+        return f"{self.scene}@{self.seed}" if self.seed else self.scene
 
     def psnr_drop(self, target: str) -> float:
         r"""Return :math:`\Delta PSNR`: how far the target's PSNR lies below that of the watermarked variant, in dB."""
@@ -106,7 +115,8 @@ def collect(
     Parameters
     ----------
     metrics : sequence of Path
-        Files ``.../{scheme}/{scene}/{variant}/metrics.csv``: the folders say whose they are.
+        Files ``.../{scheme}/{scene}/{variant}/metrics.csv``: the folders say whose they are. Scenes that end in ``@1``,
+        ``@2``, ... are repetitions with other seeds. Where a file could not be made, its note tells why.
     kept : sequence of Path
         Masks ``.npy`` bool [K], true where a variant kept the row, anywhere below the variant's folder.
     truth : sequence of Path
@@ -122,13 +132,15 @@ def collect(
     Raises
     ------
     InputError
-        If a file cannot be read, or two masks of one model have different lengths.
+        If a file cannot be read, two masks of one model have different lengths, or everything has failed.
 
     """
     found = [_outcome(path, kept, truth, verdicts) for path in metrics]
-    found.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.variant != REFERENCE))
+    if found and all(outcome.failure for outcome in found):
+        raise InputError(metrics[0], "metrics", expected="metrics of some variant", found=found[0].failure)
+    found.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != REFERENCE))
     outcomes = []
-    for _, group in groupby(found, key=lambda outcome: (outcome.scheme, outcome.scene)):
+    for _, group in groupby(found, key=lambda outcome: (outcome.scheme, outcome.asset)):
         variants = list(group)
         reference = variants[0].targets if variants[0].variant == REFERENCE else {}
         outcomes += [replace(outcome, reference=reference) for outcome in variants]
@@ -136,15 +148,16 @@ def collect(
 
 
 def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: Sequence[Path]) -> Outcome:
-    rows = read_metrics(path)
     folder = path.resolve().parent
-    scheme, scene, variant = folder.parts[-3:]
-    reached, refusal = _verdict(_below(folder, verdicts))
-    if refusal:
-        return Outcome(scheme, scene, variant, {}, {}, refusal=refusal)
+    scheme, asset, variant = folder.parts[-3:]
+    scene, _, seed = asset.partition("@")
+    outcome = Outcome(scheme, scene, variant, {}, {}, seed=int(seed) if seed.isdecimal() else 0)
+    if failure := note_of(path).reason:
+        return replace(outcome, failure=failure)
+    rows = read_metrics(path)
     targets = {mean.target: mean for mean in means(rows)}
     views = {target: sum(row.target == target for row in rows) for target in targets}
-    outcome = Outcome(scheme, scene, variant, targets, views, reached=reached)
+    outcome = replace(outcome, targets=targets, views=views, reached=_reached(_below(folder, verdicts)))
     if (kept_file := _below(folder, kept)) is None:
         return outcome
     pruned = ~load_array(kept_file, dtype=np.bool_, shape=(None,))
@@ -155,14 +168,14 @@ def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: 
     return replace(outcome, precision=found.precision, recall=found.recall)
 
 
-def _verdict(file: Path | None) -> tuple[dict[str, bool], str]:
-    """Return what an attack reached, and why it refused the model if it did."""
-    if file is None:
-        return {}, ""
-    match read_json(file):
-        case {"reached": dict(reached), "refusal": str(refusal)} if all(isinstance(v, bool) for v in reached.values()):
-            return reached, refusal
-    raise InputError(file, "file", expected="the verdict of an attack", found="other JSON")
+def _reached(verdict: Path | None) -> dict[str, bool]:
+    """Return what an attack reached."""
+    if verdict is None:
+        return {}
+    match read_json(verdict):
+        case {"reached": dict(reached)} if all(isinstance(v, bool) for v in reached.values()):
+            return reached
+    raise InputError(verdict, "file", expected="the verdict of an attack", found="other JSON")
 
 
 def _below(folder: Path, files: Iterable[Path]) -> Path | None:

@@ -32,25 +32,22 @@ def read_table(path: Path) -> list[Outcome]:
         table = csv.DictReader(stream, strict=True)
         if tuple(table.fieldnames or ()) != HEADER:
             raise InputError(path, "header", expected=",".join(HEADER), found=",".join(table.fieldnames or ()))
-        variants = [list(rows) for _, rows in groupby(table, key=lambda row: (*_asset(row), row["variant"]))]
+        variants = [list(rows) for _, rows in groupby(table, key=lambda row: [row[name] for name in HEADER[:4]])]
         outcomes = [_outcome(rows) for rows in variants]
-    references = {(o.scheme, o.scene): o.targets for o in outcomes if o.variant == REFERENCE}
-    return [replace(o, reference=references.get((o.scheme, o.scene), {})) for o in outcomes]
-
-
-def _asset(row: Row) -> tuple[str, str]:
-    return row["scheme"], row["scene"]
+    references = {(o.scheme, o.asset): o.targets for o in outcomes if o.variant == REFERENCE}
+    return [replace(o, reference=references.get((o.scheme, o.asset), {})) for o in outcomes]
 
 
 def _outcome(rows: list[Row]) -> Outcome:
     targets = {
         row["target"]: ViewMetrics(row["target"], "mean", float(row["psnr"]), float(row["ssim"]), row["reference"])
         for row in rows
-        if not row["refusal"]
+        if not row["failure"]
     }
     first = rows[0]
     return Outcome(
-        *_asset(first),
+        first["scheme"],
+        first["scene"],
         first["variant"],
         targets,
         {target: int(row["views"]) for target, row in zip(targets, rows, strict=False)},
@@ -58,7 +55,8 @@ def _outcome(rows: list[Row]) -> Outcome:
         precision=_number(first["precision"]),
         recall=_number(first["recall"]),
         reached={row["target"]: row["reached"] == "true" for row in rows if row["reached"]},
-        refusal=first["refusal"],
+        failure=first["failure"],
+        seed=int(first["seed"]),
     )
 
 

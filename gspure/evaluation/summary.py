@@ -15,7 +15,7 @@ from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
 from gspure.evaluation.paper import read_cells
 from gspure.evaluation.paper.cells import TARGETS
 from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
-from gspure.evaluation.statistics import Interval, mean_interval
+from gspure.evaluation.statistics import Cells, Interval, by_scene, mean_interval
 
 QUANTITIES: Final = ("scene", "message", "score")
 
@@ -44,7 +44,7 @@ class Summary(NamedTuple):
 
 
 def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
-    """Average over scenes; schemes and variants stay in the order of `outcomes`, which is sorted by scheme.
+    """Average over scenes and their seeds; schemes and variants stay in the order of `outcomes`, sorted by scheme.
 
     A number counts where it is known: a scene without it is missing from that mean, as the interval's count tells.
     """
@@ -81,15 +81,15 @@ def write_summary(path: Path, rows: Iterable[Summary]) -> None:
 
 def _row(scenes: Sequence[Outcome], extraction: str, *paper: float) -> Summary:
     psnr = {
-        target: _interval(o.targets[target].psnr for o in scenes if target in o.targets)
+        target: _interval({(o.scene, o.seed): o.targets[target].psnr for o in scenes if target in o.targets})
         for target in (SCENE, extraction)
     }
-    score = _interval(o.score_of(extraction) for o in scenes)
+    score = _interval({(o.scene, o.seed): o.score_of(extraction) for o in scenes})
     return Summary(scenes[0].scheme, scenes[0].variant, extraction, psnr[SCENE], psnr[extraction], score, *paper)
 
 
-def _interval(values: Iterable[float]) -> Interval | None:
-    known = [[value] for value in values if math.isfinite(value)]
+def _interval(cells: Cells) -> Interval | None:
+    known = by_scene({cell: value for cell, value in cells.items() if math.isfinite(value)})
     return mean_interval(known) if known else None
 
 

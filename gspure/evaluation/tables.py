@@ -16,9 +16,12 @@ from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.outcomes import MESSAGE, REFERENCE, Outcome, ordered
 
 HEADER: Final = (
-    *("scheme", "scene", "variant", "target", "reference", "views", "psnr", "ssim"),
-    *("psnr_drop", "ssim_drop", "score", "reached", "pruned_share", "precision", "recall", "refusal"),
+    *("scheme", "scene", "seed", "variant", "target", "reference", "views", "psnr", "ssim"),
+    *("psnr_drop", "ssim_drop", "score", "reached", "pruned_share", "precision", "recall", "failure"),
 )
+
+FAILED: Final = {"scheme", "scene", "seed", "variant", "failure"}
+"""Columns that are known of what failed."""
 
 LEGEND: Final = f"""\
 PSNR in dB, mean over views, against `{TRUTH}` (photographs) or `{RENDER}` (what `{REFERENCE}` shows, so that its own
@@ -30,14 +33,13 @@ the share of the pruned Gaussians that belong to the message, recall the share o
 
 
 def write_table(path: Path, outcomes: Sequence[Outcome]) -> None:
-    """Write one CSV row per scheme, scene, variant and target; unknown numbers are empty."""
+    """Write one CSV row per scheme, scene, seed, variant and target; unknown numbers are empty."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(HEADER)
     for o in outcomes:
-        if o.refusal:
-            asset = {"scheme": o.scheme, "scene": o.scene, "variant": o.variant, "refusal": o.refusal}
-            table.writerow([asset.get(name, "") for name in HEADER])
+        if o.failure:
+            table.writerow([getattr(o, name) if name in FAILED else "" for name in HEADER])
         for target in ordered(o.targets):
             mean = o.targets[target]
             drops = (mean.psnr, mean.ssim, o.psnr_drop(target), o.ssim_drop(target))
@@ -49,23 +51,23 @@ def write_table(path: Path, outcomes: Sequence[Outcome]) -> None:
                 *map(_plain, (o.pruned_share, o.precision, o.recall)),
                 "",
             ]
-            table.writerow([o.scheme, o.scene, o.variant, target, mean.reference, o.views[target], *numbers])
+            table.writerow([o.scheme, o.scene, o.seed, o.variant, target, mean.reference, o.views[target], *numbers])
     write_text(path, text.getvalue())
 
 
 def markdown(outcomes: Sequence[Outcome]) -> str:
-    """Return one Markdown table per scheme and scene, and what its columns mean."""
+    """Return one Markdown table per model, and what its columns mean."""
     lines: list[str] = []
-    for (scheme, scene), group in groupby(outcomes, key=lambda o: (o.scheme, o.scene)):
+    for (scheme, asset), group in groupby(outcomes, key=lambda o: (o.scheme, o.asset)):
         variants = list(group)
         targets = ordered({target for o in variants for target in o.targets})
         columns = [f"{name} {target}" for target in targets for name in ("PSNR", "SSIM")]
         messages = [target for target in targets if target.startswith(MESSAGE)] or [MESSAGE]
         scores = ["Score" if target == MESSAGE else f"Score {target}" for target in messages]
         columns = ["variant", "reference", *columns, *scores, "pruned", "precision", "recall"]
-        lines += [f"### {scheme} / {scene}", "", _row(columns), _row(["---"] * 2 + ["---:"] * (len(columns) - 2))]
-        lines += [_row(_cells(o, targets, messages)) for o in variants if not o.refusal]
-        lines += ["", *(f"{o.variant} was not possible: {o.refusal}" for o in variants if o.refusal), ""]
+        lines += [f"### {scheme} / {asset}", "", _row(columns), _row(["---"] * 2 + ["---:"] * (len(columns) - 2))]
+        lines += [_row(_cells(o, targets, messages)) for o in variants if not o.failure]
+        lines += ["", *(f"{o.variant} failed: {o.failure}" for o in variants if o.failure), ""]
     return "\n".join([*lines, LEGEND, ""])
 
 
