@@ -1,6 +1,7 @@
 """A package from outside the repository, with an attack and a scheme, in the tables and on the page."""
 
 import csv
+import json
 
 import pytest
 
@@ -37,6 +38,8 @@ def test_an_attack_and_a_scheme_of_a_package_are_in_the_tables_and_on_the_page(f
     assert float(attacked["pruned_share"]) == pytest.approx(0.25, abs=0.01)
     assert attacked["psnr"] != rows["watermarked", "scene"]["psnr"]
     assert rows["faint_pruning", "message"]["reached"] == "true"
+    note = json.loads((finished.folder / "results/faint_splats/raised/figures/attacks.png.json").read_text())
+    assert "faint_pruning message" in note["inputs"]
     for text in ((tables / "results.md").read_text(), (finished.folder / "results" / "report.html").read_text()):
         assert "faint_splats" in text
         assert "faint pruning" in text.replace("_", " ")
