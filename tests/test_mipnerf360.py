@@ -1,0 +1,94 @@
+"""The configurations for photographs: what they ask for, and how large their graphs are. Nothing is downloaded."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from gspure.datasets import SCENES
+from gspure.evaluation.controls import CONTROLS
+from tests.test_workflow import Project, checkout, planned  # noqa: F401
+from tests.training_cases import colmap_project, ring
+
+pytestmark = pytest.mark.workflow
+
+ROOT = Path(__file__).parents[1]
+CONFIG = ROOT / "config"
+SCHEMA = yaml.safe_load((ROOT / "schemas" / "config.schema.yaml").read_text())
+DEFAULT_VARIANTS = SCHEMA["properties"]["variants"]["default"]
+HIDDEN = {
+    "bicycle": "playroom",
+    "flowers": "playroom",
+    "garden": "playroom",
+    "stump": "playroom",
+    "treehill": "bicycle",
+    "room": "garden",
+    "counter": "bicycle",
+    "kitchen": "bonsai",
+    "bonsai": "counter",
+}
+"""GS-Hider, table 7."""
+
+
+def captures(folder, names):
+    """Small captures in place of those that a configuration names."""
+    for name in names:
+        colmap_project(folder / name, ring(9), [[0.1 * i, 0.0, 0.0] for i in range(9)])
+
+
+@pytest.fixture
+def project(tmp_path, checkout):  # noqa: F811
+    return Project(tmp_path, checkout)
+
+
+def configured(project, name):
+    """Take a shipped configuration as the project's."""
+    config = yaml.safe_load((CONFIG / name).read_text())
+    project.configure(config)
+    return config
+
+
+def test_every_scene_hides_what_gs_hider_hides_in_it():
+    pairs = yaml.safe_load((CONFIG / "mipnerf360.yaml").read_text())["pairs"]
+    assert {name: pair["message"] for name, pair in pairs.items()} == {k: f"data/{v}" for k, v in HIDDEN.items()}
+    assert all(pair["scene"] == f"data/{name}" and pair["resolution"] == "photographs" for name, pair in pairs.items())
+    assert {*HIDDEN, *HIDDEN.values()} == {*SCENES}
+
+
+def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_view(project):
+    captures(project.folder / "data", SCENES)
+    config = configured(project, "mipnerf360.yaml")
+    models, variants = len(HIDDEN) * len(config["schemes"]), len(DEFAULT_VARIANTS)
+    jobs = planned(project.run("--dry-run"))
+    once = [
+        "embed_message",
+        "embed_nothing",
+        "prepare_cameras",
+        "measure_opacities",
+        "measure_surface",
+        "weigh_message",
+    ]
+    once += ["accumulate_weights", "build_features", "span_tree", "select_clusters", "decide_pruning", "draw_model"]
+    expected = {"make_pair": 9, "train_message": 9, "write_report": 1, **dict.fromkeys(once, models)}
+    expected["measure_contributions"] = config["views"]["parts"] * models
+    expected["attack_model"] = variants * models
+    expected["render_target"] = (variants + 1) * models  # and that of the clean model
+    expected["compare_renders"] = (variants + len(CONTROLS)) * models
+    assert jobs.items() >= expected.items()
+    assert not {"train_model", "plant_scene"} & jobs.keys()
+    assert jobs["total"] < 80 * models
+
+
+def test_a_scene_that_is_not_there_is_named(project):
+    captures(project.folder / "data", set(SCENES) - {"treehill"})
+    configured(project, "mipnerf360.yaml")
+    refusal = project.run("--dry-run", status=2)
+    assert "pairs.treehill.scene: expected an existing path, found data/treehill" in refusal
+    assert "gspure download treehill" in refusal
+
+
+def test_two_captures_of_ones_own_are_hidden_in_each_other(project):
+    captures(project.folder / "photos", ["scene", "message"])
+    configured(project, "photos.yaml")
+    jobs = planned(project.run("--dry-run"))
+    assert jobs.items() >= {"train_message": 2, "make_pair": 2, "embed_message": 2, "write_report": 1}.items()
