@@ -122,8 +122,11 @@ def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:
 
 
 def _require_path(path: str, source: str | Path, place: str) -> None:
+    from gspure.datasets import SCENES
+
     if not Path(path).exists():
-        raise InputError(source, place, expected="an existing path", found=path)
+        hint = f"gspure download {name}" if (name := Path(path).name) in SCENES else None
+        raise InputError(source, place, expected="an existing path", found=path, hint=hint)
 
 
 def _photographs(data: str) -> list[str]:
