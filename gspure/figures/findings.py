@@ -26,10 +26,10 @@ SPOKEN: Final = {
 }
 
 DIAGNOSIS_TERMS: Final = {
-    "gaussians": "Gaussians",
+    "gaussians": "rows (Gaussians, or anchors)",
     "clusters": "clusters found",
-    "largest_share": "Gaussians in the largest cluster",
-    "noise_share": "Gaussians in no cluster (noise)",
+    "largest_share": "rows in the largest cluster",
+    "noise_share": "rows in no cluster (noise)",
     "pruned_share": "pruned",
     "pruned_as_cluster": "pruned as part of a cluster",
     "pruned_as_noise": "pruned one by one, as noise",
@@ -77,7 +77,7 @@ def _measured(outcomes: Sequence[Outcome]) -> str:
 def _pruned(o: Outcome) -> str:
     if isnan(o.pruned_share):
         return ""
-    text = f"GSPure removed {o.pruned_share:.1%} of the Gaussians."
+    text = f"GSPure removed {o.pruned_share:.1%} of the model."
     if not isnan(o.precision):
         text += f" {o.precision:.1%} of these carried the message, and {o.recall:.1%} of all its carriers were removed."
     return text
