@@ -61,6 +61,14 @@ def test_a_message_that_was_not_there_cannot_be_lost() -> None:
     assert not any(label.startswith("It ") for label in points)
 
 
+def test_without_the_unattacked_model_nothing_is_judged() -> None:
+    outcomes = [o for o in of_scenes(2, gspure=(0.5, 20.0)) if o.variant != "watermarked"]
+    outcomes.append(outcome("watermarked", "s0", failure="gspure extract: out of memory"))
+    verdict, points = told(outcomes)
+    assert verdict.startswith("What the message was before any attack is not known")
+    assert points["Not possible"].startswith("Watermarked on 1 of 2 models")
+
+
 def test_scenes_without_the_message_are_left_out_of_the_verdict() -> None:
     outcomes = of_scenes(2, gspure=(0.5, 3.0))
     outcomes[outcomes.index(next(o for o in outcomes if o.variant == "clean"))] = outcome(

@@ -49,7 +49,7 @@ def _left(rows: Iterable[Survival]) -> list[str]:
     lines = _head(["attack", *columns, "told from controls"])
     for row in rows:
         missed = " †" if row.reached is False and row.variant != REFERENCE else ""
-        scenes = f"{row.survived} of {row.present}" if row.above_controls else ""
+        scenes = f"{row.survived} of {row.present}" if row.present else ""
         drops = (_shown(row.message_drop), _shown(row.scene_drop))
         above = (_shown(row.above_controls), _shown(row.above_wrong_key))
         lines.append(_line([row.variant + missed, *drops, scenes, *above, _told(row.told, row.control)]))

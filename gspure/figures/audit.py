@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from textwrap import shorten
 from typing import Final
 
 from gspure.evaluation.contest import METHOD, Contest
-from gspure.evaluation.outcomes import MESSAGE, REFERENCE, Outcome
-from gspure.evaluation.statistics import Interval
+from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
+from gspure.evaluation.statistics import Interval, by_scene, mean_interval
 from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.figures import rivalry
@@ -63,6 +63,7 @@ def audit(
         points = [
             *(_message(main) if main else _scene(ours)),
             *_other_extractions(left),
+            *_off_path(ours),
             *rivalry.points(bouts),
             ("How sure", f"{_basis(ours)} {rivalry.certainty(bouts)}".strip()),
             *_untested(ours, main),
@@ -92,6 +93,8 @@ def _unjudged(outcomes: Sequence[Outcome], main: Mapping[str, Survival]) -> str:
         return "Nothing could be measured: everything failed."
     if not main:
         return "Whether a message survives was not measured: that takes the owner's key."
+    if REFERENCE not in main:
+        return "What the message was before any attack is not known, so nothing can be compared with it."
     if not any(row.above_controls for row in main.values()):
         return "Whether what is left is still a message was not judged: there are no controls to compare it with."
     if not any(row.present for row in main.values()):
@@ -142,7 +145,8 @@ def _attack(row: Survival) -> str:
         return "What it takes is not known."
     text = f"The message {loses(row.message_drop)}, the scene {loses(row.scene_drop)}."
     if row.above_controls:
-        text += f" It then lies {_from_controls(row.above_controls)}, and survives in {row.survived} of {row.present}."
+        survives = f", and survives in {row.survived} of {row.present}" if row.present else ""
+        text += f" It then lies {_from_controls(row.above_controls)}{survives}."
     if row.told:
         bounds = f"{row.told.low:.2f} to {row.told.high:.2f}"
         text += f" It is told from a model without it with probability {row.told.auc:.2f} ({bounds}; 0.50 is chance)."
@@ -175,6 +179,21 @@ def _other_extractions(left: Mapping[tuple[str, str], Survival]) -> Iterator[Poi
     for (extraction, variant), row in left.items():
         if variant == METHOD and extraction != MESSAGE:
             yield _sentence_case(f"{spoken(extraction)}, after GSPure"), _attack(row)
+
+
+def _off_path(outcomes: Sequence[Outcome]) -> Iterator[Point]:
+    """Yield what GSPure takes when one looks from beside the path on which it was decided what to prune."""
+    ours = [o for o in outcomes if o.variant == METHOD]
+    on, beside = ([_drop(side, target) for target in (MESSAGE, SCENE)] for side in (ours, [o.aside() for o in ours]))
+    if all(on) and all(beside):
+        message, scene = (f"{loses(b)} there (on it {loses(a)})" for a, b in zip(on, beside, strict=True) if a and b)
+        yield "Beside the cameras' path", f"After GSPure the message {message}, and the scene {scene}."
+
+
+def _drop(outcomes: Sequence[Outcome], target: str) -> Interval | None:
+    drops = {(o.scene, o.seed): o.psnr_drop(target) for o in outcomes}
+    known = {cell: drop for cell, drop in drops.items() if isfinite(drop)}
+    return mean_interval(by_scene(known)) if known else None
 
 
 def _basis(outcomes: Sequence[Outcome]) -> str:
