@@ -137,7 +137,9 @@ def _message(main: Mapping[str, Survival]) -> Iterator[Point]:
 def _secrecy(right: Interval, over_wrong: Interval) -> str:
     shown = right.mean - over_wrong.mean
     text = f"A wrong one shows {db(over_wrong)} less than the right one"
-    return f"{text}, and so still the message: it is no secret." if shown >= MARGIN else f"{text}, no message."
+    if shown < MARGIN:
+        return f"{text}, and nothing that stands out from the controls."
+    return f"{text}, which is {tenths(shown)} dB above the highest control: some of the message is seen without the key."
 
 
 def _attack(row: Survival) -> str:
