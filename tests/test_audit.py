@@ -37,7 +37,10 @@ def test_what_survives_is_told_with_what_it_costs_message_and_scene() -> None:
     assert points["It survives"] == "Noise (message −0.2, scene −0.1 dB); and GOF (message −4.0, scene −3.0 dB)."
     assert points["It is gone after"] == "GSPure (message −20.0, scene −0.5 dB)."
     assert points["Before any attack"] == "The message lies 18.0 dB (18.0 to 18.0) above the highest control."
-    assert points["The key"] == "A wrong one shows 21.0 dB (21.0 to 21.0) less than the right one, and nothing that " "stands out from the controls."
+    assert (
+        points["The key"] == "A wrong one shows 21.0 dB (21.0 to 21.0) less than the right one, and nothing that "
+        "stands out from the controls."
+    )
 
 
 def test_a_message_that_is_seen_without_the_key_is_told() -> None:

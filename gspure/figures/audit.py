@@ -139,7 +139,9 @@ def _secrecy(right: Interval, over_wrong: Interval) -> str:
     text = f"A wrong one shows {db(over_wrong)} less than the right one"
     if shown < MARGIN:
         return f"{text}, and nothing that stands out from the controls."
-    return f"{text}, which is {tenths(shown)} dB above the highest control: some of the message is seen without the key."
+    return (
+        f"{text}, which is {tenths(shown)} dB above the highest control: some of the message is seen without the key."
+    )
 
 
 def _attack(row: Survival) -> str:
