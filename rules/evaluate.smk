@@ -28,6 +28,7 @@ rule reveal_planted:
 rule render_target:
     input:
         unpack(world_of),
+        unpack(off_path),
         model=model_of,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
@@ -47,19 +48,20 @@ rule render_target:
         kernels=KERNELS,
         code=code_digest("gspure.cli.render"),
         split=config["views"]["evaluate"],
-        world=lambda wildcards, input: options(input, *world_of(wildcards)),
+        views=view_options,
     message:
         "Rendering the {wildcards.target} of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job(
             "render {input.model:q} --cameras {input.cameras:q}"
-            " --split {params.split} {params.world} --out {output.images:q}"
+            " --split {params.split} {params.views} --out {output.images:q}"
         )
 
 
 rule extract_message:
     input:
         unpack(world_of),
+        unpack(off_path),
         model=model_of,
         key="results/{scheme}/{scene}/key",
         cameras="results/{scheme}/{scene}/cameras.json",
@@ -82,13 +84,13 @@ rule extract_message:
         code=lambda wildcards: code_digest("gspure.cli.extract", WATERMARKS[wildcards.scheme].embed.__module__),
         split=config["views"]["evaluate"],
         options=extraction_options,
-        world=lambda wildcards, input: options(input, *world_of(wildcards)),
+        views=view_options,
     message:
         "Extracting the {wildcards.target} from {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job(
             "extract {input.model:q} --key {input.key:q} {params.options}"
-            " --cameras {input.cameras:q} --split {params.split} {params.world} --out {output.images:q}"
+            " --cameras {input.cameras:q} --split {params.split} {params.views} --out {output.images:q}"
         )
 
 

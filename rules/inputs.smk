@@ -85,7 +85,10 @@ def pair_sources(wildcards):
 def pair_options(wildcards):
     """The settings of a pair that apply to it."""
     pair = config["pairs"][wildcards.scene]
-    return options(pair, *(["resolution"] if photographed(pair) else ["placement", "views", "width", "height"]), "seed")
+    if photographed(pair):
+        return options(pair, "resolution", "seed")
+    traced = {**pair, "off_path": config["views"]["off_path"]}
+    return options(traced, "placement", "views", "width", "height", "off_path", "seed")
 
 
 def message_files(wildcards):
@@ -176,6 +179,20 @@ def world_of(wildcards):
     """By what an attack moved the model, so that views move along."""
     moved = wildcards.variant in VARIANTS
     return {"world": f"results/{wildcards.scheme}/{wildcards.scene}/{wildcards.variant}/world.npy"} if moved else {}
+
+
+def off_path(wildcards):
+    """The views beside the path: of all models but those of photographed pairs, whose truth is not known there."""
+    own = SCHEMES[wildcards.scheme][wildcards.scene]
+    if not config["views"]["off_path"] or (wildcards.scheme in WATERMARKS and photographed(own)):
+        return {}
+    return {"off_path": f"results/{wildcards.scheme}/{wildcards.scene}/off_path.json"}
+
+
+def view_options(wildcards, input):
+    """The views of a variant beside those of its cameras, and by what the attack moved the model."""
+    given = {name.replace("_", "-"): input[name] for name in (*off_path(wildcards), *world_of(wildcards))}
+    return options(given, *given)
 
 
 def extraction_options(wildcards):

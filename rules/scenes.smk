@@ -17,12 +17,34 @@ rule plant_scene:
         code=code_digest("gspure.cli.plant"),
         folder="results/planted/{scene}",
         options=lambda wildcards: options(
-            config["planted"][wildcards.scene], *sorted(config["planted"][wildcards.scene])
+            {**config["planted"][wildcards.scene], "off_path": config["views"]["off_path"]},
+            *sorted(config["planted"][wildcards.scene]),
+            "off_path",
         ),
     message:
         "Planting a message in {wildcards.scene}"
     shell:
         job("plant {params.options} --out {params.folder:q}")
+
+
+rule step_off_path:
+    input:
+        cameras="results/{scheme}/{scene}/cameras.json",
+    output:
+        cameras="results/{scheme}/{scene}/off_path.json",
+    log:
+        "results/logs/{scheme}/{scene}/off_path.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/off_path.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.cameras"),
+        views=config["views"]["off_path"],
+    message:
+        "Stepping off the path of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        job("cameras {input.cameras:q} --scale native --off-path {params.views} --out {output.cameras:q}")
 
 
 rule prepare_cameras:

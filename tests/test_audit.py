@@ -1,6 +1,7 @@
 """The owner's audit: every sentence follows from the tables, and none says more than few scenes allow."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,19 @@ def test_where_the_message_survives_in_some_scenes_they_are_counted() -> None:
     verdict, points = told(benchmark({"a": {"x": (1.0, 2.0)}, "b": {"x": (1.0, 25.0)}}))
     assert verdict == "Of 1 attack, the message survives 0 in every scene and 1 in some only."
     assert points["It survives in some scenes"] == "X (message −13.5, scene −1.0 dB; 1 of 2)."
+
+
+def test_what_gspure_takes_from_beside_the_path_stands_beside_what_it_takes_on_it() -> None:
+    def beside(o):
+        return {name: mean._replace(psnr=mean.psnr - 3) for name, mean in o.targets.items()}
+
+    outcomes = of_scenes(2, gspure=(0.5, 20.0))
+    assert "Beside the cameras' path" not in told(outcomes)[1]
+    before = dict(outcomes[0].reference)
+    seen = [replace(o, off_path=beside(o), off_path_reference=before) for o in outcomes]
+    said = told(seen)[1]["Beside the cameras' path"]
+    assert said.startswith("After GSPure the message loses 23.0 dB (23.0 to 23.0) there (on it loses 20.0 dB")
+    assert "the scene loses 3.5 dB (3.5 to 3.5) there (on it loses 0.5 dB" in said
 
 
 def test_a_message_that_was_not_there_cannot_be_lost() -> None:

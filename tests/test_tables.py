@@ -10,7 +10,7 @@ import pytest
 from gspure.artifacts import write_json
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, write_metrics
+from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, read_metrics, write_metrics
 from gspure.evaluation.outcomes import collect
 from gspure.evaluation.reading import read_table
 from gspure.evaluation.summary import summarize
@@ -123,6 +123,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "pruned_share": "0.4",
         "reached": "true",
         "failure": "",
+        **dict.fromkeys(("off_path_psnr", "off_path_ssim", "off_path_psnr_drop", "off_path_score"), ""),
         "seed": "0",
         "precision": "0.5",
         "recall": "0.5",
@@ -137,7 +138,7 @@ def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     outcomes = collect(metrics[:1])
     write_table(tmp_path / "t.csv", outcomes)
-    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9,,,,,,,,")
+    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9" + "," * 12)
     assert "nan" not in markdown(outcomes)
 
 
@@ -184,6 +185,23 @@ def test_what_failed_is_told_with_its_reason_instead_of_numbers(tmp_path: Path) 
     again = read_table(tmp_path / "t.csv")
     assert [(o.variant, o.failure) for o in again] == [(o.variant, o.failure) for o in outcomes]
     assert [sorted(o.targets) for o in again] == [sorted(o.targets) for o in outcomes]
+
+
+def test_views_beside_the_path_are_averaged_on_their_own(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    for path in metrics:
+        rows = read_metrics(path)
+        aside = [row._replace(view=f"off_path_{row.view}", psnr=row.psnr - 5, ssim=0.5) for row in rows]
+        write_metrics(path, [*rows, *(row for row in aside if row.view.endswith("0"))])
+    outcomes = collect(metrics)
+    ours = next(o for o in outcomes if o.variant == "gspure")
+    assert (ours.targets["message"].psnr, ours.off_path["message"].psnr) == (10.0, 6.0)
+    assert (ours.views["message"], ours.score, ours.aside().score) == (2, 13.0, 13.0)
+    assert "PSNR scene off path" in markdown(outcomes)
+    write_table(tmp_path / "t.csv", outcomes)
+    assert [o.off_path for o in read_table(tmp_path / "t.csv")] == [o.off_path for o in outcomes]
+    summary = next(row for row in summarize(outcomes) if row.variant == "gspure")
+    assert [interval.mean for interval in summary.off_path if interval] == [24.0, 6.0, 13.0]
 
 
 def test_a_table_of_nothing_but_failures_is_refused(tmp_path: Path) -> None:

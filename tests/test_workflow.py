@@ -305,10 +305,11 @@ def test_nothing_but_failures_is_no_report(tmp_path, started):
     assert "metrics of some variant" in project.run(status=1)
 
 
-def test_the_renders_are_the_views_to_evaluate(finished):
+def test_the_renders_are_the_views_to_evaluate_and_some_beside_the_path(finished):
     views = split(read_cameras(finished.folder / "views.json"))[1]
     rendered = finished.folder / BOT / "gspure" / "renders" / "scene"
-    assert sorted(path.stem for path in rendered.glob("*.png")) == [view.name for view in views]
+    aside = [f"off_path_{i:03d}" for i in range(4)]
+    assert sorted(path.stem for path in rendered.glob("*.png")) == [*aside, *(view.name for view in views)]
 
 
 def test_a_model_of_ones_own_is_compared_with_its_own_renders(finished):

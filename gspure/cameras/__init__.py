@@ -3,6 +3,7 @@
 from gspure.cameras.camera import Camera, intrinsics, split
 from gspure.cameras.colmap import read_points
 from gspure.cameras.inria import write_cameras
+from gspure.cameras.off_path import off_path_cameras
 from gspure.cameras.orbit import bounding_sphere, orbit_cameras, shell_cameras
 from gspure.cameras.photographs import require_images
 from gspure.cameras.reading import read_cameras
@@ -12,6 +13,7 @@ __all__ = [
     "Camera",
     "bounding_sphere",
     "intrinsics",
+    "off_path_cameras",
     "orbit_cameras",
     "read_cameras",
     "read_points",

@@ -19,6 +19,7 @@ EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
   gspure cameras scene/transforms.json --out cameras.json --scale 1/4
   gspure cameras output/bicycle --out cameras.json --scale native     # a training run's own cameras.json
+  gspure cameras cameras.json --off-path 4 --out off_path.json        # views that training never saw
   gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 0 1
   gspure cameras shells --model point_cloud.ply --out cameras.json    # from all directions, near and far
 """
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, 3DGS's own rule; generated "
         "views keep --width and --height)",
     )
+    parser.add_argument("--off-path", type=int, metavar="N", help="write N views beside the path instead of its own")
     parser.add_argument(
         "--require-images", action="store_true", help="refuse views without a photograph of at least their size"
     )
@@ -64,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Collect the views, scale them, write them and show what they are."""
-    from gspure.cameras import require_images, scaled, write_cameras
+    from gspure.cameras import off_path_cameras, require_images, scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
 
     generated = args.source in _GENERATED
@@ -72,6 +74,8 @@ def run(args: argparse.Namespace) -> None:
     cameras = scaled(cameras, args.scale or ("native" if generated else TRAINING_RULE))
     if args.require_images:
         require_images(cameras, args.source)
+    if args.off_path is not None:
+        cameras = off_path_cameras(cameras, args.off_path)
     write_cameras(args.out, cameras)
     print("\n".join(_table(cameras)))
 

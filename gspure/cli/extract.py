@@ -17,7 +17,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    from gspure.cli.options import add_device, add_views
+    from gspure.cli.options import add_device, add_off_path, add_views
 
     parser.add_argument("model", type=Path, metavar="MODEL", help="the model's .ply, or its folder")
     parser.add_argument("--scheme", required=True, metavar="NAME", help="the scheme that hid the message")
@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--wrong-key", type=int, metavar="SEED", help="look with what a stranger would try instead: a negative control"
     )
     add_views(parser, split="all")
+    add_off_path(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png")
     add_device(parser)
 

@@ -129,9 +129,12 @@ def _place(folder: Path, target: str) -> Path:
 
 
 def _common_views(folders: Iterable[Path]) -> list[str]:
-    """Return the names of the views that are in all folders, sorted."""
+    """Return the names of the views on the path of the cameras that are in all folders, sorted."""
+    from gspure.cameras.off_path import PREFIX
+
     folders = list(folders)
-    views = sorted(set.intersection(*({path.stem for path in folder.glob("*.png")} for folder in folders)))
+    names = set.intersection(*({path.stem for path in folder.glob("*.png")} for folder in folders))
+    views = sorted(name for name in names if not name.startswith(PREFIX))
     if not views:
         raise InputError(folders[0], "*.png", expected="a view that all columns have", found="none")
     return views

@@ -69,8 +69,15 @@ def add_views(parser: argparse.ArgumentParser, split: str) -> None:
     )
 
 
+def add_off_path(parser: argparse.ArgumentParser) -> None:
+    """Add ``--off-path``, for `read_views`."""
+    parser.add_argument(
+        "--off-path", type=Path, metavar="FILE", help="further views, of `gspure cameras --off-path`: all of them"
+    )
+
+
 def read_views(args: argparse.Namespace) -> list[Camera]:
-    """Read the views that ``--cameras`` and ``--split`` name, moved by ``--world``."""
+    """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--world``."""
     import numpy as np
 
     from gspure.artifacts import load_array
@@ -81,6 +88,8 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[args.split]
     if not views:
         raise InputError(args.cameras, "cameras", expected=f"at least one {args.split} view", found="none")
+    if getattr(args, "off_path", None):
+        views += read_cameras(args.off_path)
     if args.world:
         world = load_array(args.world, dtype=np.float64, shape=(4, 4))
         views = [camera.moved(world) for camera in views]

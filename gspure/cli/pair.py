@@ -31,7 +31,7 @@ MESSAGE_POINTS = 20_000
 OPAQUE = 0.5
 """Those Gaussians are at least so opaque; ours."""
 
-_LEAST = {"seed": 0, "views": 2, "width": 16, "height": 16}
+_LEAST = {"seed": 0, "views": 2, "width": 16, "height": 16, "off_path": 0}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,6 +62,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--height", type=int, default=120, metavar="PX", help="ray-traced only: of a view (default: %(default)s)"
     )
+    parser.add_argument(
+        "--off-path",
+        type=int,
+        default=0,
+        metavar="N",
+        help="ray-traced only: also photograph so many views beside the path: those of `gspure cameras --off-path`",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the points (default: %(default)s)")
     add_device(parser)
 
@@ -73,7 +80,9 @@ def run(args: argparse.Namespace) -> None:
 
     for name, least in _LEAST.items():
         if getattr(args, name) < least:
-            raise InputError("pair", f"--{name}", expected=f"at least {least}", found=str(getattr(args, name)))
+            raise InputError(
+                "pair", f"--{name.replace('_', '-')}", expected=f"at least {least}", found=str(getattr(args, name))
+            )
     if (args.scene in STAGES) != (args.message in STAGES):
         expected = f"both of {', '.join(STAGES)}, or both files"
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=f"{args.scene} and {args.message}")
@@ -84,20 +93,22 @@ def run(args: argparse.Namespace) -> None:
 def _traced(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
-    from gspure.cameras import write_cameras
+    from gspure.cameras import off_path_cameras, write_cameras
     from gspure.model.points import write_point_ply
     from gspure.scenes import PLACEMENTS, STAGES, bake, stage_cameras
-    from gspure.scenes.photography import photograph
+    from gspure.scenes.photography import photograph, picture
 
     views = stage_cameras(args.views, args.width, args.height)
+    aside = off_path_cameras(views, args.off_path)
     placements = {"scene": PLACEMENTS["coincident"], "message": PLACEMENTS[args.placement]}
     rng = np.random.default_rng(args.seed)
     for kind, placement in placements.items():
         lit = bake(STAGES[getattr(args, kind)](placement))
         points = photograph(lit, views, args.out / kind, rng)
         write_point_ply(args.out / ("." if kind == "scene" else kind) / "points3D.ply", *points)
+        picture(lit, aside, args.out / kind)
     write_cameras(args.out / "cameras.json", _named(views, args.out))
-    names = ("scene", "message", "placement", "views", "width", "height", "seed")
+    names = ("scene", "message", "placement", "views", "width", "height", "off_path", "seed")
     return {name: getattr(args, name) for name in names}
 
 

@@ -39,6 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--width", type=int, default=320, metavar="PX", help="of a view (default: %(default)s)")
     parser.add_argument("--height", type=int, default=240, metavar="PX", help="of a view (default: %(default)s)")
     parser.add_argument(
+        "--off-path",
+        type=int,
+        default=0,
+        metavar="N",
+        help="also photograph so many views beside the path: those of `gspure cameras --off-path`",
+    )
+    parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of what is random (default: %(default)s)"
     )
 
@@ -48,12 +55,12 @@ def run(args: argparse.Namespace) -> None:
     import numpy as np
 
     from gspure.artifacts import save_array, write_provenance
-    from gspure.cameras import write_cameras
+    from gspure.cameras import off_path_cameras, write_cameras
     from gspure.model import write_model
     from gspure.model.points import write_point_ply
     from gspure.progress import say
     from gspure.scenes import plant, write_key
-    from gspure.scenes.photography import photograph
+    from gspure.scenes.photography import photograph, picture
 
     for name, least in _LEAST.items():
         if getattr(args, name) < least:
@@ -65,6 +72,9 @@ def run(args: argparse.Namespace) -> None:
     cameras = [replace(camera, image=truth / "scene" / f"{camera.name}.png") for camera in planted.cameras]
     points = photograph(planted.scene, cameras, truth / "scene", np.random.default_rng(args.seed))
     photograph(planted.message, cameras, truth / "message", np.random.default_rng(args.seed))
+    aside = off_path_cameras(cameras, args.off_path)
+    picture(planted.scene, aside, truth / "scene")
+    picture(planted.message, aside, truth / "message")
     write_cameras(args.out / "cameras.json", cameras)
     write_point_ply(args.out / "points3D.ply", *points)
     write_key(args.out / "key" / "planted_key.npz", planted.key)

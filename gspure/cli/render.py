@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
+from gspure.cli.options import add_device, add_energy, add_off_path, add_views, read_device, read_views
 from gspure.errors import InputError
 
 HELP = "render a model's views to images"
@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "model", type=Path, metavar="MODEL", help="the model's .ply, or the output folder of a training run"
     )
     add_views(parser, split="all")
+    add_off_path(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png")
     parser.add_argument("--npy", action="store_true", help="also write VIEW.npy: float32 [H,W,3], not clipped")
     parser.add_argument(

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.artifacts import write_text
+from gspure.cameras.off_path import PREFIX
 from gspure.errors import InputError, reading
 from gspure.evaluation.controls import BLACK
 from gspure.evaluation.metrics import psnr, ssim
@@ -99,7 +100,17 @@ def compare(pair: Pair, reference: str = RENDER, floor: str | None = None) -> Vi
     return ViewMetrics(pair.target, pair.view, psnr(a, b), ssim(a, b), reference)
 
 
-def means(rows: Sequence[ViewMetrics]) -> list[ViewMetrics]:
+def on_path(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
+    """Return the rows of views on the path of the cameras."""
+    return [row for row in rows if not row.view.startswith(PREFIX)]
+
+
+def off_path(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
+    """Return the rows of views beside it (`gspure.cameras.off_path_cameras`)."""
+    return [row for row in rows if row.view.startswith(PREFIX)]
+
+
+def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
     """Return one row per target: the mean over its views, with the view named ``mean``.
 
     Views in which nothing differs have infinite PSNR. They count in its mean only if there are no others: one untouched
@@ -140,7 +151,8 @@ def read_metrics(path: Path) -> list[ViewMetrics]:
 
 def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
     """Return aligned lines, the means of every target last."""
-    rows = [*rows, *means(rows)]
+    aside = [row._replace(view="mean off the path") for row in means(off_path(rows))]
+    rows = [*rows, *means(on_path(rows)), *aside]
     names = [row.view if row.target == "." else f"{row.target}/{row.view}" for row in rows]
     width = max(map(len, names))
     lines = [f"{'view':<{width}}  {'PSNR':>8}  {'SSIM':>7}"]

@@ -13,7 +13,7 @@ import numpy as np
 
 from gspure.artifacts import load_array, read_json
 from gspure.errors import InputError
-from gspure.evaluation.comparison import TRUTH, ViewMetrics, means, read_metrics
+from gspure.evaluation.comparison import TRUTH, ViewMetrics, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.recall import recall
 from gspure.failures import note_of
@@ -48,6 +48,12 @@ class Outcome:
 
     failure: str = ""
     """Why there are no metrics: what went wrong on the way to them."""
+
+    off_path: Mapping[str, ViewMetrics] = field(default_factory=dict)
+    """The same means as `targets`, of views beside the path of the cameras; empty where there are none."""
+
+    off_path_reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
+    """Those of the variant `REFERENCE`."""
 
     seed: int = 0
     """Which repetition on the same scene, with other seeds, this is."""
@@ -92,6 +98,10 @@ class Outcome:
         (paper, §Metrics.) `target` is the extraction that shows the message.
         """
         return math.nan if self.is_control else self.psnr_drop(target) - self.psnr_drop(SCENE)
+
+    def aside(self) -> Outcome:
+        """Return this variant as views beside the path show it."""
+        return replace(self, targets=self.off_path, reference=self.off_path_reference)
 
     @property
     def score(self) -> float:
@@ -141,10 +151,16 @@ def collect(
     found.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != REFERENCE))
     outcomes = []
     for _, group in groupby(found, key=lambda outcome: (outcome.scheme, outcome.asset)):
-        variants = list(group)
-        reference = variants[0].targets if variants[0].variant == REFERENCE else {}
-        outcomes += [replace(outcome, reference=reference) for outcome in variants]
+        outcomes += referred(list(group))
     return outcomes
+
+
+def referred(variants: Sequence[Outcome]) -> list[Outcome]:
+    """Return the variants of one model with what they are to be compared with: that of `REFERENCE`."""
+    first = next((o for o in variants if o.variant == REFERENCE), None)
+    if first is None:
+        return list(variants)
+    return [replace(o, reference=first.targets, off_path_reference=first.off_path) for o in variants]
 
 
 def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: Sequence[Path]) -> Outcome:
@@ -155,9 +171,10 @@ def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: 
     if failure := note_of(path).reason:
         return replace(outcome, failure=failure)
     rows = read_metrics(path)
-    targets = {mean.target: mean for mean in means(rows)}
-    views = {target: sum(row.target == target for row in rows) for target in targets}
-    outcome = replace(outcome, targets=targets, views=views, reached=_reached(_below(folder, verdicts)))
+    targets = {mean.target: mean for mean in means(on_path(rows))}
+    views = {target: sum(row.target == target for row in on_path(rows)) for target in targets}
+    aside = {mean.target: mean for mean in means(off_path(rows))}
+    outcome = replace(outcome, targets=targets, views=views, off_path=aside, reached=_reached(_below(folder, verdicts)))
     if (kept_file := _below(folder, kept)) is None:
         return outcome
     pruned = ~load_array(kept_file, dtype=np.bool_, shape=(None,))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 import math
-from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
 from gspure.errors import InputError, reading
 from gspure.evaluation.comparison import ViewMetrics
-from gspure.evaluation.outcomes import REFERENCE, Outcome
+from gspure.evaluation.outcomes import Outcome, referred
 from gspure.evaluation.tables import HEADER
 
 Row = dict[str, str]
@@ -34,16 +33,12 @@ def read_table(path: Path) -> list[Outcome]:
             raise InputError(path, "header", expected=",".join(HEADER), found=",".join(table.fieldnames or ()))
         variants = [list(rows) for _, rows in groupby(table, key=lambda row: [row[name] for name in HEADER[:4]])]
         outcomes = [_outcome(rows) for rows in variants]
-    references = {(o.scheme, o.asset): o.targets for o in outcomes if o.variant == REFERENCE}
-    return [replace(o, reference=references.get((o.scheme, o.asset), {})) for o in outcomes]
+    models = groupby(outcomes, key=lambda o: (o.scheme, o.asset))
+    return [o for _, variants in models for o in referred(list(variants))]
 
 
 def _outcome(rows: list[Row]) -> Outcome:
-    targets = {
-        row["target"]: ViewMetrics(row["target"], "mean", float(row["psnr"]), float(row["ssim"]), row["reference"])
-        for row in rows
-        if not row["failure"]
-    }
+    targets = {row["target"]: _mean(row) for row in rows if row["psnr"]}
     first = rows[0]
     return Outcome(
         first["scheme"],
@@ -56,8 +51,14 @@ def _outcome(rows: list[Row]) -> Outcome:
         recall=_number(first["recall"]),
         reached={row["target"]: row["reached"] == "true" for row in rows if row["reached"]},
         failure=first["failure"],
+        off_path={row["target"]: _mean(row, "off_path_") for row in rows if row["off_path_psnr"]},
         seed=int(first["seed"]),
     )
+
+
+def _mean(row: Row, views: str = "") -> ViewMetrics:
+    psnr, ssim = float(row[f"{views}psnr"]), float(row[f"{views}ssim"])
+    return ViewMetrics(row["target"], "mean", psnr, ssim, row["reference"])
 
 
 def _number(cell: str) -> float:

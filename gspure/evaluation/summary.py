@@ -17,7 +17,8 @@ from gspure.evaluation.paper.cells import TARGETS
 from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
 from gspure.evaluation.statistics import Cells, Interval, by_scene, mean_interval
 
-QUANTITIES: Final = ("scene", "message", "score")
+PAPER: Final = ("scene", "message", "score")
+QUANTITIES: Final = (*PAPER, *(f"off_path_{name}" for name in PAPER))
 
 
 class Summary(NamedTuple):
@@ -35,6 +36,10 @@ class Summary(NamedTuple):
     """PSNR of the message, dB."""
 
     score: Interval | None
+
+    off_path: tuple[Interval | None, Interval | None, Interval | None]
+    """The same three from views beside the path of the cameras."""
+
     paper: float
     """The Score that the paper prints for this scheme and variant, of its own scenes; NaN if it prints none."""
 
@@ -71,21 +76,30 @@ def write_summary(path: Path, rows: Iterable[Summary]) -> None:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     columns = [f"{name}_{part}" for name in QUANTITIES for part in Interval._fields]
-    table.writerow(["scheme", "variant", "extraction", *columns, *(f"paper_{name}" for name in QUANTITIES)])
+    table.writerow(["scheme", "variant", "extraction", *columns, *(f"paper_{name}" for name in PAPER)])
     for row in rows:
-        numbers = [number for interval in (row.scene, row.message, row.score) for number in interval or (None,) * 5]
+        numbers = [
+            number
+            for interval in (row.scene, row.message, row.score, *row.off_path)
+            for number in interval or (None,) * 5
+        ]
         paper = (row.paper_scene, row.paper_message, row.paper)
         table.writerow([row.scheme, row.variant, row.extraction, *map(_plain, (*numbers, *paper))])
     write_text(path, text.getvalue())
 
 
 def _row(scenes: Sequence[Outcome], extraction: str, *paper: float) -> Summary:
-    psnr = {
-        target: _interval({(o.scene, o.seed): o.targets[target].psnr for o in scenes if target in o.targets})
+    aside = _means([o.aside() for o in scenes], extraction)
+    return Summary(scenes[0].scheme, scenes[0].variant, extraction, *_means(scenes, extraction), aside, *paper)
+
+
+def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[Interval | None, Interval | None, Interval | None]:
+    """Return the means of the scene's PSNR, the message's and the Score."""
+    scene, message = (
+        _interval({(o.scene, o.seed): o.targets[target].psnr for o in scenes if target in o.targets})
         for target in (SCENE, extraction)
-    }
-    score = _interval({(o.scene, o.seed): o.score_of(extraction) for o in scenes})
-    return Summary(scenes[0].scheme, scenes[0].variant, extraction, psnr[SCENE], psnr[extraction], score, *paper)
+    )
+    return scene, message, _interval({(o.scene, o.seed): o.score_of(extraction) for o in scenes})
 
 
 def _interval(cells: Cells) -> Interval | None:

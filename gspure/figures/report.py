@@ -77,6 +77,11 @@ class Section:
         return all(o.against_truth for o in self.outcomes)
 
     @property
+    def off_path(self) -> list[str]:
+        """The targets that views beside the path show."""
+        return [target for target in self.targets if any(target in o.off_path for o in self.outcomes)]
+
+    @property
     def missed(self) -> bool:
         """Whether any attack did not reach what an extraction reads."""
         return any(not all(o.reached.values()) for o in self.outcomes if o.variant != REFERENCE)

@@ -16,6 +16,12 @@ from gspure.scenes.ray_tracer import trace
 from gspure.scenes.sparse_points import seen_points
 
 
+def picture(scene: LitScene, cameras: Sequence[Camera], folder: Path) -> None:
+    """Write ``folder/VIEW.png`` of each view."""
+    for camera in cameras:
+        write_image(folder / f"{camera.name}.png", trace(scene, camera)[0])
+
+
 def photograph(
     scene: LitScene, cameras: Sequence[Camera], folder: Path, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:

@@ -1,0 +1,78 @@
+"""Views beside the path: where somebody may look from, but neither training nor a contribution ever did."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from gspure.cameras.camera import Camera, Float64, split
+from gspure.errors import InputError
+
+PREFIX: Final = "off_path_"
+"""What the names of such views begin with."""
+
+STEP: Final = 0.25
+"""How far they stand from the path, in root-mean-square distances of its cameras from their mean. Ours: clearly off an
+orbit's ring, and still inside a room that was walked through."""
+
+_STEPS: Final = np.array([(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (1.0, 1.0)]) / np.sqrt(2)
+"""Down the image and towards what is looked at, for one view after the other."""
+
+
+def off_path_cameras(cameras: Sequence[Camera], count: int) -> list[Camera]:
+    """Return views that stand above or below training views, nearer or farther, and look at the same place.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+        All views of the path.
+    count : int
+        Number of views; their training views are spread over the path evenly.
+
+    Raises
+    ------
+    InputError
+        If the views have names of views beside a path, or no training views stand in different places.
+
+    """
+    train, _ = split(cameras)
+    spread = _spread(train)
+    if any(camera.name.startswith(PREFIX) for camera in cameras) or not spread > 0:
+        expected = f"training views in different places, none named {PREFIX}*"
+        raise InputError("cameras", "views", expected=expected, found=", ".join(c.name for c in cameras) or "none")
+    target = _target(train)
+    starts = [train[i * len(train) // count] for i in range(count)]
+    return [_aside(start, f"{PREFIX}{i:03d}", STEP * spread * _STEPS[i % 4], target) for i, start in enumerate(starts)]
+
+
+def _spread(cameras: Sequence[Camera]) -> float:
+    centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
+    return float(np.sqrt(np.mean(np.sum((centres - centres.mean(axis=0)) ** 2, axis=1)))) if len(centres) else 0.0
+
+
+def _target(cameras: Sequence[Camera]) -> Float64:
+    """Return the point [3] nearest to all optical axes: sum_i (I - f_i f_i^T) (x - c_i) = 0."""
+    centres = np.array([camera.centre for camera in cameras])
+    forward = np.array([camera.viewmat[2, :3] for camera in cameras])
+    across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
+    right = (across @ centres[:, :, None]).sum(axis=0)[:, 0]
+    target: Float64 = np.linalg.lstsq(across.sum(axis=0), right, rcond=None)[0]
+    return target
+
+
+def _aside(camera: Camera, name: str, step: Float64, target: Float64) -> Camera:
+    """Return a view moved by `step` (down, forward) that looks at what it looked at, at the distance of the target."""
+    forward, down, centre = camera.viewmat[2, :3], camera.viewmat[1, :3], camera.centre
+    distance = max(float(forward @ (target - centre)), 2 * float(np.linalg.norm(step)))  # it may lie behind
+    looked_at = centre + distance * forward
+    moved = centre + step[0] * down + step[1] * forward
+    z = (looked_at - moved) / np.linalg.norm(looked_at - moved)
+    x = np.cross(down, z)
+    x /= np.linalg.norm(x)
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = np.stack([x, np.cross(z, x), z])
+    viewmat[:3, 3] = -viewmat[:3, :3] @ moved
+    return replace(camera, name=name, viewmat=viewmat, image=None)
