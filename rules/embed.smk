@@ -15,6 +15,9 @@ rule make_pair:
         "results/benchmarks/pairs/{scene}/pair.tsv"
     conda:
         "../envs/gspure.yaml"
+    threads: THREADS
+    resources:
+        opencl_device=TURNS,
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.pair"),

@@ -166,8 +166,7 @@ def model_of(wildcards):
     """The model that a variant or a control shows."""
     folder = f"results/{wildcards.scheme}/{wildcards.scene}"
     if wildcards.variant == OTHER_SCENE:
-        others = [scene for scene in config["pairs"] if scene != pair_of(wildcards)]
-        return f"results/{wildcards.scheme}/{others[0]}/public/point_cloud.ply"
+        return f"results/{wildcards.scheme}/{other_pair(pair_of(wildcards))}/public/point_cloud.ply"
     if wildcards.variant == WRONG_KEY:
         return f"{folder}/public/point_cloud.ply"
     if wildcards.scheme == "planted" and wildcards.target == "message":
@@ -201,11 +200,17 @@ def extraction_options(wildcards):
     return f"--scheme {wildcards.scheme} --extraction {wildcards.target}{stranger}"
 
 
-def controls(scheme):
-    """The negative controls of a scheme's models; another scene's model takes another scene."""
+def other_pair(pair):
+    """The first pair with another message than this one's; none if there is no such pair."""
+    pairs = config["pairs"]
+    return next((name for name, own in pairs.items() if own["message"] != pairs[pair]["message"]), None)
+
+
+def controls(scheme, scene):
+    """The negative controls of a model; another scene's model takes a pair with another message."""
     if scheme not in WATERMARKS:
         return []
-    return [control for control in CONTROLS if control != OTHER_SCENE or len(config["pairs"]) > 1]
+    return [control for control in CONTROLS if control != OTHER_SCENE or other_pair(scene.partition("@")[0])]
 
 
 def targets(wildcards):
@@ -259,7 +264,7 @@ def metrics_files():
         f"results/{scheme}/{scene}/{variant}/metrics.csv"
         for scheme, scenes in SCHEMES.items()
         for scene in scenes
-        for variant in [*VARIANTS, *controls(scheme)]
+        for variant in [*VARIANTS, *controls(scheme, scene)]
     ]
 
 

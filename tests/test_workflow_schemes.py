@@ -13,7 +13,7 @@ pytestmark = pytest.mark.workflow
 TABLE = "results/tables/results.csv"
 SMALL = {"views": 9, "width": 32, "height": 24}
 CONFIG = {
-    "pairs": {"raised": SMALL, "front": {**SMALL, "placement": "front"}},
+    "pairs": {"raised": SMALL, "front": {**SMALL, "scene": "vault", "message": "room", "placement": "front"}},
     "schemes": {"splats_in_splats": {"iterations": 60, "max_gaussians": 600}},
     "method": {"min_samples": 3, "min_cluster_size": 5},
     "repetitions": 2,
