@@ -55,7 +55,7 @@ def test_modules_of_other_packages_are_passed_over(package):
 
 @pytest.fixture
 def plugin(package, tmp_path, monkeypatch):
-    folder = tmp_path / "installed" / "faint"
+    folder = tmp_path / "installed" / "murky"
     folder.mkdir(parents=True)
     for name, text in PLUGIN.items():
         (folder / f"{name}.py").write_text(text)
@@ -66,22 +66,22 @@ def plugin(package, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("module", ["attack", "order", "shares"])
 def test_an_edit_of_a_plug_in_changes_the_digest(plugin, module):
-    before = code_digest("gspure.stage", "faint.attack")
+    before = code_digest("gspure.stage", "murky.attack")
     assert before != code_digest("gspure.stage")
     (plugin / f"{module}.py").write_text(PLUGIN[module] + "# edited\n")
-    assert code_digest("gspure.stage", "faint.attack") != before
+    assert code_digest("gspure.stage", "murky.attack") != before
 
 
 def test_so_does_an_edit_of_what_a_plug_in_takes_from_here(plugin, package):
-    before = code_digest("faint.attack")
+    before = code_digest("murky.attack")
     (package / "unrelated.py").write_text("number = 2\n")
-    assert code_digest("faint.attack") != before
+    assert code_digest("murky.attack") != before
 
 
 def test_and_of_a_plug_in_nothing_that_its_attack_does_not_import(plugin):
-    before = code_digest("faint.attack")
+    before = code_digest("murky.attack")
     (plugin / "other.py").write_text("number = 2\n")
-    assert code_digest("faint.attack") == before
+    assert code_digest("murky.attack") == before
 
 
 def test_stages_that_share_little_code_have_digests_of_their_own():
