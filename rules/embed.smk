@@ -34,11 +34,11 @@ rule train_message:
     input:
         data=message_files,
     output:
-        model=directory("results/pairs/{scene}/message_model"),
+        model=directory("results/messages/{message}"),
     log:
-        "results/logs/pairs/{scene}/train.log",
+        "results/logs/messages/{message}.log",
     benchmark:
-        "results/benchmarks/pairs/{scene}/train.tsv"
+        "results/benchmarks/messages/{message}.tsv"
     conda:
         "../envs/gspure.yaml"
     threads: THREADS
@@ -47,12 +47,12 @@ rule train_message:
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.train"),
-        data=lambda wildcards: config["pairs"][wildcards.scene]["message"],
-        options=lambda wildcards: options(config["pairs"][wildcards.scene], "iterations", "resolution", "seed"),
+        data=lambda wildcards: MESSAGES[wildcards.message]["message"],
+        options=lambda wildcards: options(MESSAGES[wildcards.message], "iterations", "resolution", "seed"),
     message:
-        "Training the message of pair {wildcards.scene}"
+        "Training a model of message {wildcards.message}"
     shell:
-        job("train {params.data:q} {params.options}" " --out {output.model:q}")
+        job("train {params.data:q} {params.options} --out {output.model:q}")
 
 
 rule embed_message:

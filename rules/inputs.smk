@@ -1,3 +1,4 @@
+from gspure.artifacts import digest
 from gspure.evaluation.controls import FLOORS, OTHER_SCENE, WRONG_KEY
 from gspure.training.dataset import POINT_FILES
 
@@ -63,7 +64,7 @@ def pair_files(wildcards):
     pair = config["pairs"][wildcards.scene]
     if not photographed(pair):
         return []
-    return [*photograph_files(pair["scene"], pair["photographs"]), message_model(pair, wildcards)]
+    return [*photograph_files(pair["scene"], pair["photographs"]), message_model(pair)]
 
 
 def photographed(pair):
@@ -71,15 +72,21 @@ def photographed(pair):
     return "photographs" in pair
 
 
-def message_model(pair, wildcards):
-    """The model of a photographed pair's message: the user's, or the one that is trained here."""
-    return f"results/pairs/{wildcards.scene}/message_model" if "message_photographs" in pair else pair["message"]
+def message_model(pair):
+    """The model of a photographed pair's message: the user's, or the one that is trained here for all who hide it."""
+    return f"results/messages/{trained_message(pair)}" if "message_photographs" in pair else pair["message"]
+
+
+def trained_message(pair):
+    """The name of a message's model: that of its folder, and a digest of all that it is trained with."""
+    settings = [str(pair[name]) for name in ("message", "iterations", "resolution", "seed")]
+    return f"{Path(pair['message']).stem}-{digest(*settings)[:8]}"
 
 
 def pair_sources(wildcards):
     """The scene and the message of a pair, as its command takes them."""
     pair = config["pairs"][wildcards.scene]
-    return shlex.join([pair["scene"], message_model(pair, wildcards)])
+    return shlex.join([pair["scene"], message_model(pair)])
 
 
 def pair_options(wildcards):
@@ -91,9 +98,12 @@ def pair_options(wildcards):
     return options(traced, "placement", "views", "width", "height", "off_path", "seed")
 
 
+MESSAGES = {trained_message(pair): pair for pair in config["pairs"].values() if "message_photographs" in pair}
+
+
 def message_files(wildcards):
-    """What the model of a pair's message is trained from."""
-    pair = config["pairs"][wildcards.scene]
+    """What the model of a message is trained from."""
+    pair = MESSAGES[wildcards.message]
     return photograph_files(pair["message"], pair["message_photographs"])
 
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, means, pair_images, read_metrics, write_metrics
@@ -135,6 +136,7 @@ def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: 
     one, other = read_image(a / "scene" / "002.png"), read_image(b / "scene" / "002.png")
     assert rows[3].psnr == pytest.approx(psnr(one, other), abs=1e-6)
     assert rows[3].ssim == pytest.approx(ssim(one, other), abs=1e-8)
+    assert read_json(tmp_path / "metrics.csv.json")["inputs"].keys() == {str(p) for p in tmp_path.rglob("*.png")}
     last = capsys.readouterr().out.splitlines()[-1].split()
     assert last[0] == "scene/mean"
     assert float(last[1]) == pytest.approx(np.mean([row.psnr for row in rows[2:]]), abs=1e-3)

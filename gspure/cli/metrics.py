@@ -48,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Compare, print, and write the table."""
+    from gspure.artifacts import write_provenance
     from gspure.evaluation.comparison import as_text, compare, pair_images, write_metrics
     from gspure.progress import say, track
 
@@ -58,6 +59,8 @@ def run(args: argparse.Namespace) -> None:
         say(f"metrics: {surplus} images of {args.images} have no counterpart in {args.other}")
     if args.out:
         write_metrics(args.out, rows)
+        images = {path.as_posix(): path for pair in pairs for path in (pair.reference, pair.other)}
+        write_provenance(args.out, inputs=images, settings={"reference": args.reference, "floor": args.floor})
 
 
 def _assigned(text: str) -> tuple[str, str]:
