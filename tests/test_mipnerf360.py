@@ -69,7 +69,8 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
         "weigh_message",
     ]
     once += ["accumulate_weights", "build_features", "span_tree", "select_clusters", "decide_pruning", "draw_model"]
-    expected = {"make_pair": 9, "train_message": len({*HIDDEN.values()}), "write_report": 1, **dict.fromkeys(once, models)}
+    expected = {"make_pair": 9, "train_message": len({*HIDDEN.values()}), "write_report": 1}
+    expected |= dict.fromkeys(once, models)
     expected["measure_contributions"] = config["views"]["parts"] * models
     expected["attack_model"] = variants * models
     expected["render_target"] = (variants + 1) * models  # and that of the clean model
