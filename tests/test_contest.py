@@ -106,6 +106,11 @@ def test_a_sweep_of_gspure_takes_the_place_of_the_single_variant() -> None:
     assert at_2.difference.mean == pytest.approx(11.0)
 
 
+def test_gspure_at_other_strengths_is_no_rival_of_itself() -> None:
+    rows = contest(SCENES, {"gspure": ["gspure", "twin"]})
+    assert {row.rival for row in rows if math.isnan(row.damage)} == {"weaker", "better"}
+
+
 def test_every_extraction_is_a_family_of_its_own() -> None:
     targets = {"gspure": (20.0, 18.0), "x": (25.0, 10.0)}
     outcomes = [

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from gspure.evaluation.controls import CONTROLS
+from gspure.model import write_model
+from tests.models import blobs
 from tests.test_workflow import Project, checkout, rules_run  # noqa: F401
 
 pytestmark = pytest.mark.workflow
@@ -114,3 +116,22 @@ def test_a_message_of_photographs_is_trained_and_moved(checkout, tmp_path):  # n
     ran = rules_run(project.run("results/pairs/photos/cameras.json"))
     assert ran == {"train_message": 1, "make_pair": 1}
     assert len(list(Path(tmp_path / "results/pairs/photos/message").glob("*.png"))) == len(ring())
+
+
+def test_a_scheme_that_cannot_be_trained_here_is_told_and_the_others_are_evaluated(checkout, tmp_path):  # noqa: F811
+    (tmp_path / "absent").mkdir()
+    (tmp_path / "absent" / "torch.py").write_text(
+        "raise ModuleNotFoundError(\"No module named 'torch'\", name='torch')\n"
+    )
+    write_model(tmp_path / "bot.ply", blobs(200, sh_degree=0))
+    project = Project(tmp_path, checkout, packages=(tmp_path / "absent",))
+    assets = {"bot": {"model": "bot.ply", "cameras": "orbit", "generated": {"count": 9, "width": 32, "height": 24}}}
+    settings = {name: CONFIG[name] for name in ("method", "variants")}
+    project.configure({"assets": assets, "pairs": {"pair": SMALL}, "schemes": {"gs_hider": {}}, **settings})
+    assert "torch: package: expected PyTorch" in project.run(TABLE)
+    with (project.folder / TABLE).open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    failures = {row["failure"] for row in rows if row["scheme"] == "gs_hider" and row["variant"] in CONFIG["variants"]}
+    assert len(failures) == 1
+    assert "pip install gspure[torch]" in failures.pop()
+    assert all(row["psnr"] for row in rows if (row["scheme"], row["variant"]) == ("vanilla", "gspure"))

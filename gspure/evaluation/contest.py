@@ -70,8 +70,9 @@ class Contest(NamedTuple):
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     """Compare GSPure with every other attack, for every scheme and extraction of the message.
 
-    Controls and attacks that refused are no rivals. Only the Score is tested: it is the measure that the paper names,
-    and every further test makes the correction for all of them harsher. For the rest, intervals say how sure they are.
+    Controls and GSPure itself at other strengths are no rivals. Only the Score is tested: it is the measure that the
+    paper names, and every further test makes the correction for all of them harsher. For the rest, intervals say how
+    sure they are.
 
     Parameters
     ----------
@@ -83,11 +84,12 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
 
     """
     found: list[Contest] = []
+    own = {*sweeps.get(METHOD, ())} - {METHOD}
     for scheme in dict.fromkeys(o.scheme for o in outcomes):
         attacks = [o for o in outcomes if o.scheme == scheme and o.variant != REFERENCE and not o.is_control]
         for extraction in ordered({target for o in attacks for target in o.messages}):
             drops = _drops(attacks, extraction)
-            for quantity, cells in _as_run(drops).items():
+            for quantity, cells in _as_run({name: cells for name, cells in drops.items() if name not in own}).items():
                 found += _against(cells, scheme, extraction, quantity, math.nan)
             for damage in MATCHED_DAMAGES:
                 cells = _at_equal_damage(drops, {METHOD: [METHOD], **sweeps}, damage)

@@ -16,14 +16,13 @@ _NAMED: Final = 8
 """How many attacks a sentence names."""
 
 SPOKEN: Final = {
-    "gspure": "GSPure",
-    "gof": "GOF",
-    "gaussian_noise": "Gaussian noise",
     "message_oracle": "message (oracle)",
     "splats_in_splats": "Splats in Splats",
     "gs_hider": "GS-Hider",
     "secure_gs": "SecureGS",
 }
+
+_WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian"}
 
 DIAGNOSIS_TERMS: Final = {
     "gaussians": "rows (Gaussians, or anchors)",
@@ -158,7 +157,7 @@ def _with_message(outcomes: Sequence[Outcome]) -> set[str]:
 
 def spoken(name: str) -> str:
     """Return the name of a scheme, a variant or a target as people write it."""
-    return SPOKEN.get(name, name.replace("_", " "))
+    return SPOKEN.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
 
 
 def decibels(value: float) -> str:

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 COLUMNS: Final = 6
 """Columns in a block, at most: their titles are then still to be read on a page."""
 
-_TITLE: Final = 0.15  # height of a block's titles, inches
+_TITLE: Final = 0.26  # height of a block's titles, inches: two lines
+_TITLE_WIDTH: Final = 16  # letters in a line of them
 _LABEL: Final = 0.15  # height of a tile's label
 _NAMES: Final = 0.16  # breadth of the rows' names
 _PADDING: Final = 0.04  # beside each tile
@@ -108,7 +109,7 @@ def write_lineup(path: Path, targets: Sequence[str], columns: Sequence[Column]) 
         for part, block in zip(parts[:, 0], blocks, strict=True):
             grid = part.subplots(len(targets), breadth, squeeze=False)
             for column, axes in zip(block, grid[0], strict=False):
-                axes.set_title(spoken(column.name), pad=3)
+                axes.set_title(textwrap.fill(spoken(column.name), _TITLE_WIDTH), pad=3)
             for target, row in zip(targets, grid, strict=True):
                 for column, axes in zip(block, row, strict=False):
                     _draw(axes, column, target, columns[0].images[target])

@@ -27,7 +27,7 @@ from gspure.figures.comparisons import Extraction, extractions
 TEMPLATE: Final = Path(__file__).with_name("report.html.j2")
 
 _FIGURES: Final = "figures"  # the folder that holds those about all models of a scheme
-_WIDEST: Final = 1600  # pixels of an embedded picture
+_WIDEST: Final = 1400  # pixels of an embedded picture
 _OTHER_FORMATS: Final = (".gltf", ".vtp")
 
 
@@ -218,5 +218,5 @@ def _record(file: Path) -> dict[str, Any]:
 def _embedded(image: Any) -> str:
     image.thumbnail((_WIDEST, 10 * _WIDEST))
     buffer = io.BytesIO()
-    image.save(buffer, format="WEBP", quality=90, method=4)
+    image.save(buffer, format="WEBP", quality=80, method=4)
     return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode()

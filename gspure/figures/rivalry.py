@@ -29,9 +29,8 @@ def points(contests: Sequence[Contest]) -> Iterator[tuple[str, str]]:
     scores = [c for c in as_run if c.quantity == SCORE]
     if scores:
         yield "Is GSPure the best?", _best(scores)
-    equal = [sentence for damage in MATCHED_DAMAGES for sentence in _at(damage, contests)]
-    if equal:
-        yield "At equal damage", " ".join(equal)
+    if any(not isnan(c.damage) for c in contests):
+        yield "At equal damage", _at_equal_damage(contests)
 
 
 def certainty(contests: Sequence[Contest]) -> str:
@@ -66,17 +65,28 @@ def _best(scores: Sequence[Contest]) -> str:
     as_well = f" As good on average, to {EQUAL:g} dB: {equal}." if equal else ""
     if not better:
         return f"By Score, none of {plural(len(scores), 'rival')} does better on average.{as_well}"
-    names = listed(f"{spoken(c.rival)} by {db(mirrored(c.difference))}, {how_sure(c.difference)}" for c in better)
-    return f"By Score, no. Better on average: {names}.{as_well}"
+    everywhere = [c for c in better if _is_everywhere(c)]
+    names = listed(f"{spoken(c.rival)} by {db(mirrored(c.difference))}" for c in everywhere)
+    found = f"By Score, no. Better {how_sure(everywhere[0].difference)}: {names}." if everywhere else ""
+    others = listed(spoken(c.rival) for c in better if not _is_everywhere(c))
+    on_average = f" Better on average, {how_sure(better[-1].difference)}: {others}." if others else ""
+    return f"{found or 'By Score, none does better everywhere.'}{on_average}{as_well}"
 
 
-def _at(damage: float, contests: Sequence[Contest]) -> Iterator[str]:
-    rows = [c for c in contests if c.damage == damage]
-    if not rows:
-        return
-    strongest = min(rows, key=lambda c: c.difference.mean)
-    if strongest.difference.mean >= 0:
-        yield f"For {damage:g} dB of the scene none takes more from the message."
-    else:
-        name, more = spoken(strongest.rival), mirrored(strongest.difference)
-        yield f"For {damage:g} dB of the scene {name} takes {db(more)} more, {how_sure(more)}."
+def _is_everywhere(contest: Contest) -> bool:
+    return contest.difference.scenes == 1 or is_sure(contest.difference)
+
+
+def _at_equal_damage(contests: Sequence[Contest]) -> str:
+    """Return the attack that takes more than GSPure for the same damage, for every damage for which there is one."""
+    found = []
+    for damage in MATCHED_DAMAGES:
+        stronger = [c for c in contests if c.damage == damage and c.difference.mean <= -EQUAL and _is_everywhere(c)]
+        if stronger:
+            most = min(stronger, key=lambda c: c.difference.mean)
+            more = mirrored(most.difference)
+            found.append(
+                f"For {damage:g} dB of the scene {spoken(most.rival)} takes {db(more)} more, {how_sure(more)}."
+            )
+    least, largest = MATCHED_DAMAGES[0], MATCHED_DAMAGES[-1]
+    return " ".join(found) or f"For {least:g} to {largest:g} dB of the scene none takes more everywhere."
