@@ -56,6 +56,11 @@ def test_where_no_strength_damages_a_scene_as_much_the_most_that_was_taken_count
     assert most([[ours], [theirs]]) == [ours]
 
 
+def test_an_attack_of_one_strength_is_compared_between_none_and_that_one() -> None:
+    rows = cells(match(outcomes(room={"gof": (3.0, 12.0), "weak": (1.0, 1.0)}), {"ours": ["weak"]}), "gof")
+    assert (rows[1.5].strengths, rows[1.5].drop.mean) == (1, pytest.approx(6.0))
+
+
 def test_what_no_strength_reaches_is_not_extrapolated() -> None:
     rows = match(outcomes(room={"weak": (0.5, 9.0), "strong": (0.6, 4.0)}), {"ours": ["weak", "strong"]})
     assert [row.drop.mean for row in rows] == pytest.approx([5.4, 9.0, 9.0, 9.0])

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from gspure.evaluation.matched import Sweeps, drop_within
+from gspure.evaluation.matched import Sweeps, completed, drop_within
 from gspure.evaluation.outcomes import REFERENCE, SCENE, Outcome, ordered
 from gspure.evaluation.sheet import number, read_sheet, write_sheet
 from gspure.evaluation.statistics import (
@@ -79,7 +79,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     outcomes : sequence of Outcome
         In any order; schemes and rivals stay in it.
     sweeps : mapping
-        Variants that are one attack at several strengths. The one named `METHOD`, or else that variant alone, is
+        Variants that are one attack at several strengths; others are sweeps of their own. The one named `METHOD` is
         compared with the others at `MATCHED_DAMAGES`.
 
     """
@@ -92,7 +92,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
             for quantity, cells in _as_run({name: cells for name, cells in drops.items() if name not in own}).items():
                 found += _against(cells, scheme, extraction, quantity, math.nan)
             for damage in MATCHED_DAMAGES:
-                cells = _at_equal_damage(drops, {METHOD: [METHOD], **sweeps}, damage)
+                cells = _at_equal_damage(drops, completed(sweeps, drops), damage)
                 found += _against(cells, scheme, extraction, MESSAGE_DROP, damage)
     return found
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from gspure.artifacts import write_text
 from gspure.errors import InputError, reading
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
+from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome, ordered
 from gspure.evaluation.statistics import (
     MATCHED_DAMAGES,
     Interval,
@@ -76,10 +76,12 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
     outcomes : sequence of Outcome
         Sorted by scheme (`gspure.evaluation.outcomes.collect`).
     sweeps : mapping
-        Names of variants; those that a scheme lacks or that refused its models are passed over.
+        Names of variants; those that a scheme lacks or that failed on its models are passed over. Attacks in none of
+        them are sweeps of one strength.
 
     """
     found = []
+    sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != REFERENCE and not o.is_control))
     for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
         ours = list(group)
         for extraction in ordered({target for o in ours for target in o.messages}):
@@ -92,6 +94,12 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
                     if curves
                 ]
     return found
+
+
+def completed(sweeps: Sweeps, variants: Iterable[str]) -> dict[str, Sequence[str]]:
+    """Return the sweeps, and every variant that is in none of them as one of a single strength."""
+    swept = {variant for names in sweeps.values() for variant in names}
+    return {**sweeps, **{variant: [variant] for variant in variants if variant not in swept}}
 
 
 def write_matched(path: Path, rows: Iterable[Matched]) -> None:
