@@ -8,7 +8,7 @@ import pytest
 from gspure.evaluation.controls import CONTROLS
 from gspure.model import write_model
 from tests.models import blobs
-from tests.test_workflow import Project, checkout, rules_run  # noqa: F401
+from tests.test_workflow import Project, checkout, planned, rules_run  # noqa: F401
 
 pytestmark = pytest.mark.workflow
 
@@ -18,7 +18,6 @@ CONFIG = {
     "pairs": {"raised": SMALL, "front": {**SMALL, "scene": "vault", "message": "room", "placement": "front"}},
     "schemes": {"splats_in_splats": {"iterations": 60, "max_gaussians": 600}},
     "method": {"min_samples": 3, "min_cluster_size": 5},
-    "repetitions": 2,
     "variants": {
         "watermarked": {},
         "gspure": {},
@@ -85,16 +84,23 @@ def test_what_an_attack_reached_is_told(rows):
     assert numbers(rows, "gspure")["message"]["reached"] == "true"
 
 
-def test_a_pair_is_repeated_with_another_seed_of_training(rows, finished):
-    first, second = (float(numbers(rows, "watermarked", seed=seed)["scene"]["psnr"]) for seed in "01")
-    assert first != second
-    assert first == pytest.approx(second, abs=3)
-    assert not (finished.folder / "results" / "pairs" / "raised@1").exists()
+def test_a_pair_is_repeated_with_other_seeds_of_training_and_attacks(finished, tmp_path):
+    project = finished.copy(tmp_path / "project")
+    project.configure({**CONFIG, "repetitions": 2})
+    printed = project.run(TABLE, "--dry-run", "--printshellcmds")
+    jobs = planned(printed)
+    assert (jobs["embed_message"], jobs["embed_nothing"], jobs.get("make_pair", 0)) == (2, 2, 0)
+    repeated = [line for line in printed.splitlines() if "raised@1" in line and " -- " in line]
+    trained = next(line for line in repeated if "embed splats_in_splats results/pairs/raised --seed 1" in line)
+    assert "--out results/splats_in_splats/raised@1" in trained
+    assert any("attack rigid_transform" in line and "--seed 1" in line for line in repeated)
 
 
 def test_nothing_runs_twice_and_a_setting_of_a_pair_concerns_that_pair_alone(finished, tmp_path):
     project = finished.copy(tmp_path / "project")
-    assert "Nothing to be done" in project.run(TABLE)
+    again = planned(project.run(TABLE, "--dry-run"))
+    assert again["attack_model"] == len(CONFIG["pairs"])  # that which failed is tried again
+    assert not again.keys() & {"make_pair", "embed_message", "embed_nothing", "measure_contributions", "tree"}
     edited = {**CONFIG, "pairs": {**CONFIG["pairs"], "front": {**CONFIG["pairs"]["front"], "seed": 1}}}
     project.configure(edited)
     ran = rules_run(project.run("results/splats_in_splats/front/public/point_cloud.ply"))
