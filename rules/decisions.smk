@@ -74,8 +74,15 @@ def factor_points(wildcards):
     return shlex.join(word for name, (n, c) in ordered for word in ("--point", f"{name}={n},{c}"))
 
 
+def is_swept(scheme):
+    """Whether there are variants that differ from the method in one pruning factor alone."""
+    method = DECISIONS[scheme][METHOD]
+    points = factors_of(VARIANTS, DECISIONS[scheme]).values()
+    return any((n == method["tau_n"]) != (c == method["tau_c"]) for n, c in points)
+
+
 def scheme_figures():
     """The figures about all scenes of a scheme: those of the message where there is one, a sweep where there is one."""
     shown = [scheme for scheme in SCHEMES if SCHEMES[scheme] and scheme != "vanilla"]
-    swept = ["sweep"] if len(factors_of(VARIANTS, next(iter(DECISIONS.values())))) > 1 else []
-    return [f"results/figures/{scheme}/{name}.png" for scheme in shown for name in [*swept, "tradeoff"]]
+    drawn = {scheme: ["sweep", "tradeoff"] if is_swept(scheme) else ["tradeoff"] for scheme in shown}
+    return [f"results/figures/{scheme}/{name}.png" for scheme in shown for name in drawn[scheme]]

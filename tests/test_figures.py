@@ -28,7 +28,7 @@ def evidence(monkeypatch: pytest.MonkeyPatch) -> gallery.Evidence:
     monkeypatch.setattr(gallery, "THIRD_WIDTH", 120)
     labels = np.repeat([-1, 0, 1, -1], 100).astype(np.int32)
     weights = np.where(np.arange(400) < 50, 0, RNG.random(400)).astype(np.float32)
-    return gallery.Evidence(BALL, labels, weights, weights < 0.1, weights < 0.2)
+    return gallery.Evidence(BALL, labels, weights, weights < 0.1, carries_message=weights < 0.2)
 
 
 def test_without_opengl_all_figures_are_drawn_and_say_why(

@@ -100,11 +100,11 @@ def _draw_model(args: argparse.Namespace) -> None:
         labels,
         load_array(args.weights, dtype=np.float32, shape=shape),
         load_array(args.prune_mask, dtype=np.bool_, shape=shape),
-        load_array(args.truth, dtype=np.bool_, shape=shape) if args.truth else None,
-        load_array(args.hidden, dtype=np.float32, shape=shape) if args.hidden else None,
-        args.tau_c,
-        args.tau_n,
-        Signature.of(model.table.dtype.names or ()).rows,
+        carries_message=load_array(args.truth, dtype=np.bool_, shape=shape) if args.truth else None,
+        hidden=load_array(args.hidden, dtype=np.float32, shape=shape) if args.hidden else None,
+        tau_c=args.tau_c,
+        tau_n=args.tau_n,
+        rows=Signature.of(model.table.dtype.names or ()).rows,
     )
     cameras = read_cameras(args.cameras) if args.cameras else []
     captions = draw(args.out, evidence, cameras, _named(cameras, args.view, args.cameras) if args.view else None)

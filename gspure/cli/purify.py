@@ -69,6 +69,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.cameras import split
     from gspure.figures.gallery import Evidence, draw
     from gspure.model import require_finite
+    from gspure.model.signature import Signature
     from gspure.opencl.device import choose_device
     from gspure.progress import say
     from gspure.schemes.registry import open_asset
@@ -90,7 +91,9 @@ def run(args: argparse.Namespace) -> None:
             _compare(folder, asset, purified, test, device)
         else:
             say("the model holds no colour: no renders, no metrics")
-        evidence = Evidence(model.means, found.labels, found.weights, found.pruned, None, args.tau_c, args.tau_n)
+        rows = Signature.of(model.table.dtype.names or ()).rows
+        shown = (model.means, found.labels, found.weights, found.pruned)
+        evidence = Evidence(*shown, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
         for path, caption in draw(folder / "figures", evidence, cameras).items():
             print(f"{args.out / path.relative_to(folder)}: {caption}")
     print(f"results in {args.out}")

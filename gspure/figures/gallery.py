@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Final
 
@@ -58,6 +58,7 @@ class Evidence:
     labels: NDArray[np.int32]
     weights: NDArray[np.float32]
     pruned: NDArray[np.bool_]
+    _: KW_ONLY
     carries_message: NDArray[np.bool_] | None = None
     hidden: NDArray[np.float32] | None = None
     tau_c: float = TAU_C

@@ -90,6 +90,7 @@ def _scale(axes: Axes, damage: Sequence[float]) -> None:
     most = max(*damage, _LINEAR)
     axes.set_xscale("symlog", linthresh=_LINEAR)
     axes.set_xlim(min(damage) - 0.15, most * 1.15)
+    axes.margins(y=0.1)  # for numbers below the lowest points
     shown = [tick for tick in _TICKS if tick <= most * 1.1]
     axes.set_xticks(shown, [f"{tick:g}" for tick in shown])
     axes.minorticks_off()
