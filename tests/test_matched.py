@@ -92,7 +92,7 @@ def test_the_command_writes_both_tables(tmp_path: Path) -> None:
     with files["matched.csv"].open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 2 * len(MATCHED_DAMAGES)
-    assert list(rows[3].values()) == ["sis", "message", "ours", "2", "2.0", "11.5", "8", "15", "0.5", "2", "1"]
+    assert list(rows[3].values()) == ["sis", "message", "ours", "2", "2", "11.5", "8", "15", "0.5", "2", "1"]
     assert files["matched.md"].read_text() == matched_markdown(match(TWO, SWEEPS))
 
 

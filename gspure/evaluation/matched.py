@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
@@ -12,9 +10,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import write_text
-from gspure.errors import InputError, reading
 from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome, ordered
+from gspure.evaluation.sheet import read_sheet, write_sheet
 from gspure.evaluation.statistics import (
     MATCHED_DAMAGES,
     Interval,
@@ -104,24 +101,12 @@ def completed(sweeps: Sweeps, variants: Iterable[str]) -> dict[str, Sequence[str
 
 def write_matched(path: Path, rows: Iterable[Matched]) -> None:
     """Write one CSV row per sweep and damage."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(HEADER)
-    for row in rows:
-        table.writerow([*row[:5], *(f"{number:.6g}" for number in row.drop), row.gentle])
-    write_text(path, text.getvalue())
+    write_sheet(path, HEADER, ([*row[:5], *row.drop, row.gentle] for row in rows))
 
 
 def read_matched(path: Path) -> list[Matched]:
     """Read what `write_matched` has written, or raise `InputError`."""
-    with (
-        reading(path, "a table of attacks at equal damage", ValueError, TypeError, csv.Error),  # cells may be missing
-        path.open(encoding="utf-8", newline="") as stream,
-    ):
-        header, *rows = list(csv.reader(stream)) or [[]]
-        if tuple(header) != HEADER:
-            raise InputError(path, "header", expected=",".join(HEADER), found=",".join(header))
-        return [_row(*row) for row in rows]
+    return read_sheet(path, HEADER, "a table of attacks at equal damage", _row)
 
 
 def matched_markdown(rows: Sequence[Matched]) -> str:

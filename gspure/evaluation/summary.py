@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from gspure.artifacts import write_text
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
 from gspure.evaluation.paper import read_cells
 from gspure.evaluation.paper.cells import TARGETS
 from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
+from gspure.evaluation.sheet import Cell, write_sheet
 from gspure.evaluation.statistics import Cells, Interval, by_scene, mean_interval
 
 PAPER: Final = ("scene", "message", "score")
@@ -73,19 +71,16 @@ def write_summary(path: Path, rows: Iterable[Summary]) -> None:
     ``level`` is 0.95 for a bootstrap interval over scenes; less where scenes are so few that ``low`` and ``high`` are
     their smallest and largest value.
     """
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
     columns = [f"{name}_{part}" for name in QUANTITIES for part in Interval._fields]
-    table.writerow(["scheme", "variant", "extraction", *columns, *(f"paper_{name}" for name in PAPER)])
-    for row in rows:
-        numbers = [
-            number
-            for interval in (row.scene, row.message, row.score, *row.off_path)
-            for number in interval or (None,) * 5
-        ]
-        paper = (row.paper_scene, row.paper_message, row.paper)
-        table.writerow([row.scheme, row.variant, row.extraction, *map(_plain, (*numbers, *paper))])
-    write_text(path, text.getvalue())
+    header = ["scheme", "variant", "extraction", *columns, *(f"paper_{name}" for name in PAPER)]
+    write_sheet(path, header, map(_cells, rows))
+
+
+def _cells(row: Summary) -> Iterator[Cell]:
+    yield from (row.scheme, row.variant, row.extraction)
+    for interval in (row.scene, row.message, row.score, *row.off_path):
+        yield from interval or (None,) * len(Interval._fields)
+    yield from (row.paper_scene, row.paper_message, row.paper)
 
 
 def _row(scenes: Sequence[Outcome], extraction: str, *paper: float) -> Summary:
@@ -105,7 +100,3 @@ def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[Interval | None,
 def _interval(cells: Cells) -> Interval | None:
     known = by_scene({cell: value for cell, value in cells.items() if math.isfinite(value)})
     return mean_interval(known) if known else None
-
-
-def _plain(number: float | None) -> str:
-    return "" if number is None or math.isnan(number) else f"{number:.6g}"
