@@ -9,9 +9,9 @@ TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}
 TARGETS |= {name: ["scene", *extractions] for name, extractions in EXTRACTIONS.items()}
 
 
-def pair_of(wildcards):
+def pair_of(scene):
     """The name of an asset's pair: raised, of raised@1."""
-    return wildcards.scene.partition("@")[0]
+    return scene.partition("@")[0]
 
 
 def repetition(wildcards):
@@ -21,7 +21,7 @@ def repetition(wildcards):
 
 def pair_inputs(wildcards):
     """What a scheme is trained on."""
-    folder = f"results/pairs/{pair_of(wildcards)}"
+    folder = f"results/pairs/{pair_of(wildcards.scene)}"
     names = {"cameras": "cameras.json", "points": "points3D.ply", "scene": "scene", "message": "message"}
     return {name: f"{folder}/{file}" for name, file in names.items()}
 
@@ -176,7 +176,7 @@ def model_of(wildcards):
     """The model that a variant or a control shows."""
     folder = f"results/{wildcards.scheme}/{wildcards.scene}"
     if wildcards.variant == OTHER_SCENE:
-        return f"results/{wildcards.scheme}/{other_pair(pair_of(wildcards))}/public/point_cloud.ply"
+        return f"results/{wildcards.scheme}/{other_pair(pair_of(wildcards.scene))}/public/point_cloud.ply"
     if wildcards.variant == WRONG_KEY:
         return f"{folder}/public/point_cloud.ply"
     if wildcards.scheme == "planted" and wildcards.target == "message":
@@ -220,7 +220,7 @@ def controls(scheme, scene):
     """The negative controls of a model; another scene's model takes a pair with another message."""
     if scheme not in WATERMARKS:
         return []
-    return [control for control in CONTROLS if control != OTHER_SCENE or other_pair(scene.partition("@")[0])]
+    return [control for control in CONTROLS if control != OTHER_SCENE or other_pair(pair_of(scene))]
 
 
 def targets(wildcards):
@@ -255,7 +255,7 @@ def comparison_options(wildcards):
 def shown_folders(wildcards):
     """The folders of images, with one folder for each target, by title: the truth where it is known, then the variants."""
     folder = f"results/{wildcards.scheme}/{wildcards.scene}"
-    truths = {"planted": f"{folder}/truth"} | dict.fromkeys(WATERMARKS, f"results/pairs/{pair_of(wildcards)}")
+    truths = {"planted": f"{folder}/truth"} | dict.fromkeys(WATERMARKS, f"results/pairs/{pair_of(wildcards.scene)}")
     truth = {"truth": truths[wildcards.scheme]} if wildcards.scheme in truths else {}
     return truth | {variant: f"{folder}/{variant}/renders" for variant in VARIANTS}
 

@@ -63,9 +63,13 @@ def test_success_after_a_failure_keeps_the_count_alone(folder):
     assert note_of(folder / "kept.npy") == Note(1, "")
 
 
-def test_a_crash_is_told_by_its_last_line():
-    done = attempt("attack watermarked --model model.ply --out model.ply/below.ply")
-    assert done.stderr.startswith("gspure attack: ")
+def test_a_crash_is_told_by_the_last_line_of_its_traceback(folder):
+    (folder / "sitecustomize.py").write_text("import gspure.cli.info as info\ninfo.run = lambda args: 1 / 0\n")
+    line = "-m gspure attempt --makes kept.npy --log info.log -- info model.ply"
+    crashing = {**os.environ, "PYTHONPATH": f"{folder}:{os.environ.get('PYTHONPATH', '')}"}
+    subprocess.run([sys.executable, *line.split()], env=crashing, check=True)
+    assert note_of(folder / "kept.npy") == Note(1, "gspure info: ZeroDivisionError: division by zero")
+    assert "Traceback" in (folder / "info.log").read_text()
 
 
 def test_a_job_that_is_killed_has_failed_and_one_that_is_interrupted_has_not(folder):

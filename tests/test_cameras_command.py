@@ -52,7 +52,10 @@ def test_views_are_generated_around_a_model(tmp_path, kind):
     [
         (["orbit"], "orbit: --model: expected the model to look at, found nothing"),
         (["SOURCE", "--count", "4"], "source: expected orbit or shells, found a camera file and --count"),
-        (["SOURCE", "--scale", "4"], "scale rule: value: expected native, photographs, 1/N or Wpx"),
+        (
+            ["SOURCE", "--scale", "4"],
+            "scale rule: value: expected native, photographs, 1/N or Wpx (such as 1600px), found '4'",
+        ),
         (["SOURCE", "--require-images"], "c.image: expected an existing photograph"),
         (["nowhere.json"], "nowhere.json: file: expected JSON, found no such file"),
     ],

@@ -177,7 +177,9 @@ def test_a_scheme_s_attacks_are_compared_over_its_scenes(tmp_path: Path, figures
     assert "What the message loses at equal damage to the scene" in page.text
     table = page.source.split('<h2 id="scheme-1">')[1].split("</table>")[0]
     assert table.count("<b>") == 4
-    assert "6.00" in table
+    rows = {row.split("</th>")[0].split(">")[-1]: row for row in table.split("<tr>") if 'scope="row"' in row}
+    assert {name for name, row in rows.items() if "<b>" in row} == {"GSPure"}
+    assert "<td>6.00" in rows["ours"]
     assert len(page.all("img")) == 3
 
 

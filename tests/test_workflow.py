@@ -270,6 +270,7 @@ def test_a_stage_deleted_by_hand_is_reported_and_restored(project):
     content = removed.read_bytes()
     removed.unlink()
     assert "--forcerun measure_contributions" in project.run(OMEGA, "--forcerun", "accumulate_weights")
+    assert json.loads((project.folder / f"{OMEGA}.failed").read_text())["failures"] == 1
     before = project.stages()
     project.run(OMEGA, "--forcerun", "measure_contributions")
     assert computed(before, project.stages()) == ["view_5"]

@@ -100,7 +100,7 @@ def test_nothing_runs_twice_and_a_setting_of_a_pair_concerns_that_pair_alone(fin
     project = finished.copy(tmp_path / "project")
     again = planned(project.run(TABLE, "--dry-run"))
     assert again["attack_model"] == len(CONFIG["pairs"])  # that which failed is tried again
-    assert not again.keys() & {"make_pair", "embed_message", "embed_nothing", "measure_contributions", "tree"}
+    assert not again.keys() & {"make_pair", "embed_message", "embed_nothing", "measure_contributions", "span_tree"}
     edited = {**CONFIG, "pairs": {**CONFIG["pairs"], "front": {**CONFIG["pairs"]["front"], "seed": 1}}}
     project.configure(edited)
     ran = rules_run(project.run("results/splats_in_splats/front/public/point_cloud.ply"))

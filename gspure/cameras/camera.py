@@ -69,6 +69,19 @@ def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
+def looking_at(centre: Float64, target: Float64, up: Float64) -> Float64:
+    """Return the world-to-camera matrix [4,4] of a camera at `centre` with `target` in its middle and `up` upright."""
+    forward = target - centre
+    forward /= np.sqrt((forward * forward).sum())
+    right = np.cross(forward, up)
+    right /= np.sqrt((right * right).sum())
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = rotation
+    viewmat[:3, 3] = -(rotation * centre).sum(axis=1)
+    return viewmat
+
+
 def split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
     """Return (train, test): sorted by name, every eighth camera from the first on is a test view (3DGS --eval)."""
     ordered = sorted(cameras, key=lambda camera: camera.name)

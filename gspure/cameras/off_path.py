@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.cameras.camera import Camera, Float64, split
+from gspure.cameras.camera import Camera, Float64, looking_at, split
 from gspure.errors import InputError
 
 PREFIX: Final = "off_path_"
@@ -69,10 +69,4 @@ def _aside(camera: Camera, name: str, step: Float64, target: Float64) -> Camera:
     distance = max(float(forward @ (target - centre)), 2 * float(np.linalg.norm(step)))  # it may lie behind
     looked_at = centre + distance * forward
     moved = centre + step[0] * down + step[1] * forward
-    z = (looked_at - moved) / np.linalg.norm(looked_at - moved)
-    x = np.cross(down, z)
-    x /= np.linalg.norm(x)
-    viewmat = np.eye(4)
-    viewmat[:3, :3] = np.stack([x, np.cross(z, x), z])
-    viewmat[:3, 3] = -viewmat[:3, :3] @ moved
-    return replace(camera, name=name, viewmat=viewmat, image=None)
+    return replace(camera, name=name, viewmat=looking_at(moved, looked_at, -down), image=None)

@@ -13,7 +13,7 @@ from gspure.evaluation.paper import read_cells
 from gspure.evaluation.paper.cells import TARGETS
 from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
 from gspure.evaluation.sheet import Cell, write_sheet
-from gspure.evaluation.statistics import Cells, Interval, by_scene, mean_interval
+from gspure.evaluation.statistics import Interval, known_interval
 
 PAPER: Final = ("scene", "message", "score")
 QUANTITIES: Final = (*PAPER, *(f"off_path_{name}" for name in PAPER))
@@ -91,12 +91,7 @@ def _row(scenes: Sequence[Outcome], extraction: str, *paper: float) -> Summary:
 def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[Interval | None, Interval | None, Interval | None]:
     """Return the means of the scene's PSNR, the message's and the Score."""
     scene, message = (
-        _interval({(o.scene, o.seed): o.targets[target].psnr for o in scenes if target in o.targets})
+        known_interval({(o.scene, o.seed): o.targets[target].psnr for o in scenes if target in o.targets})
         for target in (SCENE, extraction)
     )
-    return scene, message, _interval({(o.scene, o.seed): o.score_of(extraction) for o in scenes})
-
-
-def _interval(cells: Cells) -> Interval | None:
-    known = by_scene({cell: value for cell, value in cells.items() if math.isfinite(value)})
-    return mean_interval(known) if known else None
+    return scene, message, known_interval({(o.scene, o.seed): o.score_of(extraction) for o in scenes})

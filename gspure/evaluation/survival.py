@@ -19,6 +19,7 @@ from gspure.evaluation.statistics import (
     by_scene,
     detectability,
     differences,
+    known_interval,
     mean_interval,
 )
 
@@ -138,8 +139,8 @@ def _survival(attacked: Sequence[Outcome], extraction: str, left: Mapping[str, C
         len(before & {scene for scene, _ in ours}),
         len(before & after),
         any(known) if known else None,
-        _mean(by_scene(_known(attacked, extraction))),
-        _mean(by_scene(_known(attacked, SCENE))),
+        known_interval(_drops(attacked, extraction)),
+        known_interval(_drops(attacked, SCENE)),
         _mean(differences(ours, controls)),
         _mean(differences(ours, left.get(WRONG_KEY, {}))),
         control,
@@ -147,10 +148,8 @@ def _survival(attacked: Sequence[Outcome], extraction: str, left: Mapping[str, C
     )
 
 
-def _known(attacked: Sequence[Outcome], target: str) -> Cells:
-    """Return the drops of a target where they are known."""
-    drops = {(o.scene, o.seed): o.psnr_drop(target) for o in attacked}
-    return {cell: drop for cell, drop in drops.items() if math.isfinite(drop)}
+def _drops(attacked: Sequence[Outcome], target: str) -> Cells:
+    return {(o.scene, o.seed): o.psnr_drop(target) for o in attacked}
 
 
 def _highest(left: Mapping[str, Cells], kinds: Iterable[str]) -> dict[tuple[str, int], float]:

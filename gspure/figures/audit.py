@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from textwrap import shorten
 from typing import Final
 
 from gspure.evaluation.contest import METHOD, Contest
 from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
-from gspure.evaluation.statistics import Interval, by_scene, mean_interval
+from gspure.evaluation.statistics import Interval, known_interval
 from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.figures import rivalry
@@ -195,9 +195,7 @@ def _off_path(outcomes: Sequence[Outcome]) -> Iterator[Point]:
 
 
 def _drop(outcomes: Sequence[Outcome], target: str) -> Interval | None:
-    drops = {(o.scene, o.seed): o.psnr_drop(target) for o in outcomes}
-    known = {cell: drop for cell, drop in drops.items() if isfinite(drop)}
-    return mean_interval(by_scene(known)) if known else None
+    return known_interval({(o.scene, o.seed): o.psnr_drop(target) for o in outcomes})
 
 
 def _basis(outcomes: Sequence[Outcome]) -> str:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.camera import Camera, intrinsics, looking_at
 
 Float64 = NDArray[np.float64]
 
 TARGET = (0.0, 0.5, 0.75)
 """Where all cameras look, metres."""
+
+UP = np.array([0.0, 0.0, 1.0])
 
 
 def stage_cameras(count: int, width: int, height: int) -> list[Camera]:
@@ -19,7 +21,7 @@ def stage_cameras(count: int, width: int, height: int) -> list[Camera]:
     K = intrinsics(focal, focal, width / 2, height / 2)
     digits = max(3, len(str(count - 1)))
     return [
-        Camera(f"view_{i:0{digits}d}", width, height, K, _looking_at(_station(i / count), np.array(TARGET)))
+        Camera(f"view_{i:0{digits}d}", width, height, K, looking_at(_station(i / count), np.array(TARGET), UP))
         for i in range(count)
     ]
 
@@ -31,16 +33,3 @@ def _station(phase: float) -> Float64:
     radius = 3.7 + 0.5 * np.cos(3.0 * turn)
     height = 1.75 + 0.55 * np.sin(2.0 * turn + 0.6)
     return np.array([radius * np.sin(azimuth), TARGET[1] - radius * np.cos(azimuth), height])
-
-
-def _looking_at(centre: Float64, target: Float64) -> Float64:
-    """Return the world-to-camera matrix [4,4] with world z up in the image."""
-    forward = target - centre
-    forward /= np.sqrt((forward * forward).sum())
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.sqrt((right * right).sum())
-    rotation = np.stack([right, np.cross(forward, right), forward])
-    viewmat = np.eye(4)
-    viewmat[:3, :3] = rotation
-    viewmat[:3, 3] = -(rotation * centre).sum(axis=1)
-    return viewmat

@@ -6,7 +6,7 @@ evidence, so they are averaged within scenes, resampled within scenes, and chang
 
 from gspure.evaluation.statistics.cells import Cells, by_scene, differences
 from gspure.evaluation.statistics.detectability import Detectability, detectability
-from gspure.evaluation.statistics.intervals import LEVEL, Interval, mean_interval
+from gspure.evaluation.statistics.intervals import LEVEL, Interval, known_interval, mean_interval
 from gspure.evaluation.statistics.significance import PairedTest, holm, paired_test
 from gspure.evaluation.statistics.tradeoff import (
     MATCHED_DAMAGES,
@@ -28,6 +28,7 @@ __all__ = [
     "detectability",
     "differences",
     "holm",
+    "known_interval",
     "matched_message_drop",
     "matched_score",
     "mean_interval",

@@ -17,13 +17,14 @@ scenes that is less than 95 %, and then this range is given for what it is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.evaluation.statistics.cells import Groups, checked
+from gspure.evaluation.statistics.cells import Cells, Groups, by_scene, checked
 
 LEVEL: Final = 0.95
 """Nominal probability that an interval covers what it estimates."""
@@ -84,6 +85,12 @@ def mean_interval(values: Sequence[ArrayLike]) -> Interval:
     else:
         (low, high), level = np.quantile(_resampled_means(groups), _tails(len(groups))), LEVEL
     return Interval(float(means.mean()), float(low), float(high), level, len(groups))
+
+
+def known_interval(cells: Cells) -> Interval | None:
+    """Return the mean over scenes of the finite numbers, with its interval; None if there are none."""
+    known = by_scene({cell: value for cell, value in cells.items() if math.isfinite(value)})
+    return mean_interval(known) if known else None
 
 
 def _resampled_means(groups: Groups) -> np.ndarray:
