@@ -42,6 +42,16 @@ def test_only_positions_slow_down_or_depend_on_the_extent():
 
 
 @given(lengths)
+def test_a_network_settles_once_no_gaussians_grow_and_never_stands_still(length):
+    schedule = Schedule.scaled(length)
+    shares = np.array([schedule.settling(i) for i in range(1, length + 1)])
+    assert (shares[: schedule.densify_until] == 1).all()
+    falling = shares[schedule.densify_until - 1 :]
+    np.testing.assert_allclose(np.diff(falling), -falling[-1], rtol=1e-6)
+    assert 0 < falling[-1] == pytest.approx(1 / len(falling))
+
+
+@given(lengths)
 def test_opacities_are_reset_only_with_densification_of_statistics_already_used(length):
     schedule = Schedule.scaled(length)
     resets = range(schedule.reset_every, length + 1, schedule.reset_every)

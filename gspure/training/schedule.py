@@ -100,6 +100,14 @@ class Schedule:
             sh_rest=SH_REST_RATE,
         )
 
+    def settling(self, iteration: int) -> float:
+        """Return the share of its rate that a network still learns with: 1 while Gaussians grow, then linearly to 0.
+
+        Ours, for networks that 3DGS does not have: at a constant rate, their last steps are noise in the image.
+        """
+        left = self.iterations + 1 - iteration
+        return min(1.0, left / (self.iterations + 1 - self.densify_until))
+
     def sh_degree(self, iteration: int) -> int:
         """Return the degree of the spherical harmonics that take part in one iteration."""
         return min(MAX_SH_DEGREE, iteration // self.sh_every)

@@ -24,7 +24,7 @@ from gspure.training.schedule import Schedule, shuffled
 Float32 = NDArray[np.float32]
 
 DECODER_RATE: Final = 1e-3
-"""The authors'; Adam's other settings are its defaults."""
+"""The authors'; Adam's other settings are its defaults. They keep it for 50 000 iterations; here it ends at zero."""
 
 
 class Training:
@@ -87,6 +87,8 @@ class Training:
         feature_map, pull_back = self.field.feature_map(camera)
         work = [threads.submit(branch.differentiate, feature_map, view) for branch in self.branches]
         losses, gradients = zip(*(share.result() for share in work), strict=True)
+        for group in self._optimizer.param_groups:
+            group["lr"] = DECODER_RATE * self._schedule.settling(iteration)
         self._optimizer.step()
         rates = self._schedule.rates(iteration, self.pair.dataset.extent)
         self.field.step(camera, pull_back(np.sum(gradients, axis=0)), rates)
