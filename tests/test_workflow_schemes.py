@@ -2,6 +2,7 @@
 
 import csv
 from pathlib import Path
+from statistics import mean
 
 import pytest
 
@@ -44,6 +45,11 @@ def rows(finished):
 def numbers(rows, variant, scene="raised", seed="0"):
     cell = (scene, seed, variant)
     return {row["target"]: row for row in rows if (row["scene"], row["seed"], row["variant"]) == cell}
+
+
+def scene_psnr(metrics):
+    with metrics.open(newline="") as stream:
+        return mean(float(row["psnr"]) for row in csv.DictReader(stream) if row["target"] == "scene")
 
 
 def test_every_pair_has_its_model_key_and_clean_model(finished):
@@ -94,6 +100,13 @@ def test_a_pair_is_repeated_with_other_seeds_of_training_and_attacks(finished, t
     trained = next(line for line in repeated if "embed splats_in_splats results/pairs/raised --seed 1" in line)
     assert "--out results/splats_in_splats/raised@1" in trained
     assert any("attack rigid_transform" in line and "--seed 1" in line for line in repeated)
+
+    metrics = [f"results/splats_in_splats/{asset}/watermarked/metrics.csv" for asset in ("raised", "raised@1")]
+    assert rules_run(project.run(metrics[1]))["embed_message"] == 1
+    first, second = (scene_psnr(project.folder / path) for path in metrics)
+    assert first != second
+    assert first == pytest.approx(second, abs=3)
+    assert not (project.folder / "results" / "pairs" / "raised@1").exists()
 
 
 def test_nothing_runs_twice_and_a_setting_of_a_pair_concerns_that_pair_alone(finished, tmp_path):
