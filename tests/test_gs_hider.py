@@ -86,6 +86,19 @@ def test_settings_out_of_range_are_refused(pair, setting):
         hide(SCHEME, pair, **setting)
 
 
+def test_decoders_come_to_rest_at_the_end(pair):
+    start = gaussians_at(*(part[:500] for part in pair.points))
+    run = Training(pair, start, 40, message_weight=0.5, max_gaussians=500, seed=0, device=choose_device())
+    weights = [weight for branch in run.branches for weight in branch.decoder.parameters()]
+    steps, before = [], [weight.detach().clone() for weight in weights]
+    for _ in run:
+        after = [weight.detach().clone() for weight in weights]
+        steps.append(max(float((a - b).abs().max()) for a, b in zip(after, before, strict=True)))
+        before = after
+    assert len(steps) == 40
+    assert steps[-1] < steps[0] / 5
+
+
 def test_features_follow_what_densification_does(pair):
     run = Training(
         *(pair, gaussians_at(*(part[:500] for part in pair.points)), 12),
