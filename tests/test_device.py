@@ -13,6 +13,7 @@ import pytest
 from gspure.errors import InputError
 from gspure.opencl import device as devices
 from gspure.opencl.device import choose_device, devices_meant, list_devices
+from gspure.opencl.engine import device_digest
 
 CPU, GPU = cl.device_type.CPU, cl.device_type.GPU
 
@@ -24,6 +25,7 @@ class FakeDevice:
     name: str
     type: int
     driver_version: str = "1"
+    version: str = "OpenCL 3.0"
     platform: FakePlatform | None = None
 
 
@@ -149,3 +151,22 @@ def test_wrong_results_are_a_fault(monkeypatch) -> None:
     chosen = choose_device()
     monkeypatch.setattr(devices, "_TRIVIAL_KERNEL", devices._TRIVIAL_KERNEL.replace("FACTOR", "2.0f"))
     assert devices.fault.__wrapped__(chosen) == "a trivial program gives wrong results"
+
+
+def test_the_device_digest_names_driver_device_and_kernel_style(machine):
+    def one_digest(platform: FakePlatform, **changes: object) -> str:
+        machine(replace(platform, found=(replace(POCL.found[0], **changes),)))
+        return device_digest(list_devices()[0])
+
+    plain = one_digest(POCL)
+    assert one_digest(POCL) == plain
+    assert device_digest(list_devices()[0], "cpu") == plain
+    others = [
+        device_digest(list_devices()[0], "gpu"),
+        one_digest(replace(POCL, name="Other")),
+        one_digest(replace(POCL, version="OpenCL 3.0 PoCL 3.2")),
+        one_digest(POCL, driver_version="2"),
+        one_digest(POCL, name="pthread-Xeon"),
+        one_digest(POCL, version="OpenCL 3.0 PoCL HSTR: pthread-x86_64-skylake"),
+    ]
+    assert len({plain, *others}) == 7

@@ -12,11 +12,31 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from gspure.artifacts import digest
 from gspure.errors import InputError
+from gspure.opencl.device import Device
 from gspure.opencl.program import build_options, kernel_source
 
 Style = Literal["cpu", "gpu"]
 LANES = {"cpu": 16, "gpu": 1}
+
+
+def suited_style(device: cl.Device) -> Style:
+    """Return the kernel style that suits the type of `device`."""
+    return "cpu" if device.type & cl.device_type.CPU else "gpu"
+
+
+def device_digest(device: Device, style: Style | None = None) -> str:
+    """Return a digest of driver, device and kernel style (by default the suited one), for keys of stored results.
+
+    Drivers, CPUs and kernel styles round differently: results are bit-identical only where this digest is the same. A
+    driver's compiler and the CPU that it targets are part of its version strings.
+    """
+    target = device.cl_device
+    return digest(
+        *(device.platform, device.version, device.driver, device.name, target.version.strip()),
+        style or suited_style(target),
+    )
 
 
 @cache
@@ -43,7 +63,7 @@ class Engine:
 
     def __init__(self, device: cl.Device, style: Style | None = None) -> None:
         self.device = device
-        self.style: Style = style or ("cpu" if device.type & cl.device_type.CPU else "gpu")
+        self.style: Style = style or suited_style(device)
         self.context = _context(device)
         self.queue = cl.CommandQueue(self.context)
         # On a device that shares the host's memory, mapping such a buffer costs nothing.
