@@ -92,7 +92,7 @@ def write_json(path: Path, value: Any) -> None:
 
 def read_json(path: Path) -> Any:
     """Read JSON, or raise `InputError` with the line at which it goes wrong."""
-    with reading(path, "JSON", ValueError, RecursionError):  # malformed or a number too long, nested too deep
+    with reading(path, "JSON"):
         return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
@@ -110,7 +110,7 @@ def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Read one .npy array and check its type, its shape (``None`` stands for any length) and that it is finite."""
-    with reading(path, "a .npy array", ValueError, EOFError), Path(path).open("rb") as stream:
+    with reading(path, "a .npy array"), Path(path).open("rb") as stream:
         array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
     fits = len(array.shape) == len(shape) and all(b in (None, a) for a, b in zip(array.shape, shape, strict=True))
     if array.dtype != np.dtype(dtype) or not fits:
@@ -125,7 +125,7 @@ def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: tuple[int | No
 def load_arrays(path: Path, names: Iterable[str], content: str) -> dict[str, NDArray[Any]]:
     """Read the named arrays of an .npz archive, which should hold `content`."""
     with (
-        reading(path, content, ValueError, EOFError, zipfile.BadZipFile),
+        reading(path, content),
         Path(path).open("rb") as stream,
         zipfile.ZipFile(stream),  # np.load would take a lone array too
     ):

@@ -157,7 +157,7 @@ def read_index(*paths: Path) -> list[Stage]:
 
 def _read_one_index(path: Path) -> list[Stage]:
     with (
-        reading(path, "an index of contributions", UnicodeDecodeError, csv.Error),
+        reading(path, "an index of contributions"),
         Path(path).open(encoding="utf-8", newline="") as stream,
     ):
         header, *rows = list(csv.reader(stream, delimiter="\t")) or [[]]

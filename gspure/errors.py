@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
+
+_LONGEST: Final = 500
+"""Characters of each part of a message other than the path; ours."""
 
 
 class InputError(Exception):
-    """Input that cannot be used, told in one line.
+    """Input that cannot be used, reported in one line.
+
+    Every part may quote a file: line breaks, escape sequences and other characters that do not print are escaped, and
+    long text is cut, so that no file controls the terminal or hides the message.
 
     Parameters
     ----------
@@ -24,11 +31,11 @@ class InputError(Exception):
     """
 
     def __init__(self, source: str | Path, field: str, *, expected: str, found: str, hint: str | None = None) -> None:
-        self.source = str(source)
-        self.field = field
-        self.expected = expected
-        self.found = found
-        self.hint = hint
+        self.source = printable(str(source))
+        self.field = _short(field)
+        self.expected = _short(expected)
+        self.found = _short(found)
+        self.hint = _short(hint) if hint else None
         super().__init__(str(self))
 
     def __str__(self) -> str:
@@ -36,9 +43,22 @@ class InputError(Exception):
         return f"{line} ({self.hint})" if self.hint else line
 
 
+def printable(text: str) -> str:
+    """Return `text` in one line, with every character that does not print replaced by its Python escape."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def _short(text: str) -> str:
+    text = printable(text)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
 @contextmanager
-def reading(path: str | Path, content: str, *malformed: type[Exception]) -> Iterator[None]:
-    """Read a file in the block: what goes wrong there becomes an `InputError`.
+def reading(path: str | Path, content: str) -> Iterator[None]:
+    """Read a file in the block: whatever goes wrong there becomes an `InputError`.
+
+    Libraries raise almost any exception when a file is damaged or hostile, so every exception counts as the file's
+    fault; keep the block to what depends on the file. The original exception is kept as the cause.
 
     Parameters
     ----------
@@ -46,16 +66,29 @@ def reading(path: str | Path, content: str, *malformed: type[Exception]) -> Iter
         The file.
     content : str
         What it should hold.
-    malformed : exception types
-        What the block raises if the file holds something else.
+
+    Raises
+    ------
+    InputError
+        The file is missing, cannot be read or holds something else.
 
     """
     try:
         yield
-    except FileNotFoundError:
-        raise InputError(path, "file", expected=content, found="no such file") from None
-    except OSError as error:
-        raise InputError(path, "file", expected=content, found=error.strerror or str(error)) from None
-    except malformed as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(path, "file", expected=content, found=reason) from None
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(path, "file", expected=content, found=_reason(error)) from error
+
+
+def _reason(error: Exception) -> str:
+    match error:
+        case FileNotFoundError():
+            return "no such file"
+        case MemoryError():
+            return "more than fits into memory"
+        case RecursionError():
+            return "too deep nesting"
+        case OSError(strerror=str(reason)):
+            return reason
+    return " ".join(str(error).split()) or type(error).__name__

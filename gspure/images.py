@@ -35,8 +35,7 @@ def read_image(path: str | Path, size: tuple[int, int] | None = None) -> Float32
     """
     from PIL import Image
 
-    malformed = (SyntaxError, ValueError, Image.DecompressionBombError)
-    with reading(path, "an image", *malformed), Image.open(path) as image:
+    with reading(path, "an image"), Image.open(path) as image:
         if image.mode in {"I", "F"} or image.mode.startswith("I;"):
             raise InputError(path, "pixels", expected="8 bits per channel", found=f"mode {image.mode}")
         pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gspure.artifacts import digest, filling, load_array, load_arrays, replacing, save_array, save_arrays
-from gspure.errors import InputError, reading
+from gspure.errors import InputError
 
 
 def half_written(path: Path) -> None:
@@ -96,23 +96,3 @@ def test_named_arrays_are_read_back(tmp_path: Path) -> None:
 def test_digests_tell_type_shape_and_boundaries_apart() -> None:
     zeros = [np.zeros(4, np.float32), np.zeros(2, np.float64), np.zeros((2, 2), np.float32)]
     assert len({digest(array) for array in zeros} | {digest("ab", "c"), digest("a", "bc"), digest("abc")}) == 6
-
-
-@pytest.mark.parametrize(
-    ("error", "found"),
-    [
-        (FileNotFoundError(2, "No such file or directory"), "no such file"),
-        (PermissionError(13, "Permission denied"), "Permission denied"),
-        (ValueError("two\nlines"), "two lines"),
-        (EOFError(), "EOFError"),
-    ],
-)
-def test_what_goes_wrong_while_reading_is_told_in_one_line(error: Exception, found: str) -> None:
-    with pytest.raises(InputError) as caught, reading("x.json", "JSON", ValueError, EOFError):
-        raise error
-    assert str(caught.value) == f"x.json: file: expected JSON, found {found}"
-
-
-def test_a_bug_while_reading_stays_a_bug() -> None:
-    with pytest.raises(KeyError), reading("x.json", "JSON", ValueError):
-        raise KeyError

@@ -290,3 +290,12 @@ def test_a_wrong_configuration_is_refused_by_snakemake_in_one_line(folder, confi
     (error,) = [text for text in done.stderr.splitlines() if not text.startswith("Using workflow specific profile")]
     assert re.fullmatch(f"gspure: {line}", error)
     assert not Path("results").exists()
+
+
+def test_a_path_cannot_send_escape_sequences_to_the_terminal(folder, capsys):
+    Path("cameras.json").rename("\x1b[2J\n.json")
+    assert main(["cameras", "\x1b[2J\n.json/x", "--out", "out"]) == 2
+    assert main(["cameras", "cameras.json", "--out", "\x1b[2J\n.json/out"]) == 2
+    lines = capsys.readouterr().err.split("\n")
+    assert len(lines) == 3
+    assert all(line.isprintable() for line in lines)

@@ -61,7 +61,7 @@ def points(path: Path) -> Points:
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield (line number, stripped line), comments left out."""
-    with reading(path, "UTF-8 text", UnicodeDecodeError):
+    with reading(path, "UTF-8 text"):
         text = path.read_text(encoding="utf-8")
     lines = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
     return ((number, line) for number, line in lines if not line.startswith("#"))

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from gspure import __version__
-from gspure.errors import InputError
+from gspure.errors import InputError, printable
 
 MAIN_COMMANDS = (
     "purify",
@@ -81,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _refuse(command: str, reason: str) -> int:
-    print(f"gspure {command}: {reason}", file=sys.stderr)
+    print(f"gspure {command}: {printable(reason)}", file=sys.stderr)
     return 2
 
 

@@ -38,7 +38,7 @@ def extract(file: Path, archive: Archive, scene: str, folder: Path, *, sha256: s
 
     """
     kept = {archive.photographs[scene]: "images", "sparse": "sparse"}
-    with reading(file, "a zip archive", zipfile.BadZipFile, EOFError), zipfile.ZipFile(file) as stored:
+    with reading(file, "a zip archive"), zipfile.ZipFile(file) as stored:
         members = {entry: _place(entry, archive, scene, file) for entry in stored.infolist() if not entry.is_dir()}
         wanted = {entry: place for entry, place in members.items() if place and place.parts[0] in kept}
         if {place.parts[0] for place in wanted.values()} != kept.keys():

@@ -137,7 +137,7 @@ def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
 def read_metrics(path: Path) -> list[ViewMetrics]:
     """Read ``metrics.csv``, or raise `InputError`."""
     with (
-        reading(path, "a metrics table", ValueError, csv.Error),
+        reading(path, "a metrics table"),
         path.open(encoding="utf-8", newline="") as stream,
     ):
         header, *rows = list(csv.reader(stream)) or [[]]

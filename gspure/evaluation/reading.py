@@ -25,7 +25,7 @@ def read_table(path: Path) -> list[Outcome]:
 
     """
     with (
-        reading(path, "a table of outcomes", ValueError, TypeError, csv.Error),  # missing cells are None
+        reading(path, "a table of outcomes"),
         path.open(encoding="utf-8", newline="") as stream,
     ):
         table = csv.DictReader(stream, strict=True)

@@ -35,7 +35,7 @@ def read_sheet(path: Path, header: Sequence[str], content: str, row: Callable[..
 
     """
     with (
-        reading(path, content, ValueError, TypeError, csv.Error),  # cells that are missing are a TypeError
+        reading(path, content),
         path.open(encoding="utf-8", newline="") as stream,
     ):
         found, *rows = list(csv.reader(stream)) or [[]]

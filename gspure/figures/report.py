@@ -201,7 +201,7 @@ def _picture(file: Path) -> Picture:
 
     note = file.with_name(file.name + ".json")
     caption = _record(note)["settings"].get("caption", "") if note.exists() else ""
-    with reading(file, "a PNG image", SyntaxError), Image.open(file) as image:
+    with reading(file, "a PNG image"), Image.open(file) as image:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
         data = _embedded(image.convert("RGB"))
     companions = (other.name for suffix in _OTHER_FORMATS if (other := file.with_suffix(suffix)).exists())

@@ -87,7 +87,7 @@ class DecoderFile:
 
         # PyTorch writes zip archives since its version 1.6. Of older forms, some versions run code even so.
         with (
-            reading(self.source, _CONTENT, zipfile.BadZipFile),
+            reading(self.source, _CONTENT),
             zipfile.ZipFile(io.BytesIO(self.content)) as archive,
         ):
             size = sum(entry.file_size for entry in archive.infolist())

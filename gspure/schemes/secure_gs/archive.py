@@ -58,7 +58,7 @@ def read_tensors(path: Path) -> dict[str, Float32]:
         The file is no such archive, or its pickle does anything but describe float32 tensors.
 
     """
-    with reading(path, "a PyTorch archive", zipfile.BadZipFile, EOFError), zipfile.ZipFile(path) as archive:
+    with reading(path, "a PyTorch archive"), zipfile.ZipFile(path) as archive:
         return dict(_named(_Description(Path(path), archive).tree(), "", set()))
 
 
@@ -88,7 +88,7 @@ class _Description:
     def tree(self) -> Any:
         """Return the dictionaries and tensors that are described."""
         instructions = pickletools.genops(io.BytesIO(self._record("data.pkl", DATA_LIMIT)))
-        with reading(self._path, "a description of tensors", ValueError, LookupError, TypeError, AttributeError):
+        with reading(self._path, "a description of tensors"):
             for instruction, argument, _ in instructions:
                 self._follow(instruction.name, argument)
             return self._stack.pop()
@@ -154,7 +154,7 @@ class _Description:
 
     def _record(self, name: str, limit: int) -> bytes:
         """Return a member of the archive; only plainly stored ones, so that none is larger than the file."""
-        with reading(self._path, f"a member {name}", KeyError, zipfile.BadZipFile):
+        with reading(self._path, f"a member {name}"):
             member = self._archive.getinfo(self._root + name)
             if member.compress_type != zipfile.ZIP_STORED or member.file_size > limit:
                 found = f"{member.file_size} bytes, compressed" if member.compress_type else f"{member.file_size} bytes"

@@ -1,0 +1,77 @@
+"""The message of an InputError: one printable line of bounded length, whatever the file holds."""
+
+from __future__ import annotations
+
+import lzma
+import struct
+import tokenize
+import zipfile
+import zlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.errors import InputError, reading
+
+ANY_TEXT = st.text(st.characters(exclude_categories=()))  # control characters and lone surrogates included
+
+
+@given(ANY_TEXT, ANY_TEXT, ANY_TEXT, ANY_TEXT, st.none() | ANY_TEXT)
+def test_a_message_is_one_printable_line_whatever_a_file_holds(source, field, expected, found, hint):
+    message = str(InputError(source, field, expected=expected, found=found, hint=hint))
+    assert message.isprintable()
+    message.encode()  # no lone surrogates
+
+
+def test_printable_text_of_any_language_stays_as_it_is():
+    error = InputError("模型/Größe.ply", "x", expected="a number", found="'naïve'")
+    assert str(error) == "模型/Größe.ply: x: expected a number, found 'naïve'"
+
+
+def test_escape_sequences_and_line_breaks_are_escaped():
+    error = InputError("a\n.ply", "x", expected="a number", found="\x1b[2J\r\u202e")
+    assert str(error) == r"a\n.ply: x: expected a number, found \x1b[2J\r\u202e"
+
+
+def test_long_text_is_cut_but_the_path_is_kept():
+    path = "a/" * 1000
+    message = str(InputError(path, "x", expected="a number", found="9" * 10**6))
+    assert message.startswith(f"{path}: x: ")
+    assert message.endswith("999...")
+    assert len(message) < 3000
+
+
+@pytest.mark.parametrize(
+    ("error", "found"),
+    [
+        (FileNotFoundError(2, "No such file or directory"), "no such file"),
+        (PermissionError(13, "Permission denied", ".secret.1234.npy"), "Permission denied"),
+        (OSError("image file is truncated"), "image file is truncated"),
+        (MemoryError("Unable to allocate 7 EiB"), "more than fits into memory"),
+        (RecursionError("maximum recursion depth exceeded"), "too deep nesting"),
+        (ValueError("two\n\n  lines"), "two lines"),
+        (EOFError(), "EOFError"),
+        *((kind("damaged"), "damaged") for kind in (AttributeError, OverflowError, TypeError, SyntaxError)),
+        *((kind("damaged"), "damaged") for kind in (RuntimeError, NotImplementedError, zipfile.BadZipFile)),
+        *((kind("damaged"), "damaged") for kind in (struct.error, tokenize.TokenError, zlib.error, lzma.LZMAError)),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, Exception) else "",
+)
+def test_whatever_goes_wrong_while_reading_becomes_one_line(error, found):
+    with pytest.raises(InputError) as caught, reading("x.json", "JSON"):
+        raise error
+    assert str(caught.value) == f"x.json: file: expected JSON, found {found}"
+    assert caught.value.__cause__ is error
+
+
+def test_a_more_precise_error_is_kept():
+    precise = InputError("x.json", "[3].fx", expected="a number", found="nothing")
+    with pytest.raises(InputError) as caught, reading("x.json", "JSON"):
+        raise precise
+    assert caught.value is precise
+
+
+def test_an_interruption_is_no_damage():
+    with pytest.raises(KeyboardInterrupt), reading("x.json", "JSON"):
+        raise KeyboardInterrupt
