@@ -42,10 +42,10 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from gspure.attacks.gspure import purify
     from gspure.cameras import orbit_cameras, read_cameras, write_cameras
     from gspure.errors import InputError
     from gspure.evaluation.metrics import psnr, ssim
+    from gspure.method.purify import purify
     from gspure.model import read_model, write_model
     from gspure.renderer import Renderer
 else:
@@ -54,7 +54,7 @@ else:
         "Renderer": "gspure.renderer",
         "orbit_cameras": "gspure.cameras",
         "psnr": "gspure.evaluation.metrics",
-        "purify": "gspure.attacks.gspure",
+        "purify": "gspure.method.purify",
         "read_cameras": "gspure.cameras",
         "read_model": "gspure.model",
         "ssim": "gspure.evaluation.metrics",

@@ -5,6 +5,9 @@ from hypothesis import settings
 
 from gspure.attacks import Evidence
 from gspure.model import Gaussians
+from gspure.schemes.asset import Asset
+from gspure.schemes.gs_hider.asset import FeatureAsset
+from gspure.schemes.secure_gs.asset import AnchorAsset
 from tests.models import blobs
 
 
@@ -18,6 +21,26 @@ def anchors(count: int, seed: int = 0) -> Gaussians:
     names = {f"f_dc_{i}": f"f_anchor_feat_{i}" for i in range(3)} | {f"f_rest_{i}": f"f_offset_{i}" for i in range(3)}
     model = _renamed(blobs(count, seed, sh_degree=1), names, "f_rest_")
     return model.with_columns({"opacity": np.full(count, -2.1972246, np.float32)})
+
+
+class FeatureRows(Asset):
+    """The rows of a GS-Hider model, without its decoder."""
+
+    attributes = FeatureAsset.attributes
+
+
+class AnchorRows(Asset):
+    """The rows of a Scaffold-GS model, without its networks."""
+
+    attributes = AnchorAsset.attributes
+    rows_are_gaussians = False
+
+
+def public(model: Gaussians) -> Asset:
+    """Return a public model of the kind that the columns of `model` say."""
+    if model.columns_named("f_anchor_feat_"):
+        return AnchorRows(model)
+    return FeatureRows(model) if model.columns_named("semantic_") else Asset(model)
 
 
 unhurried = settings(max_examples=40, deadline=None)  # a busy machine is no failure

@@ -11,6 +11,7 @@ from gspure.attacks import Attack, Attacked, Evidence, attacks, find_attack, reg
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
+from tests.attack_cases import changed, public
 
 COUNT = 40
 PRUNING = {
@@ -43,10 +44,6 @@ def evidence(count: int = COUNT) -> Evidence:
     return Evidence(weights, weights < 1, opacities, 6 * distances)
 
 
-def changed(before: Gaussians, after: Gaussians) -> set[str]:
-    return {name for name in before.table.dtype.names if (before.table[name] != after.table[name]).any()}
-
-
 def test_built_in_attacks_are_found_by_name() -> None:
     assert {attack.name: attack for attack in registry.BUILT_IN}.items() <= attacks().items()
 
@@ -75,14 +72,14 @@ def test_the_given_model_is_left_alone(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(PRUNING))
 def test_rows_that_pruning_keeps_are_bit_identical_and_in_order(name: str) -> None:
     attacked = find_attack(name).apply(model(), evidence())
-    assert attacked.model.table.tobytes() == model().table[attacked.kept].tobytes()
-    np.testing.assert_array_equal(attacked.rows, np.flatnonzero(attacked.kept))
+    assert attacked.model.table.tobytes() == model().table[~attacked.prune_mask].tobytes()
+    np.testing.assert_array_equal(attacked.rows, np.flatnonzero(~attacked.prune_mask))
 
 
 @pytest.mark.parametrize("name", sorted(set(HERE) - PRUNING))
 def test_other_attacks_keep_every_row_and_change_something(name: str) -> None:
     attacked = find_attack(name).apply(model(), evidence())
-    assert attacked.kept.all()
+    assert not attacked.prune_mask.any()
     assert attacked.model.table.tobytes() != model().table.tobytes()
 
 
@@ -99,25 +96,25 @@ def test_watermarked_is_the_model_itself() -> None:
     given_model = model()
     attacked = find_attack("watermarked").apply(given_model, Evidence())
     assert attacked.model is given_model
-    assert attacked.kept.all()
+    assert not attacked.prune_mask.any()
 
 
 def test_random_matched_removes_as_many_as_gspure_but_others() -> None:
     ours = find_attack("gspure").apply(model(), evidence())
     matched = find_attack("random_matched").apply(model(), evidence())
     assert len(matched.model) == len(ours.model)
-    assert (matched.kept != ours.kept).any()
+    assert (matched.prune_mask != ours.prune_mask).any()
 
 
 def test_gspure_removes_what_the_mask_says() -> None:
     found = evidence()
-    np.testing.assert_array_equal(find_attack("gspure").apply(model(), found).kept, ~found.prune_mask)
+    np.testing.assert_array_equal(find_attack("gspure").apply(model(), found).prune_mask, found.prune_mask)
 
 
 def test_plain_weight_removes_what_lies_below_the_mean_over_tau() -> None:
     weights = np.array([1.0, 2.0, 9.0], np.float32)  # mean 4
     attacked = find_attack("plain_weight").apply(model(3), Evidence(weights), tau=2.5)
-    assert attacked.kept.tolist() == [False, True, True]
+    assert attacked.prune_mask.tolist() == [True, False, False]
 
 
 def test_feature_scaling_scales_colour_and_nothing_else() -> None:
@@ -143,7 +140,7 @@ def test_scaling_by_zero_leaves_opacities_finite() -> None:
 @pytest.mark.parametrize("extra", ["semantic_", "f_anchor_feat_"])
 def test_attacks_on_colour_act_on_the_features_of_models_that_store_those(name: str, extra: str) -> None:
     before = model(extra=extra)
-    assert changed(before, find_attack(name).apply(before, Evidence()).model) == {f"{extra}0", f"{extra}1"}
+    assert changed(before, find_attack(name).apply(public(before), Evidence()).model) == {f"{extra}0", f"{extra}1"}
 
 
 def test_gaussian_noise_has_the_given_deviation_and_is_independent() -> None:
@@ -163,7 +160,7 @@ def test_noise_of_opacity_is_added_to_the_logit() -> None:
 
 def test_a_model_without_colour_is_refused_by_attacks_on_colour() -> None:
     table = model().table[["x", "y", "z", "opacity"]]
-    with pytest.raises(InputError, match=r"colour: expected columns f_dc_\*"):
+    with pytest.raises(InputError, match="colour: expected columns that its images depend on, found none"):
         find_attack("feature_scaling").apply(Gaussians(table), Evidence())
 
 
@@ -193,7 +190,7 @@ def test_missing_evidence_is_refused(name: str) -> None:
 
 
 def test_evidence_of_another_model_is_refused() -> None:
-    with pytest.raises(InputError, match=r"weights: expected \[40\], one per Gaussian, found \[39\]"):
+    with pytest.raises(InputError, match=r"weights: expected \[40\], one per row, found \[39\]"):
         find_attack("plain_weight").apply(model(), evidence(COUNT - 1))
 
 
@@ -209,18 +206,17 @@ def test_an_attack_that_miscounts_its_rows_is_refused(rows: list[int], count: in
 
 
 def test_unknown_attack_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"expected one of watermarked, gspure, .*, found 'prune'"):
+    with pytest.raises(InputError, match=r"expected one of watermarked, plain_weight, .*, found 'prune'"):
         find_attack("prune")
 
 
 def half(model: Gaussians, _rng: np.random.Generator, weights: np.ndarray, *, upper: int = 1) -> Attacked:
-    kept = (weights > np.median(weights)) == bool(upper)
-    return Attacked.pruned(model, kept)
+    return Attacked.without(model, (weights > np.median(weights)) != bool(upper))
 
 
 HALF = Attack("half", half)
 TAKEN = Attack("gspure", half)
-GREEDY = Attack("greedy", lambda model, rng, key: Attacked.pruned(model, key))
+GREEDY = Attack("greedy", lambda model, rng, key: Attacked.without(model, key))
 
 
 def offer(monkeypatch: pytest.MonkeyPatch, target: str) -> None:
@@ -243,7 +239,7 @@ def test_a_plug_in_is_found_by_its_entry_point(monkeypatch: pytest.MonkeyPatch) 
         ("MISSING", "expected an importable attack, found AttributeError"),
         ("half", "expected a gspure.attacks.Attack, found function"),
         ("TAKEN", "name: expected a name not in use, found 'gspure'"),
-        ("GREEDY", "needs: expected of opacities, prune_mask, surface, weights, found key"),
+        ("GREEDY", "needs: expected of columns, opacities, prune_mask, surface, weights, found key"),
     ],
 )
 def test_a_bad_plug_in_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch, target: str, message: str) -> None:

@@ -7,7 +7,7 @@ from gspure.attacks import Attacked, find_attack
 from gspure.attacks.carrier import reached
 from gspure.errors import InputError
 from gspure.model import Gaussians
-from tests.attack_cases import anchors, evidence, features
+from tests.attack_cases import anchors, evidence, features, public
 from tests.models import blobs
 
 COUNT = 30
@@ -18,7 +18,7 @@ FEATURES = ("f_anchor_feat_*",)  # SecureGS
 
 
 def reaches(name: str, model: Gaussians, carrier: tuple[str, ...], **settings) -> bool:
-    return reached(model, find_attack(name).apply(model, evidence(COUNT), **settings), carrier)
+    return reached(model, find_attack(name).apply(public(model), evidence(COUNT), **settings), carrier)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_one_bit_is_enough() -> None:
 
 def test_a_lost_row_is_enough_whatever_the_carrier() -> None:
     model = blobs(COUNT)
-    assert reached(model, Attacked.pruned(model, np.arange(COUNT) > 0), ())
+    assert reached(model, Attacked.without(model, np.arange(COUNT) == 0), ())
 
 
 def test_a_lost_column_is_enough() -> None:

@@ -9,7 +9,7 @@ from gspure.attacks import Evidence, find_attack
 from gspure.errors import InputError
 from gspure.reference.blending import render
 from gspure.reference.projection import rotation_matrices
-from tests.attack_cases import KINDS
+from tests.attack_cases import KINDS, public
 from tests.models import blobs, camera
 
 COUNT = 300
@@ -48,7 +48,7 @@ def test_images_change_a_little_and_the_same_way_each_time(gsply, codec: str) ->
 @pytest.mark.parametrize("kind", ["features", "anchors"])
 def test_models_that_the_formats_have_no_place_for_are_refused(kind: str) -> None:
     with pytest.raises(InputError, match=r"compression: colour: expected columns f_dc_\*, found features"):
-        find_attack("compression").apply(KINDS[kind](COUNT), Evidence())
+        find_attack("compression").apply(public(KINDS[kind](COUNT)), Evidence())
 
 
 def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.attacks import Evidence, find_attack
-from gspure.attacks.harmonics import rotation_matrix, turned
+from gspure.attacks.sh_rotation import rotate_sh, rotation_matrix
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.cli.options import read_views
@@ -17,7 +17,7 @@ from gspure.model import Gaussians, write_model
 from gspure.reference.blending import render
 from gspure.reference.projection import rotation_matrices
 from gspure.reference.spherical_harmonics import sh_basis, sh_colors
-from tests.attack_cases import anchors, changed, features, unhurried
+from tests.attack_cases import anchors, changed, features, public, unhurried
 from tests.models import blobs, camera, tilted_camera
 
 COUNT = 20
@@ -29,7 +29,7 @@ degrees = st.integers(0, 3)
 
 def moved(model: Gaussians, angle: float, axis=(0, 1, 0), translation=(0, 0, 0)):
     texts = {"axis": ",".join(map(str, axis)), "translation": ",".join(map(str, translation))}
-    return find_attack("rigid_transform").apply(model, Evidence(), angle=angle, **texts)
+    return find_attack("rigid_transform").apply(public(model), Evidence(), angle=angle, **texts)
 
 
 @unhurried
@@ -42,7 +42,7 @@ def test_turned_harmonics_are_those_seen_from_turned_directions(degree, axis, an
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     coeffs = rng.normal(size=(1, (degree + 1) ** 2, 3))
     before = sh_basis(directions)[:, : coeffs.shape[1]] @ coeffs[0]
-    after = sh_basis(directions @ rotation.T)[:, : coeffs.shape[1]] @ turned(coeffs, unit, radians)[0]
+    after = sh_basis(directions @ rotation.T)[:, : coeffs.shape[1]] @ rotate_sh(coeffs, unit, radians)[0]
     np.testing.assert_allclose(after, before, atol=1e-10)
 
 
@@ -108,10 +108,10 @@ def test_features_have_no_direction_and_stay() -> None:
     }
 
 
-def test_anchors_are_shifted_but_not_turned() -> None:
+def test_anchors_are_translated_but_not_rotated() -> None:
     attacked = moved(anchors(COUNT), 0.0, translation=(1, 0, 0))
     assert changed(anchors(COUNT), attacked.model) == {"x"}
-    with pytest.raises(InputError, match="expected rows with a rotation of their own, found anchors"):
+    with pytest.raises(InputError, match="rotation: expected columns that store it, found none"):
         moved(anchors(COUNT), 30.0)
 
 

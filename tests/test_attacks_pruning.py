@@ -26,7 +26,7 @@ seeds = st.integers(0, 99)
 @given(count=counts, fraction=shares, seed=seeds)
 def test_exactly_the_fraction_goes(name: str, count: int, fraction: float, seed: int) -> None:
     attacked = find_attack(name).apply(blobs(count), evidence(count), seed=seed, fraction=fraction)
-    assert (~attacked.kept).sum() == count - len(attacked.model) == round(fraction * count)
+    assert attacked.prune_mask.sum() == count - len(attacked.model) == round(fraction * count)
 
 
 @pytest.mark.parametrize(("name", "field"), [("lowest_weight", "weights"), ("lowest_opacity", "opacities")])
@@ -34,13 +34,13 @@ def test_exactly_the_fraction_goes(name: str, count: int, fraction: float, seed:
 @given(count=counts, fraction=shares, seed=seeds)
 def test_none_that_goes_is_above_one_that_stays(name: str, field: str, count: int, fraction: float, seed: int) -> None:
     found = evidence(count, seed)
-    kept, values = find_attack(name).apply(blobs(count), found, fraction=fraction).kept, getattr(found, field)
-    assert values[~kept].max(initial=-np.inf) <= values[kept].min(initial=np.inf)
+    mask, values = find_attack(name).apply(blobs(count), found, fraction=fraction).prune_mask, getattr(found, field)
+    assert values[mask].max(initial=-np.inf) <= values[~mask].min(initial=np.inf)
 
 
 def test_of_equals_the_first_go() -> None:
     attacked = find_attack("lowest_weight").apply(blobs(4), Evidence(np.float32([1, 1, 1, 0])), fraction=0.5)
-    assert attacked.kept.tolist() == [False, True, True, False]
+    assert attacked.prune_mask.tolist() == [True, False, False, True]
 
 
 @pytest.mark.parametrize("name", ["random_matched", "lowest_weight_matched", "lowest_opacity_matched"])
@@ -48,23 +48,23 @@ def test_of_equals_the_first_go() -> None:
 @given(count=counts, seed=seeds)
 def test_matched_controls_remove_as_many_as_gspure(name: str, count: int, seed: int) -> None:
     found = evidence(count, seed)
-    assert (~find_attack(name).apply(blobs(count), found, seed=seed).kept).sum() == found.prune_mask.sum()
+    assert find_attack(name).apply(blobs(count), found, seed=seed).prune_mask.sum() == found.prune_mask.sum()
 
 
 @unhurried
 @given(count=counts, seed=seeds, tau=st.floats(0.5, 8))
 def test_opacity_and_weight_together_remove_what_either_does(count: int, seed: int, tau: float) -> None:
-    kept = {
-        name: find_attack(name).apply(blobs(count), evidence(count, seed), tau=tau).kept
+    masks = {
+        name: find_attack(name).apply(blobs(count), evidence(count, seed), tau=tau).prune_mask
         for name in ("plain_opacity", "plain_weight", "opacity_weight")
     }
-    assert (kept["opacity_weight"] == (kept["plain_opacity"] & kept["plain_weight"])).all()
+    assert (masks["opacity_weight"] == (masks["plain_opacity"] | masks["plain_weight"])).all()
 
 
 def test_matched_controls_remove_others_than_gspure() -> None:
     found = Evidence(np.float32([1, 2, 3, 4]), np.array([False, False, True, False]), np.float32([0.4, 0.3, 0.2, 0.1]))
     removed = {
-        name: np.flatnonzero(~find_attack(name).apply(blobs(4), found).kept).tolist()
+        name: np.flatnonzero(find_attack(name).apply(blobs(4), found).prune_mask).tolist()
         for name in ("gspure", "lowest_weight_matched", "lowest_opacity_matched")
     }
     assert removed == {"gspure": [2], "lowest_weight_matched": [0], "lowest_opacity_matched": [3]}
@@ -72,7 +72,7 @@ def test_matched_controls_remove_others_than_gspure() -> None:
 
 def test_plain_opacity_removes_what_lies_below_the_mean_over_tau() -> None:
     found = Evidence(opacities=np.float32([0.1, 0.2, 0.9]))  # mean 0.4
-    assert find_attack("plain_opacity").apply(blobs(3), found, tau=2.5).kept.tolist() == [False, True, True]
+    assert find_attack("plain_opacity").apply(blobs(3), found, tau=2.5).prune_mask.tolist() == [True, False, False]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -82,22 +82,22 @@ def test_crop_keeps_a_box_and_a_larger_one_keeps_more(kind: str, fraction: float
     model = KINDS[kind](COUNT, seed)
     attacked = find_attack("crop").apply(model, Evidence(), fraction=fraction)
     larger = find_attack("crop").apply(model, Evidence(), fraction=min(1.0, fraction + 0.1))
-    assert larger.kept[attacked.kept].all()
-    assert attacked.model.table.tobytes() == model.table[attacked.kept].tobytes()
-    if attacked.kept.any():
+    assert not larger.prune_mask[~attacked.prune_mask].any()
+    assert attacked.model.table.tobytes() == model.table[~attacked.prune_mask].tobytes()
+    if len(attacked.model):
         low, high = attacked.model.means.min(axis=0), attacked.model.means.max(axis=0)
         inside = ((model.means >= low) & (model.means <= high)).all(axis=1)
-        np.testing.assert_array_equal(inside, attacked.kept)
+        np.testing.assert_array_equal(inside, ~attacked.prune_mask)
 
 
 def test_a_floater_does_not_widen_the_crop() -> None:
     model = blobs(1000)
     far = model.table.copy()
     far["x"][0] = 1e6
-    kept = find_attack("crop").apply(model, Evidence()).kept
-    with_floater = find_attack("crop").apply(type(model)(far), Evidence()).kept
-    assert not with_floater[0]
-    assert (with_floater[1:] != kept[1:]).mean() < 0.01
+    mask = find_attack("crop").apply(model, Evidence()).prune_mask
+    with_floater = find_attack("crop").apply(type(model)(far), Evidence()).prune_mask
+    assert with_floater[0]
+    assert (with_floater[1:] != mask[1:]).mean() < 0.01
 
 
 def test_the_command_takes_the_opacities_that_gaussians_store(tmp_path: Path) -> None:

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.attacks import Evidence, find_attack
-from gspure.attacks.extent import radius
+from gspure.attacks.geometry import radius
 from gspure.errors import InputError
 from gspure.model import Gaussians
-from tests.attack_cases import KINDS, anchors, changed, features, unhurried
+from tests.attack_cases import KINDS, anchors, changed, features, public, unhurried
 from tests.models import blobs
 
 COUNT = 30
@@ -28,7 +28,7 @@ OWN = {
 
 
 def attacked(name: str, model: Gaussians, seed: int = 0, **settings) -> Gaussians:
-    return find_attack(name).apply(model, Evidence(), seed=seed, **settings).model
+    return find_attack(name).apply(public(model), Evidence(), seed=seed, **settings).model
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -132,7 +132,7 @@ def test_the_radius_scales_with_the_model_and_not_with_a_floater() -> None:
     ],
 )
 def test_attacks_on_what_anchors_do_not_have_refuse_them(name: str, settings: dict) -> None:
-    with pytest.raises(InputError, match=r"found (none|anchors)"):
+    with pytest.raises(InputError, match="found none"):
         attacked(name, anchors(COUNT), **settings)
     attacked(name, features(COUNT), **settings)
 
@@ -148,8 +148,12 @@ def test_attacks_on_what_anchors_do_not_have_refuse_them(name: str, settings: di
         ("crop", {"fraction": 2}, "fraction: expected 0 to 1, found 2"),
         ("inject", {"fraction": float("nan")}, "fraction: expected 0 to 1, found nan"),
         ("rigid_transform", {"axis": "0,0,0"}, "axis: expected an axis, found 0,0,0"),
-        ("rigid_transform", {"axis": "up"}, "axis: expected three numbers by commas, found up"),
-        ("rigid_transform", {"translation": "1,2"}, "translation: expected three numbers by commas, found 1,2"),
+        ("rigid_transform", {"axis": "up"}, "axis: expected three numbers separated by commas, found up"),
+        (
+            "rigid_transform",
+            {"translation": "1,2"},
+            "translation: expected three numbers .*, found 1,2",
+        ),
         ("rigid_transform", {"angle": float("inf")}, "angle: expected a number, found inf"),
         ("compression", {"codec": "sog"}, "codec: expected one of compressed_ply, spz, found sog"),
     ],

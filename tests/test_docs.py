@@ -78,7 +78,7 @@ def test_the_example_of_an_attack_is_found_and_does_what_it_says(plugged_in):
     attack = attacks()["faint_pruning"]
     assert attack.needs == {"weights"}
     attacked = attack.apply(model, Evidence(weights=weights), share=0.5)
-    assert attacked.kept.tolist() == [True] * 20 + [False] * 20
+    assert attacked.prune_mask.tolist() == [False] * 20 + [True] * 20
     assert attacked.model.table.tobytes() == model.table[:20].tobytes()
 
 

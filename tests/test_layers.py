@@ -24,6 +24,7 @@ LAYERS = (
     {"training"},
     {"scenes"},
     {"schemes"},
+    {"method"},
     {"attacks"},
     {"figures"},
     {"sources", "configuration", "decisions"},

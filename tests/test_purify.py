@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gspure.artifacts import read_json
-from gspure.attacks.gspure import Purification, purify
 from gspure.cameras import Camera, intrinsics, split, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics
+from gspure.method.purify import Purification, purify
 from gspure.model import Gaussians, read_model, write_model
 from gspure.pruning import prune_mask
 from gspure.renderer import Renderer

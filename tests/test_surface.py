@@ -196,7 +196,7 @@ def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
         distances = mesh_distances(smoothed, extract_mesh(smoothed, views))
     else:
         distances = depth_distances(Asset(model), views)
-    kept = find_attack("gof").apply(model, Evidence(surface=distances)).kept
+    kept = ~find_attack("gof").apply(model, Evidence(surface=distances)).prune_mask
     shares = [kept[part == i].mean() for i in range(4)]
     assert shares[0] > 0.97
     assert shares[1:] == [0, 0, 0]

@@ -1,10 +1,11 @@
-"""What an attack is: the form in which built-in attacks and those of other packages are given."""
+"""What an attack is: the form that built-in attacks and plug-ins share."""
 
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Self
 
 import numpy as np
@@ -13,22 +14,18 @@ from numpy.typing import NDArray
 from gspure import __version__
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
+from gspure.schemes.asset import Asset, Columns
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
-Weights = NDArray[np.float32]
-Opacities = NDArray[np.float32]
-Distances = NDArray[np.float32]
-World = NDArray[np.float64]
+Float32 = NDArray[np.float32]
 Rng = np.random.Generator
 Setting = float | int | str
-
-EVIDENCE: Final = frozenset({"weights", "prune_mask", "opacities", "surface"})
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What an attacker has measured on the public model beforehand.
+    """What an attacker has measured on the public model.
 
     Parameters
     ----------
@@ -37,75 +34,81 @@ class Evidence:
     prune_mask : array [K], bool, optional
         GSPure's decision, true where pruned.
     opacities : array [K], float32, optional
-        Opacity of each row, 0 to 1: of a Gaussian the stored one, of an anchor what its networks give it.
+        Opacity of each row, 0 to 1: stored in a Gaussian, computed by the networks for an anchor.
     surface : array [K], float32, optional
-        Distance of each row from the surface that the views see, in the row's own scales (`gspure.surface`).
+        Distance of each row from the visible surface, in the row's own scales (`gspure.surface`).
 
     """
 
-    weights: Weights | None = None
+    weights: Float32 | None = None
     prune_mask: Mask | None = None
-    opacities: Opacities | None = None
-    surface: Distances | None = None
+    opacities: Float32 | None = None
+    surface: Float32 | None = None
+
+
+EVIDENCE: Final = frozenset(field.name for field in fields(Evidence))
+COLUMNS: Final = "columns"
+"""The parameter of attacks on attributes: the columns that the scheme declares for each (`Asset.columns`)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Attacked:
-    """An attacked model, and where it came from.
+    """An attacked model and the origin of its rows.
 
     Parameters
     ----------
     model : Gaussians
         K' rows.
     rows : array [K'], int
-        For each of them, the row of the public model that it is, or is made from.
+        The row of the public model that each of them is, or was copied from.
     count : int
         Number K of rows of the public model.
     world : array [4,4], optional
-        The rigid motion by which the whole model was moved; views of it are moved along
-        (`gspure.cameras.camera.Camera.moved`). Default: it stands where it stood.
+        Rigid transform applied to the whole model; views move along (`gspure.cameras.camera.Camera.moved`).
 
     """
 
     model: Gaussians
     rows: Rows
     count: int
-    world: World | None = None
+    world: NDArray[np.float64] | None = None
 
     @property
-    def kept(self) -> Mask:
-        """Which rows [K] of the public model are left, in whatever place or number."""
-        mask = np.zeros(self.count, np.bool_)
-        mask[self.rows] = True
+    def prune_mask(self) -> Mask:
+        """Rows [K] of the public model that are gone, whatever the order and number of the rest."""
+        mask = np.ones(self.count, np.bool_)
+        mask[self.rows] = False
         return mask
 
     @classmethod
-    def pruned(cls, model: Gaussians, kept: Mask) -> Self:
-        """Return `model` without the rows where `kept` [K] is false."""
-        return cls(model.subset(kept), np.flatnonzero(kept), len(model))
+    def without(cls, model: Gaussians, prune_mask: Mask) -> Self:
+        """Return `model` without the rows where `prune_mask` [K] is true."""
+        return cls(model.subset(~prune_mask), np.flatnonzero(~prune_mask), len(model))
 
     @classmethod
-    def changed(cls, model: Gaussians, values: Mapping[str, NDArray[Any]], world: World | None = None) -> Self:
-        """Return `model` with other `values` (each [K]) in some columns."""
+    def changed(
+        cls, model: Gaussians, values: Mapping[str, NDArray[Any]], world: NDArray[np.float64] | None = None
+    ) -> Self:
+        """Return `model` with new `values` (each [K]) in the named columns."""
         return cls(model.with_columns(values), np.arange(len(model)), len(model), world)
 
     @classmethod
-    def taken(cls, model: Gaussians, rows: Rows, values: Mapping[str, NDArray[Any]] | None = None) -> Self:
-        """Return copies of the given `rows` [K'] of `model`, with other `values` (each [K']) in some columns."""
+    def copied(cls, model: Gaussians, rows: Rows, values: Mapping[str, NDArray[Any]] | None = None) -> Self:
+        """Return copies of the given `rows` [K'] of `model`, with new `values` (each [K']) in the named columns."""
         return cls(Gaussians(model.table[rows], model.comments).with_columns(values or {}), rows, len(model))
 
 
 @dataclass(frozen=True)
 class Attack:
-    """An attack that any scheme can be put to.
+    """An attack on the public model of any scheme.
 
     Parameters
     ----------
     name : str
-        Unique name; the variant's name in every table.
+        Unique; the name of its variant in every table.
     function : callable
-        ``function(model, rng, [evidence, ...], *, setting=default, ...) -> Attacked``: pure, deterministic in its
-        arguments. It names the evidence that it needs (fields of `Evidence`), and its keyword-only parameters are its
+        ``function(model, rng, [evidence, ...], *, setting=default, ...) -> Attacked``: pure and deterministic. It
+        names the evidence that it needs (fields of `Evidence`, or ``columns``); its keyword-only parameters are its
         settings.
 
     """
@@ -115,54 +118,62 @@ class Attack:
 
     @property
     def needs(self) -> frozenset[str]:
-        """Which fields of the evidence it needs."""
-        return frozenset(p.name for p in self._parameters[2:] if p.kind is not p.KEYWORD_ONLY)
+        """The measured evidence that it needs: fields of `Evidence`."""
+        return self.parameters - {COLUMNS}
+
+    @property
+    def parameters(self) -> frozenset[str]:
+        """Everything that it asks for besides the model and random numbers."""
+        return frozenset(p.name for p in self._signature[2:] if p.kind is not p.KEYWORD_ONLY)
 
     @property
     def settings(self) -> dict[str, Setting]:
         """Its settings and their defaults."""
-        return {p.name: p.default for p in self._parameters if p.kind is p.KEYWORD_ONLY}
+        return {p.name: p.default for p in self._signature if p.kind is p.KEYWORD_ONLY}
 
     @property
-    def _parameters(self) -> list[inspect.Parameter]:
+    def _signature(self) -> list[inspect.Parameter]:
         return list(inspect.signature(self.function).parameters.values())
 
-    def apply(self, model: Gaussians, evidence: Evidence, *, seed: int = 0, **settings: Setting) -> Attacked:
-        """Attack `model`; an attacked model says so in one comment line.
+    def apply(self, public: Asset | Gaussians, evidence: Evidence, *, seed: int = 0, **settings: Setting) -> Attacked:
+        """Attack a public model; a comment line of the attacked model names attack, settings and seed.
 
         Parameters
         ----------
-        model : Gaussians
-            The public model.
+        public : Asset or Gaussians
+            The public model; bare Gaussians are vanilla 3DGS.
         evidence : Evidence
             At least what the attack needs.
         seed : int
-            Seed of `numpy.random.default_rng`.
+            Random seed, of `numpy.random.default_rng`.
         **settings : float, int or str
             Any of `self.settings`.
 
         Raises
         ------
         InputError
-            If a setting is unknown or out of range, evidence is missing or of another model, or the model has nothing
+            A setting is unknown or out of range, evidence is missing or of another model, or the model has nothing
             that the attack acts on.
 
         """
         for name in settings.keys() - self.settings.keys():
             known = ", ".join(self.settings) or "none (it has no settings)"
             raise InputError(f"attack {self.name}", "setting", expected=f"one of {known}", found=name)
-        if seed < 0:
-            raise InputError(f"attack {self.name}", "seed", expected="at least 0", found=str(seed))
-        given = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
+        require(self.name, "seed", seed, "at least 0", fits=seed >= 0)
+        asset = public if isinstance(public, Asset) else Asset(public)
+        model = asset.units
+        given: dict[str, Any] = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
+        if COLUMNS in self.parameters:
+            given[COLUMNS] = asset.columns
         attacked = self.function(model, np.random.default_rng(seed), **given, **settings)
         self._check_rows(attacked, len(model))
         if attacked.model is model:
             return attacked
-        said = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
-        return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {said}"))
+        listed = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
+        return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
 
     def _check_rows(self, attacked: Attacked, count: int) -> None:
-        """Refuse an attacked model that does not say truly which rows it has."""
+        """Refuse an attacked model whose `rows` do not fit."""
         rows = attacked.rows
         fits = rows.shape == (len(attacked.model),) and attacked.count == count
         if not (fits and ((rows >= 0) & (rows < count)).all()):
@@ -173,8 +184,54 @@ class Attack:
     def _evidence(self, name: str, evidence: Evidence, count: int) -> NDArray[Any]:
         array: NDArray[Any] | None = getattr(evidence, name)
         if array is None:
-            raise InputError(f"attack {self.name}", name, expected="an array", found="nothing", hint="it needs this")
+            raise InputError(f"attack {self.name}", name, expected="an array", found="nothing")
         if array.shape != (count,):
             found = f"{list(array.shape)}"
-            raise InputError(f"attack {self.name}", name, expected=f"[{count}], one per Gaussian", found=found)
+            raise InputError(f"attack {self.name}", name, expected=f"[{count}], one per row", found=found)
         return array
+
+
+def named(*functions: Callable[..., Attacked]) -> tuple[Attack, ...]:
+    """Return functions as attacks of the same names."""
+    return tuple(Attack(function.__name__, function) for function in functions)
+
+
+def require(attack: str, setting: str, value: object, expected: str, *, fits: bool) -> None:
+    """Raise `InputError` for a setting that does not fit."""
+    if not fits:
+        raise InputError(f"attack {attack}", setting, expected=expected, found=str(value))
+
+
+def require_fraction(attack: str, setting: str, value: float) -> None:
+    """Refuse a setting outside 0 to 1."""
+    require(attack, setting, value, "0 to 1", fits=0 <= value <= 1)
+
+
+def require_nonnegative(attack: str, setting: str, value: float) -> None:
+    """Refuse a setting that is negative, infinite or NaN."""
+    require(attack, setting, value, "a number of at least 0", fits=0 <= value < math.inf)
+
+
+def require_attribute(attack: str, columns: Columns, attribute: str) -> None:
+    """Refuse models whose rows do not store an attribute, such as the opacity of anchors."""
+    if not columns.get(attribute):
+        raise InputError(f"attack {attack}", attribute, expected="columns that store it", found="none in these rows")
+
+
+def select_columns(columns: Columns, attributes: str, allowed: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the columns behind a setting such as ``colour`` or ``colour,opacity``, in that order.
+
+    Raises
+    ------
+    InputError
+        A name is not `allowed` or given twice, or the model stores none of these attributes.
+
+    """
+    names = attributes.split(",")
+    if not set(names) <= set(allowed) or len(set(names)) != len(names):
+        expected = f"one or more of {','.join(allowed)}, separated by commas"
+        raise InputError("attack", "attributes", expected=expected, found=repr(attributes))
+    selected = tuple(column for name in names for column in columns.get(name, ()))
+    if not selected:
+        raise InputError("attack", attributes, expected="columns that its images depend on", found="none")
+    return selected

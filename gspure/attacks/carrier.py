@@ -1,6 +1,6 @@
-"""Whether an attack touched what a message is stored in at all.
+"""Whether an attack touched the columns that a message is read from.
 
-A message that an attack did not reach says nothing about how robust it is: the paper's own tables hold such rows.
+A message out of an attack's reach says nothing about robustness; the paper's own tables hold such rows.
 """
 
 from __future__ import annotations
@@ -14,33 +14,34 @@ from gspure.model.gaussians import Gaussians
 
 
 def reached(before: Gaussians, after: Attacked, carrier: Sequence[str]) -> bool:
-    """Return whether an attack lost a row of the public model, or left another bit in its carrier.
+    """Return whether an attack removed a row of the public model or changed a bit of the carrier.
 
-    Order is not looked at, and further rows count only where they differ from what they were copied from: an extraction
-    that blends all rows has their positions in its carrier, one that knows its rows is not touched by others.
+    Order does not count. Added rows count where they differ from the row they were copied from: an extraction that
+    blends all rows has their positions in its carrier; one that finds its rows by position ignores others.
 
     Parameters
     ----------
     before : Gaussians
         The public model.
     after : Attacked
-        What an attack left of it.
+        The attacked model.
     carrier : sequence of str
-        The columns that the message is read from: names, or patterns such as ``f_rest_*``. None: only lost rows matter.
+        The columns that the message is read from: names, or patterns such as ``f_rest_*``. Empty: only removed rows
+        count.
 
     Raises
     ------
     InputError
-        A pattern fits no column of the public model.
+        A pattern matches no column of the public model.
 
     """
     columns = before.table.dtype.names or ()
     for pattern in carrier:
         if not matching(columns, pattern):
             raise InputError("carrier", pattern, expected="columns of the public model", found="none of this name")
-    left = after.model.table.dtype.names or ()
+    remaining = after.model.table.dtype.names or ()
     names = {name for pattern in carrier for name in matching(columns, pattern)}
-    return not after.kept.all() or any(
-        name not in left or before.table[name][after.rows].tobytes() != after.model.table[name].tobytes()
+    return bool(after.prune_mask.any()) or any(
+        name not in remaining or before.table[name][after.rows].tobytes() != after.model.table[name].tobytes()
         for name in names
     )

@@ -1,4 +1,4 @@
-"""Compression: a round trip through a file format for the web, with gsply (MIT), an optional dependency."""
+"""Compression: a round trip through a web format with gsply (MIT), an optional dependency."""
 
 from __future__ import annotations
 
@@ -9,32 +9,33 @@ from typing import Any, Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attack, Attacked, Rng
-from gspure.attacks.attributes import colour_columns
-from gspure.attacks.settings import require
+from gspure.attacks.attack import Attacked, Rng, named, require
 from gspure.errors import InputError
 from gspure.model.gaussians import COLOUR, Gaussians
 from gspure.opencl.morton import morton_order
+from gspure.schemes.asset import Columns
 
 CODEC: Final = "compressed_ply"
 
 
-def compression(model: Gaussians, _rng: Rng, *, codec: str = CODEC) -> Attacked:
+def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = CODEC) -> Attacked:
     """Write the model in a compressed format and read it back.
 
-    Its rows come back along a space-filling curve, as converters write them: chunks of rows share a range.
+    Rows are sorted along a space-filling curve first, as converters do: chunks of rows share a value range.
 
     Parameters
     ----------
     model : Gaussians
-        With spherical harmonics: the formats have no place for features.
+        With spherical harmonics: the formats cannot hold features.
+    columns : mapping
+        The model's columns by attribute.
     codec : {"compressed_ply", "spz"}
         PlayCanvas' compressed PLY (chunks of 256 rows, 10 to 11 bits per coordinate, 8 per colour), or Niantic's SPZ,
         version 3 (24 bits per coordinate, 8 per scale, opacity and coefficient).
 
     """
     require("compression", "codec", codec, f"one of {', '.join(_ROUND_TRIPS)}", fits=codec in _ROUND_TRIPS)
-    if not set(COLOUR) <= set(colour_columns(model)):
+    if not set(COLOUR) <= set(columns["colour"]):
         raise InputError("attack compression", "colour", expected="columns f_dc_*", found="features")
     try:
         import gsply
@@ -44,7 +45,7 @@ def compression(model: Gaussians, _rng: Rng, *, codec: str = CODEC) -> Attacked:
             "attack compression", "gsply", expected=expected, found=str(error), hint="pip install gspure[compression]"
         ) from None
     order = morton_order(model.means).astype(np.intp)
-    sorted_model = Attacked.taken(model, order).model
+    sorted_model = Attacked.copied(model, order).model
     read_back = _ROUND_TRIPS[codec](gsply, _as_parts(gsply, sorted_model))
     return Attacked(_with_parts(sorted_model, read_back), order, len(model))
 
@@ -85,4 +86,4 @@ def _spz(gsply: Any, parts: Any) -> Any:
 _ROUND_TRIPS: Final[dict[str, Callable[[Any, Any], Any]]] = {"compressed_ply": _compressed_ply, "spz": _spz}
 
 
-ATTACK = Attack("compression", compression)
+ATTACKS = named(compression)

@@ -1,62 +1,20 @@
-"""All attacks by name: the built-in ones, and those that installed packages offer in the group ``gspure.attacks``."""
+"""All attacks by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.attacks``)."""
 
 from __future__ import annotations
 
-from gspure.attacks import (
-    compression,
-    crop,
-    densify_clone,
-    feature_scaling,
-    gaussian_noise,
-    gof,
-    gspure,
-    inject,
-    lowest_opacity,
-    lowest_opacity_matched,
-    lowest_weight,
-    lowest_weight_matched,
-    opacity_noise,
-    opacity_weight,
-    plain_opacity,
-    plain_weight,
-    position_noise,
-    quantize,
-    random_matched,
-    random_pruning,
-    reorder,
-    rigid_transform,
-    sh_truncation,
-    watermarked,
-)
-from gspure.attacks.attack import EVIDENCE, Attack
+from gspure.attacks import appearance, compression, controls, geometry, noise, pruning, rows
+from gspure.attacks.attack import COLUMNS, EVIDENCE, Attack
 from gspure.errors import InputError
 from gspure.plugins import offered
 
 BUILT_IN = (
-    watermarked.ATTACK,
-    gspure.ATTACK,
-    random_pruning.ATTACK,
-    feature_scaling.ATTACK,
-    gaussian_noise.ATTACK,
-    gof.ATTACK,
-    plain_weight.ATTACK,
-    plain_opacity.ATTACK,
-    opacity_weight.ATTACK,
-    random_matched.ATTACK,
-    lowest_weight_matched.ATTACK,
-    lowest_opacity_matched.ATTACK,
-    lowest_weight.ATTACK,
-    lowest_opacity.ATTACK,
-    opacity_noise.ATTACK,
-    position_noise.ATTACK,
-    quantize.ATTACK,
-    sh_truncation.ATTACK,
-    compression.ATTACK,
-    crop.ATTACK,
-    densify_clone.ATTACK,
-    inject.ATTACK,
-    reorder.ATTACK,
-    rigid_transform.ATTACK,
+    *controls.ATTACKS,
+    *pruning.ATTACKS,
+    *noise.ATTACKS,
+    *appearance.ATTACKS,
+    *compression.ATTACKS,
+    *geometry.ATTACKS,
+    *rows.ATTACKS,
 )
 GROUP = "gspure.attacks"
 
@@ -67,14 +25,14 @@ def attacks() -> dict[str, Attack]:
     Raises
     ------
     InputError
-        If a plug-in cannot be imported, is not an `Attack`, or takes a name that is already in use.
+        A plug-in cannot be imported, is not an `Attack`, or takes a name that is already in use.
 
     """
     return offered(GROUP, Attack, BUILT_IN, _require_evidence)
 
 
 def find_attack(name: str) -> Attack:
-    """Return the attack of this name, or raise `InputError` listing those there are."""
+    """Return the attack of this name, or raise `InputError` with the known ones."""
     known = attacks()
     if name not in known:
         raise InputError("attack", "name", expected=f"one of {', '.join(known)}", found=repr(name))
@@ -82,7 +40,8 @@ def find_attack(name: str) -> Attack:
 
 
 def _require_evidence(attack: Attack, source: str) -> None:
-    """Refuse an attack that needs what nobody measures."""
-    if not attack.needs <= EVIDENCE:
-        needs = ", ".join(sorted(attack.needs))
-        raise InputError(source, "needs", expected=f"of {', '.join(sorted(EVIDENCE))}", found=needs)
+    """Refuse an attack that needs evidence nobody measures."""
+    known = EVIDENCE | {COLUMNS}
+    if not attack.parameters <= known:
+        needs = ", ".join(sorted(attack.parameters))
+        raise InputError(source, "needs", expected=f"of {', '.join(sorted(known))}", found=needs)

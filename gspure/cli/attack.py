@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from gspure.model import Gaussians
 
 HELP = "attack a model: remove Gaussians, change what they store, move them; and controls"
 EXAMPLES = """\
@@ -25,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
     parser.add_argument("name", metavar="NAME", help=f"one of {names}, or one of an installed plug-in")
-    parser.add_argument("--model", type=Path, required=True, help="the model's .ply; what belongs to it is copied")
+    parser.add_argument("--model", type=Path, required=True, help="the public model's .ply; its other files are copied")
     parser.add_argument("--weights", type=Path, metavar="NPY", help="of `gspure weights`, for attacks that need them")
     parser.add_argument("--prune-mask", type=Path, metavar="NPY", help="of `gspure prune`, for attacks that need it")
     parser.add_argument(
@@ -35,9 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of `gspure opacities`, for attacks that need them (default: those that Gaussians store)",
     )
     parser.add_argument("--surface", type=Path, metavar="NPY", help="of `gspure surface`, for attacks that need it")
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="seed of what is random (default: %(default)s)"
-    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the attack; may be repeated"
     )
@@ -48,10 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--verdict",
         type=Path,
         metavar="JSON",
-        help="also write whether the attack touched what each extraction of the scheme reads",
+        help="also write whether the attack reached the columns that each extraction reads",
     )
     parser.add_argument(
-        "--world", type=Path, metavar="NPY", help="also write by what it moved the model: float64 [4,4], for --world"
+        "--world", type=Path, metavar="NPY", help="also write the rigid transform applied: float64 [4,4]"
     )
 
 
@@ -74,11 +68,11 @@ def run(args: argparse.Namespace) -> None:
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}
-    evidence = Evidence(**_stored(model) | loaded)
-    attacked = attack.apply(model, evidence, seed=args.seed, **settings)
+    stored = {"opacities": model.opacities} if asset.rows_are_gaussians else {}
+    attacked = attack.apply(asset, Evidence(**stored | loaded), seed=args.seed, **settings)
     asset.with_units(attacked.model).write(args.out)
     if args.kept:
-        save_array(args.kept, attacked.kept)
+        save_array(args.kept, ~attacked.prune_mask)
     if args.world:
         save_array(args.world, np.eye(4) if attacked.world is None else attacked.world)
     if args.verdict:
@@ -87,11 +81,4 @@ def run(args: argparse.Namespace) -> None:
         write_json(args.verdict, {"reached": touched})
     said = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
     write_provenance(args.out, inputs={"model": args.model, **files}, settings=said)
-    print(f"{attack.name}: kept {int(attacked.kept.sum())} of {len(model)} rows, {len(attacked.model)} in all")
-
-
-def _stored(model: Gaussians) -> dict[str, Any]:
-    """Return the evidence that lies in the model itself: opacities, unless networks make them."""
-    from gspure.attacks.attributes import holds_anchors
-
-    return {} if holds_anchors(model) else {"opacities": model.opacities}
+    print(f"{attack.name}: kept {int((~attacked.prune_mask).sum())} of {len(model)} rows, {len(attacked.model)} in all")

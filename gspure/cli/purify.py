@@ -13,8 +13,8 @@ from gspure.cli.options import add_device, add_energy
 from gspure.cli.weights import add_reduction
 
 if TYPE_CHECKING:
-    from gspure.attacks.gspure import Purification
     from gspure.cameras import Camera
+    from gspure.method.purify import Purification
     from gspure.model import Gaussians
     from gspure.opencl.device import Device
     from gspure.schemes.asset import Asset
@@ -65,9 +65,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Purify, then write what was found, metrics of the held-out views, and figures."""
     from gspure.artifacts import filling
-    from gspure.attacks.gspure import purify
     from gspure.cameras import split
     from gspure.figures.gallery import Evidence, draw
+    from gspure.method.purify import purify
     from gspure.model import require_finite
     from gspure.model.signature import Signature
     from gspure.opencl.device import choose_device

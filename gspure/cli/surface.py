@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gspure.cameras import Camera
-    from gspure.model import Gaussians
     from gspure.opencl.device import Device
+    from gspure.schemes.asset import Asset
 
     Float32 = NDArray[np.float32]
 
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Measure and write the distances."""
     from gspure.artifacts import save_array, write_provenance
-    from gspure.attacks.gof import TOLERANCE
+    from gspure.attacks.pruning import TOLERANCE
     from gspure.errors import InputError
     from gspure.model import require_finite
     from gspure.schemes.registry import open_asset
@@ -57,14 +57,11 @@ def run(args: argparse.Namespace) -> None:
 
     asset = open_asset(args.model)
     require_finite(asset.units, args.model)
-    method = args.method or _suited(asset.units)
+    method = args.method or _default_method(asset)
     if method == "depth" and args.mesh:
         raise InputError(args.model, "--mesh", expected="method mesh", found="method depth, which makes none")
     views, device = read_views(args), read_device(args)
-    if method == "mesh":
-        distances = _from_mesh(args, asset.units, views, device)
-    else:
-        distances = depth_distances(asset, views, device)
+    distances = _from_mesh(args, asset, views, device) if method == "mesh" else depth_distances(asset, views, device)
     save_array(args.out, distances)
     inputs = {"model": args.model, "cameras": args.cameras}
     write_provenance(args.out, inputs=inputs, settings={"split": args.split, "method": method})
@@ -72,26 +69,24 @@ def run(args: argparse.Namespace) -> None:
     print(f"method {method}: {near} of {len(distances)} rows within {TOLERANCE:g} scales of the surface")
 
 
-def _suited(model: Gaussians) -> str:
-    """Return the method that suits a model."""
-    from gspure.attacks.attributes import holds_anchors
+def _default_method(asset: Asset) -> str:
     from gspure.surface.meshing import opaque
 
-    return "depth" if holds_anchors(model) or opaque(model).sum() > MOST_OPAQUE else "mesh"
+    return "mesh" if asset.rows_are_gaussians and opaque(asset.units).sum() <= MOST_OPAQUE else "depth"
 
 
-def _from_mesh(args: argparse.Namespace, model: Gaussians, views: Sequence[Camera], device: Device) -> Float32:
-    """Return the distances from the mesh, and write it if asked to."""
-    from gspure.attacks.attributes import holds_anchors
+def _from_mesh(args: argparse.Namespace, asset: Asset, views: Sequence[Camera], device: Device) -> Float32:
+    """Return the distances from the mesh; write the mesh if asked to."""
     from gspure.errors import InputError
     from gspure.model.mesh import write_mesh_ply
     from gspure.surface.distance import mesh_distances
     from gspure.surface.filter import filtered
     from gspure.surface.meshing import extract_mesh
 
-    if holds_anchors(model):
+    if not asset.rows_are_gaussians:
         hint = "every view has other Gaussians; method depth takes them view by view"
         raise InputError(args.model, "rows", expected="Gaussians, for a mesh", found="anchors", hint=hint)
+    model = asset.units
     smoothed = filtered(model, views)
     mesh = extract_mesh(smoothed, views, device)
     if args.mesh:

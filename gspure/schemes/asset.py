@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,12 @@ View = Callable[[Camera], Float32]
 Background = Sequence[float]
 BLACK: Background = (0.0, 0.0, 0.0)
 
+ATTRIBUTES: Final = ("colour", "base_colour", "opacity", "scale", "rotation", "position")
+"""What attacks on attributes can ask for. ``base_colour`` is the part of the colour that has no direction."""
+
+Columns = Mapping[str, tuple[str, ...]]
+"""The columns of a model by attribute."""
+
 
 class Asset:
     """A public model whose Gaussians are its rows: vanilla 3DGS, and the base of all others.
@@ -39,8 +45,36 @@ class Asset:
 
     """
 
+    attributes: ClassVar[Columns] = {
+        "colour": ("f_dc_*", "f_rest_*"),
+        "base_colour": ("f_dc_*",),
+        "opacity": ("opacity",),
+        "scale": ("scale_*",),
+        "rotation": ("rot_*",),
+        "position": ("x", "y", "z"),
+    }
+    """The columns that hold each of `ATTRIBUTES`: names, or ``prefix*`` for numbered ones. Absent: rows have none."""
+
+    rows_are_gaussians: ClassVar[bool] = True
+    """Whether every view shows the rows themselves; false where Gaussians are computed from them for each view."""
+
     def __init__(self, units: Gaussians) -> None:
         self.units = units
+
+    @property
+    def columns(self) -> Columns:
+        """The columns of this model by attribute; those of one prefix in the order of their numbers."""
+        names = self.units.table.dtype.names or ()
+
+        def matching(pattern: str) -> tuple[str, ...]:
+            if pattern.endswith("*"):
+                return self.units.columns_named(pattern.removesuffix("*"))
+            return (pattern,) if pattern in names else ()
+
+        return {
+            attribute: tuple(name for pattern in patterns for name in matching(pattern))
+            for attribute, patterns in self.attributes.items()
+        }
 
     @classmethod
     def read(cls, path: Path) -> Self:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from gspure.model.inria import point_cloud
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
 from gspure.renderer import Renderer
-from gspure.schemes.asset import BLACK, Asset, Background, View
+from gspure.schemes.asset import BLACK, Asset, Background, Columns, View
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES, SCENE, find_decoder, read_rows
 
@@ -36,6 +36,8 @@ class FeatureAsset(Asset):
         Of the scene; without it the model can be attacked, not looked at.
 
     """
+
+    attributes: ClassVar[Columns] = {**Asset.attributes, "colour": ("semantic_*",), "base_colour": ("semantic_*",)}
 
     def __init__(self, units: Gaussians, decoder: DecoderFile | None) -> None:
         super().__init__(units)

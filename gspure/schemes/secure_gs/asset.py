@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from gspure.model.inria import point_cloud
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
 from gspure.renderer import Renderer
-from gspure.schemes.asset import BLACK, Asset, Background, Units, View, digest_of, of_units
+from gspure.schemes.asset import BLACK, Asset, Background, Columns, Units, View, digest_of, of_units
 from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors
 from gspure.schemes.secure_gs.files import read_networks, write_networks
 from gspure.schemes.secure_gs.networks import Networks, require_networks
@@ -37,6 +37,16 @@ class AnchorAsset(Asset):
         ``opacity``, ``cov``, ``color`` and, if it has one, ``feature_bank``.
 
     """
+
+    attributes: ClassVar[Columns] = {
+        "colour": ("f_anchor_feat_*",),
+        "base_colour": ("f_anchor_feat_*",),
+        "scale": ("scale_*",),
+        "position": ("x", "y", "z", "f_offset_*"),
+    }
+    """Nothing reads the opacities and rotations that Scaffold-GS stores with its anchors."""
+
+    rows_are_gaussians: ClassVar[bool] = False
 
     def __init__(self, units: Gaussians, networks: Networks) -> None:
         super().__init__(units)

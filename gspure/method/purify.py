@@ -1,4 +1,4 @@
-"""GSPure: the attack on a stored decision, and the whole method on one model in one process."""
+"""The whole method on one model in one process: contributions, weights, features, clusters, pruning."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure import __version__, pruning
-from gspure.attacks.attack import Attack, Attacked, Mask, Rng, Weights
 from gspure.cameras.camera import Camera
 from gspure.clustering import Diagnosis, Selection, coincident_points, diagnose, select, spanning_tree
 from gspure.clustering.selection import Labels
@@ -19,6 +18,7 @@ from gspure.features import features
 from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say, track
+from gspure.pruning import Mask
 from gspure.schemes.asset import Asset
 from gspure.weights import Reduction, accumulate
 
@@ -27,14 +27,7 @@ if TYPE_CHECKING:
     from gspure.opencl.frame import Energy
 
 Array = NDArray[Any]
-
-
-def gspure(model: Gaussians, _rng: Rng, prune_mask: Mask) -> Attacked:
-    """Remove the Gaussians that adaptive pruning has decided on (`gspure.pruning.prune_mask`)."""
-    return Attacked.pruned(model, ~prune_mask)
-
-
-ATTACK = Attack("gspure", gspure)
+Weights = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

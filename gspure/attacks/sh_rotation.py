@@ -1,13 +1,12 @@
 r"""Rotation of spherical harmonics.
 
-A function on the sphere, :math:`f(d) = \sum_m c_m Y_m(d)`, that is turned by R becomes :math:`f(R^{-1} d)`, whose
-coefficients of each degree l are those of f times an orthogonal matrix. For a turn by :math:`\theta` about the axis n
-this is
+A function on the sphere, :math:`f(d) = \sum_m c_m Y_m(d)`, rotated by R is :math:`f(R^{-1} d)`. Its coefficients of
+degree l are those of f times an orthogonal matrix. For a rotation by :math:`\theta` about the axis n this matrix is
 
 .. math:: D_l = U\, e^{-i \theta\, n \cdot J_l}\, U^\dagger
 
 with the matrices :math:`J_l` of angular momentum for the complex harmonics (Sakurai, *Modern Quantum Mechanics*, §3.5)
-and U, which makes the real harmonics of 3DGS of them: :math:`\sqrt 2\, \mathrm{Re}\, Y_l^m` for m > 0, :math:`\sqrt 2\,
+and U, which maps them to the real harmonics of 3DGS: :math:`\sqrt 2\, \mathrm{Re}\, Y_l^m` for m > 0, :math:`\sqrt 2\,
 \mathrm{Im}\, Y_l^{|m|}` for m < 0, with the Condon-Shortley sign.
 """
 
@@ -21,8 +20,8 @@ from numpy.typing import NDArray
 Float64 = NDArray[np.float64]
 
 
-def turned(sh_coeffs: NDArray[Any], axis: Float64, angle: float) -> NDArray[Any]:
-    """Return coefficients [K,S,3], S = 1, 4, 9 or 16, of colours turned about the unit `axis` by `angle` radians."""
+def rotate_sh(sh_coeffs: NDArray[Any], axis: Float64, angle: float) -> NDArray[Any]:
+    """Return coefficients [K,S,3], S = 1, 4, 9 or 16, of colours rotated about the unit `axis` by `angle` radians."""
     result = sh_coeffs.copy()
     for degree in range(1, int(np.sqrt(result.shape[1]))):
         band = slice(degree**2, (degree + 1) ** 2)

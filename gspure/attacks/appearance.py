@@ -1,0 +1,105 @@
+"""Attacks that change how rows look: scaling, rounding, fewer spherical harmonics."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.attacks.attack import Attacked, Rng, named, require, require_nonnegative, select_columns
+from gspure.model.activations import logit
+from gspure.model.gaussians import Gaussians
+from gspure.schemes.asset import ATTRIBUTES, Columns
+
+Float32 = NDArray[np.float32]
+
+FACTOR: Final = 1.2
+"""Scale of the features. Ours: the paper says "amplifies", without a value."""
+
+BITS: Final = 8
+QUANTIZED: Final = "colour,opacity,scale,rotation"
+"""Ours: formats keep 16 bits and more for positions; at few bits nothing else would matter."""
+
+HALF: Final = 16
+"""Bits of IEEE-754 half precision."""
+
+
+def feature_scaling(
+    model: Gaussians, _rng: Rng, columns: Columns, *, factor: float = FACTOR, attributes: str = "colour"
+) -> Attacked:
+    """Multiply attributes of every row by `factor` (paper, §Intuitive Methods, 2).
+
+    Parameters
+    ----------
+    model : Gaussians
+    columns : mapping
+        The model's columns by attribute.
+    factor : float
+        At least 0.
+    attributes : str
+        Of ``colour`` (stored coefficients or features), ``base_colour``, and ``opacity`` (the activated one). The
+        paper scales both in §Intuitive Methods and colour alone in §Baselines, the default here.
+
+    """
+    require_nonnegative("feature_scaling", "factor", factor)
+    names = select_columns(columns, attributes, ("colour", "base_colour", "opacity"))
+    scaled = {name: model.table[name] * np.float32(factor) for name in names}
+    if "opacity" in scaled:
+        scaled["opacity"] = logit(model.opacities.astype(np.float64) * factor)
+    return Attacked.changed(model, scaled)
+
+
+def quantize(
+    model: Gaussians, _rng: Rng, columns: Columns, *, bits: int = BITS, attributes: str = QUANTIZED
+) -> Attacked:
+    """Round stored values to few bits, as files for the web do.
+
+    Parameters
+    ----------
+    model : Gaussians
+    columns : mapping
+        The model's columns by attribute.
+    bits : int
+        16: half precision. 1 to 8: 2^bits equally spaced levels between a column's extremes.
+    attributes : str
+        Of ``colour``, ``base_colour``, ``opacity``, ``scale``, ``rotation``, ``position``.
+
+    """
+    require("quantize", "bits", bits, "1 to 8, or 16", fits=bits in {*range(1, 9), HALF})
+    names = select_columns(columns, attributes, ATTRIBUTES)
+    round_off = _to_half if bits == HALF else lambda values: _to_levels(values, 2**bits)
+    return Attacked.changed(model, {name: round_off(model.table[name]) for name in names})
+
+
+def sh_truncation(model: Gaussians, _rng: Rng, *, degree: int = 0) -> Attacked:
+    """Set the spherical harmonics above `degree` to zero; the columns stay, so that the model reads as before.
+
+    Refused for models without harmonics above `degree`.
+    """
+    most = model.sh_degree - 1
+    expected = f"0 to {most}" if most >= 0 else "a model with harmonics above degree 0"
+    require("sh_truncation", "degree", degree, expected, fits=0 <= degree <= most)
+    rest = model.columns_named("f_rest_")
+    per_channel = len(rest) // 3  # channel-major: number i holds coefficient 1 + i % per_channel
+    above = [name for i, name in enumerate(rest) if 1 + i % per_channel >= (degree + 1) ** 2]
+    return Attacked.changed(model, dict.fromkeys(above, np.zeros(len(model), np.float32)))
+
+
+def _to_half(values: Float32) -> Float32:
+    """Return the nearest half-precision numbers; overflow saturates."""
+    largest = np.finfo(np.float16).max
+    return np.clip(values, -largest, largest).astype(np.float16).astype(np.float32)
+
+
+def _to_levels(values: Float32, levels: int) -> Float32:
+    """Return the nearest of `levels` equally spaced numbers between the extremes of `values`."""
+    if not len(values) or values.min() == values.max():
+        return values
+    least, greatest = float(values.min()), float(values.max())
+    step = (greatest - least) / (levels - 1)
+    rounded: Float32 = (least + step * np.rint((values.astype(np.float64) - least) / step)).astype(np.float32)
+    return rounded
+
+
+ATTACKS = named(feature_scaling, quantize, sh_truncation)

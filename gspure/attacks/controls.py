@@ -1,0 +1,44 @@
+"""Controls: what an attack is compared with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gspure.attacks.attack import Attacked, Float32, Mask, Rng, named
+from gspure.attacks.pruning import lowest_mask, random_mask
+from gspure.constants import TAU_N
+from gspure.model.gaussians import Gaussians
+from gspure.pruning import plain_prune_mask
+
+
+def watermarked(model: Gaussians, _rng: Rng) -> Attacked:
+    """Return the model itself, byte for byte."""
+    return Attacked(model, np.arange(len(model)), len(model))
+
+
+def plain_weight(model: Gaussians, _rng: Rng, weights: Float32, *, tau: float = TAU_N) -> Attacked:
+    """Remove the rows with ω_k < ω̄ / `tau`: GSPure without clusters."""
+    return Attacked.without(model, plain_prune_mask(weights, tau))
+
+
+def plain_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, tau: float = TAU_N) -> Attacked:
+    """Remove the rows with α_k < ᾱ / `tau`."""
+    return Attacked.without(model, plain_prune_mask(opacities, tau))
+
+
+def random_matched(model: Gaussians, rng: Rng, prune_mask: Mask) -> Attacked:
+    """Remove as many rows as GSPure does, at random."""
+    return Attacked.without(model, random_mask(len(model), int(prune_mask.sum()), rng))
+
+
+def lowest_weight_matched(model: Gaussians, _rng: Rng, weights: Float32, prune_mask: Mask) -> Attacked:
+    """Remove as many rows as GSPure does, in ascending order of ω_k."""
+    return Attacked.without(model, lowest_mask(weights, int(prune_mask.sum())))
+
+
+def lowest_opacity_matched(model: Gaussians, _rng: Rng, opacities: Float32, prune_mask: Mask) -> Attacked:
+    """Remove as many rows as GSPure does, in ascending order of α_k."""
+    return Attacked.without(model, lowest_mask(opacities, int(prune_mask.sum())))
+
+
+ATTACKS = named(watermarked, plain_weight, plain_opacity, random_matched, lowest_weight_matched, lowest_opacity_matched)

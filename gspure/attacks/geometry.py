@@ -1,0 +1,128 @@
+"""Attacks on where the model is: cropping and rigid motion."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.attacks.attack import Attacked, Rng, named, require, require_attribute, require_fraction
+from gspure.attacks.sh_rotation import rotate_sh
+from gspure.model.gaussians import Gaussians
+from gspure.schemes.asset import Columns
+
+Float64 = NDArray[np.float64]
+
+CROPPED: Final = 0.5
+"""Side of the box, relative to the model's. Ours."""
+
+FLOATERS: Final = 0.01
+"""Fraction of the centres beyond the model's box, at either end of each axis. Ours."""
+
+INNER: Final = 0.9
+"""Fraction of the rows within the radius. Ours."""
+
+ANGLE: Final = 30.0
+AXIS: Final = "0,1,0"
+TRANSLATION: Final = "0,0,0"
+
+
+def crop(model: Gaussians, _rng: Rng, *, fraction: float = CROPPED) -> Attacked:
+    """Keep the rows in a box around the median of the centres, `fraction` (0 to 1) of the model's along each axis."""
+    require_fraction("crop", "fraction", fraction)
+    if not len(model):
+        return Attacked.without(model, np.zeros(0, np.bool_))
+    means = model.means.astype(np.float64)
+    low, median, high = np.quantile(means, [FLOATERS, 0.5, 1 - FLOATERS], axis=0)
+    inside = (means >= median + fraction * (low - median)) & (means <= median + fraction * (high - median))
+    return Attacked.without(model, ~inside.all(axis=1))
+
+
+def rigid_transform(
+    model: Gaussians,
+    _rng: Rng,
+    columns: Columns,
+    *,
+    angle: float = ANGLE,
+    axis: str = AXIS,
+    translation: str = TRANSLATION,
+) -> Attacked:
+    """Rotate the model about an axis through the world's origin, then translate it.
+
+    Centres, rotations and spherical harmonics rotate, so that the model looks the same from views that move along.
+    Features without direction, as GS-Hider's, stay. Anchors can only be translated: their networks read the viewing
+    direction in world coordinates.
+
+    Parameters
+    ----------
+    model : Gaussians
+    columns : mapping
+        The model's columns by attribute.
+    angle : float
+        Degrees.
+    axis : str
+        Three numbers separated by commas, of any length but zero.
+    translation : str
+        Three numbers separated by commas, in radii of the model.
+
+    """
+    require("rigid_transform", "angle", angle, "a number", fits=bool(np.isfinite(angle)))
+    direction, shift = _vector("axis", axis), _vector("translation", translation) * radius(model)
+    length = float(np.linalg.norm(direction))
+    require("rigid_transform", "axis", axis, "an axis", fits=length > 0)
+    radians = float(np.deg2rad(angle))
+    world = np.eye(4)
+    world[:3, :3] = _rotation(direction / length, radians)
+    world[:3, 3] = shift
+    if angle:
+        require_attribute("rigid_transform", columns, "rotation")
+        model = _rotated(model, direction / length, radians)
+    means = (model.means @ world[:3, :3].T + shift).astype(np.float32)
+    return Attacked.changed(model, dict(zip("xyz", means.T, strict=True)), world)
+
+
+def radius(model: Gaussians) -> float:
+    """Return the distance from the median of the centres that holds `INNER` of them, in world units.
+
+    A few floaters do not change it.
+    """
+    if not len(model):
+        return 0.0
+    means = model.means.astype(np.float64)
+    return float(np.quantile(np.linalg.norm(means - np.median(means, axis=0), axis=1), INNER))
+
+
+def _rotated(model: Gaussians, axis: Float64, radians: float) -> Gaussians:
+    """Return the model with every Gaussian rotated in place."""
+    product = _left_product(np.cos(radians / 2), *np.sin(radians / 2) * axis)
+    result = model.with_columns({f"rot_{i}": column for i, column in enumerate(product @ model.quats.T)})
+    if model.sh_degree <= 0:
+        return result
+    return result.with_appearance(model.table["opacity"], rotate_sh(model.sh_coeffs, axis, radians))
+
+
+def _vector(setting: str, text: str) -> Float64:
+    try:
+        vector = np.array([float(number) for number in text.split(",")])
+    except ValueError:
+        vector = np.zeros(0)
+    fits = vector.shape == (3,) and bool(np.isfinite(vector).all())
+    require("rigid_transform", setting, text, "three numbers separated by commas", fits=fits)
+    return vector
+
+
+def _rotation(axis: Float64, radians: float) -> Float64:
+    """Return the rotation [3,3] about a unit axis (Rodrigues)."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation: Float64 = np.eye(3) + np.sin(radians) * cross + (1 - np.cos(radians)) * cross @ cross
+    return rotation
+
+
+def _left_product(w: float, x: float, y: float, z: float) -> Float64:
+    """Return the matrix [4,4] of left multiplication by the quaternion (w, x, y, z)."""
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+
+
+ATTACKS = named(crop, rigid_transform)

@@ -1,0 +1,63 @@
+"""Attacks that add random noise to stored values."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from gspure.attacks.attack import Attacked, Rng, named, require_attribute, require_nonnegative, select_columns
+from gspure.attacks.geometry import radius
+from gspure.model.activations import logit
+from gspure.model.gaussians import Gaussians
+from gspure.schemes.asset import Columns
+
+SIGMA: Final = 0.1
+"""Standard deviation of attribute noise, in units of the stored values. Ours: the paper names none."""
+
+OPACITY_SIGMA: Final = 0.1
+"""Standard deviation relative to each opacity. Ours: the middle of the published range, 0.05 to 0.2."""
+
+POSITION_SIGMA: Final = 0.005
+"""Standard deviation in radii of the model. Ours: the middle of the published range, 0.001 to 0.01."""
+
+
+def gaussian_noise(
+    model: Gaussians, rng: Rng, columns: Columns, *, sigma: float = SIGMA, attributes: str = "colour"
+) -> Attacked:
+    """Add independent Gaussian noise to stored attributes of every row (paper, §Intuitive Methods, 3).
+
+    Parameters
+    ----------
+    model : Gaussians
+    rng : Generator
+    columns : mapping
+        The model's columns by attribute.
+    sigma : float
+        Standard deviation, at least 0, the same for every column.
+    attributes : str
+        Of ``colour`` (spherical harmonics or features: the paper's "photometric features"), ``base_colour``, and
+        ``opacity`` (the logit).
+
+    """
+    require_nonnegative("gaussian_noise", "sigma", sigma)
+    names = select_columns(columns, attributes, ("colour", "base_colour", "opacity"))
+    noisy = {name: (model.table[name] + sigma * rng.standard_normal(len(model))).astype(np.float32) for name in names}
+    return Attacked.changed(model, noisy)
+
+
+def opacity_noise(model: Gaussians, rng: Rng, columns: Columns, *, sigma: float = OPACITY_SIGMA) -> Attacked:
+    """Multiply every opacity by an independent 1 + `sigma` ε, ε normal; the result is clipped to 0 to 1."""
+    require_nonnegative("opacity_noise", "sigma", sigma)
+    require_attribute("opacity_noise", columns, "opacity")
+    return Attacked.changed(model, {"opacity": logit(model.opacities * (1 + sigma * rng.standard_normal(len(model))))})
+
+
+def position_noise(model: Gaussians, rng: Rng, *, sigma: float = POSITION_SIGMA) -> Attacked:
+    """Move every centre by independent Gaussian noise of `sigma` times the model's radius along each axis."""
+    require_nonnegative("position_noise", "sigma", sigma)
+    moved = model.means + sigma * radius(model) * rng.standard_normal((len(model), 3))
+    return Attacked.changed(model, dict(zip("xyz", moved.astype(np.float32).T, strict=True)))
+
+
+ATTACKS = named(gaussian_noise, opacity_noise, position_noise)

@@ -1,0 +1,78 @@
+"""Attacks that remove rows: GSPure and its rivals, each with its own strength."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.attacks.attack import Attacked, Float32, Mask, Rng, named, require_fraction, require_nonnegative
+from gspure.constants import TAU_N
+from gspure.model.gaussians import Gaussians
+from gspure.pruning import plain_prune_mask
+
+FRACTION: Final = 0.25
+"""Fraction of the rows to remove. Ours: the paper says "a certain ratio"."""
+
+TOLERANCE: Final = 3.0
+"""Scales from the surface. Ours: the paper does not say how GOF, a reconstruction method, decides what to remove."""
+
+
+def gspure(model: Gaussians, _rng: Rng, prune_mask: Mask) -> Attacked:
+    """Remove the rows that GSPure decided on (`gspure.pruning.prune_mask`)."""
+    return Attacked.without(model, prune_mask)
+
+
+def random_pruning(model: Gaussians, rng: Rng, *, fraction: float = FRACTION) -> Attacked:
+    """Remove a random `fraction` (0 to 1) of the rows, rounded to a whole number (paper, §Intuitive Methods, 1)."""
+    require_fraction("random_pruning", "fraction", fraction)
+    return Attacked.without(model, random_mask(len(model), round(fraction * len(model)), rng))
+
+
+def lowest_weight(model: Gaussians, _rng: Rng, weights: Float32, *, fraction: float = FRACTION) -> Attacked:
+    """Remove the `fraction` (0 to 1) of the rows with the lowest ω_k, rounded to a whole number."""
+    require_fraction("lowest_weight", "fraction", fraction)
+    return Attacked.without(model, lowest_mask(weights, round(fraction * len(model))))
+
+
+def lowest_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, fraction: float = FRACTION) -> Attacked:
+    """Remove the `fraction` (0 to 1) of the rows with the lowest α_k, rounded to a whole number.
+
+    The "sequential pruning" of Splats in Splats and GS-Hider.
+    """
+    require_fraction("lowest_opacity", "fraction", fraction)
+    return Attacked.without(model, lowest_mask(opacities, round(fraction * len(model))))
+
+
+def opacity_weight(
+    model: Gaussians, _rng: Rng, weights: Float32, opacities: Float32, *, tau: float = TAU_N
+) -> Attacked:
+    """Remove the rows with α_k < ᾱ / `tau` or ω_k < ω̄ / `tau`: the paper's ablation without clustering.
+
+    Ours: the paper does not say how it joins the two.
+    """
+    return Attacked.without(model, plain_prune_mask(opacities, tau) | plain_prune_mask(weights, tau))
+
+
+def gof(model: Gaussians, _rng: Rng, surface: Float32, *, tolerance: float = TOLERANCE) -> Attacked:
+    """Remove the rows farther than `tolerance` of their own scales from the visible surface: the paper's GOF."""
+    require_nonnegative("gof", "tolerance", tolerance)
+    return Attacked.without(model, ~(surface <= tolerance))
+
+
+def random_mask(count: int, removed: int, rng: Rng) -> Mask:
+    """Return a mask [count] that is true at exactly `removed` random places."""
+    mask = np.zeros(count, np.bool_)
+    mask[rng.choice(count, removed, replace=False)] = True
+    return mask
+
+
+def lowest_mask(values: NDArray[Any], removed: int) -> Mask:
+    """Return a mask [K] that is true at exactly the `removed` lowest `values` [K]; of equals, earlier rows first."""
+    mask = np.zeros(len(values), np.bool_)
+    mask[np.argsort(values, kind="stable")[:removed]] = True
+    return mask
+
+
+ATTACKS = named(gspure, random_pruning, gof, opacity_weight, lowest_weight, lowest_opacity)

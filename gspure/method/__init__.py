@@ -1,0 +1,1 @@
+"""GSPure, in the paper's order."""
