@@ -7,13 +7,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.lib.recfunctions import repack_fields
 
 from gspure import plugins
 from gspure.artifacts import load_array, read_json, save_array
+from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.images import read_image
-from gspure.model import Gaussians, read_model
+from gspure.model import Gaussians, read_model, write_model
 from gspure.renderer import CONTRIBUTION
 from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.asset import Asset, of_units
@@ -176,8 +178,6 @@ def test_a_unit_has_the_sum_of_its_gaussians_and_their_largest_maximum():
 
 
 def test_a_model_is_opened_by_what_its_columns_say(tmp_path):
-    from gspure.model import write_model
-
     model = blobs(5, sh_degree=0)
     write_model(tmp_path / "point_cloud.ply", model)
     assert type(open_asset(tmp_path)) is Asset
@@ -186,6 +186,79 @@ def test_a_model_is_opened_by_what_its_columns_say(tmp_path):
         table[name] = model.table[name]
     write_model(tmp_path / "hider.ply", Gaussians(table))
     assert type(open_asset(tmp_path / "hider.ply")) is gs_hider.FeatureAsset
+
+
+class Mirrored(Asset):
+    """Gaussians whose file holds -x: no command may take the stored rows for what is drawn."""
+
+    rows_are_gaussians = False
+
+    def _drawn(self):
+        return Asset(self.units.with_columns({"x": -self.units.table["x"]}))
+
+    def gaussians(self, camera):
+        return self._drawn().gaussians(camera)
+
+    def scene(self, *args, **kwargs):
+        return self._drawn().scene(*args, **kwargs)
+
+    def contributions(self, *args, **kwargs):
+        return self._drawn().contributions(*args, **kwargs)
+
+    def geometry_digest(self):
+        return self._drawn().geometry_digest()
+
+    def opacities(self, cameras):
+        return super().opacities(cameras) / 2
+
+    def write(self, path):
+        super().write(path)
+        path.with_name("mirror.txt").write_text("beside the model")
+
+
+@pytest.fixture
+def mirrored(tmp_path, monkeypatch):
+    """A plug-in scheme, a model that it drew, and the same model as vanilla 3DGS; folders and options by name."""
+    scheme = Scheme("mirrored", splats_in_splats.SCHEME.embed, Mirrored.read, Mirrored.read, {}, signature=("mirror",))
+    entry = SimpleNamespace(name="mirrored", value="m:S", dist=None, load=lambda: scheme)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == "gspure.schemes" else [])
+    shown = blobs(300)
+    table = np.zeros(300, [*shown.table.dtype.descr, ("mirror", "<f4")])
+    for name in shown.table.dtype.names:
+        table[name] = shown.table[name]
+    table["x"] *= -1
+    write_model(tmp_path / "shown.ply", shown)
+    write_model(tmp_path / "recognized.ply", Gaussians(table))
+    write_model(tmp_path / "named.ply", Gaussians(repack_fields(table[list(shown.table.dtype.names)])))
+    write_cameras(tmp_path / "cameras.json", orbit_cameras(shown.means, shown.opacities, count=4, width=48, height=32))
+    return tmp_path
+
+
+@pytest.mark.parametrize(("file", "options"), [("recognized", []), ("named", ["--scheme", "mirrored"])])
+def test_every_command_draws_a_model_as_its_scheme_does(mirrored, file, options):
+    def outputs(model, *scheme):
+        folder = mirrored / model
+        given = ["--cameras", str(mirrored / "cameras.json")]
+        source = str(mirrored / f"{model}.ply")
+        runs = {
+            "render": [source, "--out", str(folder / "renders")],
+            "contributions": ["--model", source, "--stages", str(folder / "stages"), "--index", str(folder / "i.tsv")],
+            "surface": ["--model", source, "--method", "depth", "--out", str(folder / "surface.npy")],
+            "opacities": ["--model", source, "--out", str(folder / "opacities.npy")],
+        }
+        for command, arguments in runs.items():
+            assert main([command, *arguments, *given, *scheme]) == 0
+        views = sorted((folder / "renders").glob("*.png"))
+        contributions = [np.load(path)["sum"].tolist() for path in sorted((folder / "stages").glob("*.npy"))]
+        return [read_image(view).tolist() for view in views], contributions, np.load(folder / "surface.npy").tolist()
+
+    assert outputs(file, *options) == outputs("shown")
+    opacities = np.load(mirrored / file / "opacities.npy")
+    np.testing.assert_array_equal(opacities, np.load(mirrored / "shown" / "opacities.npy") / 2)
+    attacked = mirrored / "attacked" / "model.ply"
+    arguments = ["--model", str(mirrored / f"{file}.ply"), "--out", str(attacked), *options]
+    assert main(["attack", "random_pruning", *arguments]) == 0
+    assert attacked.with_name("mirror.txt").is_file()
 
 
 def test_built_in_schemes_have_the_settings_that_all_have():

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import add_scheme, read_asset
+
 HELP = "attack a model: remove Gaussians, change what they store, move them; and controls"
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
@@ -37,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, required=True, metavar="PLY", help="the attacked model")
     parser.add_argument("--kept", type=Path, metavar="NPY", help="also write which rows it kept: bool [K]")
-    parser.add_argument("--scheme", metavar="NAME", help="the model's scheme, for --verdict")
+    add_scheme(parser)
     parser.add_argument(
         "--verdict",
         type=Path,
@@ -57,14 +59,12 @@ def run(args: argparse.Namespace) -> None:
     from gspure.attacks import Evidence, find_attack
     from gspure.attacks.carrier import reached
     from gspure.cli.options import parsed_settings
-    from gspure.model import require_finite
-    from gspure.schemes.registry import find_scheme, open_asset
+    from gspure.schemes.registry import find_scheme
 
     attack = find_attack(args.name)
     settings = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
-    asset = open_asset(args.model)
+    asset = read_asset(args)
     model = asset.units
-    require_finite(model, args.model)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}

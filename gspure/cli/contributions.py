@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
+from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_asset, read_device, read_views
 
 HELP = "compute what every Gaussian contributes to each view (stored per view)"
 EXAMPLES = """\
@@ -18,6 +18,7 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
+    add_scheme(parser)
     add_views(parser, split="train")
     parser.add_argument("--stages", type=Path, required=True, metavar="DIR", help="where the per-view files are kept")
     parser.add_argument(
@@ -31,13 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Compute the absent views of this part, then write its index."""
     from gspure.contributions import contribute, write_index
-    from gspure.model import require_finite
-    from gspure.schemes.registry import open_asset
 
     part, parts = args.part
     views = read_views(args)[part - 1 :: parts]
-    asset = open_asset(args.model)
-    require_finite(asset.units, args.model)
+    asset = read_asset(args)
     stages = contribute(asset, views, args.stages, device=read_device(args), energy=args.energy)
     write_index(args.index, stages)
 

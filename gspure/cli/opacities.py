@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_views, read_views
+from gspure.cli.options import add_scheme, add_views, read_asset, read_views
 
 HELP = "write the opacity of every Gaussian; of an anchor, what its networks give it in the views"
 EXAMPLES = """\
@@ -16,6 +16,7 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
+    add_scheme(parser)
     add_views(parser, split="train")
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="opacities: float32 [K]")
 
@@ -23,10 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Compute and write the opacities."""
     from gspure.artifacts import save_array, write_provenance
-    from gspure.model import require_finite
-    from gspure.schemes.registry import open_asset
 
-    asset = open_asset(args.model)
-    require_finite(asset.units, args.model)
+    asset = read_asset(args)
     save_array(args.out, asset.opacities(read_views(args)))
     write_provenance(args.out, inputs={"model": args.model, "cameras": args.cameras}, settings={"split": args.split})

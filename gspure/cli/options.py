@@ -12,6 +12,7 @@ from gspure.errors import InputError
 if TYPE_CHECKING:
     from gspure.cameras import Camera
     from gspure.opencl.device import Device
+    from gspure.schemes.asset import Asset
 
 Setting = float | int | str
 SPLITS = ("train", "test", "all")
@@ -36,6 +37,23 @@ def read_device(args: argparse.Namespace) -> Device:
     device = choose_device(args.device)
     say(f"device {device}")
     return device
+
+
+def add_scheme(parser: argparse.ArgumentParser) -> None:
+    """Add ``--scheme``, for `read_asset`."""
+    parser.add_argument(
+        "--scheme", metavar="NAME", help="the model's watermarking scheme (default: recognized by the model's columns)"
+    )
+
+
+def read_asset(args: argparse.Namespace) -> Asset:
+    """Read the public model that ``model`` and ``--scheme`` name; all of its numbers are finite."""
+    from gspure.model import require_finite
+    from gspure.schemes.registry import open_asset
+
+    asset = open_asset(args.model, args.scheme)
+    require_finite(asset.units, args.model)
+    return asset
 
 
 def add_energy(parser: argparse.ArgumentParser, default: str) -> None:

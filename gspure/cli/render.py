@@ -5,7 +5,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_energy, add_off_path, add_views, read_device, read_views
+from gspure.cli.options import (
+    add_device,
+    add_energy,
+    add_off_path,
+    add_scheme,
+    add_views,
+    read_asset,
+    read_device,
+    read_views,
+)
 from gspure.errors import InputError
 
 HELP = "render a model's views to images"
@@ -20,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "model", type=Path, metavar="MODEL", help="the model's .ply, or the output folder of a training run"
     )
+    add_scheme(parser)
     add_views(parser, split="all")
     add_off_path(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png")
@@ -40,16 +50,13 @@ def run(args: argparse.Namespace) -> None:
     """Render every view."""
     from gspure.artifacts import save_array
     from gspure.images import write_image
-    from gspure.model import require_finite
     from gspure.progress import track
-    from gspure.schemes.registry import open_asset
 
     if not all(0 <= channel <= 1 for channel in args.background):
         found = " ".join(map(str, args.background))
         raise InputError("render", "--background", expected="three numbers from 0 to 1", found=found)
     views = read_views(args)
-    asset = open_asset(args.model)
-    require_finite(asset.units, args.model)
+    asset = read_asset(args)
     scene = asset.scene(read_device(args), tuple(args.background), args.energy)
     for camera in track(views, "render"):
         image = scene(camera)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import add_device, add_views, read_device, read_views
+from gspure.cli.options import add_device, add_scheme, add_views, read_asset, read_device, read_views
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,6 +34,7 @@ MOST_OPAQUE = 250_000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
+    add_scheme(parser)
     add_views(parser, split="train")
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="distances in scales: float32 [K]")
     parser.add_argument(
@@ -51,12 +52,9 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import save_array, write_provenance
     from gspure.attacks.pruning import TOLERANCE
     from gspure.errors import InputError
-    from gspure.model import require_finite
-    from gspure.schemes.registry import open_asset
     from gspure.surface.depths import depth_distances
 
-    asset = open_asset(args.model)
-    require_finite(asset.units, args.model)
+    asset = read_asset(args)
     method = args.method or _default_method(asset)
     if method == "depth" and args.mesh:
         raise InputError(args.model, "--mesh", expected="method mesh", found="method depth, which makes none")

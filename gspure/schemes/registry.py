@@ -6,7 +6,6 @@ from pathlib import Path
 
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
-from gspure.model.signature import Signature
 from gspure.plugins import offered
 from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.asset import Asset
@@ -14,9 +13,6 @@ from gspure.schemes.scheme import REQUIRED, Scheme
 
 BUILT_IN = (splats_in_splats.SCHEME, gs_hider.SCHEME, secure_gs.SCHEME)
 GROUP = "gspure.schemes"
-
-_RECOGNIZED = {Signature.GS_HIDER: gs_hider.SCHEME, Signature.SCAFFOLD_GS: secure_gs.SCHEME}
-"""Models that their columns give away; all others are Gaussians and no more."""
 
 
 def schemes() -> dict[str, Scheme]:
@@ -39,15 +35,17 @@ def find_scheme(name: str) -> Scheme:
     return known[name]
 
 
-def open_asset(path: Path) -> Asset:
-    """Read a public model, of the scheme that its columns give away."""
-    scheme = recognized(read_model(path))
-    return scheme.read_asset(path) if scheme else Asset.read(path)
+def open_asset(path: Path, scheme: str | None = None) -> Asset:
+    """Read a public model of the named scheme, or of the one that its columns say; without either, vanilla 3DGS."""
+    known = find_scheme(scheme) if scheme else recognized(read_model(path))
+    return known.read_asset(path) if known else Asset.read(path)
 
 
 def recognized(units: Gaussians) -> Scheme | None:
-    """Return the scheme that a model's columns give away; None for Gaussians and no more."""
-    return _RECOGNIZED.get(Signature.of(units.table.dtype.names or ()))
+    """Return the scheme whose signature a model's columns hold, built-in ones first; None for vanilla 3DGS."""
+    columns = set(units.table.dtype.names or ())
+    signed = (scheme for scheme in schemes().values() if scheme.signature)
+    return next((scheme for scheme in signed if columns.issuperset(scheme.signature)), None)
 
 
 def _require_settings(scheme: Scheme, source: str) -> None:

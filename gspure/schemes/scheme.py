@@ -71,6 +71,9 @@ class Scheme:
         patterns such as ``f_rest_*``. The first is the scheme's own, ``message``; the names of others begin with it.
     tau_c, tau_n : float
         Cluster and noise pruning factors that suit the scheme.
+    signature : tuple of str
+        Columns by which a public file is recognized as this scheme's; empty where it looks like vanilla 3DGS, and
+        commands need ``--scheme``.
 
     """
 
@@ -81,6 +84,7 @@ class Scheme:
     extractions: Mapping[str, Sequence[str]]
     tau_c: float = TAU_C
     tau_n: float = TAU_N
+    signature: tuple[str, ...] = ()
 
     @property
     def settings(self) -> dict[str, Setting]:

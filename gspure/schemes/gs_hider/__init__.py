@@ -7,4 +7,4 @@ from gspure.schemes.scheme import MESSAGE, Scheme
 
 CARRIER = ("x", "y", "z", "semantic_*", "opacity", "scale_*", "rot_*")
 
-SCHEME = Scheme("gs_hider", embed, FeatureAsset.read, DecoderKey.read, {MESSAGE: CARRIER})
+SCHEME = Scheme("gs_hider", embed, FeatureAsset.read, DecoderKey.read, {MESSAGE: CARRIER}, signature=("semantic_0",))

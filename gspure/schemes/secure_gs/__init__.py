@@ -10,5 +10,12 @@ CARRIER = ("x", "y", "z", "f_anchor_feat_*", "scale_*")
 """Not the offsets, which are the host's; anchors' opacities and rotations are constants that nothing reads."""
 
 SCHEME = Scheme(
-    "secure_gs", embed, AnchorAsset.read, HiddenKey.read, {MESSAGE: CARRIER}, tau_c=ANCHOR_TAU_C, tau_n=ANCHOR_TAU_N
+    "secure_gs",
+    embed,
+    AnchorAsset.read,
+    HiddenKey.read,
+    {MESSAGE: CARRIER},
+    tau_c=ANCHOR_TAU_C,
+    tau_n=ANCHOR_TAU_N,
+    signature=("f_anchor_feat_0", "f_offset_0"),
 )
