@@ -21,6 +21,8 @@ def standardize(columns: NDArray[Any]) -> NDArray[np.float64]:
 
     .. math:: (x - \mu) / \sigma
 
+    The result of a row does not depend on the order of the rows.
+
     Parameters
     ----------
     columns : array [K,C]
@@ -30,11 +32,11 @@ def standardize(columns: NDArray[Any]) -> NDArray[np.float64]:
     columns = np.asarray(columns, np.float64)
     if not len(columns):
         return columns.copy()
-    centred = columns - columns.mean(axis=0)
-    # Told by the extremes, since rounding in the mean can give a constant column a deviation of 1e-17.
-    constant = columns.min(axis=0) == columns.max(axis=0)
-    deviation = np.where(constant, 1.0, centred.std(axis=0))
-    return np.where(constant, 0.0, centred / deviation)
+    ordered = np.sort(columns.T, axis=1)  # sums over sorted values do not depend on the order of rows
+    mean, deviation = ordered.mean(axis=1), ordered.std(axis=1)
+    # Rounding in the mean can give a constant column a deviation of 1e-17.
+    constant = ordered[:, 0] == ordered[:, -1]
+    return np.where(constant, 0.0, (columns - mean) / np.where(constant, 1.0, deviation))
 
 
 def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:

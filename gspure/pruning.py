@@ -18,13 +18,15 @@ def mean_weight(weights: NDArray[Any]) -> float:
 
     .. math:: \bar\omega = \frac{1}{K} \sum_{i=1}^{K} \omega_i
 
+    Summed in ascending order, so that the order of rows has no effect; so are `cluster_weights`.
+
     Parameters
     ----------
     weights : array [K]
         View-accumulated weights; K = 0 gives 0.
 
     """
-    return float(np.mean(weights, dtype=np.float64)) if len(weights) else 0.0
+    return float(np.mean(np.sort(weights), dtype=np.float64)) if len(weights) else 0.0
 
 
 def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:
@@ -46,7 +48,8 @@ def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.f
     array [M], float64
 
     """
-    clustered = labels != NOISE_LABEL
+    ascending = np.argsort(weights)
+    clustered = ascending[labels[ascending] != NOISE_LABEL]
     total = np.bincount(labels[clustered], weights=np.asarray(weights, np.float64)[clustered])
     return total / np.bincount(labels[clustered])
 

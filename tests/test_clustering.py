@@ -1,5 +1,6 @@
 """Exact HDBSCAN in two steps, and its diagnosis."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -110,16 +111,66 @@ def test_clusters_equal_those_of_the_public_hdbscan(selection: str) -> None:
     ).fit_predict(points)
     ours = select(spanning_tree(points, 10), 25, selection)
     assert ours.max() == public.max() > 3
-    assert (
-        adjusted_rand_index(ours, public) > 0.995
-    )  # a point or two differ: edges of equal length are ordered otherwise
+    assert adjusted_rand_index(ours, public) > 0.995  # hdbscan joins edges of equal length one by one
 
 
-def test_edges_are_in_one_order_whatever_the_algorithm_does() -> None:
-    tree = spanning_tree(heavy_tailed(5, 400).round(1), 5)
+def test_edges_of_equal_length_are_in_the_lexicographic_order_of_their_points() -> None:
+    points = heavy_tailed(5, 400).round(1)
+    tree = spanning_tree(points, 5)
     assert (tree[:, 0] < tree[:, 1]).all()
-    keys = [tuple(edge) for edge in tree[:, [2, 0, 1]]]
+    _, places = np.unique(points, axis=0, return_inverse=True)
+    ends = np.sort(places[tree[:, :2].astype(int)], axis=1)
+    between = ends[:, 0] != ends[:, 1]
+    keys = list(zip(tree[between, 2], *ends[between].T, strict=True))
+    assert len(set(tree[:, 2])) < len(tree)
     assert keys == sorted(keys)
+
+
+def with_ties(seed: int, count: int) -> np.ndarray:
+    """Heavy-tailed points: some on a lattice, some in piles."""
+    points = heavy_tailed(seed, count)
+    points[: count // 3] = points[: count // 3].round(1)
+    points[count // 2 : count // 2 + count // 6] = points[count // 2]
+    points[-count // 10 :] = points[: count // 10]
+    return points
+
+
+@pytest.mark.parametrize("selection", SELECTIONS)
+@pytest.mark.parametrize("ties", [False, True])
+def test_clusters_do_not_depend_on_the_order_of_rows(selection: str, ties: bool) -> None:
+    points = (with_ties if ties else heavy_tailed)(8, 3000)
+    labels = select(spanning_tree(points, 10), 15, selection)
+    assert labels.max() > 3
+    for seed in range(3):
+        rows = np.random.default_rng(seed).permutation(len(points))
+        np.testing.assert_array_equal(select(spanning_tree(points[rows], 10), 15, selection), labels[rows])
+
+
+@pytest.mark.parametrize("selection", SELECTIONS)
+def test_every_minimum_spanning_tree_gives_the_same_clusters(selection: str) -> None:
+    rng = np.random.default_rng(2)
+    tree = spanning_tree(with_ties(9, 2000), 10)
+    labels = select(tree, 12, selection)
+    assert labels.max() > 3
+    again = select(tree[np.lexsort([rng.random(len(tree)), tree[:, 2]])], 12, selection)
+    assert adjusted_rand_index(labels, again) == 1.0
+    assert ((labels < 0) == (again < 0)).all()
+
+
+def test_edges_of_equal_length_join_at_once() -> None:
+    """Two groups of three and two single points, all one apart: at that distance there is one cluster, not a chain."""
+    near, far = 0.1, 1.0
+    edges = [(0, 1, near), (1, 2, near), (3, 4, near), (4, 5, near), (2, 6, far), (6, 7, far), (7, 3, far)]
+    for order in ([0, 1, 2], [2, 1, 0], [1, 0, 2]):
+        tree = np.array([*edges[:4], *(edges[4:][i] for i in order)])
+        assert select(tree, 2, "leaf").tolist() == [0, 0, 0, 1, 1, 1, -1, -1]
+
+
+def test_clusters_are_numbered_as_they_form() -> None:
+    groups = blobs(0, 5, 9)
+    groups[:100] *= 4  # the first group is the loosest
+    labels = select(spanning_tree(groups, 5), 40, "leaf")
+    assert set(labels[:100].tolist()) - {-1} == {2}
 
 
 @pytest.mark.parametrize("selection", SELECTIONS)
@@ -167,6 +218,17 @@ def test_piles_of_equal_points_are_counted_and_survive_clustering(selection: str
     labels = select(tree, 20, selection, max_cluster_share=0.5)
     assert len(set(labels[300:340].tolist())) == 1
     assert labels[300] != labels[340]
+
+
+def test_coincident_points_take_no_longer_than_others() -> None:
+    scattered = heavy_tailed(11, 30_000)
+    coincident = np.repeat(scattered[:10], 3000, axis=0)
+    spanning_tree(scattered[:100])  # imports
+    begin = time.process_time()
+    spanning_tree(scattered)
+    middle = time.process_time()
+    assert coincident_points(spanning_tree(coincident)) == 30_000 - 10
+    assert time.process_time() - middle < middle - begin
 
 
 def test_no_points_are_refused() -> None:

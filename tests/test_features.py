@@ -37,6 +37,13 @@ def test_features_do_not_depend_on_the_unit(columns: np.ndarray, scale: float) -
     np.testing.assert_array_equal(standardize(columns * scale), standardize(columns))
 
 
+def test_the_features_of_a_row_do_not_depend_on_the_order_of_rows() -> None:
+    rng = np.random.default_rng(0)
+    columns = rng.lognormal(0, 3, (5000, 5))
+    rows = rng.permutation(len(columns))
+    np.testing.assert_array_equal(standardize(columns[rows]), standardize(columns)[rows])
+
+
 def test_constant_column_becomes_zero_even_where_its_mean_is_rounded() -> None:
     columns = np.full((7, 1), 0.1)
     assert columns.std() > 0  # what a guard on the deviation would fall for

@@ -27,6 +27,15 @@ def test_equation_of_cluster_weights() -> None:
     assert cluster_weights(labels, np.array([1.0, 2.0, 100.0, 3.0, 5.0, 4.0])).tolist() == [3.0, 3.0]
 
 
+def test_means_of_weights_do_not_depend_on_the_order_of_rows() -> None:
+    rng = np.random.default_rng(0)
+    weights, labels = rng.lognormal(0, 6, 5000), rng.integers(-1, 4, 5000)
+    for _ in range(20):
+        rows = rng.permutation(len(weights))
+        assert mean_weight(weights[rows]) == mean_weight(weights)
+        assert cluster_weights(labels[rows], weights[rows]).tolist() == cluster_weights(labels, weights).tolist()
+
+
 def test_equation_of_pruning_judges_clusters_by_their_mean_and_noise_by_itself() -> None:
     #                  light cluster  heavy cluster  noise
     labels = np.array([0, 0, 0, 1, 1, -1, -1], np.int32)

@@ -70,6 +70,15 @@ def test_weights_are_the_mean_of_the_views_in_the_order_of_their_names(found: Pu
     np.testing.assert_array_equal(purify(model(), cameras()[::-1], **SETTINGS).weights, found.weights)
 
 
+@pytest.mark.parametrize("selection", ["eom_capped", "leaf"])
+def test_decisions_do_not_depend_on_the_order_of_rows(selection: str) -> None:
+    given, chosen = model(), {**SETTINGS, "selection": selection}
+    rows = np.random.default_rng(5).permutation(len(given))
+    before, after = purify(given, cameras(), **chosen), purify(Gaussians(given.table[rows]), cameras(), **chosen)
+    for name in ("weights", "labels", "pruned"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name)[rows])
+
+
 def test_parts_of_the_result_belong_together(found: Purification) -> None:
     np.testing.assert_array_equal(found.pruned, prune_mask(found.labels, found.weights))
     assert found.diagnosis.pruned_share == found.pruned.mean()

@@ -1,14 +1,18 @@
-"""Flat clusters out of a spanning tree: single linkage, condensing, stability, selection."""
+"""Flat clusters from a spanning tree: the condensed hierarchy, stability, selection."""
 
 from __future__ import annotations
 
-from typing import Final, Literal, get_args
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, NOISE_LABEL
 from gspure.errors import InputError
+
+if TYPE_CHECKING:
+    from gspure.opencl.device import Device
+    from gspure.opencl.hierarchy import Condensed
 
 Labels = NDArray[np.int32]
 Selection = Literal["eom_capped", "eom", "leaf"]
@@ -20,12 +24,16 @@ def select(
     min_cluster_size: int = MIN_CLUSTER_SIZE,
     selection: Selection = "eom_capped",
     max_cluster_share: float = MAX_CLUSTER_SHARE,
+    *,
+    device: Device | None = None,
 ) -> Labels:
     r"""Return the flat clustering :math:`\mathcal{C} = \{C_1, ..., C_M\} \cup \mathcal{N}` of a spanning tree.
 
-    (paper, §Geometrically Accurate Feature Clustering; hdbscan's own functions.) The paper names neither parameters
+    (paper, §Geometrically Accurate Feature Clustering; Campello et al. 2013.) The paper names neither parameters
     nor selection. ``eom`` is excess of mass, HDBSCAN's default, which often keeps most of a scene as one cluster;
     ``eom_capped`` splits clusters above `max_cluster_share`; ``leaf`` takes the finest clusters.
+
+    Edges of equal length join at once, so every minimum spanning tree of the same points gives the same clusters.
 
     Parameters
     ----------
@@ -39,11 +47,13 @@ def select(
     max_cluster_share : float
         For ``eom_capped``: largest share of the points in one cluster, in (0, 1]; what cannot be split below it is
         noise. Twice `min_cluster_size` is always allowed, so that small models have clusters at all.
+    device : Device, optional
+        Default: the device that `gspure.opencl` chooses.
 
     Returns
     -------
     array [K], int32
-        Cluster of each point, 0 .. M-1; -1 is noise.
+        Cluster of each point, 0 .. M-1, in the order in which they form as the distance grows; -1 is noise.
 
     Raises
     ------
@@ -56,18 +66,66 @@ def select(
     if count < 2 * min_cluster_size:
         return np.full(count, NOISE_LABEL, np.int32)
 
-    from hdbscan._hdbscan_linkage import label
-    from hdbscan._hdbscan_tree import compute_stability, condense_tree, get_clusters
+    from gspure.opencl.device import choose_device
+    from gspure.opencl.engine import Engine
+    from gspure.opencl.hierarchy import condense
 
-    condensed = condense_tree(label(tree), min_cluster_size)
-    capped = selection == "eom_capped"
-    labels, _, _ = get_clusters(
-        condensed,
-        compute_stability(condensed),
-        cluster_selection_method="leaf" if selection == "leaf" else "eom",
-        max_cluster_size=max(int(max_cluster_share * count), 2 * min_cluster_size) if capped else 0,
-    )
-    return np.asarray(labels, np.int32)
+    level_starts = np.flatnonzero(np.diff(tree[:, 2], prepend=-1.0, append=np.inf))
+    engine = Engine((device or choose_device()).cl_device)
+    condensed = condense(engine, tree[:, :2], level_starts, min_cluster_size)
+    with np.errstate(divide="ignore"):
+        densities = 1.0 / tree[level_starts[:-1], 2]  # λ; infinite where more than min_samples points coincide
+    if selection == "leaf":
+        chosen = _leaves(condensed)
+    else:
+        cap = max(int(max_cluster_share * count), 2 * min_cluster_size) if selection == "eom_capped" else count
+        chosen = _excess_of_mass(condensed, densities, cap)
+    return _labels(condensed, chosen)
+
+
+def _leaves(condensed: Condensed) -> NDArray[np.bool_]:
+    """Return which clusters have no children; never the root."""
+    leaves = np.ones(len(condensed.parents) + 1, np.bool_)
+    leaves[condensed.parents] = False
+    leaves[-1] = False
+    return leaves
+
+
+def _excess_of_mass(condensed: Condensed, densities: NDArray[np.float64], cap: int) -> NDArray[np.bool_]:
+    """Return which clusters of at most `cap` points are at least as stable as their descendants; never the root."""
+    stabilities, sizes = _stabilities(condensed, densities)
+    chosen = np.zeros(len(sizes), np.bool_)
+    below = [0.0] * len(sizes)  # the stability of what is chosen among the descendants
+    for cluster, (parent, stability, size) in enumerate(zip(condensed.parents, stabilities, sizes, strict=False)):
+        chosen[cluster] = below[cluster] <= stability and size <= cap
+        below[parent] += stability if chosen[cluster] else below[cluster]
+    return chosen
+
+
+def _stabilities(condensed: Condensed, densities: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Return each cluster's stability, Σ (λ of a point's departure - λ of the cluster's birth), and its size."""
+    count = len(condensed.parents) + 1
+    births = np.append(densities[condensed.parent_levels], 0.0)
+    clusters = condensed.point_clusters[condensed.joined]  # by level, so sums do not depend on the order of rows
+    departures = densities[condensed.point_levels[condensed.joined]]
+    stabilities = np.asarray(np.bincount(clusters, departures - births[clusters], count), np.float64)
+    sizes = np.bincount(clusters, minlength=count)
+    for cluster, parent in enumerate(condensed.parents):
+        sizes[parent] += sizes[cluster]
+        stabilities[parent] += sizes[cluster] * (births[cluster] - births[parent])
+    return stabilities, sizes
+
+
+def _labels(condensed: Condensed, chosen: NDArray[np.bool_]) -> Labels:
+    """Return, for each point, the number of the outermost chosen cluster that holds it."""
+    owners = np.full(len(chosen) + 1, len(chosen))  # the last entry stands for noise
+    for cluster in range(len(chosen) - 2, -1, -1):
+        inherited = owners[condensed.parents[cluster]]
+        owners[cluster] = cluster if chosen[cluster] and inherited == len(chosen) else inherited
+    taken = np.unique(owners)[:-1]
+    numbers = np.full(len(chosen) + 1, NOISE_LABEL, np.int32)
+    numbers[taken] = np.arange(len(taken))
+    return np.asarray(numbers[owners[condensed.point_clusters]])
 
 
 def _check(min_cluster_size: int, selection: str, max_cluster_share: float) -> None:

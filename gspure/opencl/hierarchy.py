@@ -1,0 +1,66 @@
+"""HDBSCAN's condensed hierarchy (hierarchy.cl)."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.opencl.engine import Engine
+
+Indices = NDArray[np.uint32]
+
+
+class Condensed(NamedTuple):
+    """Clusters within clusters, numbered so that children come before parents and the root is last.
+
+    `parents` [C-1] and `parent_levels` [C-1]: the parent of each cluster but the root, and the level that joins them.
+    `joined` [K]: the points by the level at which they join a cluster; `point_clusters` [K] and `point_levels` [K] name
+    that cluster and that level.
+    """
+
+    parents: Indices
+    parent_levels: Indices
+    joined: Indices
+    point_clusters: Indices
+    point_levels: Indices
+
+
+def condense(engine: Engine, edges: NDArray[Any], level_starts: NDArray[Any], min_cluster_size: int) -> Condensed:
+    """Return the hierarchy of all components of at least `min_cluster_size` points.
+
+    Parameters
+    ----------
+    engine : Engine
+    edges : array [K-1,2], int
+        A spanning tree of K points, K >= `min_cluster_size`.
+    level_starts : array [L+1], int
+        The first edge of each level, and K - 1.
+    min_cluster_size : int
+        At least 2.
+
+    """
+    count = len(edges) + 1
+    most = 2 * (count // min_cluster_size)
+    state = [
+        engine.buffer(f"hierarchy_{name}", 4 * count)
+        for name in ("up", "sizes", "clusters", "heads", "tails", "next", "merged")
+    ]
+    points = [engine.buffer(f"hierarchy_{name}", 4 * count) for name in ("joined", "point_clusters", "point_levels")]
+    clusters = [engine.buffer(f"hierarchy_{name}", 4 * most) for name in ("parents", "parent_levels")]
+    formed = engine.buffer("hierarchy_count", 4)
+    engine.run(
+        engine.kernel("condense", "hierarchy"),
+        1,
+        *(np.uint32(count), np.uint32(len(level_starts) - 1), np.uint32(min_cluster_size)),
+        engine.upload("hierarchy_edges", edges.astype(np.uint32)),
+        engine.upload("hierarchy_levels", level_starts.astype(np.uint32)),
+        *(*state, *points, *clusters, formed),
+        group=1,
+    )
+    (inner,) = engine.read(formed, (1,), np.uint32) - 1
+    return Condensed(
+        *(engine.read(buffer, (int(inner),), np.uint32) for buffer in clusters),
+        *(engine.read(buffer, (count,), np.uint32) for buffer in points),
+    )
