@@ -50,6 +50,7 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
 
 def _camera(entry: Entry, folder: Path) -> Camera:
     _refuse_distortion(entry)
+    name = view_name(entry, "file_path")
     image = folder / entry.text("file_path")
     if not image.suffix:
         image = image.with_suffix(".png")  # Blender scenes leave it out
@@ -59,7 +60,7 @@ def _camera(entry: Entry, folder: Path) -> Camera:
     cx = entry.number("cx") if "cx" in entry else width / 2
     cy = entry.number("cy") if "cy" in entry else height / 2
     return Camera(
-        name=view_name(entry, "file_path"),
+        name=name,
         width=width,
         height=height,
         K=intrinsics(fx, fy, cx, cy),

@@ -1,0 +1,126 @@
+"""Names of views: whatever a file calls a photograph, the name stays one visible file inside the output folder."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from gspure.artifacts import write_text
+from gspure.cameras import read_cameras, write_cameras
+from gspure.cameras.naming import LONGEST_NAME, safe_name
+from gspure.errors import InputError
+
+OUT = Path("/out/folder").resolve()
+PIECES = (
+    "/",
+    "//",
+    "\\",
+    "..",
+    ".",
+    "~",
+    " ",
+    "\0",
+    "\n",
+    "\x1b[2J",
+    "\ud800",
+    "\u202e",
+    "e\u0301",
+    "images",
+    ".JPG",
+    "C:",
+)
+ANY_TEXT = st.text(st.characters(exclude_categories=()), max_size=400)
+HOSTILE = st.lists(st.sampled_from(PIECES) | st.text("ab.", max_size=3), max_size=12).map("".join)
+
+
+@given(ANY_TEXT | HOSTILE)
+@example("//x/y")
+@example("../../etc/passwd")
+@example("a.jpg .png ")
+@example("images/" + "é" * 300)
+def test_a_name_is_one_visible_file_inside_the_output_folder(text):
+    name = safe_name(text)
+    if not name:  # refused by the readers
+        assert not text.replace("\\", "/").strip("/. ")
+        return
+    for file in (f"{name}.png", name):
+        path = (OUT / file).resolve()
+        assert path.parent == OUT
+        assert path.name == file
+    assert not name.startswith(".")
+    assert name.isprintable()
+    assert len(name.encode()) <= LONGEST_NAME
+    assert safe_name(name) == name, "written to cameras.json, the name must come back"
+
+
+@given(st.lists(ANY_TEXT, min_size=2, max_size=2, unique=True))
+def test_long_names_that_differ_stay_different(ends):
+    first, second = (safe_name("rig/" + "x" * 200 + end.encode(errors="replace").hex()) for end in ends)
+    assert (first == second) == (ends[0].encode(errors="replace") == ends[1].encode(errors="replace"))
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("images/left/0001.jpg", "left_0001"),
+        ("../photos/images_4/DSC 07956.JPG", "DSC 07956"),
+        ("../../etc\\a.b.JPG", "etc_a.b"),
+        ("//x/y", "x_y"),
+        ("/", ""),
+        (".hidden.png", "hidden"),
+        ("a\tb\x1b[31m", "a_b_[31m"),
+        ("Größe 模型.webp", "Größe 模型"),
+        ("e\u0301.png", "é"),
+        ("a.jpg.png", "a"),
+        ("frame.0001", "frame.0001"),
+    ],
+)
+def test_a_name_resembles_the_photograph(text, name):
+    assert safe_name(text) == name
+
+
+def as_cameras_json(folder, names):
+    view = {"width": 8, "height": 6, "fx": 8, "fy": 8, "position": [0, 0, 0], "rotation": np.eye(3).tolist()}
+    write_text(folder / "cameras.json", json.dumps([view | {"img_name": name} for name in names]))
+
+
+def as_transforms_json(folder, names):
+    frames = [{"file_path": name, "transform_matrix": np.eye(4).tolist()} for name in names]
+    write_text(folder / "transforms.json", json.dumps({"w": 8, "h": 6, "fl_x": 8, "frames": frames}))
+
+
+def as_colmap_text(folder, names):
+    write_text(folder / "cameras.txt", "1 PINHOLE 8 6 8 8 4 3\n")
+    write_text(folder / "images.txt", "".join(f"{i} 1 0 0 0 0 0 0 1 {name}\n\n" for i, name in enumerate(names)))
+
+
+def as_colmap_binary(folder, names):
+    write_text(folder / "cameras.txt", "1 PINHOLE 8 6 8 8 4 3\n")
+    poses = (struct.pack("<i7di", i, 1, *[0] * 6, 1) + n.encode() + b"\0" + bytes(8) for i, n in enumerate(names))
+    (folder / "images.bin").write_bytes(struct.pack("<Q", len(names)) + b"".join(poses))
+
+
+FORMATS = [as_cameras_json, as_transforms_json, as_colmap_text, as_colmap_binary]
+
+
+@pytest.mark.parametrize("write", FORMATS)
+def test_every_camera_format_gives_safe_names(tmp_path, write):
+    write(tmp_path, ["//x/y", "\\\\host\\a.png", "\x1b[2Jb", "../../c", "d" * 500])
+    cameras = read_cameras(tmp_path)
+    assert [camera.name for camera in cameras][:4] == ["x_y", "host_a", "_[2Jb", "c"]
+    write_cameras(tmp_path / "again.json", cameras)
+    assert [camera.name for camera in read_cameras(tmp_path / "again.json")] == [camera.name for camera in cameras]
+
+
+@pytest.mark.parametrize("write", FORMATS)
+@pytest.mark.parametrize("names", [["a/b", "a_b.png"], ["a\x01b", "a\x02b"], ["/"], [".."]])
+def test_names_that_are_empty_or_become_equal_are_refused(tmp_path, write, names):
+    write(tmp_path, names)
+    with pytest.raises(InputError, match=r"expected (a file name|each name once)"):
+        read_cameras(tmp_path)
