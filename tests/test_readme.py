@@ -46,8 +46,8 @@ def test_the_program_runs(folder, planted):
     names = {}
     exec(program, names)  # noqa: S102
     assert names["image"].shape == (36, 48, 3)
-    assert names["gradients"].means.shape == names["found"].model.means.shape
-    kept = ~names["found"].pruned
+    assert names["gradients"].means.shape == names["purified"].model.means.shape
+    kept = ~names["purified"].pruned
     assert read_model(Path("purified.ply")).table.tobytes() == planted.public.table[kept].tobytes()
 
 
