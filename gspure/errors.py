@@ -54,7 +54,7 @@ def _short(text: str) -> str:
 
 
 @contextmanager
-def reading(path: str | Path, content: str) -> Iterator[None]:
+def reading(path: str | Path, content: str, field: str = "file") -> Iterator[None]:
     """Read a file in the block: whatever goes wrong there becomes an `InputError`.
 
     Libraries raise almost any exception when a file is damaged or hostile, so every exception counts as the file's
@@ -66,6 +66,8 @@ def reading(path: str | Path, content: str) -> Iterator[None]:
         The file.
     content : str
         What it should hold.
+    field : str
+        The part of the file that is read.
 
     Raises
     ------
@@ -78,7 +80,7 @@ def reading(path: str | Path, content: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(path, "file", expected=content, found=_reason(error)) from error
+        raise InputError(path, field, expected=content, found=_reason(error)) from error
 
 
 def _reason(error: Exception) -> str:

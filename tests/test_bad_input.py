@@ -95,11 +95,11 @@ def without_rows():
 
 BAD_MODELS = {
     "truncated": (lambda: cut("model.ply", -10), "model.ply: element vertex: expected 60 rows, found room for 59"),
-    "header cut": (lambda: cut("model.ply", 100), "model.ply: header: expected the header of a PLY"),
-    "empty": (lambda: cut("model.ply", 0), "model.ply: header: expected the header of a PLY"),
+    "header cut": (lambda: cut("model.ply", 100), "model.ply: file: expected a 3DGS .ply"),
+    "empty": (lambda: cut("model.ply", 0), "model.ply: file: expected a 3DGS .ply"),
     "wrong type": (in_doubles, "model.ply: x: expected a float32 property, found float64"),
     "no Gaussians": (without_rows, "model.ply: element vertex: expected at least one Gaussian, found 0 rows"),
-    "missing": (lambda: Path("model.ply").unlink(), "model.ply: file: expected a readable .ply"),
+    "missing": (lambda: Path("model.ply").unlink(), "model.ply: file: expected a 3DGS .ply, found no such file"),
 }
 BAD_ROWS = {
     "NaN position": ({"y": np.nan}, "model.ply: y: expected finite numbers, found infinity or not-a-number in 1 of 60"),

@@ -112,9 +112,23 @@ def test_a_training_folder_is_shown_with_its_arguments(capsys, tmp_path):
     assert "  comment: made by hand\n  trained with eval = True\n  trained with sh_degree = 3\n" in text
 
 
+def test_signalling_numbers_give_no_warning(tmp_path):
+    table = blobs(6).table
+    for name in ("x", "opacity", "scale_0", "rot_1"):
+        table[name][2:4] = np.array([0x7F800001, 0xFF800001], np.uint32).view(np.float32)
+    assert summarize(Gaussians(table)).non_finite_rows == 2
+
+
+def test_text_from_the_files_cannot_control_the_terminal(tmp_path, capsys):
+    model = tmp_path / "point_cloud" / "iteration_1" / "point_cloud.ply"
+    write_model(model, blobs(3).with_comment("\x1b[2J"))
+    (tmp_path / "cfg_args").write_text(r"Namespace(a='\x1b[31m\n\u202e')")
+    assert all(line.isprintable() for line in report(capsys, tmp_path).split("\n"))
+
+
 def test_a_file_that_is_no_model_gives_one_line_and_status_2(capsys, tmp_path):
     (tmp_path / "m.ply").write_bytes(b"solid")
     assert main(["info", str(tmp_path / "m.ply")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "m.ply: header: expected the header of a PLY, found" in error
+    assert "m.ply: file: expected a 3DGS .ply, found" in error

@@ -70,7 +70,17 @@ def test_cfg_args_is_never_evaluated(trained):
     assert arguments == {"a": f"open({str(trained / 'made')!r}, 'w')", "b": "PosixPath('x')", "c": "[1, 2]"}
 
 
-@pytest.mark.parametrize("text", ["", "sh_degree=3", "{'sh_degree': 3}", "dict(sh_degree=3)", "Namespace(", "(" * 5000])
+HUGE = f"Namespace(a=0x{'f' * 9999})"
+
+
+def test_invalid_escape_sequences_in_cfg_args_are_kept_without_a_warning(trained):
+    (trained / "cfg_args").write_text(r"Namespace(a='C:\data')")
+    assert training_arguments(trained) == {"a": r"C:\data"}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "sh_degree=3", "{'sh_degree': 3}", "dict(sh_degree=3)", "Namespace(", "(" * 5000, HUGE]
+)
 def test_another_text_in_cfg_args_is_refused(trained, text):
     (trained / "cfg_args").write_text(text)
     with pytest.raises(InputError, match=r"expected Namespace\(name=value, \.\.\.\)") as caught:

@@ -193,6 +193,19 @@ def test_a_gap_in_the_numbers_of_the_coefficients_is_refused(tmp_path):
     assert error.field == "f_rest_4"
 
 
+@pytest.mark.parametrize("number", ["9" * 5000, "007"])
+def test_a_number_that_no_trainer_writes_makes_no_coefficient(tmp_path, number):
+    columns = [*vanilla_columns(0), f"f_rest_{number}"]
+    model = read_model(save(tmp_path / "m.ply", header(floats(columns), 1) + bytes(4 * len(columns))))
+    assert model.sh_degree == 0
+    assert model.table.dtype.names[-1] == columns[-1]
+
+
+def test_a_property_name_that_does_not_print_is_refused(tmp_path):
+    error = refusal(save(tmp_path / "m.ply", header(floats([*CORE, "\x1b[2J"]), 1) + bytes(48)))
+    assert (error.field, error.expected) == ("property", "a printable name")
+
+
 def test_coefficients_without_the_zeroth_are_refused(tmp_path):
     columns = CORE + [f"f_rest_{i}" for i in range(9)]
     assert refusal(save(tmp_path / "m.ply", header(floats(columns), 1) + bytes(80))).field == "f_dc_0"
@@ -245,7 +258,7 @@ def test_a_model_of_no_gaussians_is_refused(tmp_path, encoding):
     ],
 )
 def test_a_file_that_is_no_ply_is_refused(tmp_path, content):
-    assert refusal(save(tmp_path / "m.ply", content)).field == "header"
+    assert refusal(save(tmp_path / "m.ply", content)).field == "file"
 
 
 def test_a_ply_without_vertices_is_refused(tmp_path):
@@ -269,16 +282,19 @@ def test_another_splat_format_is_refused_with_the_way_to_convert_it(tmp_path, su
     assert "splat-transform" in error.hint
 
 
-@pytest.mark.parametrize("named", [".", "meta.json"])
-def test_an_unpacked_sog_model_is_refused_with_the_way_to_convert_it(tmp_path, named):
-    save(tmp_path / "meta.json", b"{}")
-    error = refusal(tmp_path / named)
-    assert error.found == "an unpacked SOG model"
+@pytest.mark.parametrize(
+    ("index", "found"), [("meta.json", "an unpacked SOG model"), ("lod-meta.json", "a streamed SOG model")]
+)
+@pytest.mark.parametrize("by_folder", [True, False])
+def test_an_unpacked_sog_model_is_refused_with_the_way_to_convert_it(tmp_path, index, found, by_folder):
+    save(tmp_path / index, b"{}")
+    error = refusal(tmp_path if by_folder else tmp_path / index)
+    assert error.found == found
     assert "splat-transform" in error.hint
 
 
 def test_an_absent_file_is_refused(tmp_path):
-    assert refusal(tmp_path / "absent.ply").found == "No such file or directory"
+    assert refusal(tmp_path / "absent.ply").found == "no such file"
 
 
 def test_a_comment_that_would_break_the_header_is_not_written(tmp_path):

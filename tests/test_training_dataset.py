@@ -149,6 +149,14 @@ def header(*properties, count=1):
 
 
 XYZ = ("float x", "float y", "float z")
+RGB = ("uchar red", "uchar green", "uchar blue")
+
+
+def test_signalling_coordinates_are_refused_without_a_warning(tmp_path):
+    text = header(*XYZ).replace("ascii", "binary_little_endian")
+    (tmp_path / "a.ply").write_bytes(text.encode() + np.array([0, 0x7F800001, 0], "<u4").tobytes())
+    with pytest.raises(InputError, match="point 0: expected finite coordinates"):
+        read_point_ply(tmp_path / "a.ply")
 
 
 def test_points_without_colour_are_grey(tmp_path):
@@ -164,8 +172,11 @@ def test_points_without_colour_are_grey(tmp_path):
         (header("float x", "float y") + "1 2\n", "z"),
         (header(*XYZ) + "1 nan 3\n", "point 0"),
         (header(*XYZ, "float red", "float green", "float blue") + "1 2 3 1 1 1\n", "red"),
-        (header(*XYZ, count=9) + "1 2 3\n", "file"),
-        (header(*XYZ, count=10**15) + "1 2 3\n", "file"),
+        (header(*XYZ, count=9) + "1 2 3\n", "element vertex"),
+        (header(*XYZ, count=10**15) + "1 2 3\n", "element vertex"),
+        (header(*XYZ, "list uchar int n") + "1 2 3 1 10000000000\n", "n"),
+        *((header(*XYZ, *RGB) + f"1 2 3 {value} 0 0\n", "element vertex") for value in (256, 1000, -1, 2**70)),
+        ((header(*XYZ) + "1 2 3\n").replace("ascii", "binary_little_endian"), "element vertex"),
         ("ply\nformat ascii 1.0\nelement face 0\nend_header\n", "element vertex"),
     ],
 )
@@ -179,7 +190,7 @@ def test_a_file_that_holds_no_points_is_refused(tmp_path, text, field):
 
 
 def test_a_missing_point_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"none\.ply: file: expected an existing"):
+    with pytest.raises(InputError, match=r"none\.ply: file: expected .* found no such file"):
         read_point_ply(tmp_path / "none.ply")
 
 

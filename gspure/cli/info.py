@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Print the summary of one model."""
+    from gspure.errors import printable
     from gspure.model.inria import point_cloud, training_arguments
     from gspure.model.ply import read_ply
     from gspure.model.summary import summarize
@@ -42,7 +43,7 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps(as_json(file, summary, model.comments, training), indent=2))
     else:
-        print("\n".join(as_text(file, summary, model.comments, training)))
+        print("\n".join(map(printable, as_text(file, summary, model.comments, training))))
 
 
 def as_json(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from gspure.errors import InputError
 CONVERT = "convert it to a plain 3DGS .ply first, for example with PlayCanvas' splat-transform"
 
 _SUFFIXES = (".spz", ".sog", ".splat", ".ksplat")
-_SOG_INDEX = "meta.json"
+_SOG_INDICES = {"meta.json": "an unpacked SOG model", "lod-meta.json": "a streamed SOG model"}
 
 
 def refuse_compressed(path: Path) -> None:
@@ -21,10 +21,9 @@ def refuse_compressed(path: Path) -> None:
         Saying what it is and how to convert it.
 
     """
-    if path.name == _SOG_INDEX or (path / _SOG_INDEX).is_file():
-        found = "an unpacked SOG model"
-    elif path.suffix.lower() in _SUFFIXES:
-        found = f"a {path.suffix} file"
-    else:
-        return
-    raise InputError(path, "format", expected="a 3DGS .ply", found=found, hint=CONVERT)
+    found = f"a {path.suffix} file" if path.suffix.lower() in _SUFFIXES else None
+    for index, title in _SOG_INDICES.items():
+        if path.name == index or (path / index).is_file():
+            found = title
+    if found:
+        raise InputError(path, "format", expected="a 3DGS .ply", found=found, hint=CONVERT)

@@ -63,7 +63,7 @@ class Gaussians:
     @cached_property
     def scales(self) -> Float32:
         """Standard deviations [K,3] along the principal axes, world units: exp of the stored values."""
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             return np.exp(self.columns("scale_0", "scale_1", "scale_2"))
 
     @cached_property
@@ -184,7 +184,7 @@ class Gaussians:
 
 def columns_named(names: Iterable[str], prefix: str) -> tuple[str, ...]:
     """Return those of `names` that are ``<prefix><number>``, ordered by number."""
-    pattern = re.compile(re.escape(prefix) + r"(\d+)")
+    pattern = re.compile(re.escape(prefix) + r"(0|[1-9][0-9]{0,8})")
     numbered = [(int(m[1]), name) for name in names if (m := pattern.fullmatch(name))]
     return tuple(name for _, name in sorted(numbered))
 
@@ -198,5 +198,5 @@ def sh_columns(degree: int) -> int:
 
 def sigmoid(logits: Float32) -> Float32:
     """Return 1 / (1 + exp(-x)), exact in the relative sense for very negative logits too."""
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         return np.float32(1) / (np.float32(1) + np.exp(-logits))

@@ -10,9 +10,10 @@
 from __future__ import annotations
 
 import ast
+import warnings
 from pathlib import Path
 
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.model.compressed import refuse_compressed
 
 Argument = str | float | bool | int | None
@@ -68,14 +69,14 @@ def training_arguments(folder: Path) -> dict[str, Argument]:
     file = Path(folder) / "cfg_args"
     if not file.is_file():
         return {}
-    try:
+    with reading(file, "Namespace(name=value, ...)"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about escape sequences in strings
         call = ast.parse(file.read_text(encoding="utf-8").strip(), mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise InputError(file, "file", expected="Namespace(name=value, ...)", found=reason) from None
-    if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Namespace"):
-        raise InputError(file, "file", expected="Namespace(name=value, ...)", found="another expression")
-    return {keyword.arg: _argument(keyword.value) for keyword in call.keywords if keyword.arg}
+        if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Namespace"):
+            raise InputError(file, "file", expected="Namespace(name=value, ...)", found="another expression")
+        arguments = {keyword.arg: _argument(keyword.value) for keyword in call.keywords if keyword.arg}
+        str(arguments)  # raises ValueError for an integer with too many digits to print
+        return arguments
 
 
 def _argument(node: ast.expr) -> Argument:

@@ -7,10 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from plyfile import PlyData, PlyElement, PlyParseError
+from plyfile import PlyData, PlyElement
 
 from gspure.artifacts import replacing
 from gspure.errors import InputError
+from gspure.model.vertices import Vertices
 
 _POSITION: Final = ("x", "y", "z")
 _NORMAL: Final = ("nx", "ny", "nz")
@@ -24,31 +25,26 @@ def read_point_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     Raises
     ------
     InputError
-        The file is missing or no PLY, or has no positions, colours that are not 8-bit, or coordinates that are not
-        finite.
+        The file is missing, damaged or no PLY, or has no positions, colours that are not 8-bit, or coordinates that
+        are not finite.
 
     """
-    try:
-        vertex = PlyData.read(str(path))["vertex"]
-    except FileNotFoundError:
-        raise InputError(path, "file", expected="an existing .ply", found="nothing") from None
-    except KeyError:
-        raise InputError(path, "element vertex", expected="points", found="no such element") from None
-    except (PlyParseError, ValueError, OSError, MemoryError) as error:
-        raise InputError(path, "file", expected="a PLY of points", found=str(error) or "too large a count") from None
-    names = [stored.name for stored in vertex.properties]
+    vertices = Vertices.of(path, "a PLY of points")
     for name in _POSITION:
-        if name not in names:
+        if name not in vertices.dtypes:
             raise InputError(path, name, expected="a coordinate of every point", found="no such property")
-    xyz = np.column_stack([np.asarray(vertex[name], np.float64) for name in _POSITION])
+    coloured = vertices.dtypes.keys() >= {*_COLOUR}
+    for name in _COLOUR if coloured else ():
+        if vertices.dtypes[name] != np.uint8:
+            raise InputError(path, name, expected="8 bits", found=str(vertices.dtypes[name]))
+    rows = vertices.rows()
+    with np.errstate(invalid="ignore"):  # signalling not-a-numbers
+        xyz = np.column_stack([rows[name].astype(np.float64) for name in _POSITION])
     if bad := np.flatnonzero(~np.isfinite(xyz).all(axis=1)).tolist():
         raise InputError(path, f"point {bad[0]}", expected="finite coordinates", found=" ".join(map(str, xyz[bad[0]])))
-    if not set(_COLOUR) <= set(names):
+    if not coloured:
         return xyz, np.full(xyz.shape, _GREY, np.uint8)
-    for name in _COLOUR:
-        if vertex[name].dtype != np.uint8:
-            raise InputError(path, name, expected="8 bits", found=str(vertex[name].dtype))
-    return xyz, np.column_stack([vertex[name] for name in _COLOUR])
+    return xyz, np.column_stack([rows[name] for name in _COLOUR])
 
 
 def write_point_ply(path: Path, xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> None:

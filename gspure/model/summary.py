@@ -60,7 +60,11 @@ class Summary:
 
 def summarize(model: Gaussians) -> Summary:
     """Return `model` in numbers."""
-    columns = model.table.dtype.names or ()
+    with np.errstate(invalid="ignore"):  # signalling not-a-numbers
+        return _summarized(model, model.table.dtype.names or ())
+
+
+def _summarized(model: Gaussians, columns: tuple[str, ...]) -> Summary:
     vanilla = {*CORE, *COLOUR, *_NORMALS, *model.columns_named("f_rest_")}
     non_finite = non_finite_rows(model, columns)
     return Summary(

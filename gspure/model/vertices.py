@@ -1,0 +1,124 @@
+"""The element ``vertex`` of a PLY, which holds Gaussians or points: one row each, checked before it is read."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from plyfile import PlyData, PlyElement, PlyListProperty
+
+from gspure.errors import InputError, reading
+from gspure.model.compressed import CONVERT
+
+_HEADER_LIMIT: Final = 1 << 20
+"""Bytes of the longest header: a file that is no PLY is not searched any further for the header's end."""
+
+
+@dataclass(frozen=True)
+class Vertices:
+    """The header of a PLY whose first element is ``vertex``; nothing is allocated for the rows that it claims.
+
+    Parameters
+    ----------
+    path : Path
+    header : PlyData
+    offset : int
+        Bytes of the header.
+
+    """
+
+    path: Path
+    header: PlyData
+    offset: int
+
+    @staticmethod
+    def of(path: Path, content: str) -> Vertices:
+        """Read the header of a file that should hold `content`.
+
+        Raises
+        ------
+        InputError
+            If the file is no PLY, another element comes first, or a property is a list or has a name that does not
+            print.
+
+        """
+        with reading(path, content), path.open("rb") as stream:
+            head = io.BytesIO(stream.read(_HEADER_LIMIT))
+            # plyfile has no public way to read the header alone, and `PlyData.read` allocates whatever a header claims.
+            header = PlyData._parse_header(head)  # noqa: SLF001
+        names = [element.name for element in header.elements]
+        if "vertex" in names and "packed_position" in header["vertex"]:
+            raise InputError(path, "format", expected=content, found="a compressed .ply", hint=CONVERT)
+        if names[:1] != ["vertex"]:
+            raise InputError(path, "element vertex", expected="to come first", found=", ".join(names) or "no element")
+        for stored in header["vertex"].properties:
+            if isinstance(stored, PlyListProperty):
+                raise InputError(path, stored.name, expected="one value per row", found="a list property")
+            if not stored.name.isprintable():
+                raise InputError(path, "property", expected="a printable name", found=repr(stored.name))
+        return Vertices(path, header, head.tell())
+
+    @property
+    def _element(self) -> PlyElement:
+        return self.header["vertex"]
+
+    @property
+    def count(self) -> int:
+        """Rows that the header claims."""
+        return int(self._element.count)
+
+    @property
+    def dtypes(self) -> dict[str, np.dtype[np.generic]]:
+        """The type of each property, in the file's order."""
+        return {stored.name: np.dtype(stored.dtype()) for stored in self._element.properties}
+
+    @property
+    def comments(self) -> tuple[str, ...]:
+        """Every line of comment."""
+        return (*self.header.comments, *self.header.obj_info, *self._element.comments)
+
+    def rows(self) -> NDArray[np.void]:
+        """Return the rows, little-endian; those of a little-endian binary file are mapped and read-only.
+
+        Raises
+        ------
+        InputError
+            If there are fewer rows than the header claims, or a row of an ASCII file is malformed.
+
+        """
+        if self.header.text:
+            return self._parsed()
+        stored = self._element.dtype(self.header.byte_order)
+        self._require_room(self.offset, stored.itemsize)
+        if not self.count:
+            return np.empty(0, self._element.dtype("<"))
+        rows = np.memmap(self.path, stored, "r", self.offset, self.count).view(np.ndarray)
+        return rows.astype(self._element.dtype("<"), copy=False)
+
+    def _parsed(self) -> NDArray[np.void]:
+        self._require_room(self.offset - 1, 2 * len(self._element.properties))  # a digit and what ends it, but the last
+        with (
+            reading(self.path, "one number per property, in its range", "element vertex"),
+            self.path.open("rb") as stream,
+            warnings.catch_warnings(),
+            np.errstate(over="ignore"),
+        ):
+            warnings.simplefilter("ignore")  # numpy warns where there is no row, which is checked below
+            stream.seek(self.offset)
+            text = io.TextIOWrapper(stream, encoding="ascii")
+            # numpy's parser is several times faster than plyfile's.
+            rows = np.loadtxt(text, self._element.dtype("<"), comments=None, max_rows=self.count, ndmin=1)
+        if len(rows) < self.count:
+            raise InputError(self.path, "element vertex", expected=f"{self.count} rows", found=f"{len(rows)} rows")
+        return rows
+
+    def _require_room(self, offset: int, row_bytes: int) -> None:
+        """Refuse a file that is too short for the rows that its header claims."""
+        room = (self.path.stat().st_size - offset) // row_bytes
+        if room < self.count:
+            raise InputError(self.path, "element vertex", expected=f"{self.count} rows", found=f"room for {room}")
