@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +16,41 @@ from numpy.typing import NDArray
 from gspure.artifacts import replacing
 from gspure.errors import InputError, reading
 
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
 Float32 = NDArray[np.float32]
+
+FORMATS: Final = ("BMP", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
+"""What photographs come in. Pillow knows more formats, some of which start other programs."""
+
+MOST_PIXELS: Final = 1 << 27
+"""A compressed file of any size may claim any number of pixels; no camera takes as many. Ours."""
+
+_STDERR: Final = 2
+
+logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks on damaged files go to standard error
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[Image]:
+    """Open an image; only its header is read.
+
+    Raises
+    ------
+    InputError
+        The file is missing or none of `FORMATS`, or has no pixels or more than `MOST_PIXELS`; or the block fails.
+
+    """
+    from PIL import Image
+
+    with reading(path, "an image"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about damaged metadata
+        with Image.open(str(path), formats=FORMATS) as image:
+            if not 1 <= image.width * image.height <= MOST_PIXELS:
+                found = f"{image.width}x{image.height}"
+                raise InputError(path, "size", expected=f"1 to {MOST_PIXELS} pixels", found=found)
+            yield image
 
 
 def read_image(path: str | Path, size: tuple[int, int] | None = None) -> Float32:
@@ -22,7 +62,7 @@ def read_image(path: str | Path, size: tuple[int, int] | None = None) -> Float32
     Parameters
     ----------
     path : str or Path
-        Any 8-bit image that Pillow reads.
+        An 8-bit image, one of `FORMATS`.
     size : (int, int), optional
         Width and height wanted. A larger image is reduced by Pillow's antialiased bicubic filter before it becomes
         float, which is what 3DGS compares with; a smaller one is refused, since enlarging invents detail.
@@ -30,14 +70,16 @@ def read_image(path: str | Path, size: tuple[int, int] | None = None) -> Float32
     Raises
     ------
     InputError
-        The file is missing, unreadable, not 8-bit, or smaller than `size`.
+        The file is missing, damaged, not 8-bit, too large, or smaller than `size`.
 
     """
     from PIL import Image
 
-    with reading(path, "an image"), Image.open(path) as image:
+    with opened(path) as image:
         if image.mode in {"I", "F"} or image.mode.startswith("I;"):
             raise InputError(path, "pixels", expected="8 bits per channel", found=f"mode {image.mode}")
+        with _quiet() if image.format == "TIFF" else nullcontext():
+            image.load()
         pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")
     if pixels.mode == "RGBA":
         pixels = Image.alpha_composite(Image.new("RGBA", pixels.size, (0, 0, 0, 255)), pixels).convert("RGB")
@@ -59,3 +101,16 @@ def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
     levels = np.floor(np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
     with replacing(Path(path)) as temporary:
         Image.fromarray(levels).save(temporary, format="PNG")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Discard what libtiff prints to standard error about a damaged file, under a temporary name."""
+    kept, null = os.dup(_STDERR), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, _STDERR)
+        yield
+    finally:
+        os.dup2(kept, _STDERR)
+        os.close(kept)
+        os.close(null)

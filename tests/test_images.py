@@ -1,9 +1,13 @@
+import struct
+import zlib
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from gspure.cameras.photographs import photograph_size
 from gspure.errors import InputError
 from gspure.images import read_image, write_image
 
@@ -71,6 +75,79 @@ def test_a_missing_broken_or_deep_image_is_refused_by_name(tmp_path):
     Image.fromarray(np.zeros((2, 2), np.uint16)).save(tmp_path / "deep.png")
     with pytest.raises(InputError, match=r"deep\.png: pixels: expected 8 bits per channel, found mode I;16"):
         read_image(tmp_path / "deep.png")
+
+
+def png_header(width, height):
+    """A PNG file that claims a size and holds next to nothing."""
+    chunks = {b"IHDR": struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0), b"IDAT": zlib.compress(b""), b"IEND": b""}
+    parts = (struct.pack(">I", len(c)) + t + c + struct.pack(">I", zlib.crc32(t + c)) for t, c in chunks.items())
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+@pytest.mark.parametrize("read", [read_image, photograph_size])
+@pytest.mark.parametrize("size", [(10_000, 14_000), (2**27 + 1, 1), (0, 5), (5, 0)])
+def test_an_image_without_pixels_or_with_too_many_is_refused_before_it_is_decoded(tmp_path, read, size):
+    (tmp_path / "a.png").write_bytes(png_header(*size))
+    with pytest.raises(InputError, match=r"a\.png: size: expected 1 to 134217728 pixels"):
+        read(tmp_path / "a.png")
+
+
+def test_an_absurd_size_is_refused_by_the_image_library(tmp_path):
+    (tmp_path / "a.png").write_bytes(png_header(20_000, 20_000))
+    with pytest.raises(InputError, match=r"a\.png: file: expected an image, found Image size"):
+        photograph_size(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("read", [read_image, photograph_size])
+@pytest.mark.parametrize("kind", ["EPS", "GIF", "TGA"])
+def test_formats_in_which_no_photographs_come_are_refused_without_starting_other_programs(
+    tmp_path, monkeypatch, read, kind
+):
+    monkeypatch.setattr("subprocess.Popen", None)
+    Image.new("L", (4, 4)).save(tmp_path / "a.png", kind)
+    with pytest.raises(InputError, match=r"a\.png: file: expected an image"):
+        read(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("kind", ["BMP", "JPEG", "MPO", "PNG", "PPM", "TIFF", "WEBP"])
+def test_formats_in_which_photographs_come_are_read(tmp_path, kind):
+    Image.new("RGB", (4, 3), (255, 0, 0)).save(tmp_path / "a", kind)
+    assert photograph_size(tmp_path / "a") == (4, 3)
+    assert read_image(tmp_path / "a")[1, 1] == pytest.approx([1, 0, 0], abs=0.02)
+
+
+@pytest.mark.parametrize("compression", ["tiff_deflate", "tiff_lzw", "jpeg"])
+def test_a_damaged_tiff_is_refused_without_a_word_of_its_decoder(tmp_path, capfd, compression):
+    file = tmp_path / "a.tif"
+    pixels = np.random.default_rng(0).integers(256, size=(40, 40, 3), dtype=np.uint8)
+    refused = 0
+    for place in (20, 100, 300, 1000):
+        Image.fromarray(pixels).save(file, compression=compression)
+        content = bytearray(file.read_bytes())
+        content[place : place + 40] = b"\xff" * 40
+        file.write_bytes(content)
+        try:
+            read_image(file)
+        except InputError:
+            refused += 1
+    assert refused
+    assert capfd.readouterr() == ("", "")
+
+
+def test_damaged_metadata_gives_no_warning(tmp_path):
+    exif = Image.Exif()
+    exif[0x010F] = "x" * 40
+    Image.new("RGB", (4, 3)).save(tmp_path / "a.jpg", exif=exif.tobytes()[:-30])
+    assert read_image(tmp_path / "a.jpg").shape == (3, 4, 3)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "CMYK", "YCbCr", "LAB", "I", "F", "I;16"])
+def test_an_image_of_any_mode_is_read_or_refused_in_one_line(tmp_path, mode):
+    Image.new(mode, (4, 3)).save(tmp_path / "a.tif", "TIFF")
+    try:
+        assert read_image(tmp_path / "a.tif").shape == (3, 4, 3)
+    except InputError as error:
+        assert mode in {"LAB", "I", "F", "I;16"}, error  # noqa: PT017
 
 
 def test_a_failed_write_leaves_the_old_image(tmp_path):

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gspure.cameras.camera import Camera
-from gspure.errors import InputError, reading
+from gspure.errors import InputError
+from gspure.images import opened
 
 
 def photograph_size(path: Path) -> tuple[int, int]:
@@ -15,12 +16,10 @@ def photograph_size(path: Path) -> tuple[int, int]:
     Raises
     ------
     InputError
-        The file is missing or no image.
+        The file is missing or no image, or has too many pixels.
 
     """
-    from PIL import Image
-
-    with reading(path, "an image"), Image.open(path) as image:
+    with opened(path) as image:
         return image.size
 
 
