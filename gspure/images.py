@@ -39,7 +39,7 @@ def opened(path: str | Path) -> Iterator[Image]:
     Raises
     ------
     InputError
-        The file is missing or none of `FORMATS`, or has no pixels or more than `MOST_PIXELS`; or the block fails.
+        The file is missing or none of `FORMATS`, or has more than `MOST_PIXELS`; or the block fails.
 
     """
     from PIL import Image
@@ -47,9 +47,9 @@ def opened(path: str | Path) -> Iterator[Image]:
     with reading(path, "an image"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about damaged metadata
         with Image.open(str(path), formats=FORMATS) as image:
-            if not 1 <= image.width * image.height <= MOST_PIXELS:
+            if image.width * image.height > MOST_PIXELS:
                 found = f"{image.width}x{image.height}"
-                raise InputError(path, "size", expected=f"1 to {MOST_PIXELS} pixels", found=found)
+                raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=found)
             yield image
 
 

@@ -85,16 +85,17 @@ def png_header(width, height):
 
 
 @pytest.mark.parametrize("read", [read_image, photograph_size])
-@pytest.mark.parametrize("size", [(10_000, 14_000), (2**27 + 1, 1), (0, 5), (5, 0)])
-def test_an_image_without_pixels_or_with_too_many_is_refused_before_it_is_decoded(tmp_path, read, size):
+@pytest.mark.parametrize("size", [(10_000, 14_000), (2**27 + 1, 1)])
+def test_an_image_with_too_many_pixels_is_refused_before_it_is_decoded(tmp_path, read, size):
     (tmp_path / "a.png").write_bytes(png_header(*size))
-    with pytest.raises(InputError, match=r"a\.png: size: expected 1 to 134217728 pixels"):
+    with pytest.raises(InputError, match=r"a\.png: size: expected at most 134217728 pixels"):
         read(tmp_path / "a.png")
 
 
-def test_an_absurd_size_is_refused_by_the_image_library(tmp_path):
-    (tmp_path / "a.png").write_bytes(png_header(20_000, 20_000))
-    with pytest.raises(InputError, match=r"a\.png: file: expected an image, found Image size"):
+@pytest.mark.parametrize("size", [(20_000, 20_000), (0, 5), (5, 0)])
+def test_an_impossible_size_is_refused_too(tmp_path, size):
+    (tmp_path / "a.png").write_bytes(png_header(*size))
+    with pytest.raises(InputError, match=r"a\.png: file: expected an image"):
         photograph_size(tmp_path / "a.png")
 
 
