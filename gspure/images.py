@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -53,11 +53,13 @@ def opened(path: str | Path) -> Iterator[Image]:
             yield image
 
 
-def read_image(path: str | Path, size: tuple[int, int] | None = None) -> Float32:
+def read_image(
+    path: str | Path, size: tuple[int, int] | None = None, background: Sequence[float] = (0.0, 0.0, 0.0)
+) -> Float32:
     """Read an image as float32 [H,W,3] in 0..1.
 
-    Grey images get three equal channels. Transparent ones stand on black, the renderer's default background. An
-    orientation noted in the file's EXIF data is not applied, as camera poses belong to the pixels as stored.
+    Grey images get three equal channels. Transparent ones are composited on the background. An orientation noted in
+    the file's EXIF data is not applied, as camera poses belong to the pixels as stored.
 
     Parameters
     ----------
@@ -66,6 +68,8 @@ def read_image(path: str | Path, size: tuple[int, int] | None = None) -> Float32
     size : (int, int), optional
         Width and height wanted. A larger image is reduced by Pillow's antialiased bicubic filter before it becomes
         float, which is what 3DGS compares with; a smaller one is refused, since enlarging invents detail.
+    background : sequence of 3 floats
+        Colour behind transparent pixels, 0 to 1, rounded to 8 bits.
 
     Raises
     ------
@@ -82,7 +86,9 @@ def read_image(path: str | Path, size: tuple[int, int] | None = None) -> Float32
             image.load()
         pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")
     if pixels.mode == "RGBA":
-        pixels = Image.alpha_composite(Image.new("RGBA", pixels.size, (0, 0, 0, 255)), pixels).convert("RGB")
+        red, green, blue = (round(255 * channel) for channel in background)
+        behind = Image.new("RGBA", pixels.size, (red, green, blue, 255))
+        pixels = Image.alpha_composite(behind, pixels).convert("RGB")
     if size is not None and pixels.size != size:
         if pixels.width < size[0] or pixels.height < size[1]:
             found = f"{pixels.width}x{pixels.height}"

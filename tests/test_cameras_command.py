@@ -56,7 +56,7 @@ def test_views_are_generated_around_a_model(tmp_path, kind):
             ["SOURCE", "--scale", "4"],
             "scale rule: value: expected native, photographs, 1/N or Wpx (such as 1600px), found '4'",
         ),
-        (["SOURCE", "--require-images"], "c.image: expected an existing photograph"),
+        (["SOURCE", "--require-images"], "photographs: expected one of each of 3 views, found 3 missing: "),
         (["nowhere.json"], "nowhere.json: file: expected JSON, found no such file"),
     ],
 )

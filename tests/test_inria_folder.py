@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
-from gspure.model.inria import cameras_file, point_cloud, saved_iterations, training_arguments
+from gspure.model.inria import cameras_file, point_cloud, saved_iterations, trained_background, training_arguments
 from tests.models import blobs
 
 CFG_ARGS = (
@@ -57,6 +57,12 @@ def test_training_arguments_are_read(trained):
         "resolution": -1,
         "white_background": False,
     }
+
+
+@pytest.mark.parametrize(("value", "shade"), [("True", 1.0), ("False", 0.0), ("'True'", 0.0)])
+def test_the_background_of_training_is_that_of_cfg_args(trained, value, shade):
+    (trained / "cfg_args").write_text(f"Namespace(white_background={value})")
+    assert trained_background(trained) == (shade, shade, shade)
 
 
 def test_a_folder_without_cfg_args_has_no_training_arguments(tmp_path):

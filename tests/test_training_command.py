@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 
@@ -12,21 +13,24 @@ from gspure.cli import main
 from gspure.evaluation.comparison import read_metrics
 from gspure.images import read_image
 from gspure.model import read_model
+from gspure.model.inria import training_arguments
 from gspure.renderer import Renderer
 from gspure.training import checkpoints
+from gspure.training.dataset import read_dataset
 from tests.models import gaussians
-from tests.training_cases import colmap_project, ring
+from tests.training_cases import blender_scene, colmap_project, ring
 
 ITERATIONS = 410
 """The shortest run that densifies."""
+
+BLOBS = np.array([[-0.25, 0, 0], [0.2, 0.2, 0], [0.1, -0.2, 0.2]])
+COLOURS = np.array([[0.9, 0.2, 0.1], [0.1, 0.8, 0.3], [0.2, 0.3, 0.9]])
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
     """Pictures of three blobs, and points near them."""
-    colors = np.array([[0.9, 0.2, 0.1], [0.1, 0.8, 0.3], [0.2, 0.3, 0.9]])
-    means = [[-0.25, 0, 0], [0.2, 0.2, 0], [0.1, -0.2, 0.2]]
-    model = gaussians(means=means, scales=[0.1, 0.15, 0.08], opacities=0.95, colors=colors)
+    model = gaussians(means=BLOBS, scales=[0.1, 0.15, 0.08], opacities=0.95, colors=COLOURS)
     views, renderer = ring(16), Renderer(model)
     points = np.random.default_rng(3).normal(scale=0.25, size=(60, 3))
     return colmap_project(
@@ -121,6 +125,53 @@ def test_progress_is_told_in_lines_where_there_is_no_terminal(project, tmp_path,
     for word in ("loss", "PSNR", "Gaussians", "it/s"):
         assert word in last
     assert len(read_model(tmp_path)) <= 50
+
+
+@pytest.fixture(scope="module")
+def cut_outs(tmp_path_factory):
+    """A Blender scene of dark blobs, its photographs transparent beside them."""
+    model = gaussians(means=BLOBS, scales=[0.1, 0.15, 0.08], opacities=0.95, colors=COLOURS)
+    splits = {"train": ring(16), "test": ring(3)}
+    return blender_scene(tmp_path_factory.mktemp("data") / "cut_outs", splits, model)
+
+
+def test_transparent_photographs_train_to_the_background_that_is_asked_for(cut_outs, tmp_path):
+    """Composited on black, as they once were whatever the background, they train to a flat grey of 10 dB or less."""
+    assert train(cut_outs, tmp_path, "--background", "1", "1", "1") == 0
+    rows = read_metrics(tmp_path / "metrics.csv")
+    assert [row.view for row in rows] == ["test_r_0", "test_r_1", "test_r_2"]
+    assert min(row.psnr for row in rows) > 25
+    truth = read_image(tmp_path / "test" / f"ours_{ITERATIONS}" / "gt" / "test_r_0.png")
+    assert truth[0, 0].tolist() == [1, 1, 1]
+
+
+def test_the_white_background_of_cfg_args_is_kept(cut_outs, tmp_path):
+    scene = tmp_path / "scene"
+    shutil.copytree(cut_outs, scene)
+    (scene / "cfg_args").write_text("Namespace(white_background=True)")
+    for name, source, options in (
+        ("asked", cut_outs, ["--background", "1", "1", "1"]),
+        ("known", scene, []),
+        ("black", scene, ["--background", "0", "0", "0"]),
+    ):
+        assert main(["train", str(source), "--out", str(tmp_path / name), "--iterations", "60", *options]) == 0
+    models = [read_model(tmp_path / name).table.tobytes() for name in ("asked", "known", "black")]
+    assert models[0] == models[1] != models[2]
+    assert [training_arguments(tmp_path / name)["white_background"] for name in ("known", "black")] == [True, False]
+
+
+def test_no_more_gaussians_grow_than_the_photographs_have_room_for(project, trained):
+    settings = json.loads((trained / "point_cloud" / f"iteration_{ITERATIONS}" / "point_cloud.ply.json").read_text())
+    assert settings["settings"]["max_gaussians"] == read_dataset(project, "320px").max_gaussians
+    assert len(read_model(trained)) <= read_dataset(project, "320px").max_gaussians
+
+
+@pytest.mark.parametrize("option", ["--background=0 0 2", "--background=0 nan 0"])
+def test_a_background_that_is_no_colour_is_refused(project, tmp_path, capsys, option):
+    name, values = option.split("=")
+    assert train(project, tmp_path / "out", name, *values.split()) == 2
+    assert "--background: expected three numbers from 0 to 1" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("option", ["--iterations=0", "--seed=-1", "--max-gaussians=3", "--resolution=huge"])

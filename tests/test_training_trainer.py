@@ -9,7 +9,7 @@ from gspure.renderer import Renderer
 from gspure.training.checkpoints import read_checkpoint, write_checkpoint
 from gspure.training.initialization import gaussians_at
 from gspure.training.schedule import Schedule
-from gspure.training.trainer import Trainer, beginning
+from gspure.training.trainer import RECOVERY, Trainer, beginning
 from tests.models import gaussians
 from tests.training_cases import parameters, ring, same_bits, statistics
 
@@ -75,6 +75,19 @@ def test_opacities_are_reset_when_the_schedule_says():
     trainer, model = recorded(BRISK)
     lowered = [model.kept.parameters.opacity_logits.max() < 0 for _ in trainer]
     assert lowered.index(True) + 1 == 18
+
+
+def test_a_reset_of_opacities_is_known_until_images_have_recovered():
+    schedule = Schedule(
+        iterations=1000, sh_every=10, densify_from=8, densify_until=700, densify_every=10, reset_every=300
+    )
+    trainer, _ = recorded(schedule)
+    known = [trainer.recovering_from for _ in trainer]
+    for reset in (300, 600):
+        assert known[reset - 2] is None
+        assert known[reset - 1 : reset - 1 + RECOVERY] == [reset] * RECOVERY
+        assert known[reset - 1 + RECOVERY] is None
+    assert set(known) == {None, 300, 600}
 
 
 def test_a_run_whose_gaussians_all_vanish_is_ended_by_name():

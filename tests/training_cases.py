@@ -1,5 +1,6 @@
 """Small things to train from, shared by the training tests."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from PIL import Image
 from gspure.cameras import Camera, intrinsics, orbit_cameras
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
+from gspure.renderer import Renderer
 
 RATES = LearningRates(means=1e-3, quats=1e-3, scales=5e-3, opacities=0.05, sh_dc=2.5e-3, sh_rest=1.25e-4)
 
@@ -87,3 +89,27 @@ def turned_away(camera: Camera) -> Camera:
     viewmat = np.diag([-1.0, 1.0, -1.0, 1.0]) @ camera.viewmat
     K = intrinsics(*(camera.K[at] for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
     return Camera(camera.name, camera.width, camera.height, K, viewmat, camera.image)
+
+
+def blender_scene(folder: Path, splits: dict[str, list[Camera]], model, *, suffix=".png") -> Path:
+    """Write a scene as NeRF's Blender ones: transforms_<split>.json, and photographs of the model that are RGBA."""
+    renderer = Renderer(model)
+    for split, views in splits.items():
+        (folder / split).mkdir(parents=True)
+        frames = []
+        for i, view in enumerate(views):
+            Image.fromarray(cut_out(renderer, view), "RGBA").save(folder / split / f"r_{i}{suffix}")
+            pose = np.linalg.inv(view.viewmat) @ np.diag([1.0, -1, -1, 1])
+            frames.append({"file_path": f"./{split}/r_{i}", "transform_matrix": pose.tolist()})
+        angle = 2 * np.arctan(views[0].width / 2 / views[0].K[0, 0])
+        content = {"camera_angle_x": angle, "frames": frames}
+        (folder / f"transforms_{split}.json").write_text(json.dumps(content))
+    return folder
+
+
+def cut_out(renderer: Renderer, view: Camera):
+    """Render an RGBA photograph [H,W,4] whose transparency is that of the model."""
+    black, white = (renderer.image(view, [shade] * 3).astype(np.float64) for shade in (0, 1))
+    alpha = 1 - (white - black).mean(axis=2, keepdims=True)
+    colours = np.divide(black, alpha, out=np.zeros_like(black), where=alpha > 0)
+    return np.round(np.concatenate([colours, alpha], axis=2).clip(0, 1) * 255).astype(np.uint8)

@@ -2,7 +2,8 @@
 
 Both list ``frames`` with a ``transform_matrix``, camera to world, in OpenGL axes (x right, y up, z backward), which
 become COLMAP's by negating y and z. nerfstudio gives ``fl_x fl_y cx cy w h`` per file or per frame; Blender gives
-``camera_angle_x`` (radians, over the image's width); without ``w`` and ``h``, the size is that of the image file.
+``camera_angle_x`` (radians, over the image's width); without ``w`` and ``h``, the size is that of the image file, or
+if that is missing, of the first image file that exists.
 
 The world is the file's own. ``applied_transform`` tells how nerfstudio made it from COLMAP's world; it is not undone,
 as a model trained from this file lives in the file's world. For a model in COLMAP's world, read the COLMAP folder.
@@ -45,16 +46,22 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
         raise entry.refusal("frames", expected="a list", found=type(frames).__name__)
     shared = {key: value for key, value in content.items() if key != "frames"}
     entries = [Entry.of(source, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
-    return distinct([_camera(Entry(source, e.where, {**shared, **e.values}), source.parent) for e in entries], source)
+    entries = [Entry(source, e.where, {**shared, **e.values}) for e in entries]
+    names = [view_name(e, "file_path") for e in entries]
+    images = [_image(e, source.parent) for e in entries]
+    existing = next((image for image in images if image.is_file()), None)
+    return distinct([_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)], source)
 
 
-def _camera(entry: Entry, folder: Path) -> Camera:
-    _refuse_distortion(entry)
-    name = view_name(entry, "file_path")
+def _image(entry: Entry, folder: Path) -> Path:
     image = folder / entry.text("file_path")
-    if not image.suffix:
-        image = image.with_suffix(".png")  # Blender scenes leave it out
-    width, height = (entry.pixels("w"), entry.pixels("h")) if "w" in entry else photograph_size(image)
+    return image if image.suffix else image.with_suffix(".png")  # Blender scenes leave it out
+
+
+def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:
+    _refuse_distortion(entry)
+    measured = image if image.is_file() else existing or image
+    width, height = (entry.pixels("w"), entry.pixels("h")) if "w" in entry else photograph_size(measured)
     fx = _focal(entry, "x", width)
     fy = _focal(entry, "y", height) if "fl_y" in entry or "camera_angle_y" in entry else fx
     cx = entry.number("cx") if "cx" in entry else width / 2

@@ -23,22 +23,46 @@ def photograph_size(path: Path) -> tuple[int, int]:
         return image.size
 
 
+def photograph(camera: Camera) -> Path:
+    """Return the file of a view's photograph, or raise `InputError` if the view names none."""
+    if camera.image is None:
+        raise InputError(camera.name, "image", expected="a photograph", found="none named")
+    return camera.image
+
+
+def missing_photographs(cameras: Sequence[Camera]) -> list[str]:
+    """Return the files of photographs that do not exist, by view; the view itself where it names no photograph."""
+    images = [(camera.name, camera.image) for camera in cameras]
+    return [str(image or f"view {name}") for name, image in images if image is None or not image.is_file()]
+
+
+def require_present(cameras: Sequence[Camera], source: Path | str, hint: str | None = None) -> None:
+    """Make sure that every view has a photograph; `source` is where the views are from.
+
+    Raises
+    ------
+    InputError
+        Naming every photograph that is missing.
+
+    """
+    if missing := missing_photographs(cameras):
+        found = f"{len(missing)} missing: {', '.join(missing)}"
+        raise InputError(source, "photographs", expected=f"one of each of {len(cameras)} views", found=found, hint=hint)
+
+
 def require_images(cameras: Sequence[Camera], source: Path | str) -> None:
     """Make sure that every view has a photograph, at least as large as the view; `source` is where the views are from.
 
     Raises
     ------
     InputError
-        The first view whose photograph is unknown, missing, unreadable, or smaller than the view.
+        Naming every photograph that is missing; or the first that is unreadable or smaller than its view.
 
     """
+    require_present(cameras, source)
     for camera in cameras:
-        field = f"{camera.name}.image"
-        if camera.image is None:
-            raise InputError(source, field, expected="a photograph", found="none named")
-        if not camera.image.is_file():
-            raise InputError(source, field, expected="an existing photograph", found=str(camera.image))
-        width, height = photograph_size(camera.image)
+        width, height = photograph_size(photograph(camera))
         if width < camera.width or height < camera.height:
+            field = f"{camera.name}.image"
             expected = f"a photograph of at least {camera.width}x{camera.height}"
             raise InputError(source, field, expected=expected, found=f"{width}x{height}", hint="choose a smaller scale")

@@ -33,7 +33,7 @@ def read_cameras(path: str | Path) -> list[Camera]:
     if path.is_dir():
         if find_sparse(path):
             return read_colmap(path)
-        path = _file_in(path)
+        path = camera_file(path)
     content = read_json(path)
     if isinstance(content, list):
         return inria.parse(path, content)
@@ -42,7 +42,8 @@ def read_cameras(path: str | Path) -> list[Camera]:
     raise InputError(path, "file", expected="a list of cameras, or an object with frames", found=type(content).__name__)
 
 
-def _file_in(folder: Path) -> Path:
+def camera_file(folder: Path) -> Path:
+    """Return the file that cameras are read from in a folder without a COLMAP sparse model."""
     for name in _IN_FOLDER:
         if (folder / name).is_file():
             return folder / name

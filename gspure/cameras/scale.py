@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from gspure.cameras.camera import Camera
-from gspure.cameras.photographs import photograph_size
+from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
 
 TRAINING_RULE = "1600px"
@@ -53,7 +53,5 @@ def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
 
 
 def _as_photographed(camera: Camera) -> Camera:
-    if camera.image is None:
-        raise InputError(camera.name, "image", expected="a photograph", found="none named")
-    width, height = photograph_size(camera.image)
+    width, height = photograph_size(photograph(camera))
     return camera.resized(min(width, camera.width), min(height, camera.height))

@@ -56,6 +56,30 @@ def read_asset(args: argparse.Namespace) -> Asset:
     return asset
 
 
+def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> None:
+    """Add ``--background``: what it is `behind`, and the argument whose folder may have its cfg_args (`known`)."""
+    parser.add_argument(
+        "--background",
+        type=float,
+        nargs=3,
+        metavar=("R", "G", "B"),
+        help=f"colour behind {behind}, 0 to 1 (default: white if cfg_args in {known} has white_background=True, else "
+        "black)",
+    )
+
+
+def read_background(args: argparse.Namespace, source: Path) -> tuple[float, ...]:
+    """Return the colour of ``--background``; by default that of the training run whose folder `source` is or is in."""
+    from gspure.model.inria import trained_background
+
+    if args.background is None:
+        return trained_background(source if source.is_dir() else source.parent)
+    if not all(0 <= channel <= 1 for channel in args.background):
+        found = " ".join(map(str, args.background))
+        raise InputError("background", "--background", expected="three numbers from 0 to 1", found=found)
+    return tuple(args.background)
+
+
 def add_energy(parser: argparse.ArgumentParser, default: str) -> None:
     """Add ``--energy``."""
     parser.add_argument(

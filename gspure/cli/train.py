@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_device, read_device
+from gspure.cli.options import add_background, add_device, read_background, read_device
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,8 +27,9 @@ EXAMPLES = """\
   gspure train planted --out message --images planted/truth/message
   gspure train scene --out trained --resume            # go on where a killed run was
 
-3DGS's own settings are --iterations 30000 --resolution 1600px; the defaults suit a laptop without a GPU. By name, every
-eighth view is held out and compared at the end. What it leaves in DIR is what 3DGS's trainer and render script leave:
+3DGS's own settings are --iterations 30000 --resolution 1600px; the defaults suit a laptop without a GPU.
+Every eighth view by name is held out, unless DATA has splits; held-out views are compared at the end. The files in DIR
+are those of 3DGS's trainer and render script:
   point_cloud/iteration_N/point_cloud.ply, cameras.json, cfg_args, input.ply
   test/ours_N/gt, test/ours_N/renders     held-out photographs, and the model's images of them
   metrics.csv                             PSNR and SSIM of these
@@ -46,7 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "data",
         type=Path,
         metavar="DATA",
-        help="COLMAP project, transforms.json (nerfstudio, Blender), cameras.json, or a folder with one of them",
+        help="COLMAP project, transforms.json (nerfstudio, Blender), cameras.json, or a folder with one of them; with "
+        "transforms_train.json, the views of transforms_test.json (or _val) are held out",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the model")
     parser.add_argument("--model", type=Path, metavar="PLY", help="also copy the model there")
@@ -61,15 +63,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--images", type=Path, metavar="DIR", help="photographs, named as the views, instead of those that DATA names"
     )
+    add_background(parser, "the model and transparent photographs", "DATA")
     parser.add_argument(
-        "--background",
-        type=float,
-        nargs=3,
-        default=(0.0, 0.0, 0.0),
-        metavar=("R", "G", "B"),
-        help="colour behind the model, 0 to 1 (default: black, on which transparent photographs stand)",
+        "--max-gaussians",
+        type=int,
+        metavar="N",
+        help="grow no more than that (default: one per point of DATA and one per pixel of a view)",
     )
-    parser.add_argument("--max-gaussians", type=int, metavar="N", help="no more than that are grown")
+    parser.add_argument(
+        "--skip-missing", action="store_true", help="leave out views whose photograph is missing, instead of refusing"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all that is random (default: %(default)s)")
     parser.add_argument(
         "--resume", action="store_true", help="go on from the checkpoint that a killed run left in DIR, if there is one"
@@ -89,8 +92,11 @@ def run(args: argparse.Namespace) -> None:
         if value is not None and value < least:
             field = f"--{name.replace('_', '-')}"
             raise InputError("train", field, expected=f"at least {least}", found=str(value))
-    dataset = read_dataset(args.data, args.resolution, photographs=args.images, seed=args.seed)
-    images = read_photographs(track(dataset.train, "photographs"))
+    args.background = read_background(args, args.data)
+    photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
+    dataset = read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
+    args.max_gaussians = args.max_gaussians or dataset.max_gaussians
+    images = read_photographs(track(dataset.train, "photographs"), args.background)
     size = f"{dataset.train[0].width}x{dataset.train[0].height}"
     views = f"{len(dataset.train)} views of {size}, {len(dataset.test)} held out"
     say(f"{views}, {len(dataset.xyz)} points, extent {dataset.extent:.3g}")
@@ -130,11 +136,13 @@ def _train(
         background=args.background,
         max_gaussians=args.max_gaussians,
     )
-    views, photographs = _watched(dataset)
+    views, photographs = _watched(dataset, args.background)
 
     def quality() -> str:
         shown = (model.image(view, args.background).clip(0, 1) for view in views)
-        return f"PSNR {sum(map(psnr, shown, photographs)) / len(views):.2f}  {model.count} Gaussians"
+        told = f"PSNR {sum(map(psnr, shown, photographs)) / len(views):.2f}  {model.count} Gaussians"
+        reset = trainer.recovering_from
+        return f"{told}  (opacities were reset at {reset}: PSNR drops, then recovers)" if reset else told
 
     began = saved = time.monotonic()
     for _ in watched(trainer, args.iterations, quality, start.iteration):
@@ -163,13 +171,13 @@ def _checkpoint(args: argparse.Namespace) -> Path:
     return Path(args.out) / "checkpoint.npz"
 
 
-def _watched(dataset: Dataset) -> tuple[list[Camera], list[Float32]]:
+def _watched(dataset: Dataset, background: Sequence[float]) -> tuple[list[Camera], list[Float32]]:
     """Return a few views, held out if there are any, and their photographs."""
     from gspure.training.dataset import read_photographs
 
     views = dataset.test or dataset.train
     views = views[:: -(-len(views) // _WATCHED)]
-    return views, read_photographs(views)
+    return views, read_photographs(views, background)
 
 
 def _compare(args: argparse.Namespace, dataset: Dataset, model: Path, device: Device) -> None:
@@ -185,7 +193,8 @@ def _compare(args: argparse.Namespace, dataset: Dataset, model: Path, device: De
     truth, renders = comparison(args.out, args.iterations)
     renderer = Renderer(read_model(model), device)
     rows = []
-    for camera, photograph in zip(track(dataset.test, "held out"), read_photographs(dataset.test), strict=True):
+    photographs = read_photographs(dataset.test, args.background)
+    for camera, photograph in zip(track(dataset.test, "held out"), photographs, strict=True):
         pair = Pair(".", camera.name, truth / f"{camera.name}.png", renders / f"{camera.name}.png")
         write_image(pair.reference, photograph)
         write_image(pair.other, renderer.image(camera, background=args.background))

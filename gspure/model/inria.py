@@ -79,6 +79,12 @@ def training_arguments(folder: Path) -> dict[str, Argument]:
         return arguments
 
 
+def trained_background(folder: Path) -> tuple[float, float, float]:
+    """Return the colour behind a model in training: white if cfg_args has ``white_background=True``, else black."""
+    shade = 1.0 if training_arguments(folder).get("white_background") is True else 0.0
+    return shade, shade, shade
+
+
 def _argument(node: ast.expr) -> Argument:
     try:
         value = ast.literal_eval(node)

@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import digest
-from gspure.cameras import Camera, read_cameras, require_images, scaled, split
+from gspure.cameras import Camera, require_images, scaled
 from gspure.cameras.colmap import find_sparse, read_points
-from gspure.cameras.photographs import photograph_size
+from gspure.cameras.photographs import missing_photographs, photograph, photograph_size, require_present
 from gspure.errors import InputError
 from gspure.images import read_image
 from gspure.model.points import read_point_ply
 from gspure.progress import say
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, seen
+from gspure.training.views import read_views
 
 Float32 = NDArray[np.float32]
 
@@ -37,7 +38,7 @@ _GREY: Final = 128
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Views at training size, split as `gspure.cameras.split` does, and coloured points to start from.
+    """Views at training size, split into training and held-out ones, and coloured points to start from.
 
     Parameters
     ----------
@@ -61,18 +62,31 @@ class Dataset:
         """The scene's size in world units, to which 3DGS relates learning rates and sizes."""
         return extent(self.train)
 
+    @property
+    def max_gaussians(self) -> int:
+        """How many Gaussians a model of it may have unless told otherwise: one per point and one per pixel of a view.
 
-def read_dataset(source: Path, scale: str, *, photographs: Path | None = None, seed: int = 0) -> Dataset:
+        Ours: where there are few points or few photographs, 3DGS's rule grows Gaussians that no held-out view gains by.
+        """
+        return len(self.xyz) + max(view.width * view.height for view in self.train)
+
+
+def read_dataset(
+    source: Path, scale: str, *, photographs: Path | None = None, skip_missing: bool = False, seed: int = 0
+) -> Dataset:
     """Read views and points, and check that a model can be trained from them.
 
     Parameters
     ----------
     source : Path
-        A COLMAP project, a file or folder that `gspure.cameras.read_cameras` takes.
+        A COLMAP project, the folder of a Blender scene with its splits, or what else `gspure.cameras.read_cameras`
+        takes. Where the source has no splits, `gspure.cameras.split` makes them.
     scale : str
         Image size, a rule of `gspure.cameras.scaled`.
     photographs : Path, optional
         Folder of photographs named after the views, instead of those that the source names.
+    skip_missing : bool
+        Leave out views whose photograph is missing, instead of refusing them.
     seed : int
         Of the random points that stand in where there are none.
 
@@ -84,11 +98,14 @@ def read_dataset(source: Path, scale: str, *, photographs: Path | None = None, s
 
     """
     source = Path(source)
-    cameras = _with_photographs(read_cameras(source), photographs)
-    views = scaled(cameras, scale)
-    require_images(views, source)
+    views = read_views(source)
+    cameras = _with_photographs(views.cameras, photographs)
+    cameras = _present(cameras, source) if skip_missing else cameras
+    require_present(cameras, source, hint="--skip-missing trains without them")
+    shown = scaled(cameras, scale)
+    require_images(shown, source)
     _require_shapes(cameras, source)
-    train, test = split(views)
+    train, test = views.split(shown)
     if not (train and extent(train) > 0):
         found = f"{len(train)} in one place" if train else "none"
         raise InputError(source, "training views", expected="several, from different places", found=found)
@@ -104,9 +121,9 @@ def extent(cameras: Sequence[Camera]) -> float:
     return float(EXTENT_MARGIN * np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
 
 
-def read_photographs(cameras: Iterable[Camera]) -> list[Float32]:
-    """Read the photograph [H,W,3] of each view at the view's size."""
-    return [read_image(_photograph(camera), (camera.width, camera.height)) for camera in cameras]
+def read_photographs(cameras: Iterable[Camera], background: Sequence[float] = (0.0, 0.0, 0.0)) -> list[Float32]:
+    """Read the photograph [H,W,3] of each view at the view's size, transparent ones on the background."""
+    return [read_image(photograph(camera), (camera.width, camera.height), background) for camera in cameras]
 
 
 def fingerprint(dataset: Dataset, images: Sequence[Float32]) -> str:
@@ -114,10 +131,13 @@ def fingerprint(dataset: Dataset, images: Sequence[Float32]) -> str:
     return digest(dataset.xyz, dataset.rgb, *(camera.numbers for camera in dataset.train), *images)
 
 
-def _photograph(camera: Camera) -> Path:
-    if camera.image is None:
-        raise InputError(camera.name, "image", expected="a photograph", found="none named")
-    return camera.image
+def _present(cameras: Sequence[Camera], source: Path) -> list[Camera]:
+    """Return the views whose photograph exists, and say which are left out."""
+    present = [camera for camera in cameras if not missing_photographs([camera])]
+    if len(present) < len(cameras):
+        missing = ", ".join(missing_photographs(cameras))
+        say(f"{source}: {len(cameras) - len(present)} of {len(cameras)} views left out, photographs missing: {missing}")
+    return present
 
 
 def _with_photographs(cameras: list[Camera], photographs: Path | None) -> list[Camera]:
@@ -132,7 +152,7 @@ def _with_photographs(cameras: list[Camera], photographs: Path | None) -> list[C
 def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
     """Refuse photographs whose shape is not that of their camera, such as cropped or turned ones."""
     for camera in cameras:
-        width, height = photograph_size(_photograph(camera))
+        width, height = photograph_size(photograph(camera))
         if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
             expected = f"the shape of its camera, {camera.width}x{camera.height}"
             raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}")

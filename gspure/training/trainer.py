@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 from gspure.training.checkpoints import Snapshot
 from gspure.training.densification import densify, reset_opacities
 from gspure.training.schedule import Schedule
+
+RECOVERY: Final = 150
+"""Iterations within which images are about as good again as before a reset of opacities."""
 
 
 class Trainer:
@@ -62,6 +66,12 @@ class Trainer:
     def __iter__(self) -> Iterator[float]:
         while self.iteration < self._schedule.iterations:
             yield self._iterate()
+
+    @property
+    def recovering_from(self) -> int | None:
+        """The iteration of the last reset of opacities, as long as images are still darker for it."""
+        last = self._schedule.last_reset(self.iteration)
+        return last if last and self.iteration - last < RECOVERY else None
 
     @property
     def rests(self) -> bool:
