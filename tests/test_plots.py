@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from gspure.evaluation.comparison import ViewMetrics
 from gspure.evaluation.outcomes import Outcome
-from gspure.figures import panels, plots, style
+from gspure.evaluation.statistics import Interval
+from gspure.figures import factors, lineup, panels, plots, style, tradeoff
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
@@ -88,3 +90,69 @@ def test_panels_name_the_views_and_the_psnr_against_the_first_column(tmp_path: P
     assert [ax.get_title() for ax in axes] == ["truth", "GSPure", "|difference| × 5", "", "", ""]
     assert [ax.get_xlabel() for ax in axes] == ["a", "20.00 dB", "", "b", "20.00 dB", ""]
     assert np.ptp(axes[2].images[0].get_array() - 0.5) < 1e-6
+
+
+NAME = "price_$5_and_$6 [bold]x[/bold] \\frac{ <b>"
+"""Would be a formula to matplotlib, markup to a terminal and to a browser."""
+
+
+def test_names_from_files_are_no_formulas(tmp_path: Path, drawn) -> None:
+    images = {name: {NAME: np.zeros((8, 10, 3), np.float32)} for name in ("truth", NAME)}
+    panels.write_panels(tmp_path / "panels.png", images, [NAME], difference=False)
+    assert drawn[0].axes[0].get_xlabel() == NAME
+    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("watermarked", 30, 30), outcome(NAME, 29, 12.5)])
+    lineup.write_lineup(
+        tmp_path / "lineup.png",
+        ["scene"],
+        [lineup.Column("truth", {"scene": images["truth"][NAME]}), lineup.Column(NAME, {}, failure=NAME)],
+    )
+    tradeoff.write_tradeoff(tmp_path / "tradeoff.png", [outcome("watermarked", 30, 30), outcome(NAME, 29, 12.5)])
+    assert not any(
+        text.get_parse_math() for figure in drawn for text in figure.findobj(Text) if "$5" in text.get_text()
+    )
+    assert len(drawn) == 4
+
+
+def test_formulas_of_ours_are_formulas(tmp_path: Path, drawn) -> None:
+    plots.write_weight_histogram(
+        tmp_path / "w.png", np.geomspace(1e-6, 1, 9).astype(np.float32), np.zeros(9, bool), 4, 2
+    )
+    psnr = {"scene": Interval(30, 29, 31, 0.5, 3), "message": Interval(20, 19, 21, 0.5, 3)}
+    points = [factors.Point((4.0, 4.0), psnr), factors.Point((2.0, 4.0), psnr), factors.Point((4.0, 2.0), psnr)]
+    factors.write_factor_curves(tmp_path / "f.png", points, (4.0, 4.0))
+    formulas = [text for figure in drawn for text in figure.findobj(Text) if "$" in text.get_text()]
+    assert len({text.get_text() for text in formulas}) >= 7
+    assert all(text.get_parse_math() for text in formulas)
+
+
+@pytest.mark.parametrize(
+    "weights",
+    [
+        [np.nan, np.inf, -np.inf, 1, 2],
+        [-1.8e33, 1, 2, 0],
+        [np.inf] * 3,
+        [np.nan] * 3,
+        [3.4e38, 1e-45, 0],
+        [3.4e38] * 4,
+        [1e-45] * 4,
+        [-1.0] * 3,
+        [],
+    ],
+)
+def test_a_histogram_survives_weights_that_should_not_be(tmp_path: Path, drawn, weights: list[float]) -> None:
+    values = np.array(weights, np.float32)
+    plots.write_weight_histogram(tmp_path / "weights.png", values, np.zeros(len(values), bool), 4, 2)
+    assert (tmp_path / "weights.png").read_bytes().startswith(PNG)
+    damaged = np.count_nonzero(~(np.isfinite(values) & (values >= 0)))
+    assert (f"({damaged} negative or not finite" in drawn[0].axes[0].get_xlabel()) == bool(damaged)
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, 1e300, -1e300, 0.0])
+def test_charts_survive_extreme_outcomes(tmp_path: Path, value: float) -> None:
+    ordinary = [outcome("watermarked", 30, 30), outcome("gspure", 29, 12.5)]
+    for extreme in (outcome("other", value, 30), outcome("other", 29, value), outcome("other", value, value)):
+        plots.write_outcomes(tmp_path / "outcomes.png", [*ordinary, extreme])
+        tradeoff.write_tradeoff(tmp_path / "tradeoff.png", [*ordinary, extreme])
+    psnr = {"scene": Interval(value, value, value, 0.0, 1), "message": Interval(20, -np.inf, np.inf, 0.0, 1)}
+    factors.write_factor_curves(tmp_path / "f.png", [factors.Point((4.0, 4.0), psnr)], (4.0, 4.0))
+    assert {path.stem for path in tmp_path.iterdir()} == {"outcomes", "tradeoff", "f"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -81,10 +80,10 @@ def _draw_sweep(args: argparse.Namespace) -> None:
 
 
 def _draw_tradeoff(args: argparse.Namespace) -> None:
-    from gspure.figures.tradeoff import write_tradeoff
+    from gspure.figures.tradeoff import places, write_tradeoff
 
     outcomes = _outcomes(args)
-    if not any(math.isfinite(o.score) for o in outcomes):
+    if not places(outcomes):
         raise InputError(args.table, "score", expected=f"of a variant of {args.scheme}", found="none")
     front = write_tradeoff(args.out, outcomes)
     caption = (

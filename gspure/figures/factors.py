@@ -56,7 +56,7 @@ def write_factor_curves(path: Path, points: Sequence[Point], own: tuple[float, f
                 _draw(axes, curve(points, axis, own), axis, target, own)
             row[0].set_ylabel(f"{target} PSNR (dB)")
         for axes, label in zip(grid[-1], _AXES, strict=True):
-            axes.set_xlabel(label)
+            axes.set_xlabel(label, parse_math=True)
 
 
 def _draw(axes: Axes, points: Sequence[Point], axis: int, target: str, own: tuple[float, float]) -> None:

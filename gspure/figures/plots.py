@@ -34,6 +34,8 @@ def write_weight_histogram(
 ) -> None:
     """Write a histogram of the weights, in which weights of zero have a bar of their own.
 
+    Weights that are negative or not finite are counted in a label, not drawn.
+
     Parameters
     ----------
     path : Path
@@ -48,9 +50,9 @@ def write_weight_histogram(
         What the rows of the model are: Gaussians, or anchors.
 
     """
-    zero = weights == 0
-    decades = np.log10(weights, where=~zero, out=np.zeros(len(weights)))
-    low, high = _range(decades[~zero])
+    zero, shown = weights == 0, np.isfinite(weights) & (weights > 0)
+    decades = np.log10(weights, where=shown, out=np.zeros(len(weights)))
+    low, high = _range(decades[shown])
     edges, step = np.linspace(low, high, _BINS + 1, retstep=True)
     powers = np.arange(np.ceil(low), high)[:: 1 + int(high - low > 6)]
     ticks = {float(power): f"$10^{{{power:.0f}}}$" for power in powers}
@@ -63,19 +65,21 @@ def write_weight_histogram(
         below, below_zero = np.zeros(_BINS), 0.0
         for name, colour, chosen in (("kept", style.KEPT, ~pruned), ("pruned", style.PRUNED, pruned)):
             percent = 100 / max(len(weights), 1)
-            share = percent * np.histogram(np.clip(decades[chosen & ~zero], low, high), edges)[0]
+            share = percent * np.histogram(np.clip(decades[chosen & shown], low, high), edges)[0]
             share_zero = percent * np.count_nonzero(chosen & zero)
             label = f"{name}: {percent * np.count_nonzero(chosen):.1f}%"
             keys.append(axes.stairs(below + share, edges, baseline=below, fill=True, color=colour, label=label))
             axes.bar(low - 3 * step, share_zero, 2 * step, below_zero, color=colour)
             below, below_zero = below + share, below_zero + share_zero
-        if mean := mean_weight(weights):
+        if mean := mean_weight(weights[zero | shown]):
             keys += _mark_thresholds(axes, mean, tau_c, tau_n)
-        axes.set_xticks(list(ticks), list(ticks.values()))
+        axes.set_xticks(list(ticks), list(ticks.values()), parse_math=True)
         axes.set_xlim(low - (5 if zero.any() else 1) * step, high + step)
-        axes.set_xlabel("view-accumulated weight ω")
+        damaged = len(weights) - np.count_nonzero(zero | shown)
+        axes.set_xlabel("view-accumulated weight ω" + f" ({damaged} negative or not finite: not shown)" * bool(damaged))
         axes.set_ylabel(f"{rows} (%)")
-        figure.legend(handles=keys, loc="outside upper center", ncols=5)
+        for text in figure.legend(handles=keys, loc="outside upper center", ncols=5).get_texts():
+            text.set_parse_math(True)
 
 
 def _range(decades: NDArray[np.float64]) -> tuple[float, float]:
@@ -110,7 +114,11 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
             values = np.array([o.targets[target].psnr if target in o.targets else np.nan for o in shown])
             y = rows + (i - (len(targets) - 1) / 2) * thickness
             bars = axes.barh(
-                y, np.where(np.isfinite(values), values, 0), thickness, label=target, color=_COLOURS[target]
+                y,
+                np.where(np.abs(values) < style.MOST_DECIBELS, values, 0),
+                thickness,
+                label=target,
+                color=_COLOURS[target],
             )
             axes.bar_label(bars, [_decibels(value) for value in values], padding=1.5, fontsize=5.5)
         beside: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "va": "center", "ha": "right"}
@@ -129,8 +137,13 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
 
 
 def _decibels(value: float) -> str:
-    return "" if np.isnan(value) else "identical" if np.isinf(value) else f"{value:.1f}"
+    return "" if np.isnan(value) else "identical" if np.isinf(value) else f"{value:{_format(value, 1)}}"
 
 
 def _signed(score: float) -> str:
-    return "" if np.isnan(score) else f"{score:+.2f}".replace("-", "\N{MINUS SIGN}")
+    return "" if np.isnan(score) else f"{score:+{_format(score, 2)}}".replace("-", "\N{MINUS SIGN}")
+
+
+def _format(value: float, decimals: int) -> str:
+    """Return how a number is printed: one too long for a label has an exponent."""
+    return f".{decimals}f" if abs(value) < style.MOST_DECIBELS else ".1e"

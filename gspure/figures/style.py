@@ -23,6 +23,9 @@ PAGE: Final = 7.0
 
 DPI: Final = 400
 
+MOST_DECIBELS: Final = 1e4
+"""A PSNR that no two images have; from there on a value is told, not drawn."""
+
 INK: Final = "#222222"
 FAINT: Final = "#8a8a8a"
 
@@ -51,6 +54,8 @@ _RC: Final[dict[str, Any]] = {
     "font.family": "DejaVu Sans",  # ships with matplotlib: the same letters on every machine
     "font.size": 7,
     "mathtext.fontset": "dejavusans",
+    "text.parse_math": False,  # a name from a file is no formula; text of ours that is one says so
+    "text.usetex": False,
     "text.color": INK,
     "axes.edgecolor": INK,
     "axes.labelcolor": INK,

@@ -42,7 +42,8 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
     """Return where the variants of one scheme lie, by damage. One that lacks a scene that others have is left out."""
     known: dict[str, list[tuple[float, float]]] = {}
     for o in outcomes:
-        if not o.is_control and np.isfinite([o.psnr_drop(SCENE), o.psnr_drop(MESSAGE)]).all():
+        drops = np.array([o.psnr_drop(SCENE), o.psnr_drop(MESSAGE)])
+        if not o.is_control and (np.abs(drops) < style.MOST_DECIBELS).all():
             known.setdefault(o.variant, []).append((o.psnr_drop(SCENE), o.targets[MESSAGE].psnr))
     scenes = max(map(len, known.values()), default=0)
     at = {name: np.mean(points, axis=0).tolist() for name, points in known.items() if len(points) == scenes}
