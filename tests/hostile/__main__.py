@@ -1,0 +1,95 @@
+"""``python -m tests.hostile``: hostile files, kills, full disks, damage; `make torture` runs all of it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+from gspure.progress import say
+from tests.hostile.contract import Violation, Watch, prepared, run_case, torment
+from tests.hostile.journal import Journal, Record
+from tests.hostile.readers import BY_NAME, READERS
+
+MEMORY_FOLDER = Path("/dev/shm")  # noqa: S108 -- files that live for a millisecond stay out of the disk's way
+CHUNK = 1000
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.hostile", description=__doc__)
+    parts = parser.add_subparsers(required=True)
+    readers = parts.add_parser("readers", help="damage the files that readers read")
+    readers.add_argument("--only", nargs="*", default=list(BY_NAME), metavar="READER")
+    readers.add_argument("--cases", type=int, default=20_000, help="per reader (default: %(default)s)")
+    readers.add_argument("--folder", type=Path, default=Path("build/torture"), help="takes the records")
+    readers.add_argument("--jobs", type=int, default=os.cpu_count())
+    readers.set_defaults(run=damage_files)
+    replay = parts.add_parser("replay", help="run one case of a reader again, in this process")
+    replay.add_argument("reader", choices=BY_NAME)
+    replay.add_argument("case", type=int)
+    replay.set_defaults(run=run_again)
+    args = parser.parse_args()
+    return int(args.run(args) or 0)
+
+
+def damage_files(args: argparse.Namespace) -> bool:
+    """Run all cases of all readers; records of earlier runs count."""
+    journal = Journal(args.folder / "readers")
+    begun = time.monotonic()
+    chunks = [
+        (reader.name, start, min(start + CHUNK, args.cases))
+        for start in range(0, args.cases, CHUNK)
+        for reader in READERS
+        if reader.available and reader.name in args.only
+    ]
+    found: list[Violation] = []
+    with get_context("fork").Pool(args.jobs, maxtasksperchild=1) as pool:
+        records = pool.imap_unordered(partial(_chunk, journal), chunks, 1)
+        for done, record in enumerate(records, start=1):
+            found += [Violation(**violation) for violation in record["violations"]]
+            progress = f"{done}/{len(chunks)}, {time.monotonic() - begun:.0f} s"
+            say(f"{progress}: {record['reader']}: {len(record['violations'])} violations")
+    say("\n".join(_summary(found)))
+    return bool(found)
+
+
+def _chunk(journal: Journal, chunk: tuple[str, int, int]) -> Record:
+    name, start, stop = chunk
+    return journal.record(f"{name}.{start}.{stop}", lambda: _tormented(name, start, stop))
+
+
+def _tormented(name: str, start: int, stop: int) -> Record:
+    with tempfile.TemporaryDirectory(dir=MEMORY_FOLDER if MEMORY_FOLDER.is_dir() else None) as folder:
+        found = list(torment(BY_NAME[name], range(start, stop), Path(folder).resolve() / "reader"))
+    return {"reader": name, "cases": stop - start, "violations": [asdict(violation) for violation in found]}
+
+
+def _summary(found: list[Violation]) -> Iterator[str]:
+    """Yield a line for each kind of violation, with the first case of it."""
+    first = {violation.signature: violation for violation in reversed(found)}
+    for signature, count in Counter(violation.signature for violation in found).most_common():
+        v = first[signature]
+        case = f"case {v.case} ({v.mutation} of {v.target})"
+        yield f"{count:6} {v.reader}: {v.kind} {v.place}, {case}: {v.detail[:160]!r}"
+    yield f"{len(found)} violations"
+
+
+def run_again(args: argparse.Namespace) -> None:
+    """Show what one case does."""
+    with tempfile.TemporaryDirectory() as folder:
+        reader = BY_NAME[args.reader]
+        pristine, work = prepared(reader, Path(folder).resolve() / "reader")
+        found = run_case(reader, args.case, pristine, work, Watch())
+    say("\n".join(map(str, found)) or "no violation")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

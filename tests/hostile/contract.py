@@ -1,0 +1,273 @@
+"""What every reader owes to every file: a valid result, or one line that says what is wrong; and nothing else happens.
+
+A reader is run in a process of its own, so that a crash, a hang or a runaway allocation is seen and belongs to a case.
+Case `n` of a reader is the same file whenever and wherever it is made: `python -m tests.hostile replay READER n`.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import json
+import mmap
+import os
+import resource
+import shutil
+import signal
+import struct
+import sys
+import time
+import traceback
+import unicodedata
+import warnings
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gspure.errors import InputError
+from tests.hostile.mutations import mutate
+from tests.hostile.readers import Reader
+
+SEED = 2026
+CPU_SECONDS = 2.0
+"""A reader takes no longer for any of these small files; most take a millisecond."""
+
+WALL_SECONDS = 60.0
+"""A process is ended that is at one case for so long: it hangs."""
+
+MEMORY = 512 << 20
+"""Bytes that a reader may allocate beyond what its process has."""
+
+GROWTH = 192 << 20
+"""Bytes by which the memory in use may grow in one case."""
+
+LONGEST_LINE = 2000
+_WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+_CHANGES = {
+    "os.mkdir": (0, 2),
+    "os.rename": (1, 3),
+    "os.remove": (0, 1),
+    "os.rmdir": (0, 1),
+    "os.symlink": (1, 2),
+    "os.link": (1, 3),
+    "os.truncate": (0, None),
+}
+"""Where an event of Python's audit has the path, and the folder that it is relative to."""
+
+_FORBIDDEN = ("os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect", "pickle.find_class")
+
+
+@dataclass(frozen=True)
+class Violation:
+    """A case in which a reader broke the contract: what was done to which file, and what came of it."""
+
+    reader: str
+    case: int
+    target: str
+    mutation: str
+    kind: str
+    detail: str
+    place: str = ""
+
+    @property
+    def signature(self) -> tuple[str, str, str]:
+        """What cases of the same defect have in common."""
+        return self.reader, self.kind, self.place or self.detail[:40]
+
+
+class Watch:
+    """What a process does beside returning: writes outside a folder, programs, connections, warnings."""
+
+    def __init__(self) -> None:
+        self.folder: Path | None = None
+        self.seen: list[tuple[str, str]] = []
+        sys.addaudithook(self._hook)
+
+    def _hook(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if self.folder is None:
+            return
+        path, base = None, None
+        if event == "open" and isinstance(arguments[2], int) and arguments[2] & _WRITES:
+            path = arguments[0]
+        elif event in _CHANGES:
+            path, base = (None if at is None else arguments[at] for at in _CHANGES[event])
+        elif event in _FORBIDDEN:
+            self.seen.append(("executes", f"{event} {arguments!r}"[:200]))
+        if isinstance(path, str | bytes | os.PathLike):
+            root = f"/proc/self/fd/{base}" if isinstance(base, int) and base >= 0 else ""
+            place = os.path.realpath(os.path.join(root, os.fsdecode(path)))  # noqa: PTH118 -- may hold a NUL
+            if not f"{place}{os.sep}".startswith(f"{self.folder}{os.sep}") and place != os.devnull:
+                self.seen.append(("writes outside", f"{event} {place}"[:200]))
+
+    @contextmanager
+    def over(self, folder: Path) -> Iterator[list[tuple[str, str]]]:
+        """Watch while a folder is the only place to write to; yield what is seen."""
+        self.seen = []
+        with warnings.catch_warnings(record=True) as shown:
+            warnings.simplefilter("always")
+            self.folder = folder
+            try:
+                yield self.seen
+            finally:
+                self.folder = None
+        self.seen += [("warns", f"{each.category.__name__}: {each.message}"[:200]) for each in shown]
+
+
+def faults_of_line(line: str, folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with a refusal as a line for the user."""
+    unfit = sorted({f"U+{ord(c):04X}" for c in line if unicodedata.category(c) in {"Cc", "Cs", "Zl", "Zp"}})
+    if unfit:
+        yield "unprintable", f"{' '.join(unfit)} in {line[:200]!r}"
+    told = line.replace(str(folder), "")
+    if f".{os.getpid()}" in told:
+        yield "temporary name", told[:200]
+    if len(told) > LONGEST_LINE:
+        yield "long line", f"{len(told)} characters: {told[:120]}..."
+
+
+def outcome(reader: Reader, folder: Path, watch: Watch) -> list[tuple[str, str, str]]:
+    """Let a reader read; return what it did wrong as (kind, detail, place), or nothing."""
+    faults: list[tuple[str, str, str]] = []
+    start = time.process_time()
+    with watch.over(folder) as seen:
+        try:
+            reader.read(folder)
+        except InputError as error:
+            faults += [(kind, detail, "") for kind, detail in faults_of_line(str(error), folder)]
+        except AssertionError as error:
+            faults.append(("invalid result", str(error)[:200] or "an assertion", _place(error, "tests/")))
+        except BaseException as error:  # noqa: BLE001 -- whatever comes is what is looked for
+            faults.append((type(error).__name__, str(error)[:200], _place(error, "gspure/")))
+    faults += [(kind, detail, detail.split()[0]) for kind, detail in seen]
+    if (seconds := time.process_time() - start) > CPU_SECONDS:
+        faults.append(("slow", f"{seconds:.1f} s", ""))
+    return faults
+
+
+def _place(error: BaseException, within: str) -> str:
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if within in frame.filename]
+    return f"{frames[-1].filename.rpartition(within)[2]}:{frames[-1].name}" if frames else ""
+
+
+def generator(reader: Reader, case: int) -> np.random.Generator:
+    return np.random.default_rng([SEED, zlib.crc32(reader.name.encode()), case])
+
+
+def damaged(reader: Reader, case: int, pristine: Path) -> tuple[str, str, bytes]:
+    """Return the file that a case damages, how, and what it then holds."""
+    rng = generator(reader, case)
+    target, form = reader.target(rng)
+    mutation, content = mutate(form, (pristine / target).read_bytes(), rng)
+    return target, mutation, content
+
+
+def run_case(reader: Reader, case: int, pristine: Path, folder: Path, watch: Watch) -> list[Violation]:
+    """Damage one file of a copy of the valid ones, read them, and put everything back."""
+    target, mutation, content = damaged(reader, case, pristine)
+    victim = folder / target
+    victim.unlink()  # not overwritten: a model that was read before may still be mapped
+    victim.write_bytes(content)
+    faults = outcome(reader, folder, watch)
+    if {path.name for path in folder.iterdir()} != {path.name for path in pristine.iterdir()}:
+        shutil.rmtree(folder)
+        shutil.copytree(pristine, folder)
+    else:
+        shutil.copy2(pristine / target, victim)
+    return [Violation(reader.name, case, target, mutation, *fault) for fault in faults]
+
+
+def prepared(reader: Reader, root: Path) -> tuple[Path, Path]:
+    """Return a folder with a reader's valid files, which it accepts, and a copy to work in."""
+    pristine, folder = root / "valid", root / "work"
+    pristine.mkdir(parents=True)
+    reader.build(pristine)
+    shutil.copytree(pristine, folder)
+    reader.read(folder)
+    shutil.rmtree(folder)
+    shutil.copytree(pristine, folder)
+    return pristine, folder
+
+
+# Processes
+
+
+def torment(reader: Reader, cases: range, root: Path) -> Iterator[Violation]:
+    """Run cases of a reader in processes of their own, each of which lasts until a case breaks it."""
+    pristine, folder = prepared(reader, root)
+    report, board = root / "violations", mmap.mmap(-1, 8)
+    report.touch()
+    begun = cases.start
+    while begun < cases.stop:
+        board[:8] = struct.pack("<q", begun)
+        child = os.fork()
+        if not child:
+            _work(reader, range(begun, cases.stop), pristine, folder, report, board)
+        status, hung = _awaited(child, board)
+        begun = struct.unpack("<q", board[:8])[0]
+        if status:
+            target, mutation, _ = damaged(reader, begun, pristine)
+            kind = "hangs" if hung else f"crashes: {signal.Signals(-status).name}" if status < 0 else f"exits: {status}"
+            yield Violation(reader.name, begun, target, mutation, kind, "")
+            begun += 1
+        shutil.rmtree(folder)
+        shutil.copytree(pristine, folder)
+    for line in report.read_text(encoding="utf-8").splitlines():
+        yield Violation(**json.loads(line))
+
+
+def _awaited(child: int, board: mmap.mmap) -> tuple[int, bool]:
+    """Return a child's exit status, minus its signal, and whether it hung at a case and was ended."""
+    at, since, hung = board[:8], time.monotonic(), False
+    while True:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status), hung
+        if board[:8] != at:
+            at, since = board[:8], time.monotonic()
+        elif time.monotonic() - since > WALL_SECONDS and not hung:
+            os.kill(child, signal.SIGKILL)
+            hung = True
+        time.sleep(0.01)
+
+
+def _work(reader: Reader, cases: range, pristine: Path, folder: Path, report: Path, board: mmap.mmap) -> None:
+    """Run cases until they end or one needs too much memory; the board says which is at hand."""
+    status = 70
+    try:
+        faulthandler.disable()
+        os.chdir(folder.parent)
+        quiet = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(quiet, 1)
+        os.dup2(quiet, 2)
+        size = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, size + MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        watch = Watch()
+        with report.open("a", encoding="utf-8") as stream:
+            for case in cases:
+                board[:8] = struct.pack("<q", case)
+                before = _peak()
+                found = run_case(reader, case, pristine, folder, watch)
+                if (grown := _peak() - before) > GROWTH:
+                    target, mutation, _ = damaged(reader, case, pristine)
+                    found.append(Violation(reader.name, case, target, mutation, "memory", f"{grown >> 20} MiB"))
+                for violation in found:
+                    stream.write(json.dumps(asdict(violation)) + "\n")
+                stream.flush()
+                if grown > GROWTH:
+                    board[:8] = struct.pack("<q", case + 1)
+                    os._exit(0)
+        board[:8] = struct.pack("<q", cases.stop)
+        status = 0
+    except BaseException:  # noqa: BLE001 -- told by the status
+        report.with_name("trouble").write_text(traceback.format_exc(), encoding="utf-8")
+    finally:
+        os._exit(status)
+
+
+def _peak() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10

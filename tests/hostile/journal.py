@@ -1,0 +1,34 @@
+"""What a long run has found so far, one file per case, so that a run that was stopped goes on where it was."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gspure.artifacts import write_json
+
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Journal:
+    """The records of one part, as JSON files in a folder."""
+
+    folder: Path
+
+    def record(self, name: str, make: Callable[[], Record]) -> Record:
+        """Return the record of a case; it is made unless it is there."""
+        path = self.folder / f"{name.replace('/', '_').replace(' ', '_')}.json"
+        if path.is_file():
+            found: Record = json.loads(path.read_text(encoding="utf-8"))
+            return found
+        found = make()
+        write_json(path, found)
+        return found
+
+    def records(self) -> Iterator[Record]:
+        for path in sorted(self.folder.glob("*.json")):
+            yield json.loads(path.read_text(encoding="utf-8"))

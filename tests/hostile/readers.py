@@ -1,0 +1,532 @@
+"""Everything in the package that reads a file, with valid files to damage and what must hold of its results."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from gspure.artifacts import load_array, read_json, replacing, save_array, write_json, write_provenance
+from gspure.cameras import read_cameras, read_points, write_cameras
+from gspure.cameras.photographs import photograph_size
+from gspure.clustering import Clusters, read_clusters, select, spanning_tree, write_clusters
+from gspure.configuration import resolved, validated
+from gspure.contributions import Stage, read_index, read_stage, write_index
+from gspure.datasets import Archive, extract
+from gspure.errors import InputError
+from gspure.evaluation.comparison import ViewMetrics, read_metrics, write_metrics
+from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.reading import read_table
+from gspure.evaluation.tables import write_table
+from gspure.failures import mark_failed, note_of
+from gspure.images import read_image
+from gspure.model import Gaussians, read_model, require_finite, write_model
+from gspure.model.inria import saved_iterations, training_arguments
+from gspure.model.points import read_point_ply, write_point_ply
+from gspure.renderer import CONTRIBUTION
+from gspure.scenes.planted_key import PlantedKey, read_key, write_key
+from gspure.schemes.gs_hider.decoder_file import DecoderFile
+from gspure.schemes.gs_hider.layout import COLUMNS as FEATURE_COLUMNS
+from gspure.schemes.gs_hider.layout import read_rows
+from gspure.schemes.secure_gs.asset import AnchorAsset
+from gspure.schemes.secure_gs.files import PUBLIC
+from gspure.schemes.secure_gs.key import HiddenKey
+from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
+from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
+from tests.anchor_cases import random_asset, random_key
+from tests.hostile.mutations import Rng, choose, zipped
+from tests.models import blobs, camera
+from tests.test_cameras_colmap import binary, text
+from tests.training_cases import state
+
+SCHEMA = Path(__file__).parents[2] / "schemas" / "config.schema.yaml"
+ROWS = 12
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One way into the package.
+
+    Parameters
+    ----------
+    build : function
+        Writes valid files into a folder.
+    read : function
+        Reads them from there, and asserts what must hold of what is read.
+    targets : mapping
+        The files to be damaged, and their formats (`tests.hostile.mutations.FORMS`).
+    available : bool
+        False where a package that it needs is not installed.
+
+    """
+
+    name: str
+    build: Callable[[Path], Any]
+    read: Callable[[Path], Any]
+    targets: Mapping[str, str]
+    available: bool = True
+
+    def target(self, rng: Rng) -> tuple[str, str]:
+        return choose(rng, list(self.targets.items()))
+
+
+# Models
+
+
+def _read_model(path: Path, read: Callable[[Path], Gaussians] = read_model) -> None:
+    model = read(path)
+    assert len(model) > 0
+    require_finite(model, path)
+    assert all(np.isfinite(values).all() for values in (model.means, model.quats, model.opacities, model.sh_coeffs))
+    assert ((model.opacities >= 0) & (model.opacities <= 1)).all()
+    write_model(path.with_name("again.ply"), model)
+
+
+def _ascii_model(folder: Path) -> None:
+    from plyfile import PlyData
+
+    write_model(folder / "model.ply", blobs(4))
+    data = PlyData.read(folder / "model.ply", mmap=False)
+    data.text = True
+    data.write(folder / "model.ply")
+
+
+def _feature_model(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    table = np.empty(ROWS, [(name, "<f4") for name in FEATURE_COLUMNS])
+    for name in FEATURE_COLUMNS:
+        table[name] = rng.standard_normal(ROWS)
+    write_model(folder / "model.ply", Gaussians(table))
+
+
+def _read_anchors(folder: Path) -> None:
+    asset = AnchorAsset.read(folder)
+    require_finite(asset.units, folder)
+    anchors = asset.anchors
+    assert anchors.offsets.shape == (len(asset.units), anchors.k, 3)
+
+
+def _inria_folder(folder: Path) -> None:
+    for iteration in (30, 200):
+        write_model(folder / "point_cloud" / f"iteration_{iteration}" / "point_cloud.ply", blobs(4))
+    (folder / "cfg_args").write_text(
+        "Namespace(sh_degree=3, source_path='/data/garden', white_background=False, images='images_4', eval=True)"
+    )
+
+
+def _read_inria_folder(folder: Path) -> None:
+    assert all(isinstance(number, int) for number in saved_iterations(folder))
+    for name, value in training_arguments(folder).items():
+        assert isinstance(name, str)
+        assert isinstance(value, str | float | bool | int | None)
+    _read_model(folder / "point_cloud" / "iteration_200" / "point_cloud.ply", lambda path: read_model(folder))
+
+
+def _compressed(folder: Path) -> None:
+    (folder / "meta.json").write_text(json.dumps({"version": 2, "count": 4, "means": {"files": ["means_l.webp"]}}))
+    (folder / "model.sog").write_bytes(zipped([("meta.json", b"{}"), ("means_l.webp", b"RIFF")]))
+    (folder / "model.spz").write_bytes(b"\x1f\x8b\x08" + bytes(60))
+
+
+def _read_compressed(folder: Path) -> None:
+    for path in (folder, *(folder / name for name in ("meta.json", "model.sog", "model.spz"))):
+        with pytest.raises(InputError, match="PlayCanvas"):
+            read_model(path)
+
+
+# Cameras
+
+
+def _camera_file(folder: Path) -> None:
+    write_cameras(folder / "cameras.json", [camera(40, 30, name=name) for name in ("left_1", "left_2", "right_1")])
+
+
+def _transforms(folder: Path) -> None:
+    pose = [[1.0, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.25], [0.0, 0.0, 1.0, -2.0], [0.0, 0.0, 0.0, 1.0]]
+    shared = {"camera_model": "OPENCV", "fl_x": 50.0, "fl_y": 51.0, "cx": 20, "cy": 15, "w": 40, "h": 30, "k1": 0.0}
+    frames = [{"file_path": f"images/left/{i:04d}.jpg", "transform_matrix": pose} for i in range(3)]
+    frames.append({"file_path": "seen/r_0", "transform_matrix": pose, "camera_angle_x": 0.7})
+    (folder / "transforms.json").write_text(json.dumps({**shared, "frames": frames}))
+
+
+def _colmap(folder: Path, files: Mapping[str, bytes]) -> None:
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+
+
+def _read_views(path: Path, folder: Path) -> None:
+    cameras = read_cameras(path)
+    assert len({each.name for each in cameras}) == len(cameras) > 0
+    (folder / "out").mkdir()
+    for view in cameras:
+        assert 1 <= view.width <= 65535
+        assert 1 <= view.height <= 65535
+        assert np.isfinite(view.K).all()
+        assert np.isfinite(view.viewmat).all()
+        assert view.name.isprintable()
+    for view in cameras[:3]:
+        with replacing(folder / "out" / f"{view.name}.{'0' * 32}.npy") as temporary:
+            temporary.touch()
+    assert {path.parent for path in (folder / "out").rglob("*")} <= {folder / "out"}
+    write_cameras(folder / "again.json", cameras)
+
+
+def _read_points(points: tuple[np.ndarray, np.ndarray]) -> None:
+    xyz, rgb = points
+    assert xyz.shape == rgb.shape == (len(xyz), 3)
+    assert np.isfinite(xyz).all()
+    assert rgb.dtype == np.uint8
+
+
+def _point_ply(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    write_point_ply(
+        folder / "points.ply", rng.normal(size=(ROWS, 3)), rng.integers(256, size=(ROWS, 3), dtype=np.uint8)
+    )
+
+
+# Images
+
+IMAGES = {
+    "rgb.png": "RGB",
+    "rgba.png": "RGBA",
+    "palette.gif": "P",
+    "photo.jpg": "RGB",
+    "photo.tif": "RGB",
+    "photo.webp": "RGB",
+}
+
+
+def _images(folder: Path) -> None:
+    pixels = np.random.default_rng(0).integers(256, size=(10, 12, 4), dtype=np.uint8)
+    for name, mode in IMAGES.items():
+        Image.fromarray(pixels).convert(mode).save(folder / name)
+
+
+def _read_images(folder: Path) -> None:
+    for name in IMAGES:
+        photograph_size(folder / name)
+        image = read_image(folder / name)
+        assert image.ndim == 3
+        assert image.shape[2] == 3
+        assert ((image >= 0) & (image <= 1)).all()
+
+
+# Keys and networks
+
+
+def _splats_key(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    SplatsInSplatsKey(blobs(ROWS).means[:5], OpacityMapping.fresh(rng), 10, blobs(ROWS)).write(folder)
+
+
+def _planted_key(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    positions, f_dc = rng.normal(size=(2, ROWS, 3)).astype(np.float32)
+    write_key(folder / "key.npz", PlantedKey(np.arange(ROWS), positions, f_dc[:, 0].copy(), f_dc))
+
+
+def _decoder(folder: Path) -> None:
+    from gspure.schemes.gs_hider.decoder import untrained
+
+    (decoder,) = untrained(1, 0)
+    DecoderFile.of(decoder, 7, "net").write(folder)
+
+
+def _split_networks(folder: Path) -> None:
+    """One TorchScript trace each, as Scaffold-GS leaves them."""
+    import torch
+
+    from tests.test_scaffold_files import modules
+
+    asset = random_asset(ROWS)
+    asset.write(folder / "point_cloud.ply")
+    (folder / "checkpoints.pth").unlink()
+    for name, module in modules(asset.networks).items():
+        inputs = asset.networks[name]["0.weight"].shape[1]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # TorchScript is deprecated, but that is what there is to be read
+            torch.jit.trace(module, torch.rand(1, inputs)).save(folder / f"{name}_mlp.pt")
+
+
+def _checkpoint(folder: Path) -> None:
+    rng = np.random.default_rng(0).bit_generator.state
+    write_checkpoint(folder / "checkpoint.npz", Snapshot(10, state(6), (1, 2), rng), {"iterations": 20})
+
+
+def _read_checkpoint(folder: Path) -> None:
+    snapshot = read_checkpoint(folder / "checkpoint.npz", {"iterations": 20})
+    np.random.default_rng().bit_generator.state = snapshot.rng
+    for part in vars(snapshot.state).values():
+        for name, array in vars(part).items():
+            assert array.dtype == np.float32, name
+            assert len(array) == len(snapshot.state.parameters.means), name
+    assert snapshot.iteration >= 0
+
+
+# Data sets and configurations
+
+
+def _dataset(folder: Path) -> None:
+    files = {f"garden/images_4/{i}.jpg": b"photograph" * 9 for i in range(3)} | {
+        "garden/sparse/0/cameras.bin": b"c" * 60
+    }
+    (folder / "scenes.zip").write_bytes(zipped([*files.items(), ("stump/images_4/0.jpg", b"other")]))
+
+
+def _read_dataset(folder: Path) -> None:
+    archive = Archive("https://example.org/scenes.zip", "", {"garden": "images_4"})
+    extract(folder / "scenes.zip", archive, "garden", folder / "out", sha256="0" * 64)
+    unpacked = [path for path in (folder / "out").rglob("*") if not path.is_dir()]
+    assert all(path.is_file() and not path.is_symlink() for path in unpacked)
+    assert {path.relative_to(folder / "out").parts[0] for path in unpacked} == {"images", "sparse", "origin.json"}
+
+
+def _configuration(folder: Path) -> None:
+    write_model(folder / "model.ply", blobs(4))
+    config = {
+        "assets": {
+            "bot": {"model": str(folder / "model.ply"), "cameras": "orbit", "generated": {"count": 9, "width": 32}}
+        },
+        "planted": {"room": {"gaussians": 600, "views": 9}},
+        "method": {"min_samples": 3, "tau_n": 2.5},
+        "decisions": {"finer": {"min_samples": 5}},
+        "variants": {"watermarked": {}, "gspure": {}, "half": {"attack": "random_pruning", "fraction": 0.5, "seed": 1}},
+    }
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+
+
+def _read_configuration(folder: Path) -> None:
+    path = folder / "config.yaml"
+    try:
+        config = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # told by Snakemake
+        raise InputError(path, "file", expected="YAML", found=type(error).__name__) from None
+    if not isinstance(config, dict):
+        raise InputError(path, "file", expected="settings", found=type(config).__name__)
+    settled = resolved(validated(config, SCHEMA, path), path)
+    for name in (*settled["assets"], *settled["planted"], *settled["variants"], *settled["decisions"]):
+        assert Path(name).name == name
+
+
+# What the workflow keeps
+
+
+def _array(name: str, make: Callable[[Rng], np.ndarray]) -> Callable[[Path], None]:
+    return lambda folder: save_array(folder / name, make(np.random.default_rng(0)))
+
+
+def _contribution(rng: Rng) -> np.ndarray:
+    stage = np.zeros(ROWS, CONTRIBUTION)
+    stage["index"], stage["sum"], stage["max"], stage["pixels"] = np.arange(ROWS), rng.random(ROWS), 0.5, 3
+    return stage
+
+
+def _read_stage(folder: Path) -> None:
+    stage = read_stage(folder / "view.npy")
+    assert stage.dtype == CONTRIBUTION
+    assert all(np.isfinite(stage[name]).all() and (stage[name] >= 0).all() for name in ("sum", "max"))
+    assert (np.diff(stage["index"].astype(np.int64)) > 0).all()
+
+
+def _index(folder: Path) -> None:
+    write_index(folder / "index.tsv", [Stage(f"v{i}", f"{i:032x}", folder / f"v{i}.{i:032x}.npy") for i in range(4)])
+
+
+def _read_index(folder: Path) -> None:
+    stages = read_index(folder / "index.tsv")
+    assert len({stage.view for stage in stages}) == len(stages)
+
+
+def _read_array(name: str, dtype: Any, shape: tuple[int | None, ...], folder: Path) -> np.ndarray:
+    array = load_array(folder / name, dtype=dtype, shape=shape)
+    assert array.dtype == dtype
+    assert array.dtype.kind != "f" or np.isfinite(array).all()
+    return array
+
+
+def _read_tree(folder: Path) -> None:
+    labels = select(_read_array("tree.npy", np.float64, (None, 3), folder), 5)
+    assert labels.min(initial=-1) >= -1
+
+
+def _clusters(folder: Path) -> None:
+    labels = np.array([0, 0, 1, 1, -1, 2], np.int32)
+    write_clusters(folder / "clusters.npz", Clusters(labels, 1), {"min_cluster_size": 5, "selection": "leaf"})
+
+
+def _read_clusters(folder: Path) -> None:
+    clusters = read_clusters(folder / "clusters.npz")
+    assert clusters.labels.dtype == np.int32
+    assert clusters.labels.min(initial=-1) >= -1
+    assert clusters.coincident >= 0
+
+
+def _records(folder: Path) -> None:
+    save_array(folder / "omega.npy", np.ones(3, np.float32))
+    write_provenance(folder / "omega.npy", inputs={"model": folder / "omega.npy"}, settings={"reduction": "sum"})
+    mark_failed([folder / "kept.npy"], "gspure attack: model.ply: file: expected a .ply, found nothing", own=True)
+    write_json(folder / "verdict.json", {"reached": {"message": True, "message_oracle": False}})
+
+
+def _read_records(folder: Path) -> None:
+    note = note_of(folder / "kept.npy")
+    assert note.failures >= 0
+    for name in ("omega.npy.json", "verdict.json"):
+        read_json(folder / name)
+
+
+def _metrics(folder: Path) -> None:
+    rows = [ViewMetrics(t, f"v{i}", 20.0 + i, 0.9, "truth") for t in ("scene", "message") for i in range(3)]
+    write_metrics(folder / "metrics.csv", rows)
+
+
+def _read_metrics(folder: Path) -> None:
+    for row in read_metrics(folder / "metrics.csv"):
+        assert not np.isnan(row.psnr)
+        assert not np.isnan(row.ssim)
+
+
+def _table(folder: Path) -> None:
+    def mean(target: str, psnr: float) -> ViewMetrics:
+        return ViewMetrics(target, "mean", psnr, 0.8, "truth")
+
+    found = [
+        Outcome(
+            "planted", "room", name, {t: mean(t, 30.0 - i) for t in ("scene", "message")}, {"scene": 2, "message": 2}
+        )
+        for i, name in enumerate(("watermarked", "gspure"))
+    ]
+    write_table(folder / "results.csv", found)
+
+
+TORCH = importlib.util.find_spec("torch") is not None
+
+READERS = (
+    Reader(
+        "model, binary",
+        lambda f: write_model(f / "model.ply", blobs(ROWS, sh_degree=1)),
+        lambda f: _read_model(f / "model.ply"),
+        {"model.ply": "ply"},
+    ),
+    Reader("model, ASCII", _ascii_model, lambda f: _read_model(f / "model.ply"), {"model.ply": "ply"}),
+    Reader(
+        "model of GS-Hider", _feature_model, lambda f: _read_model(f / "model.ply", read_rows), {"model.ply": "ply"}
+    ),
+    Reader(
+        "model of SecureGS, .pth",
+        lambda f: random_asset(ROWS).write(f / "point_cloud.ply"),
+        _read_anchors,
+        {"point_cloud.ply": "ply", "checkpoints.pth": "pth"},
+    ),
+    Reader(
+        "model of SecureGS, .pt", _split_networks, _read_anchors, {f"{name}_mlp.pt": "pth" for name in PUBLIC}, TORCH
+    ),
+    Reader(
+        "INRIA folder",
+        _inria_folder,
+        _read_inria_folder,
+        {"cfg_args": "text", "point_cloud/iteration_200/point_cloud.ply": "ply"},
+    ),
+    Reader(
+        "compressed model",
+        _compressed,
+        _read_compressed,
+        {"meta.json": "json", "model.sog": "zip", "model.spz": "bytes"},
+    ),
+    Reader("cameras.json", _camera_file, lambda f: _read_views(f / "cameras.json", f), {"cameras.json": "json"}),
+    Reader(
+        "transforms.json", _transforms, lambda f: _read_views(f / "transforms.json", f), {"transforms.json": "json"}
+    ),
+    Reader(
+        "COLMAP, text",
+        lambda f: _colmap(f, text()),
+        lambda f: _read_views(f, f),
+        {"cameras.txt": "text", "images.txt": "text"},
+    ),
+    Reader(
+        "COLMAP, binary",
+        lambda f: _colmap(f, binary()),
+        lambda f: _read_views(f, f),
+        {"cameras.bin": "bytes", "images.bin": "bytes"},
+    ),
+    Reader(
+        "COLMAP points, text",
+        lambda f: _colmap(f, text()),
+        lambda f: _read_points(read_points(f)),
+        {"points3D.txt": "text"},
+    ),
+    Reader(
+        "COLMAP points, binary",
+        lambda f: _colmap(f, binary()),
+        lambda f: _read_points(read_points(f)),
+        {"points3D.bin": "bytes"},
+    ),
+    Reader("points3D.ply", _point_ply, lambda f: _read_points(read_point_ply(f / "points.ply")), {"points.ply": "ply"}),
+    Reader("image", _images, _read_images, dict.fromkeys(IMAGES, "bytes")),
+    Reader(
+        "key of Splats in Splats",
+        _splats_key,
+        SplatsInSplatsKey.read,
+        {"splats_in_splats.npz": "npz", "hidden.ply": "ply"},
+    ),
+    Reader("key of SecureGS", lambda f: random_key().write(f), HiddenKey.read, {"securegs_hidden.npz": "npz"}),
+    Reader("key of the planted pair", _planted_key, lambda f: read_key(f / "key.npz"), {"key.npz": "npz"}),
+    Reader(
+        "decoder of GS-Hider",
+        _decoder,
+        lambda f: DecoderFile.read(f / "chkpnt7_net.pth").network,
+        {"chkpnt7_net.pth": "pth"},
+        TORCH,
+    ),
+    Reader("checkpoint", _checkpoint, _read_checkpoint, {"checkpoint.npz": "npz"}),
+    Reader("data set", _dataset, _read_dataset, {"scenes.zip": "zip"}),
+    Reader("configuration", _configuration, _read_configuration, {"config.yaml": "text"}),
+    Reader("stage file", _array("view.npy", _contribution), _read_stage, {"view.npy": "npy"}),
+    Reader("index of stages", _index, _read_index, {"index.tsv": "text"}),
+    Reader(
+        "weights",
+        _array("omega.npy", lambda rng: rng.random(ROWS, np.float32)),
+        partial(_read_array, "omega.npy", np.float32, (ROWS,)),
+        {"omega.npy": "npy"},
+    ),
+    Reader(
+        "features",
+        _array("features.npy", lambda rng: rng.normal(size=(ROWS, 5))),
+        partial(_read_array, "features.npy", np.float64, (None, 5)),
+        {"features.npy": "npy"},
+    ),
+    Reader(
+        "mask",
+        _array("mask.npy", lambda rng: rng.random(ROWS) < 0.5),
+        partial(_read_array, "mask.npy", np.bool_, (ROWS,)),
+        {"mask.npy": "npy"},
+    ),
+    Reader(
+        "spanning tree",
+        _array("tree.npy", lambda rng: spanning_tree(rng.normal(size=(40, 5)), 3)),
+        _read_tree,
+        {"tree.npy": "npy"},
+    ),
+    Reader("clusters", _clusters, _read_clusters, {"clusters.npz": "npz"}),
+    Reader(
+        "records and notes",
+        _records,
+        _read_records,
+        {"omega.npy.json": "json", "kept.npy.failed": "json", "verdict.json": "json"},
+    ),
+    Reader("metrics.csv", _metrics, _read_metrics, {"metrics.csv": "text"}),
+    Reader("results.csv", _table, lambda f: read_table(f / "results.csv"), {"results.csv": "text"}),
+)
+BY_NAME = {reader.name: reader for reader in READERS}

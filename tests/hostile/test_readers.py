@@ -1,0 +1,116 @@
+"""A seeded part of `make torture`: what every reader makes of damaged files."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.errors import InputError
+from tests.hostile.contract import Watch, damaged, faults_of_line, outcome, prepared, torment
+from tests.hostile.mutations import FORMS, mutate
+from tests.hostile.readers import BY_NAME, READERS, Reader
+
+ROOT = Path(__file__).parents[2]
+CASES = 100
+
+OPEN = {
+    *("model of SecureGS, .pth", "cameras.json", "transforms.json", "image", "key of Splats in Splats"),
+    *("key of SecureGS", "key of the planted pair", "checkpoint", "configuration", "stage file", "spanning tree"),
+    *("clusters", "metrics.csv", "model of GS-Hider", "COLMAP, text", "COLMAP, binary"),
+}
+"""Readers that are being mended."""
+
+
+@pytest.fixture(scope="module")
+def violations(tmp_path_factory):
+    """By reader, how it broke the contract."""
+    folder = tmp_path_factory.mktemp("torture")
+    # OpenMP does not survive a fork once it has run, and PyTorch has it.
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    names = [reader.name for reader in READERS if reader.name not in OPEN]
+    arguments = ["readers", "--cases", str(CASES), "--folder", str(folder), "--only", *names]
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.hostile", *arguments],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    records = [json.loads(path.read_text()) for path in (folder / "readers").glob("*.json")]
+    assert records, done.stderr
+    assert all(record["cases"] == CASES for record in records)
+    return {record["reader"]: record["violations"] for record in records}
+
+
+@pytest.mark.parametrize("reader", READERS, ids=lambda reader: reader.name)
+def test_damaged_files_are_read_or_refused_in_one_line(violations, reader):
+    if not reader.available:
+        pytest.skip("PyTorch is not installed")
+    if reader.name in OPEN:
+        pytest.skip("is being mended")
+    assert violations[reader.name] == []
+
+
+def test_a_case_is_the_same_file_whenever_it_is_made(tmp_path):
+    pristine, _ = prepared(BY_NAME["clusters"], tmp_path / "reader")
+    made = [[damaged(BY_NAME["clusters"], case, pristine) for case in range(50)] for _ in range(2)]
+    assert made[0] == made[1]
+    assert len({content for _, _, content in made[0]}) > 40
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_files_of_every_format_are_damaged(tmp_path, form):
+    reader, target = next((r, t) for r in READERS if r.available for t, f in r.targets.items() if f == form)
+    reader.build(tmp_path)
+    content = (tmp_path / target).read_bytes()
+    changed = [mutate(form, content, np.random.default_rng(case))[1] != content for case in range(100)]
+    assert np.mean(changed) > 0.8
+
+
+def _raise(error):
+    raise error
+
+
+def _allocate(folder):
+    (folder / "file").read_bytes()
+    return bytearray(300 << 20)
+
+
+BREACHES = {
+    "KeyError": lambda folder: _raise(KeyError("x")),
+    "temporary name": lambda folder: _raise(InputError(f".file.{os.getpid()}", "x", expected="a", found="b")),
+    "invalid result": lambda folder: _raise(AssertionError),
+    "writes outside": lambda folder: (folder.parent / "outside").write_text("x"),
+    "executes": lambda folder: os.system("true"),  # noqa: S605
+    "crashes: SIGABRT": lambda folder: os.abort(),
+    "memory": _allocate,
+}
+
+
+@pytest.mark.parametrize("kind", BREACHES)
+def test_every_breach_of_the_contract_is_seen(tmp_path, kind):
+    def read(folder):
+        if (folder / "file").read_bytes() != b"fine" * 9:
+            BREACHES[kind](folder)
+
+    reader = Reader("reader", lambda folder: (folder / "file").write_bytes(b"fine" * 9), read, {"file": "bytes"})
+    found = list(torment(reader, range(3), tmp_path / "reader"))
+    assert kind in {violation.kind for violation in found}
+
+
+@pytest.mark.parametrize("line", ["a\nb", "a\x1b[31mb", "a\u2028b", "a\ud800", "a" * 3000], ids=range(5))
+def test_a_refusal_must_be_one_short_printable_line(tmp_path, line):
+    assert len(list(faults_of_line(line, tmp_path))) == 1
+    assert list(faults_of_line("file: x: expected α, found 日本", tmp_path)) == []
+
+
+def test_a_refusal_in_one_line_is_no_breach(tmp_path):
+    def read(folder):
+        raise InputError(folder / "file", "x", expected="a", found="b")
+
+    assert outcome(Reader("reader", lambda _: None, read, {}), tmp_path, Watch()) == []
