@@ -396,14 +396,13 @@ def npy_body(content: bytes, rng: Rng) -> bytes:
 
 
 @cache
-def bomb(megabytes: int = 1024) -> tuple[bytes, int, int]:
+def bomb(megabytes: int = 512) -> tuple[bytes, int, int]:
     """Zeros as a raw deflate stream, their CRC-32, and how many they are."""
     deflate, block, crc = zlib.compressobj(9, zlib.DEFLATED, -15), bytes(1 << 20), 0
-    parts = []
+    one = deflate.compress(block) + deflate.flush(zlib.Z_FULL_FLUSH)  # stands for itself wherever it is put
     for _ in range(megabytes):
-        parts.append(deflate.compress(block))
         crc = zlib.crc32(block, crc)
-    return b"".join([*parts, deflate.flush()]), crc, megabytes << 20
+    return one * megabytes + b"\x03\x00", crc, megabytes << 20
 
 
 def members(content: bytes) -> dict[str, bytes] | None:
@@ -474,7 +473,7 @@ def zip_directory(content: bytes, rng: Rng) -> bytes:
 
 
 def zip_bomb(content: bytes, rng: Rng) -> bytes:
-    """One member unpacks to a gigabyte, whatever the directory says of its size."""
+    """One member unpacks to half a gigabyte, whatever the directory says of its size."""
     found = list(members(content) or {"x": b"x"})
     victim = choose(rng, found)
     data, crc, size = bomb()

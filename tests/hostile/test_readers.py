@@ -1,9 +1,12 @@
 """A seeded part of `make torture`: what every reader makes of damaged files."""
 
+import contextlib
+import io
 import json
 import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,7 @@ import pytest
 
 from gspure.errors import InputError
 from tests.hostile.contract import Watch, damaged, faults_of_line, outcome, prepared, torment
-from tests.hostile.mutations import FORMS, mutate
+from tests.hostile.mutations import FORMS, bomb, mutate, zip_bomb, zipped
 from tests.hostile.readers import BY_NAME, READERS, Reader
 
 ROOT = Path(__file__).parents[2]
@@ -61,6 +64,14 @@ def test_a_case_is_the_same_file_whenever_it_is_made(tmp_path):
     made = [[damaged(BY_NAME["clusters"], case, pristine) for case in range(50)] for _ in range(2)]
     assert made[0] == made[1]
     assert len({content for _, _, content in made[0]}) > 40
+
+
+@pytest.mark.parametrize("told", range(2))
+def test_a_member_of_an_archive_may_unpack_to_more_than_it_says(told):
+    archive = zip_bomb(zipped([("a", b"1"), ("b", b"2")]), np.random.default_rng(told))
+    assert len(archive) < 2 << 20
+    with zipfile.ZipFile(io.BytesIO(archive)) as bombed, contextlib.suppress(zipfile.BadZipFile):
+        assert max(len(bombed.read(name)) for name in "ab") == bomb()[2]
 
 
 @pytest.mark.parametrize("form", FORMS)
