@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import stat
 import threading
 import zipfile
@@ -24,6 +25,7 @@ class Server:
 
     def __init__(self, content=CONTENT, *, hang_up_after=None, version="one"):
         self.content, self.hang_up_after, self.version = content, hang_up_after, version
+        self.length = None
         self.asked = []
 
     def __enter__(self):
@@ -66,7 +68,7 @@ class Handler(BaseHTTPRequestHandler):
         total = len(self.file.content)
         self.send_response(status)
         self.send_header("ETag", f'"{self.file.version}"')
-        self.send_header("Content-Length", str(total - start))
+        self.send_header("Content-Length", self.file.length or str(total - start))
         if status == 206:
             self.send_header("Content-Range", f"bytes {start}-{total - 1}/{total}")
         self.end_headers()
@@ -200,6 +202,57 @@ def test_a_damaged_entry_leaves_nothing_behind(tmp_path):
     with pytest.raises(InputError, match="expected a zip archive, found Bad CRC-32"):
         extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
     assert [*tmp_path.iterdir()] == [file]
+
+
+def test_an_archive_that_unpacks_to_far_more_than_its_size_is_refused_before_anything_is_written(tmp_path):
+    file = tmp_path / "scenes.zip"
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in WHOLE:
+            archive.writestr(name, bytes(1 << 20))
+    with pytest.raises(InputError, match=r"size: expected at most \d+ bytes unpacked, found 2097152 bytes"):
+        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
+    assert [*tmp_path.iterdir()] == [file]
+
+
+@pytest.mark.parametrize(("at", "value"), [((6, 8), 1), ((8, 10), 99)], ids=["encrypted", "unknown compression"])
+def test_an_archive_that_cannot_be_unpacked_is_refused_in_one_line(tmp_path, at, value):
+    file = zipped(tmp_path / "scenes.zip", WHOLE)
+    content = bytearray(file.read_bytes())
+    for signature, place in zip((b"PK\3\4", b"PK\1\2"), at, strict=True):
+        for header in re.finditer(signature, bytes(content)):
+            content[header.start() + place] = value
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=r"scenes\.zip: file: expected a zip archive, found "):
+        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
+    assert [*tmp_path.iterdir()] == [file]
+
+
+def test_a_name_that_does_not_print_is_refused(tmp_path):
+    file = zipped(tmp_path / "scenes.zip", [*WHOLE, "set/garden/images_4/\x1b[2J\n.jpg"])
+    with pytest.raises(InputError, match="expected a printable name"):
+        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
+
+
+def test_a_folder_that_cannot_be_written_to_is_not_blamed_on_the_archive(tmp_path):
+    file = zipped(tmp_path / "scenes.zip", WHOLE)
+    (tmp_path / "garden").touch()
+    with pytest.raises(FileExistsError, match="garden"):
+        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
+
+
+@pytest.mark.parametrize("record", [b"", b"\xff\xfe", b"sha256:", b"0123  scenes.zip\n"])
+def test_a_damaged_record_of_a_digest_is_refused(tmp_path, record):
+    (tmp_path / "scenes.zip.sha256").write_bytes(record)
+    with Server() as server, pytest.raises(InputError, match=r"scenes\.zip\.sha256: file: expected a SHA-256"):
+        fetch(server.url, tmp_path)
+
+
+@pytest.mark.parametrize("length", ["many", "-1"])
+def test_a_server_that_names_no_size_is_refused(tmp_path, monkeypatch, length):
+    with Server() as server:
+        monkeypatch.setattr(server, "length", length)
+        with pytest.raises(InputError, match="Content-Length: expected the size of a file, found '"):
+            fetch(server.url, tmp_path)
 
 
 def test_every_scene_is_in_one_archive_outdoors_at_a_quarter_and_indoors_at_a_half():

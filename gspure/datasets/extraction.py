@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-import shutil
 import stat
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
+from typing import Final
 
 from gspure.artifacts import filling, write_json
 from gspure.datasets.archives import Archive
 from gspure.errors import InputError, reading
 
+UNPACKED_RATIO: Final = 10
+"""An archive may unpack to this many times its size: photographs do not shrink, sparse models to a third. Ours."""
+
 RECORD = "origin.json"
 """Written with the files of a scene: where they came from. A folder that has it is whole."""
+
+_CONTENT: Final = "a zip archive"
+_PIECE: Final = 1 << 20
 
 
 def extract(file: Path, archive: Archive, scene: str, folder: Path, *, sha256: str) -> None:
@@ -34,23 +41,46 @@ def extract(file: Path, archive: Archive, scene: str, folder: Path, *, sha256: s
     Raises
     ------
     InputError
-        The archive is damaged, lacks the scene, or has an entry that would lie outside the scene's folder.
+        The archive is damaged or encrypted, lacks the scene, unpacks to more than `UNPACKED_RATIO` times its size, or
+        has an entry that would lie outside the scene's folder or whose name does not print.
+    OSError
+        If `folder` cannot be written to.
 
     """
     kept = {archive.photographs[scene]: "images", "sparse": "sparse"}
-    with reading(file, "a zip archive"), zipfile.ZipFile(file) as stored:
-        members = {entry: _place(entry, archive, scene, file) for entry in stored.infolist() if not entry.is_dir()}
-        wanted = {entry: place for entry, place in members.items() if place and place.parts[0] in kept}
-        if {place.parts[0] for place in wanted.values()} != kept.keys():
-            raise InputError(file, scene, expected=f"photographs in {' and '.join(kept)}", found="none")
-        with filling(folder) as whole:
-            for entry, place in wanted.items():
-                target = whole / kept[place.parts[0]] / place.relative_to(place.parts[0])
-                target.parent.mkdir(parents=True, exist_ok=True)
-                with stored.open(entry) as source, target.open("wb") as copy:  # checks the CRC-32 at its end
-                    shutil.copyfileobj(source, copy)
-            origin = {"url": archive.url, "sha256": sha256, "images": archive.photographs[scene]}
-            write_json(whole / RECORD, origin)
+    wanted = {entry: place for entry, place in _members(file, archive, scene).items() if place.parts[0] in kept}
+    if {place.parts[0] for place in wanted.values()} != kept.keys():
+        raise InputError(file, scene, expected=f"photographs in {' and '.join(kept)}", found="none")
+    _require_room(file, sum(entry.file_size for entry in wanted))
+    with filling(folder) as whole, zipfile.ZipFile(file) as stored:
+        for entry, place in wanted.items():
+            target = whole / kept[place.parts[0]] / place.relative_to(place.parts[0])
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("wb") as copy:
+                copy.writelines(_content(file, stored, entry))
+        origin = {"url": archive.url, "sha256": sha256, "images": archive.photographs[scene]}
+        write_json(whole / RECORD, origin)
+
+
+def _members(file: Path, archive: Archive, scene: str) -> dict[zipfile.ZipInfo, PurePosixPath]:
+    """Return the files of a scene, and where they lie below its folder."""
+    with reading(file, _CONTENT), zipfile.ZipFile(file) as stored:
+        places = {entry: _place(entry, archive, scene, file) for entry in stored.infolist() if not entry.is_dir()}
+    return {entry: place for entry, place in places.items() if place}
+
+
+def _content(file: Path, stored: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
+    """Yield a file in pieces; none is longer than it claims, and its CRC-32 is checked at its end."""
+    with reading(file, _CONTENT), stored.open(entry) as source:
+        while piece := source.read(_PIECE):
+            yield piece
+
+
+def _require_room(file: Path, unpacked: int) -> None:
+    """Refuse an archive that claims to unpack to far more than photographs do."""
+    most = UNPACKED_RATIO * file.stat().st_size
+    if unpacked > most:
+        raise InputError(file, "size", expected=f"at most {most} bytes unpacked", found=f"{unpacked} bytes")
 
 
 def _place(entry: zipfile.ZipInfo, archive: Archive, scene: str, file: Path) -> PurePosixPath | None:
@@ -61,4 +91,6 @@ def _place(entry: zipfile.ZipInfo, archive: Archive, scene: str, file: Path) -> 
         return None
     if ".." in path.parts or "\\" in entry.filename or stat.S_ISLNK(entry.external_attr >> 16):
         raise InputError(file, entry.filename, expected="a file below its folder", found="a path or link out of it")
+    if not entry.filename.isprintable():
+        raise InputError(file, entry.filename, expected="a printable name", found="control characters in it")
     return path.relative_to(root)

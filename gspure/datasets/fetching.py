@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from gspure.artifacts import digest, write_text
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.progress import say
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 TRIES: Final = 5
 """A download ends when so many connections one after the other brought nothing; ours."""
 
+_SHA256: Final = re.compile(r"([0-9a-fA-F]{64})(?!\S)")
+_SIZE: Final = re.compile(r"[0-9]{1,18}")
 _TIMEOUT: Final = 30.0
 _CHUNK: Final = 1 << 16
 _SECONDS_BETWEEN_LINES: Final = 10.0
@@ -52,7 +55,7 @@ def fetch(url: str, folder: Path) -> tuple[Path, str]:
 
     name = url.rpartition("/")[2]
     record = folder / f"{name}.sha256"
-    known = record.read_text(encoding="utf-8").split()[0] if record.is_file() else None
+    known = _recorded(record) if record.is_file() else None
     pooch.get_logger().setLevel("WARNING")
     try:
         file = Path(pooch.retrieve(url, known, fname=name, path=folder, downloader=_download))
@@ -68,15 +71,28 @@ def fetch(url: str, folder: Path) -> tuple[Path, str]:
     return file, known
 
 
+def _recorded(record: Path) -> str:
+    """Return the digest in a file of ``sha256sum``."""
+    expected = "a SHA-256 and a name"
+    with reading(record, expected):
+        found = _SHA256.match(record.read_text(encoding="utf-8"))
+    if found is None:
+        raise InputError(
+            record, "file", expected=expected, found="another text", hint="remove it if you trust the file"
+        )
+    return found[1].lower()
+
+
 def _download(url: str, output_file: str, _pooch: Any) -> None:
     """Download to a file, beside which the part that has arrived is kept until it is whole; pooch's own starts anew."""
     import requests
 
     head = requests.head(url, timeout=_TIMEOUT, allow_redirects=True)
     head.raise_for_status()
-    if "Content-Length" not in head.headers:
-        raise InputError(url, "Content-Length", expected="the size of a file", found="none")
-    total = int(head.headers["Content-Length"])
+    length = head.headers.get("Content-Length", "")
+    if not _SIZE.fullmatch(length):
+        raise InputError(url, "Content-Length", expected="the size of a file", found=repr(length))
+    total = int(length)
     version = head.headers.get("ETag") or head.headers.get("Last-Modified") or ""
     name = url.rpartition("/")[2]
     part = Path(output_file).with_name(f"{name}.{digest(version, str(total))}.part")
