@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -58,7 +59,8 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
     """Read a file in the block: whatever goes wrong there becomes an `InputError`.
 
     Libraries raise almost any exception when a file is damaged or hostile, so every exception counts as the file's
-    fault; keep the block to what depends on the file. The original exception is kept as the cause.
+    fault; keep the block to what depends on the file. The original exception is kept as the cause. Warnings about
+    damage that a library copes with are discarded, as they take several lines and name places in its code.
 
     Parameters
     ----------
@@ -76,7 +78,9 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
 
     """
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
     except InputError:
         raise
     except Exception as error:

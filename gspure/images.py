@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -44,13 +43,11 @@ def opened(path: str | Path) -> Iterator[Image]:
     """
     from PIL import Image
 
-    with reading(path, "an image"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about damaged metadata
-        with Image.open(str(path), formats=FORMATS) as image:
-            if image.width * image.height > MOST_PIXELS:
-                found = f"{image.width}x{image.height}"
-                raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=found)
-            yield image
+    with reading(path, "an image"), Image.open(str(path), formats=FORMATS) as image:
+        if image.width * image.height > MOST_PIXELS:
+            found = f"{image.width}x{image.height}"
+            raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=found)
+        yield image
 
 
 def read_image(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import lzma
 import struct
 import tokenize
+import warnings
 import zipfile
 import zlib
 
@@ -63,6 +64,11 @@ def test_whatever_goes_wrong_while_reading_becomes_one_line(error, found):
         raise error
     assert str(caught.value) == f"x.json: file: expected JSON, found {found}"
     assert caught.value.__cause__ is error
+
+
+def test_warnings_about_a_file_are_discarded():
+    with reading("x.json", "JSON"):
+        warnings.warn("skipped tag 7", stacklevel=1)
 
 
 def test_a_more_precise_error_is_kept():

@@ -1,6 +1,8 @@
 """Scaffold-GS's files: official layouts are read, ours are read by PyTorch, and nothing in them is executed."""
 
+import struct
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
@@ -192,6 +194,62 @@ def test_a_damaged_archive_is_told_in_one_line(tmp_path, change):
     with pytest.raises(InputError) as error:
         AnchorAsset.read(tmp_path)
     assert "\n" not in str(error.value)
+
+
+def storage(key=b"0", count=16):
+    """Instructions that describe a storage."""
+    text = b"X" + struct.pack("<I", len(key)) + key
+    return b"(X\x07\0\0\0storagectorch\nFloatStorage\n" + text + b"X\x03\0\0\0cpuJ" + struct.pack("<i", count) + b"tQ"
+
+
+TENSOR = b"ctorch._utils\n_rebuild_tensor_v2\n("
+DOUBLED = b"q\0" + b"h\0\x86q\0" * 60  # a tuple of the last one twice, sixty times over
+
+EXPLOSIONS = {
+    "nested tuples to hash": (b"}(K\x01" + DOUBLED + b"K\x02u.", "names of at most"),
+    "nested tuples to print": (b"K\x01" + DOUBLED + b")R.", "a call of something else"),
+    "nested tuples as a shape": (TENSOR + storage() + b"K\0K\x01" + DOUBLED + b"h\0tR.", "whole numbers"),
+    "many axes": (TENSOR + storage() + b"K\0(" + b"K\x01" * 20_000 + b"tq\0h\0tR.", "at most 8"),
+    "many marks": (b"(" * 30_000 + b"t" * 30_000 + b".", None),
+    "a long name": (b"}X\0\x80\0\0" + b"a" * 0x8000 + b"K\x01s.", "names of at most"),
+}
+
+
+@pytest.mark.parametrize(("pickle", "expected"), EXPLOSIONS.values(), ids=EXPLOSIONS)
+def test_a_small_description_cannot_take_forever(tmp_path, pickle, expected):
+    write_tensors(tmp_path / "x.pth", {"a": {"b": np.zeros(16, np.float32)}})
+    rewritten(tmp_path / "x.pth", lambda members: members | {"x/data.pkl": b"\x80\x02" + pickle})
+    if expected is None:
+        assert read_tensors(tmp_path / "x.pth") == {}
+        return
+    with pytest.raises(InputError, match=expected):
+        read_tensors(tmp_path / "x.pth")
+
+
+def test_a_storage_of_many_tensors_is_read_once(tmp_path, monkeypatch):
+    write_tensors(tmp_path / "x.pth", {"a": {"b": np.arange(16, dtype=np.float32)}})
+    pickle = b"\x80\x02}(" + b"".join(b"X\x01\0\0\0" + name + storage() for name in (b"a", b"b", b"c")) + b"u."
+    rewritten(tmp_path / "x.pth", lambda members: members | {"x/data.pkl": pickle})
+    tensors = read_tensors(tmp_path / "x.pth")
+    assert tensors.keys() == {"a", "b", "c"}
+    assert tensors["a"] is tensors["c"]
+
+
+def test_members_that_overlap_are_refused(tmp_path):
+    """Nested members, each of which holds the next, would unpack to many times the file's size."""
+    numbers = bytes(40_000)
+    inner = zipfile.ZipInfo("x/data/1__")
+    inner.file_size = inner.compress_size = len(numbers)
+    inner.CRC = zlib.crc32(numbers)
+    outer = inner.FileHeader() + numbers
+    storages = storage(b"0", len(outer) // 4), storage(b"1__", len(numbers) // 4)
+    with zipfile.ZipFile(tmp_path / "x.pth", "w") as archive:
+        archive.writestr("x/data.pkl", b"\x80\x02" + b"".join(storages) + b".")
+        inner.header_offset = archive.start_dir + 30 + len("x/data/0")
+        archive.writestr(zipfile.ZipInfo("x/data/0"), outer)
+        archive.filelist.append(inner)
+    with pytest.raises(InputError, match="some that overlap"):
+        read_tensors(tmp_path / "x.pth")
 
 
 def test_members_that_unpack_to_more_are_refused(tmp_path):

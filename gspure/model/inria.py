@@ -10,7 +10,6 @@
 from __future__ import annotations
 
 import ast
-import warnings
 from pathlib import Path
 
 from gspure.errors import InputError, reading
@@ -69,8 +68,7 @@ def training_arguments(folder: Path) -> dict[str, Argument]:
     file = Path(folder) / "cfg_args"
     if not file.is_file():
         return {}
-    with reading(file, "Namespace(name=value, ...)"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about escape sequences in strings
+    with reading(file, "Namespace(name=value, ...)"):
         call = ast.parse(file.read_text(encoding="utf-8").strip(), mode="eval").body
         if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Namespace"):
             raise InputError(file, "file", expected="Namespace(name=value, ...)", found="another expression")

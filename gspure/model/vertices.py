@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -105,10 +104,7 @@ class Vertices:
         with (
             reading(self.path, "one number per property, in its range", "element vertex"),
             self.path.open("rb") as stream,
-            warnings.catch_warnings(),
-            np.errstate(over="ignore"),
         ):
-            warnings.simplefilter("ignore")  # numpy warns where there is no row, which is checked below
             stream.seek(self.offset)
             text = io.TextIOWrapper(stream, encoding="ascii")
             # numpy's parser is several times faster than plyfile's.

@@ -23,8 +23,11 @@ from gspure.errors import InputError, reading
 
 Float32 = NDArray[np.float32]
 
-DATA_LIMIT: Final = 1 << 20
-"""No ``data.pkl`` of a few networks is longer."""
+DATA_LIMIT: Final = 1 << 16
+"""Bytes of the longest ``data.pkl``: that of a few networks has some thousand. Ours."""
+
+_MOST_AXES: Final = 8
+_LONGEST_NAME: Final = 100
 
 _REBUILD = "torch._utils _rebuild_tensor_v2"
 _STORAGE = "torch FloatStorage"
@@ -59,7 +62,7 @@ def read_tensors(path: Path) -> dict[str, Float32]:
 
     """
     with reading(path, "a PyTorch archive"), zipfile.ZipFile(path) as archive:
-        return dict(_named(_Description(Path(path), archive).tree(), "", set()))
+        return dict(_tensors(_Description(Path(path), archive).tree(), "", set()))
 
 
 def write_tensors(path: Path, networks: Mapping[str, Mapping[str, Float32]]) -> None:
@@ -82,6 +85,8 @@ class _Description:
         if len(described) != 1:
             raise self._refusal("data.pkl", "one description of tensors", f"{len(described)}")
         self._root = described[0].removesuffix("data.pkl")
+        self._room = path.stat().st_size  # members that overlap could hold more than the file
+        self._storages: dict[str, Float32] = {}
         self._stack: list[Any] = []
         self._memo: dict[int, Any] = {}
 
@@ -105,10 +110,10 @@ class _Description:
             stack.append(tuple(self._popped(self._above_mark() if name == "TUPLE" else int(name[-1]))))
         elif name in {"SETITEM", "SETITEMS"}:
             items = self._popped(self._above_mark() if name == "SETITEMS" else 2)
-            stack[-1].update(zip(items[::2], items[1::2], strict=True))
+            stack[-1].update(zip(map(self._named, items[::2]), items[1::2], strict=True))
         elif name == "BUILD":
             (state,) = self._popped(1)
-            stack[-1].update(state)
+            stack[-1].update({self._named(key): value for key, value in state.items()})
         elif name == "BINPERSID":
             stack.append(self._storage(*stack.pop()))
         elif name in {"REDUCE", "NEWOBJ"}:
@@ -118,7 +123,7 @@ class _Description:
 
     def _above_mark(self) -> int:
         """Return how many items lie above the topmost mark, which is taken away."""
-        place = max(i for i, item in enumerate(self._stack) if item is _MARK)
+        place = next(i for i in reversed(range(len(self._stack))) if self._stack[i] is _MARK)
         del self._stack[place]
         return len(self._stack) - place
 
@@ -128,7 +133,15 @@ class _Description:
         del self._stack[first:]
         return items
 
-    def _made(self, instruction: str, made: str, arguments: tuple[Any, ...]) -> Any:
+    def _named(self, key: Any) -> str:
+        """Return the key of a dictionary, which is a short text: anything else may take forever to hash or to print."""
+        if not isinstance(key, str) or len(key) > _LONGEST_NAME:
+            raise self._refusal("pickle", f"names of at most {_LONGEST_NAME} characters", "others")
+        return key
+
+    def _made(self, instruction: str, made: Any, arguments: tuple[Any, ...]) -> Any:
+        if not isinstance(made, str):
+            raise self._refusal("pickle", "tensors, dictionaries and modules", "a call of something else")
         if instruction == "NEWOBJ" and made.startswith(_SCRIPTED) and not arguments:
             return {}
         if instruction == "REDUCE" and made == _DICTIONARY and not arguments:
@@ -140,12 +153,16 @@ class _Description:
     def _storage(self, kind: str, numbers: str, key: str, _device: str, count: int) -> Float32:
         if kind != "storage" or numbers != _STORAGE:
             raise self._refusal("tensor", "float32 numbers", numbers)
-        content = self._record(f"data/{key}", 4 * count)
-        if len(content) != 4 * count:
-            raise self._refusal(f"data/{key}", f"{count} numbers", f"{len(content)} bytes")
-        return np.frombuffer(content, "<f4").astype(np.float32, copy=False)
+        if key not in self._storages:
+            content = self._record(f"data/{key}", 4 * count)
+            if len(content) != 4 * count:
+                raise self._refusal(f"data/{key}", f"{count} numbers", f"{len(content)} bytes")
+            self._storages[key] = np.frombuffer(content, "<f4").astype(np.float32, copy=False)
+        return self._storages[key]
 
     def _tensor(self, storage: Float32, first: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> Float32:
+        if not all(isinstance(n, int) for n in (first, *shape, *strides)) or len(shape) > _MOST_AXES:
+            raise self._refusal("tensor", f"a shape of at most {_MOST_AXES} whole numbers", "another")
         count = int(np.prod(shape, dtype=object))
         dense = tuple(int(np.prod(shape[i + 1 :], dtype=object)) for i in range(len(shape)))
         if strides != dense or first < 0 or min(shape, default=1) < 1 or first + count > len(storage):
@@ -159,6 +176,9 @@ class _Description:
             if member.compress_type != zipfile.ZIP_STORED or member.file_size > limit:
                 found = f"{member.file_size} bytes, compressed" if member.compress_type else f"{member.file_size} bytes"
                 raise self._refusal(name, f"at most {limit} bytes as they are", found)
+            self._room -= member.file_size
+            if self._room < 0:
+                raise self._refusal(name, "members that lie one after the other", "some that overlap")
             return self._archive.read(member)
 
     def _refusal(self, field: str, expected: str, found: str) -> InputError:
@@ -166,14 +186,14 @@ class _Description:
         return InputError(self._path, field, expected=expected, found=found, hint=hint)
 
 
-def _named(tree: Any, prefix: str, seen: set[int]) -> Iterator[tuple[str, Float32]]:
+def _tensors(tree: Any, prefix: str, seen: set[int]) -> Iterator[tuple[str, Float32]]:
     """Yield the tensors of nested dictionaries, each of which is visited once."""
     if isinstance(tree, np.ndarray):
         yield prefix, tree
     elif isinstance(tree, dict) and id(tree) not in seen:
         seen.add(id(tree))
         for key, value in tree.items():
-            yield from _named(value, f"{prefix}.{key}" if prefix else str(key), seen)
+            yield from _tensors(value, f"{prefix}.{key}" if prefix else key, seen)
 
 
 def _pickled(networks: Mapping[str, Mapping[str, Float32]]) -> bytes:
