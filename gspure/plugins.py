@@ -1,4 +1,4 @@
-"""What installed packages offer beside the built-in attacks and schemes, found by their entry points."""
+"""Attacks and schemes of installed packages, found by their entry points."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gspure.errors import InputError
 
 
 class Named(Protocol):
-    """Anything that is known by its name."""
+    """An attack or a scheme."""
 
     @property
     def name(self) -> str:
@@ -20,46 +20,46 @@ class Named(Protocol):
 T = TypeVar("T", bound=Named)
 
 
-def offered(group: str, kind: type[T], built_in: Iterable[T], require: Callable[[T, str], None]) -> dict[str, T]:
-    """Return the built-in ones and those of the entry points of `group`, by name.
+def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callable[[T, str], None]) -> dict[str, T]:
+    """Return the built-in objects and those of the entry points of `group`, by name.
 
     Parameters
     ----------
     group : str
-        Of entry points; also the package in which `kind` is to be found.
+        Group of entry points; also the package that defines `kind`.
     kind : type
-        What an entry point has to be.
+        Type of the objects.
     built_in : iterable of `kind`
     require : callable
-        Refuses one that does not fit, naming the source that it is given.
+        Refuses an unsuitable plug-in, given the plug-in and its source.
 
     Raises
     ------
     InputError
-        If a plug-in cannot be imported, is not of the kind, does not fit, or takes a name that is already in use.
+        A plug-in cannot be imported, has another type, is unsuitable, or takes a name that is already in use.
 
     """
-    found = {one.name: one for one in built_in}
+    by_name = {plugin.name: plugin for plugin in built_in}
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         source = _source(entry, group)
-        one = _load(entry, kind, source, f"{group}.{kind.__name__}")
-        require(one, source)
-        if one.name in found:
-            raise InputError(source, "name", expected="a name not in use", found=repr(one.name))
-        found[one.name] = one
-    return found
+        plugin = _load(entry, kind, source, f"{group}.{kind.__name__}")
+        require(plugin, source)
+        if plugin.name in by_name:
+            raise InputError(source, "name", expected="a name not in use", found=repr(plugin.name))
+        by_name[plugin.name] = plugin
+    return by_name
 
 
 def _load(entry: EntryPoint, kind: type[T], source: str, expected: str) -> T:
     try:
-        one = entry.load()
-    except Exception as error:  # whatever a foreign module raises, say whose it is
+        plugin = entry.load()
+    except Exception as error:  # a foreign module may raise anything
         message = f"{type(error).__name__}: {error}"
         importable = f"an importable {kind.__name__.lower()}"
         raise InputError(source, entry.value, expected=importable, found=message) from error
-    if not isinstance(one, kind):
-        raise InputError(source, entry.value, expected=f"a {expected}", found=type(one).__name__)
-    return one
+    if not isinstance(plugin, kind):
+        raise InputError(source, entry.value, expected=f"a {expected}", found=type(plugin).__name__)
+    return plugin
 
 
 def _source(entry: EntryPoint, group: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gspure.attacks import appearance, compression, controls, geometry, noise, pruning, rows
 from gspure.attacks.attack import COLUMNS, EVIDENCE, Attack
 from gspure.errors import InputError
-from gspure.plugins import offered
+from gspure.plugins import registered
 
 BUILT_IN = (
     *controls.ATTACKS,
@@ -28,7 +28,7 @@ def attacks() -> dict[str, Attack]:
         A plug-in cannot be imported, is not an `Attack`, or takes a name that is already in use.
 
     """
-    return offered(GROUP, Attack, BUILT_IN, _require_evidence)
+    return registered(GROUP, Attack, BUILT_IN, _require_evidence)
 
 
 def find_attack(name: str) -> Attack:

@@ -1,4 +1,4 @@
-"""``gspure cameras``: views from any source, as one canonical cameras.json."""
+"""``gspure cameras``: convert or generate cameras; write cameras.json."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from gspure.errors import InputError
 if TYPE_CHECKING:
     from gspure.cameras import Camera
 
-HELP = "read cameras of any format, or generate views, and write cameras.json"
+HELP = "convert cameras of any format, or generate views, and write cameras.json"
 EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
   gspure cameras scene/transforms.json --out cameras.json --scale 1/4
   gspure cameras output/bicycle --out cameras.json --scale native     # a training run's own cameras.json
-  gspure cameras cameras.json --off-path 4 --out off_path.json        # views that training never saw
+  gspure cameras cameras.json --off-path 4 --out off_path.json        # novel views beside the camera path
   gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 0 1
-  gspure cameras shells --model point_cloud.ply --out cameras.json    # from all directions, near and far
+  gspure cameras shells --model point_cloud.ply --out cameras.json    # all directions, near and far
 """
 
 _GENERATED = ("orbit", "shells")
@@ -43,12 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, 3DGS's own rule; generated "
         "views keep --width and --height)",
     )
-    parser.add_argument("--off-path", type=int, metavar="N", help="write N views beside the path instead of its own")
+    parser.add_argument("--off-path", type=int, metavar="N", help="write N views beside the camera path instead")
     parser.add_argument(
         "--require-images", action="store_true", help="refuse views without a photograph of at least their size"
     )
     views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")
-    views.add_argument("--model", type=Path, metavar="MODEL", help="the model that the views look at")
+    views.add_argument("--model", type=Path, metavar="MODEL", help="the model to look at")
     views.add_argument("--count", type=int, metavar="N", help="number of views (default: orbit 24, shells 48)")
     views.add_argument("--width", type=int, metavar="PX", help="image width (default: 640)")
     views.add_argument("--height", type=int, metavar="PX", help="image height (default: 480)")
@@ -60,12 +60,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs=3,
         metavar=("X", "Y", "Z"),
-        help="the world's up direction (default: 0 -1 0, as models from COLMAP; often 0 0 1 for others)",
+        help="up direction of the world (default: 0 -1 0, as from COLMAP; often 0 0 1 elsewhere)",
     )
 
 
 def run(args: argparse.Namespace) -> None:
-    """Collect the views, scale them, write them and show what they are."""
+    """Read or generate the views, scale and write them, print a table."""
     from gspure.cameras import off_path_cameras, require_images, scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
 

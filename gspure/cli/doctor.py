@@ -1,4 +1,4 @@
-"""``gspure doctor``: whether everything that the main job needs is here and works."""
+"""``gspure doctor``: check OpenCL, OpenGL and packages."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from packaging.requirements import Requirement
 
 import gspure
 
-HELP = "check the set-up: OpenCL devices, OpenGL, packages; say what is missing and how to get it"
+HELP = "check OpenCL devices, OpenGL and packages, and print how to fix what is missing"
 EXAMPLES = """\
   gspure doctor
-  GSPURE_DEVICE=1 gspure doctor  # would that device do?
+  GSPURE_DEVICE=1 gspure doctor  # check one device
 """
 
 _CHECKOUT: Final = Path(gspure.__file__).resolve().parents[1]  # where gspure was not installed as a wheel
@@ -34,13 +34,12 @@ class Finding:
     Parameters
     ----------
     ok : bool
-        Whether it is as it should be.
     cells : tuple of str
-        What was found, column by column.
+        The line, column by column.
     needed : bool
-        Whether the main job cannot run without it.
+        Whether gspure cannot run without it.
     fix : str, optional
-        The command that puts it right.
+        The command that repairs it.
 
     """
 
@@ -55,19 +54,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:  # noqa: ARG001
-    """Print the report; the status is 0 if the main job can run, else 1."""
+    """Print the report; return 0 if gspure can run, else 1."""
     checks = {
         "OpenCL: a small frame rendered on each device": opencl,
         "OpenGL: a picture drawn off screen": opengl,
         "Packages: installed, wanted": packages,
     }
-    with ThreadPoolExecutor() as pool:  # they wait for processes of their own
+    with ThreadPoolExecutor() as pool:  # each check waits for a subprocess
         sections = dict(zip(checks, pool.map(lambda check: check(), checks.values()), strict=True))
     system = f"{platform.system()} {platform.machine()}"
     print(f"gspure {gspure.__version__}, Python {platform.python_version()}, {system}")
     print("\n".join(report(sections)))
     lacking = sum(finding.needed and not finding.ok for findings in sections.values() for finding in findings)
-    print(f"\n{'The main job cannot run yet: see the fixes above.' if lacking else 'The main job can run.'}")
+    print(f"\n{'gspure cannot run yet: see the fixes above.' if lacking else 'gspure can run.'}")
     return int(lacking > 0)
 
 
@@ -84,11 +83,11 @@ def opencl() -> list[Finding]:
         cells = (str(trial.index), trial.kind, trial.name, f"{trial.platform} {trial.driver}", result)
         findings.append(Finding(trial.fault is None, cells, needed=False))
     if not usable and any(trial.fault is None for trial in trials):
-        meant = f"GSPURE_DEVICE={os.environ.get('GSPURE_DEVICE')} means none of the devices that work"
+        meant = f"GSPURE_DEVICE={os.environ.get('GSPURE_DEVICE')} matches no working device"
         findings.append(Finding(ok=False, cells=(meant,), fix="unset GSPURE_DEVICE"))
     elif not usable:
         fix = _make("opencl") or "sudo apt-get install pocl-opencl-icd"
-        findings.append(Finding(ok=False, cells=("no device that works",), fix=fix))
+        findings.append(Finding(ok=False, cells=("no working device",), fix=fix))
     return findings
 
 

@@ -1,4 +1,4 @@
-"""``gspure download``: the captures that the field compares on."""
+"""``gspure download``: public benchmark scenes."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ from pathlib import Path
 
 from gspure.errors import InputError
 
-HELP = "download scenes of Mip-NeRF 360, and Playroom of Deep Blending: what config/mipnerf360.yaml takes"
+HELP = "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending"
 EXAMPLES = """\
-  gspure download all --accept-licence                      # to data/: what config/mipnerf360.yaml takes
+  gspure download all --accept-licence                      # into data/, for config/mipnerf360.yaml
   gspure download garden playroom --out data --accept-licence
 
-Each becomes a COLMAP project DIR/SCENE, with the photographs that papers compare on (images_4 of outdoor scenes,
-images_2 of indoor scenes, as published) as `images`; `--resolution photographs` of `gspure train` takes them at that
-size. Archives are kept in DIR/archives: a download that was cut off goes on from there, and they may be deleted when
-all is unpacked.
+Each scene becomes a COLMAP project DIR/SCENE whose `images` are the photographs that papers evaluate on (images_4 of
+outdoor scenes, images_2 of indoor scenes); `gspure train --resolution photographs` uses them at that size. An
+interrupted download resumes from DIR/archives; delete the archives once everything is unpacked.
 
-Nothing is downloaded before you accept the publishers' terms; without --accept-licence the command tells what they are.
-No publisher gives a digest: that of the first download is written beside the archive and checked from then on. Files
-that are unpacked are checked against the checksums in the archive.
+Nothing is downloaded before you accept the publishers' terms; without --accept-licence the command prints them. No
+publisher gives a digest, so the digest of the first download is stored beside the archive and checked from then on.
+Unpacked files are checked against the checksums in the archive.
 """
 
 ALL = "all"
@@ -31,15 +30,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("scenes", nargs="+", metavar="SCENE", help=f"{ALL}, or some of {', '.join(SCENES)}")
     parser.add_argument(
-        "--out", type=Path, default=Path("data"), metavar="DIR", help="folder of the scenes (default: %(default)s)"
+        "--out", type=Path, default=Path("data"), metavar="DIR", help="folder for the scenes (default: %(default)s)"
     )
     parser.add_argument(
-        "--accept-licence", action="store_true", help="you have read the publishers' terms and keep to them"
+        "--accept-licence", action="store_true", help="you have read the publishers' terms and accept them"
     )
 
 
 def run(args: argparse.Namespace) -> None:
-    """Download the archives and unpack the scenes that are not there yet."""
+    """Download the archives and unpack the missing scenes."""
     from gspure.datasets import SCENES, archive_of, extract, fetch
     from gspure.datasets.extraction import RECORD
     from gspure.progress import say

@@ -1,17 +1,17 @@
-"""``gspure embed``: a message, hidden in a scene by training."""
+"""``gspure embed``: hide a message in a scene by training."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-HELP = "hide a message in a scene: train a watermarked model of a pair, and the owner's key"
+HELP = "train a watermarked model of a pair: the public model and the owner's key"
 EXAMPLES = """\
-  gspure embed splats_in_splats pair --out marked                          # of `gspure pair room vault --out pair`
+  gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
   gspure embed gs_hider pair --out marked --set iterations=2000 --set message_weight=0.5
-  gspure embed splats_in_splats pair --out clean --set message_weight=0    # the same without a message: no key
+  gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
 
-It writes public/point_cloud.ply with what belongs to it, which everybody gets, and key/, which the owner keeps.
+Writes public/, the model that everybody gets, and key/, which the owner keeps.
 gs_hider and secure_gs need PyTorch: pip install gspure[torch].
 """
 
@@ -22,18 +22,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from gspure.schemes.registry import BUILT_IN
 
     known = ", ".join(described(scheme.name, scheme.settings) for scheme in BUILT_IN)
-    parser.add_argument("scheme", metavar="SCHEME", help=f"one of {known}, or one of an installed plug-in")
+    parser.add_argument("scheme", metavar="SCHEME", help=f"one of {known}, or a plug-in")
     parser.add_argument("pair", type=Path, metavar="PAIR", help="folder that `gspure pair` wrote")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for public/ and key/")
     parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the scheme; may be repeated"
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the scheme; repeatable"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all that is random (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     add_device(parser)
 
 
 def run(args: argparse.Namespace) -> None:
-    """Embed, and write both halves."""
+    """Embed; write public model and key."""
     import time
 
     from gspure.artifacts import write_provenance
@@ -53,6 +53,6 @@ def run(args: argparse.Namespace) -> None:
     asset.write(model)
     if key is not None:
         key.write(args.out / "key")
-    said = {"scheme": scheme.name, "seed": args.seed, **scheme.settings, **settings}
-    write_provenance(model, inputs={"cameras": args.pair / "cameras.json"}, settings=said)
+    used = {"scheme": scheme.name, "seed": args.seed, **scheme.settings, **settings}
+    write_provenance(model, inputs={"cameras": args.pair / "cameras.json"}, settings=used)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(asset.units)} rows in {model}")

@@ -1,15 +1,15 @@
-"""``gspure extract``: the message that a model still shows its owner."""
+"""``gspure extract``: render the message with the owner's key."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-HELP = "show the message in a public or attacked model, with the owner's key"
+HELP = "render the message of a public or attacked model with the owner's key"
 EXAMPLES = """\
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out message
   gspure extract purified.ply --scheme splats_in_splats --key marked/key --cameras pair/cameras.json --out message \\
-      --extraction message_oracle                                                    # what was hidden, exactly
+      --extraction message_oracle                                                    # with the exact hidden values
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out stranger \\
       --wrong-key 1                                                                  # a negative control
 """
@@ -20,13 +20,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from gspure.cli.options import add_device, add_off_path, add_views
 
     parser.add_argument("model", type=Path, metavar="MODEL", help="the model's .ply, or its folder")
-    parser.add_argument("--scheme", required=True, metavar="NAME", help="the scheme that hid the message")
+    parser.add_argument("--scheme", required=True, metavar="NAME", help="the watermarking scheme")
     parser.add_argument("--key", type=Path, required=True, metavar="DIR", help="the owner's key, of `gspure embed`")
+    parser.add_argument("--extraction", metavar="NAME", help="an extraction of the scheme (default: `message`)")
     parser.add_argument(
-        "--extraction", metavar="NAME", help="a way to look that the scheme has (default: its own, `message`)"
-    )
-    parser.add_argument(
-        "--wrong-key", type=int, metavar="SEED", help="look with what a stranger would try instead: a negative control"
+        "--wrong-key", type=int, metavar="SEED", help="use an unrelated key of this random seed: a negative control"
     )
     add_views(parser, split="all")
     add_off_path(parser)

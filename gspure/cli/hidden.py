@@ -1,4 +1,4 @@
-"""``gspure hidden``: on which rows a message's own weight lies."""
+"""``gspure hidden``: the share of the message's weight on rows of low public weight."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.weights import add_reduction
 
-HELP = "measure how much of the message's own weight lies on rows of low public weight"
+HELP = "measure the share of the message's weight on rows of low public weight"
 EXAMPLES = """\
   gspure hidden --model marked/public/point_cloud.ply --scheme splats_in_splats --key marked/key \\
       --cameras pair/cameras.json --weights omega.npy --out hidden.json
@@ -20,12 +20,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from gspure.constants import TAU_N
 
     parser.add_argument("--model", type=Path, required=True, help="the watermarked model's .ply")
-    parser.add_argument("--scheme", required=True, metavar="NAME", help="the scheme that hid the message")
+    parser.add_argument("--scheme", required=True, metavar="NAME", help="the watermarking scheme")
     parser.add_argument("--key", type=Path, required=True, metavar="DIR", help="the owner's key")
     add_views(parser, split="train")
-    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="of `gspure weights`")
+    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="weights, from `gspure weights`")
     parser.add_argument(
-        "--tau", type=float, default=TAU_N, help="low is below the mean weight divided by this (default: %(default)s)"
+        "--tau",
+        type=float,
+        default=TAU_N,
+        help="low: below the mean weight divided by TAU (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="the share, 0 to 1")
     parser.add_argument("--hidden", type=Path, metavar="NPY", help="also write the message's weight of every row: [K]")
@@ -46,10 +49,10 @@ def run(args: argparse.Namespace) -> None:
     views = read_views(args)
     asset, key = scheme.read_asset(args.model), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(asset.units),))
-    extraction = list(scheme.extractions)[-1]  # the one that knows most
+    extraction = list(scheme.extractions)[-1]  # the most complete one
     hidden = hidden_weights(asset, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau)
     write_json(args.out, {"hidden_low_share": share})
     if args.hidden:
         save_array(args.hidden, hidden)
-    print(f"{share:.1%} of the message's own weight lies on rows of low public weight")
+    print(f"{share:.1%} of the message's weight is on rows of low public weight")

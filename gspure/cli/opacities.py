@@ -1,4 +1,4 @@
-"""``gspure opacities``: the opacity of every row of a model, as clustering takes it."""
+"""``gspure opacities``: the opacity of every row, for clustering and attacks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gspure.cli.options import add_scheme, add_views, read_asset, read_views
 
-HELP = "write the opacity of every Gaussian; of an anchor, what its networks give it in the views"
+HELP = "write the opacity of every row; an anchor's is the mean over its Gaussians and the views"
 EXAMPLES = """\
   gspure opacities --model point_cloud.ply --cameras cameras.json --out opacities.npy
 """

@@ -24,13 +24,13 @@ def add_device(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--device",
         metavar="NAME|INDEX",
-        help="OpenCL device, by part of its name or by its index in `gspure doctor` (default: $GSPURE_DEVICE, else the "
+        help="OpenCL device, by part of its name or its index in `gspure doctor` (default: $GSPURE_DEVICE, or the "
         "first that works, GPUs before CPUs)",
     )
 
 
 def read_device(args: argparse.Namespace) -> Device:
-    """Return the device that ``--device`` means, and say in the log which it is."""
+    """Return the device that ``--device`` selects; log its name."""
     from gspure.opencl.device import choose_device
     from gspure.progress import say
 
@@ -86,7 +86,7 @@ def add_energy(parser: argparse.ArgumentParser, default: str) -> None:
         "--energy",
         choices=ENERGIES,
         default=default,
-        help="ewa: 2-D splats, as vanilla models are trained; ray: maximum along the pixel's ray, the paper's equation "
+        help="ewa: 2-D splats, as in vanilla 3DGS; ray: the maximum along the pixel's ray, the paper's equation "
         "(default: %(default)s)",
     )
 
@@ -104,17 +104,17 @@ def add_views(parser: argparse.ArgumentParser, split: str) -> None:
         "--split",
         choices=SPLITS,
         default=split,
-        help="which views: by name, every eighth from the first on is a test view (default: %(default)s)",
+        help="which views; by name, every eighth is a test view (default: %(default)s)",
     )
     parser.add_argument(
-        "--world", type=Path, metavar="NPY", help="by what `gspure attack --world` moved the model: views move along"
+        "--world", type=Path, metavar="NPY", help="rigid transform from `gspure attack --world`; the views move along"
     )
 
 
 def add_off_path(parser: argparse.ArgumentParser) -> None:
     """Add ``--off-path``, for `read_views`."""
     parser.add_argument(
-        "--off-path", type=Path, metavar="FILE", help="further views, of `gspure cameras --off-path`: all of them"
+        "--off-path", type=Path, metavar="FILE", help="additional views, from `gspure cameras --off-path`"
     )
 
 
@@ -146,7 +146,7 @@ def add_sweeps(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VARIANT,...",
-        help="variants that are one attack at several strengths; may be repeated",
+        help="variants of one attack at several strengths; repeatable",
     )
 
 

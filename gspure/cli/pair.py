@@ -1,4 +1,4 @@
-"""``gspure pair``: a scene and a message to hide in it, seen from the same poses."""
+"""``gspure pair``: photographs of a scene and of a message, for `gspure embed`."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from gspure.cameras import Camera
     from gspure.model import Gaussians
 
-HELP = "put a scene and a message together, seen from the same poses: what `gspure embed` takes"
+HELP = "make a pair: photographs of a scene and of a message from the same poses, for `gspure embed`"
 EXAMPLES = """\
   gspure pair room vault --out pair                       # ray-traced; placements: raised, front, behind, coincident
   gspure pair room vault --placement coincident --out pair --views 48 --width 320 --height 240
   gspure pair photos/garden trained/playroom --out pair   # photographs, and a model of the hidden scene
 
-It writes cameras.json, points3D.ply, scene/VIEW.png, message/VIEW.png and message/points3D.ply. The message of
-photographs is a trained model, rendered at their poses; a folder that `gspure train` or 3DGS's trainer left has cameras
-too, and is first moved to where the photographs look. A lone .ply is taken as it stands, as GS-Hider does.
+Writes cameras.json, points3D.ply, scene/VIEW.png, message/VIEW.png and message/points3D.ply. With photographs of the
+scene, the message is a trained model rendered at their poses. The output folder of a training run has cameras too, so
+its model is first aligned with the scene; a single .ply is used in its own coordinates, as GS-Hider does.
 """
 
 MESSAGE_POINTS = 20_000
-"""Of a message's Gaussians, so many stand for its points; ours."""
+"""Number of the message's Gaussians that serve as its points. Ours."""
 
 OPAQUE = 0.5
-"""Those Gaussians are at least so opaque; ours."""
+"""Least opacity of these Gaussians. Ours."""
 
 _LEAST = {"seed": 0, "views": 2, "width": 16, "height": 16, "off_path": 0}
 
@@ -51,25 +51,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--placement",
         choices=PLACEMENTS,
         default="raised",
-        help="ray-traced only: where the message's surfaces are, seen from the scene's (default: %(default)s)",
+        help="ray-traced only: position of the message's surfaces relative to the scene's (default: %(default)s)",
     )
     parser.add_argument(
         "--views", type=int, default=32, metavar="N", help="ray-traced only: number of views (default: %(default)s)"
     )
     parser.add_argument(
-        "--width", type=int, default=160, metavar="PX", help="ray-traced only: of a view (default: %(default)s)"
+        "--width", type=int, default=160, metavar="PX", help="ray-traced only: image width (default: %(default)s)"
     )
     parser.add_argument(
-        "--height", type=int, default=120, metavar="PX", help="ray-traced only: of a view (default: %(default)s)"
+        "--height", type=int, default=120, metavar="PX", help="ray-traced only: image height (default: %(default)s)"
     )
     parser.add_argument(
         "--off-path",
         type=int,
         default=0,
         metavar="N",
-        help="ray-traced only: also photograph so many views beside the path: those of `gspure cameras --off-path`",
+        help="ray-traced only: also photograph N views beside the camera path, as `gspure cameras --off-path` does",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the points (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     add_device(parser)
 
 
@@ -152,7 +152,7 @@ def _move(views: list[Camera], message: Path) -> Any:
 
     if message.is_dir() and (message / "cameras.json").is_file():
         move = aligning(views, read_cameras(message / "cameras.json"))
-        say(f"the message's world is moved to where the views look, and {1 / move.scale:.3g} times as large")
+        say(f"message aligned with the scene, scaled by {1 / move.scale:.3g}")
         return move
     return Similarity(1.0, np.eye(3), np.zeros(3))
 

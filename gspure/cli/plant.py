@@ -1,4 +1,4 @@
-"""``gspure plant``: a scene with a planted message, made from nothing."""
+"""``gspure plant``: generate a scene with a planted message."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from pathlib import Path
 
 from gspure.errors import InputError
 
-HELP = "make a scene with a planted message, where the truth about every Gaussian is known"
+HELP = "generate a model with a planted message and known ground truth for every Gaussian"
 EXAMPLES = """\
   gspure plant --out planted
   gspure plant --out planted --scene room --message vault --placement coincident --gaussians 30000 --seed 1
 
-It writes public/point_cloud.ply, cameras.json, key/planted_key.npz (private opacity and colour), key/carriers.npy (bool
-[K], true for Gaussians of the message), and ray-traced photographs truth/scene/VIEW.png and truth/message/VIEW.png.
-With points3D.ply, points on the scene's surfaces, it is also what `gspure train` takes.
+Writes public/point_cloud.ply, cameras.json, key/planted_key.npz (private opacity and colour), key/carriers.npy (bool
+[K], true for Gaussians of the message), ray-traced photographs truth/scene/VIEW.png and truth/message/VIEW.png, and
+points3D.ply, points on the scene's surfaces. `gspure train` accepts the folder.
 """
 
 _LEAST = {"seed": 0, "gaussians": 100, "views": 1, "width": 16, "height": 16}
@@ -29,25 +29,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--placement",
         default="raised",
-        help="where the message's surfaces are, seen from the scene's: raised (floor and walls a little nearer), front "
-        "(a floor only, farther up), behind, or coincident (default: %(default)s)",
+        help="position of the message's surfaces relative to the scene's: raised (floor and walls a little nearer), "
+        "front (a floor only, farther up), behind, or coincident (default: %(default)s)",
     )
     parser.add_argument(
-        "--gaussians", type=int, default=24000, metavar="N", help="of both scenes together (default: %(default)s)"
+        "--gaussians",
+        type=int,
+        default=24000,
+        metavar="N",
+        help="of both scenes together (default: %(default)s)",
     )
     parser.add_argument("--views", type=int, default=24, metavar="N", help="number of views (default: %(default)s)")
-    parser.add_argument("--width", type=int, default=320, metavar="PX", help="of a view (default: %(default)s)")
-    parser.add_argument("--height", type=int, default=240, metavar="PX", help="of a view (default: %(default)s)")
+    parser.add_argument("--width", type=int, default=320, metavar="PX", help="image width (default: %(default)s)")
+    parser.add_argument("--height", type=int, default=240, metavar="PX", help="image height (default: %(default)s)")
     parser.add_argument(
         "--off-path",
         type=int,
         default=0,
         metavar="N",
-        help="also photograph so many views beside the path: those of `gspure cameras --off-path`",
+        help="also photograph N views beside the camera path, as `gspure cameras --off-path` does",
     )
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="seed of what is random (default: %(default)s)"
-    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
 
 
 def run(args: argparse.Namespace) -> None:

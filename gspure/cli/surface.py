@@ -1,4 +1,4 @@
-"""``gspure surface``: how far every row of a model lies from the surface that its views see."""
+"""``gspure surface``: the distance of every row from the visible surface."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Float32 = NDArray[np.float32]
 
-HELP = "measure how far every Gaussian lies from the surface, as attack gof needs it"
+HELP = "measure the distance of every row from the visible surface, for the attack gof"
 EXAMPLES = """\
   gspure surface --model point_cloud.ply --cameras cameras.json --out surface.npy --mesh mesh.ply
   gspure surface --model point_cloud.ply --cameras cameras.json --out surface.npy --method depth

@@ -1,4 +1,4 @@
-"""All schemes by name: the built-in ones, and those that installed packages offer in the group ``gspure.schemes``."""
+"""All schemes by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.schemes``)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
-from gspure.plugins import offered
+from gspure.plugins import registered
 from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.asset import Asset
 from gspure.schemes.scheme import REQUIRED, Scheme
@@ -24,7 +24,7 @@ def schemes() -> dict[str, Scheme]:
         If a plug-in cannot be imported, is not a `Scheme`, lacks a required setting, or takes a name in use.
 
     """
-    return offered(GROUP, Scheme, BUILT_IN, _require_settings)
+    return registered(GROUP, Scheme, BUILT_IN, _require_settings)
 
 
 def find_scheme(name: str) -> Scheme:
