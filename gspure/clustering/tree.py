@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 from gspure.constants import MIN_SAMPLES
 from gspure.errors import InputError
 
+if TYPE_CHECKING:
+    from gspure.opencl.device import Device
+
 Tree = NDArray[np.float64]
 
-_LEAF_SIZE = 13  # hdbscan's own choice, 40 // 3
+_MOST_NEIGHBOURS = 128  # that the kernels hold for a point
 
 
-def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES) -> Tree:
+def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, device: Device | None = None) -> Tree:
     r"""Return the minimum spanning tree of the points under the mutual reachability distance.
 
     .. math:: d_{mreach}(a, b) = \max(\mathrm{core}(a), \mathrm{core}(b), \lVert a - b \rVert)
@@ -30,6 +33,9 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES) -> Tre
         Finite values.
     min_samples : int
         At least 1; taken as K - 1 where there are fewer other points.
+    device : Device, optional
+        Default: the device that `gspure.opencl` chooses. Without double precision, or for more than 128 `min_samples`,
+        hdbscan computes the tree.
 
     Returns
     -------
@@ -49,12 +55,14 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES) -> Tre
         raise InputError("clustering", "features", expected="finite values", found="NaN or infinity")
     if not len(points):
         raise InputError("clustering", "features", expected="at least one Gaussian", found="none")
-    rows = np.lexsort(points.T[::-1])
+    rows = _lexicographic_order(points)
     points = points[rows]
     is_first = np.append(True, (points[1:] != points[:-1]).any(axis=1))
     firsts = np.flatnonzero(is_first)
     piles = np.cumsum(is_first) - 1
-    ends, distances, core_distances = _search(points[firsts], np.bincount(piles), min(min_samples, len(points) - 1))
+    ends, distances, core_distances = _tree_of_distinct(
+        points[firsts], np.bincount(piles), min(min_samples, len(points) - 1), device
+    )
     others = np.flatnonzero(~is_first)
     pairs = np.concatenate([firsts[ends], np.column_stack([firsts[piles[others]], others])])
     distances = np.append(distances, core_distances[piles[others]])
@@ -62,56 +70,35 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES) -> Tre
     return np.column_stack([np.sort(rows[pairs[order]], axis=1), distances[order]])
 
 
-def _search(
-    points: NDArray[np.float64], copies: NDArray[np.intp], min_samples: int
+def _lexicographic_order(points: NDArray[np.float64]) -> NDArray[np.intp]:
+    order = np.argsort(points[:, 0], kind="stable")
+    step = np.diff(points[order, 0]) > 0
+    tied = ~(np.append(True, step) & np.append(step, True))
+    rows = order[tied]
+    order[tied] = rows[np.lexsort(points[rows].T[::-1])]
+    return order
+
+
+def _tree_of_distinct(
+    points: NDArray[np.float64], copies: NDArray[np.intp], min_samples: int, device: Device | None
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the tree of distinct `points` [U,C], each of which stands for some `copies`.
-
-    Returns
-    -------
-    ends : array [U-1,2], int
-        The lower and the higher point of each edge.
-    distances : array [U-1]
-        Lengths of the edges.
-    core_distances : array [U]
-
-    """
+    """Return the tree of `points` as `gspure.opencl.spanning.minimum_spanning_tree` does; a single one is allowed."""
     if len(points) == 1:
         return np.zeros((0, 2), np.intp), np.zeros(0), np.zeros(1)
 
-    from hdbscan._hdbscan_boruvka import KDTreeBoruvkaAlgorithm
+    from gspure.clustering import reference
+    from gspure.opencl import spanning
+    from gspure.opencl.device import choose_device
+    from gspure.opencl.engine import Engine
 
-    neighbours = _Neighbours(points, copies, min_samples)
-    edges = KDTreeBoruvkaAlgorithm(
-        neighbours, neighbours.count - 1, leaf_size=_LEAF_SIZE, approx_min_span_tree=False, n_jobs=1
-    ).spanning_tree()
-    return np.sort(edges[:, :2].astype(np.intp), axis=1), edges[:, 2], neighbours.core_distances
-
-
-class _Neighbours:
-    """The nearest-neighbour query of `KDTreeBoruvkaAlgorithm`, answered by scipy's k-d tree.
-
-    scikit-learn's k-d tree, which hdbscan would pass, takes at least six times as long for the same distances.
-    """
-
-    def __init__(self, points: NDArray[np.float64], copies: NDArray[np.intp], min_samples: int) -> None:
-        from scipy.spatial import cKDTree
-
-        self.data = points
-        self.count = min(min_samples + 1, len(points))
-        tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-        self._distances, self._rows = tree.query(points, k=self.count)
-        is_core = np.cumsum(copies[self._rows], axis=1) > min_samples
-        core = is_core.argmax(axis=1)
-        self.core_distances = self._distances[np.arange(len(points)), core]
-        # hdbscan takes the last neighbour's distance for the core distance, and every neighbour as within it.
-        self._distances[:, -1] = self.core_distances
-        beyond = np.arange(self.count) > core[:, None]
-        self._rows[beyond] = np.nonzero(beyond)[0]
-
-    def query(self, _points: Any, k: int, **_: bool) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-        """Return distances and rows [U,k] of the nearest points, each point itself included."""
-        return self._distances[:, :k], self._rows[:, :k]
+    _, exponent = np.frexp(np.abs(points).max())
+    points = np.ldexp(points, -exponent)  # squares neither overflow nor vanish, and no bit changes
+    engine = Engine((device or choose_device()).cl_device)
+    if min_samples <= _MOST_NEIGHBOURS and engine.device.double_fp_config:
+        ends, distances, core_distances = spanning.minimum_spanning_tree(engine, points, copies, min_samples)
+    else:
+        ends, distances, core_distances = reference.minimum_spanning_tree(points, copies, min_samples)
+    return ends, np.ldexp(distances, exponent), np.ldexp(core_distances, exponent)
 
 
 def coincident_points(tree: Tree) -> int:

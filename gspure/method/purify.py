@@ -101,7 +101,7 @@ def purify(
     from gspure.renderer import CONTRIBUTION
 
     def decide(means: Array, opacities: Array, weights: Weights) -> tuple[Labels, Mask, Diagnosis]:
-        tree = spanning_tree(features(means, opacities, weights), min_samples)
+        tree = spanning_tree(features(means, opacities, weights), min_samples, device=device)
         labels = select(tree, min_cluster_size, selection, max_cluster_share, device=device)
         pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)
         return labels, pruned, diagnose(labels, weights, tau_c, tau_n, coincident_points(tree))

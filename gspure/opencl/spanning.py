@@ -1,0 +1,157 @@
+"""The minimum spanning tree under the mutual reachability distance, by Boruvka's algorithm (spanning.cl)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from gspure.opencl.engine import Engine
+
+_LEAF = 16
+_NONE = 0xFFFFFFFF
+
+Indices = NDArray[np.uint32]
+Floats = NDArray[np.float64]
+
+
+class _Search:
+    """Points on the device, along a k-d tree."""
+
+    def __init__(self, engine: Engine, points: Floats, copies: NDArray[Any], min_samples: int) -> None:
+        self.count, columns = points.shape
+        self.levels = max(0, int(np.ceil(np.log2(self.count / _LEAF))))
+        self.leaves = 1 << self.levels
+        self._engine = engine
+        self._defines = {"COLUMNS": columns, "LEAF": _LEAF, "NEIGHBOURS": min_samples}
+        self._build(points)
+        self._find_cores(copies, min_samples)
+
+    def _build(self, points: Floats) -> None:
+        engine, columns = self._engine, points.shape[1]
+        self._points = engine.uploaded(points)
+        self._order = engine.uploaded(np.arange(self.count, dtype=np.uint32))
+        keys = engine.allocate(8 * self.count)
+        for level in range(self.levels):
+            self._run("split_nodes", 1 << level, *self._shape, np.uint32(level), self._points, self._order, keys)
+        self._blocks = engine.allocate(8 * self.leaves * columns * _LEAF)
+        self._boxes = engine.allocate(8 * 2 * self.leaves * 2 * columns)
+        self._run("fill_leaves", self.leaves, *self._shape, self._points, self._order, self._blocks, self._boxes)
+        self._join("join_boxes", self._boxes)
+        self.order = engine.read(self._order, (self.count,), np.uint32)
+
+    def _find_cores(self, copies: NDArray[Any], min_samples: int) -> None:
+        engine = self._engine
+        self._neighbours = engine.allocate(4 * self.count * self._defines["NEIGHBOURS"])
+        self._core = engine.allocate(8 * self.count)
+        copies = engine.uploaded(copies[self.order].astype(np.uint32))
+        self._run(
+            "find_neighbours",
+            self.leaves,
+            *(*self._shape, np.uint32(min_samples)),
+            *(self._blocks, self._boxes, copies, self._neighbours, self._core),
+        )
+        self._cores = engine.allocate(8 * self.leaves * _LEAF)
+        self._least_cores = engine.allocate(8 * 2 * self.leaves)
+        self._run("fill_cores", self.leaves, *self._shape, self._core, self._cores, self._least_cores)
+        self._join("join_cores", self._least_cores)
+        self.core = engine.read(self._core, (self.count,), np.float64)
+        # What Boruvka's rounds remember of each point.
+        self._component = engine.allocate(4 * self.count)
+        self._components = engine.allocate(8 * self.leaves * _LEAF)
+        self._node_components = engine.allocate(4 * 2 * self.leaves)
+        self._partners = engine.uploaded(np.full(self.count, _NONE, np.uint32))
+        self._lengths = engine.uploaded(np.full(self.count, np.inf))
+        self._least_lengths = engine.uploaded(self.core)
+
+    def edges(self, component: Indices, components: int) -> tuple[Indices, Indices, Floats]:
+        """Return (points, partners, squared lengths): the shortest edge that leaves each component, in their order."""
+        engine = self._engine
+        cl.enqueue_copy(engine.queue, self._component, component)
+        self._run(
+            "fill_components", self.leaves, *self._shape, self._component, self._components, self._node_components
+        )
+        self._join("join_components", self._node_components)
+        unbounded = np.full(components, np.inf, np.float32)
+        bounds, found = engine.upload("spanning_bounds", unbounded), engine.upload("spanning_found", unbounded)
+        self._run(
+            "offer_edges",
+            self.count,
+            *(np.uint32(self.count), self._points, self._order, self._neighbours, self._core, self._component),
+            *(self._partners, self._lengths, bounds),
+        )
+        self._run(
+            "find_edges",
+            self.leaves,
+            *(*self._shape, self._blocks, self._boxes, self._cores, self._least_cores, self._components),
+            *(self._node_components, bounds, self._partners, self._lengths, self._least_lengths, found),
+        )
+        lengths = engine.read(self._lengths, (self.count,), np.float64)
+        partners = engine.read(self._partners, (self.count,), np.uint32)
+        shortest = engine.read(found, (components,), np.float32)
+        points = np.flatnonzero(lengths <= shortest[component]).astype(np.uint32)
+        points = points[np.lexsort([points, lengths[points], component[points]])]
+        points = points[np.diff(component[points], prepend=-1) > 0]
+        return points, partners[points], lengths[points]
+
+    @property
+    def _shape(self) -> tuple[np.uint32, np.uint32]:
+        return np.uint32(self.count), np.uint32(self.leaves)
+
+    def _run(self, name: str, items: int, *args: Any) -> None:
+        self._engine.run(self._engine.kernel(name, "spanning", **self._defines), items, *args)
+
+    def _join(self, name: str, values: cl.Buffer) -> None:
+        for level in reversed(range(self.levels)):
+            self._run(name, 1 << level, np.uint32(level), values)
+
+
+def minimum_spanning_tree(
+    engine: Engine, points: Floats, copies: NDArray[Any], min_samples: int
+) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """Return the minimum spanning tree of distinct points under the mutual reachability distance.
+
+    Parameters
+    ----------
+    engine : Engine
+    points : array [U,C]
+        At least two, all different.
+    copies : array [U], int
+        How many points each of them stands for.
+    min_samples : int
+        Counts other points; below the sum of `copies`.
+
+    Returns
+    -------
+    ends : array [U-1,2], int
+        The lower and the higher point of each edge.
+    distances : array [U-1]
+        Lengths of the edges.
+    core_distances : array [U]
+
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.sparse.csgraph import minimum_spanning_tree as least_forest
+
+    search = _Search(engine, points, copies, min_samples)
+    component, components = np.arange(search.count, dtype=np.uint32), search.count
+    ends: list[Indices] = []
+    squares: list[Floats] = []
+    while components > 1:
+        near, far, lengths = search.edges(component, components)
+        pairs = np.sort(np.column_stack([component[near], component[far]]), axis=1)
+        by_length = np.lexsort((near, lengths))
+        _, firsts = np.unique(pairs[by_length] @ np.array([components, 1], np.uint64), return_index=True)
+        kept = by_length[firsts]
+        forest = least_forest(csr_array((firsts + 1.0, pairs[kept].T), shape=(components, components)))
+        kept = by_length[forest.data.astype(np.intp) - 1]
+        ends.append(np.column_stack([near[kept], far[kept]]))
+        squares.append(lengths[kept])
+        components, labels = connected_components(forest, directed=False)
+        component = labels.astype(np.uint32)[component]
+    core = np.empty(search.count)
+    core[search.order] = search.core
+    return np.sort(search.order[np.concatenate(ends)], axis=1), np.sqrt(np.concatenate(squares)), np.sqrt(core)

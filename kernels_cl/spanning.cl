@@ -1,0 +1,386 @@
+// Nearest neighbours and Boruvka's rounds on a balanced k-d tree, in double precision.
+//
+// The tree is implicit: node 1 is the root, node n has children 2 n and 2 n + 1, and the LEAVES = 2^DEPTH leaves are the
+// nodes from LEAVES on. Leaf l holds the points at positions l COUNT / LEAVES and on. A leaf's coordinates lie in a block
+// of its own, [COLUMNS][LEAF], padded with infinity; a node's box is two rows of WIDTH numbers, padded with zeros.
+
+// PoCL does not inline built-in functions, so the inner loops use none.
+
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+#pragma OPENCL FP_CONTRACT OFF  // the same bits on every device
+
+#define LOWER(a, b) ((a) < (b) ? (a) : (b))
+#define HIGHER(a, b) ((a) > (b) ? (a) : (b))
+#define UNROLL _Pragma("unroll")
+
+#define NONE 0xffffffffu
+#define ROUNDING (1.0 - 0x1p-46)  // a box is no farther than its points, whatever the order of the sums
+
+inline uint first_of(uint leaf, uint count, uint leaves) { return (uint)((ulong)leaf * count / leaves); }
+
+// Splits every node of a level at the median of its widest column: `order` gets the lower half first.
+__kernel void split_nodes(uint count, uint leaves, uint level, __global const double *points, __global uint *order,
+                          __global double *keys) {
+    uint node = get_global_id(0);
+    if (node >= 1u << level) return;
+    uint span = leaves >> level;
+    uint begin = first_of(node * span, count, leaves), end = first_of((node + 1) * span, count, leaves);
+    uint nth = first_of(node * span + span / 2, count, leaves);
+    uint widest = 0;
+    double width = -1.0;
+    double low[COLUMNS], high[COLUMNS];
+    for (uint c = 0; c < COLUMNS; c++) low[c] = INFINITY, high[c] = -INFINITY;
+    for (uint i = begin; i < end; i++) {
+        for (uint c = 0; c < COLUMNS; c++) {
+            double x = points[(size_t)order[i] * COLUMNS + c];
+            low[c] = x < low[c] ? x : low[c];
+            high[c] = x > high[c] ? x : high[c];
+        }
+    }
+    for (uint c = 0; c < COLUMNS; c++) {
+        if (high[c] - low[c] > width) width = high[c] - low[c], widest = c;
+    }
+    for (uint i = begin; i < end; i++) keys[i] = points[(size_t)order[i] * COLUMNS + widest];
+    long first = begin, last = (long)end - 1;
+    while (first < last) {  // quickselect
+        double a = keys[first], b = keys[(first + last) / 2], c = keys[last];
+        double pivot = HIGHER(LOWER(a, b), LOWER(HIGHER(a, b), c));
+        long i = first, j = last;
+        while (i <= j) {
+            while (keys[i] < pivot) i++;
+            while (keys[j] > pivot) j--;
+            if (i > j) break;
+            double key = keys[i];
+            keys[i] = keys[j];
+            keys[j] = key;
+            uint point = order[i];
+            order[i++] = order[j];
+            order[j--] = point;
+        }
+        if ((long)nth <= j) last = j;
+        else if ((long)nth >= i) first = i;
+        else break;
+    }
+}
+
+// blocks [leaves][COLUMNS][LEAF] and boxes [2 leaves][2][COLUMNS] of the leaves.
+__kernel void fill_leaves(uint count, uint leaves, __global const double *points, __global const uint *order,
+                          __global double *blocks, __global double *boxes) {
+    uint leaf = get_global_id(0);
+    if (leaf >= leaves) return;
+    uint begin = first_of(leaf, count, leaves), end = first_of(leaf + 1, count, leaves);
+    __global double *block = blocks + (size_t)leaf * COLUMNS * LEAF;
+    __global double *box = boxes + (size_t)(leaves + leaf) * 2 * COLUMNS;
+    for (uint c = 0; c < COLUMNS; c++) {
+        double low = INFINITY, high = -INFINITY;
+        for (uint i = 0; i < LEAF; i++) {
+            double x = begin + i < end ? points[(size_t)order[begin + i] * COLUMNS + c] : INFINITY;
+            block[c * LEAF + i] = x;
+            if (begin + i < end) low = LOWER(low, x), high = HIGHER(high, x);
+        }
+        box[c] = low;
+        box[COLUMNS + c] = high;
+    }
+}
+
+__kernel void join_boxes(uint level, __global double *boxes) {
+    uint node = (1u << level) + get_global_id(0);
+    if (node >= 2u << level) return;
+    __global double *box = boxes + (size_t)node * 2 * COLUMNS, *left = boxes + (size_t)node * 4 * COLUMNS;
+    __global double *right = left + 2 * COLUMNS;
+    for (uint c = 0; c < COLUMNS; c++) {
+        box[c] = LOWER(left[c], right[c]);
+        box[COLUMNS + c] = HIGHER(left[COLUMNS + c], right[COLUMNS + c]);
+    }
+}
+
+inline bool any_of(long8 mask) {
+    long4 a = mask.lo | mask.hi;
+    long2 b = a.lo | a.hi;
+    return (b.x | b.y) != 0;
+}
+
+// A leaf's points look for others together: squared distances below `bounds` matter. Those that pad the leaf look for none.
+typedef struct {
+    double8 columns[COLUMNS][LEAF / 8];
+    double8 bounds[LEAF / 8];
+    double8 distances[LEAF / 8];  // to the node at hand
+} Searchers;
+
+#define LANE(vectors, lane) (((double *)(vectors))[lane])
+
+inline void load_searchers(Searchers *s, __global const double *blocks, uint leaf) {
+    __global const double8 *block = (__global const double8 *)(blocks + (size_t)leaf * COLUMNS * LEAF);
+    UNROLL for (uint c = 0; c < COLUMNS; c++) {
+        UNROLL for (uint v = 0; v < LEAF / 8; v++) s->columns[c][v] = block[c * (LEAF / 8) + v];
+    }
+}
+
+// Writes each searcher's squared distance to a node's box. Summed in the same order as distances of points, so rounding
+// keeps a box at most as far as its points.
+inline void measure(Searchers *s, __global const double *boxes, uint node) {
+    __global const double *box = boxes + (size_t)node * 2 * COLUMNS;
+    UNROLL for (uint v = 0; v < LEAF / 8; v++) {
+        double8 sum = (double8)0.0;
+        UNROLL for (uint c = 0; c < COLUMNS; c++) {
+            double8 below = box[c] - s->columns[c][v], above = s->columns[c][v] - box[COLUMNS + c];
+            double8 gap = HIGHER(below, above);
+            gap = HIGHER(gap, (double8)0.0);
+            sum += gap * gap;
+        }
+        s->distances[v] = sum;
+    }
+}
+
+// Squared distances of one searcher and eight points of a leaf.
+inline double8 distances(const Searchers *s, uint lane, __global const double *block, uint v) {
+    double8 sum = (double8)0.0;
+    UNROLL for (uint c = 0; c < COLUMNS; c++) {
+        double8 difference = ((__global const double8 *)block)[c * (LEAF / 8) + v] - LANE(s->columns[c], lane);
+        sum += difference * difference;
+    }
+    return sum;
+}
+
+typedef struct {
+    double distances[NEIGHBOURS];
+    uint points[NEIGHBOURS];
+} Nearest;
+
+inline void look_for_nearer(Searchers *s, uint lane, Nearest *nearest, __global const double *block, uint begin, uint self) {
+    UNROLL for (uint v = 0; v < LEAF / 8; v++) {
+        double8 found = distances(s, lane, block, v);
+        if (!any_of(found < nearest->distances[NEIGHBOURS - 1])) continue;
+        for (uint i = 0; i < 8; i++) {
+            double distance = LANE(&found, i);
+            if (!(distance < nearest->distances[NEIGHBOURS - 1]) || begin + v * 8 + i == self) continue;
+            int place = NEIGHBOURS - 1;
+            for (; place > 0 && nearest->distances[place - 1] > distance; place--) {
+                nearest->distances[place] = nearest->distances[place - 1];
+                nearest->points[place] = nearest->points[place - 1];
+            }
+            nearest->distances[place] = distance;
+            nearest->points[place] = begin + v * 8 + i;
+        }
+    }
+    LANE(s->bounds, lane) = nearest->distances[NEIGHBOURS - 1];
+}
+
+// The NEIGHBOURS nearest points [count][NEIGHBOURS] of each point, nearest first, up to its core distance (NONE beyond);
+// core [count]: squared core distances. A point stands for `copies` [count] that coincide.
+__kernel void find_neighbours(uint count, uint leaves, uint min_samples, __global const double *blocks,
+                              __global const double *boxes, __global const uint *copies, __global uint *neighbours,
+                              __global double *core) {
+    uint leaf = get_global_id(0);
+    if (leaf >= leaves) return;
+    uint begin = first_of(leaf, count, leaves), size = first_of(leaf + 1, count, leaves) - begin;
+    Searchers s;
+    Nearest nearest[LEAF];
+    load_searchers(&s, blocks, leaf);
+    for (uint lane = 0; lane < LEAF; lane++) {
+        LANE(s.bounds, lane) = 0.0;
+        if (lane >= size) continue;
+        for (uint i = 0; i < NEIGHBOURS; i++) nearest[lane].distances[i] = INFINITY, nearest[lane].points[i] = NONE;
+        look_for_nearer(&s, lane, &nearest[lane], blocks + (size_t)leaf * COLUMNS * LEAF, begin, begin + lane);
+    }
+    uint stack[64];
+    for (uint top = leaves + leaf; top > 1; top /= 2) {
+        uint depth = 1;
+        stack[0] = top ^ 1;
+        while (depth) {
+            uint node = stack[--depth];
+            measure(&s, boxes, node);
+            long8 near = (long8)0;
+            UNROLL for (uint v = 0; v < LEAF / 8; v++) near |= s.distances[v] < s.bounds[v];
+            if (!any_of(near)) continue;
+            if (node < leaves) {
+                stack[depth++] = 2 * node;
+                stack[depth++] = 2 * node + 1;
+                continue;
+            }
+            uint other = node - leaves;
+            for (uint lane = 0; lane < size; lane++) {
+                if (LANE(s.distances, lane) >= LANE(s.bounds, lane)) continue;
+                look_for_nearer(&s, lane, &nearest[lane], blocks + (size_t)other * COLUMNS * LEAF,
+                                first_of(other, count, leaves), NONE);
+            }
+        }
+    }
+    for (uint lane = 0; lane < size; lane++) {
+        uint within = copies[begin + lane] - 1, i = 0;
+        double distance = 0.0;
+        for (; i < NEIGHBOURS && within < min_samples; i++) {
+            distance = nearest[lane].distances[i];
+            within += copies[nearest[lane].points[i]];
+        }
+        core[begin + lane] = distance;
+        for (uint j = 0; j < NEIGHBOURS; j++) {
+            neighbours[(size_t)(begin + lane) * NEIGHBOURS + j] = j < i ? nearest[lane].points[j] : NONE;
+        }
+    }
+}
+
+// Core distances leaf by leaf, and the least of each node.
+__kernel void fill_cores(uint count, uint leaves, __global const double *core, __global double *cores,
+                         __global double *least_cores) {
+    uint leaf = get_global_id(0);
+    if (leaf >= leaves) return;
+    uint begin = first_of(leaf, count, leaves), end = first_of(leaf + 1, count, leaves);
+    double least = INFINITY;
+    for (uint i = 0; i < LEAF; i++) {
+        double value = begin + i < end ? core[begin + i] : INFINITY;
+        cores[(size_t)leaf * LEAF + i] = value;
+        least = LOWER(least, value);
+    }
+    least_cores[leaves + leaf] = least;
+}
+
+__kernel void join_cores(uint level, __global double *least_cores) {
+    uint node = (1u << level) + get_global_id(0);
+    if (node < 2u << level) least_cores[node] = LOWER(least_cores[2 * node], least_cores[2 * node + 1]);
+}
+
+// Components leaf by leaf, and that of each node: NONE where it holds several.
+__kernel void fill_components(uint count, uint leaves, __global const uint *component, __global long *components,
+                              __global uint *node_components) {
+    uint leaf = get_global_id(0);
+    if (leaf >= leaves) return;
+    uint begin = first_of(leaf, count, leaves), end = first_of(leaf + 1, count, leaves);
+    uint common = component[begin];
+    for (uint i = 0; i < LEAF; i++) {
+        uint point = begin + i < end ? begin + i : begin;
+        components[(size_t)leaf * LEAF + i] = component[point];
+        if (component[point] != common) common = NONE;
+    }
+    node_components[leaves + leaf] = common;
+}
+
+__kernel void join_components(uint level, __global uint *node_components) {
+    uint node = (1u << level) + get_global_id(0);
+    if (node >= 2u << level) return;
+    uint left = node_components[2 * node], right = node_components[2 * node + 1];
+    node_components[node] = left == right ? left : NONE;
+}
+
+inline void lower_to(__global uint *bound, double distance) {
+    atomic_min(bound, as_uint(convert_float_rtp(distance)));  // non-negative floats are ordered as their bits
+}
+
+inline double separation(__global const double *points, uint a, uint b) {
+    double sum = 0.0;
+    for (uint c = 0; c < COLUMNS; c++) {
+        double difference = points[(size_t)a * COLUMNS + c] - points[(size_t)b * COLUMNS + c];
+        sum += difference * difference;
+    }
+    return sum;
+}
+
+// An edge of each point that leaves its component, as good as its neighbours offer: what was found before if it still
+// does, else to the neighbour with the least core distance, else to a neighbour in the tree's order.
+// partners, lengths [count]: the other end (NONE) and the edge's squared length.
+// bounds [components]: the least of the lengths, as the bits of a float, rounded up.
+__kernel void offer_edges(uint count, __global const double *points, __global const uint *order,
+                          __global const uint *neighbours, __global const double *core, __global const uint *component,
+                          __global uint *partners, __global double *lengths, __global uint *bounds) {
+    uint point = get_global_id(0);
+    if (point >= count) return;
+    uint own = component[point], partner = partners[point];
+    double length = lengths[point];
+    if (partner != NONE && component[partner] == own) partner = NONE, length = INFINITY;
+    if (partner == NONE) {
+        for (uint i = 0; i < NEIGHBOURS; i++) {
+            uint other = neighbours[(size_t)point * NEIGHBOURS + i];
+            if (other == NONE) break;
+            double offered = HIGHER(core[point], core[other]);
+            if (component[other] != own && offered < length) partner = other, length = offered;
+        }
+        for (int step = -1; step <= 1 && partner == NONE; step += 2) {
+            uint other = point + step;  // wraps to a large number below 0
+            if (other >= count || component[other] == own) continue;
+            length = separation(points, order[point], order[other]);
+            length = HIGHER(length, HIGHER(core[point], core[other]));
+            partner = other;
+        }
+        partners[point] = partner;
+        lengths[point] = length;
+    }
+    if (partner != NONE) lower_to(bounds + own, length);
+}
+
+// The shortest edge of each component: every point looks for one shorter than its component is known to have.
+// least_lengths [count]: what no edge of the point that leaves its component is shorter than.
+// found [components]: as `bounds`, with what is found.
+__kernel void find_edges(uint count, uint leaves, __global const double *blocks, __global const double *boxes,
+                         __global const double *cores, __global const double *least_cores,
+                         __global const long *components, __global const uint *node_components,
+                         __global const uint *bounds, __global uint *partners, __global double *lengths,
+                         __global double *least_lengths, __global uint *found) {
+    uint leaf = get_global_id(0);
+    if (leaf >= leaves) return;
+    uint begin = first_of(leaf, count, leaves), size = first_of(leaf + 1, count, leaves) - begin;
+    Searchers s;
+    long8 own[LEAF / 8];
+    UNROLL for (uint v = 0; v < LEAF / 8; v++) own[v] = ((__global const long8 *)components)[leaf * (LEAF / 8) + v];
+    bool active = false;
+    for (uint lane = 0; lane < LEAF; lane++) {
+        LANE(s.bounds, lane) = 0.0;
+        if (lane >= size) continue;
+        double bound = as_float(bounds[((long *)own)[lane]]);
+        bound = LOWER(bound, lengths[begin + lane]);
+        if (least_lengths[begin + lane] >= bound) continue;
+        LANE(s.bounds, lane) = bound;
+        active = true;
+    }
+    if (active) {
+        load_searchers(&s, blocks, leaf);
+        uint stack[64], depth = 1, top = leaves + leaf;
+        stack[0] = top;
+        while (true) {
+            if (!depth) {
+                if (top == 1) break;
+                stack[depth++] = top ^ 1;
+                top /= 2;
+            }
+            uint node = stack[--depth];
+            measure(&s, boxes, node);
+            double least_core = least_cores[node];
+            long common = node_components[node] == NONE ? -1 : (long)node_components[node];
+            long8 near = (long8)0;
+            UNROLL for (uint v = 0; v < LEAF / 8; v++) {
+                near |= (s.distances[v] < s.bounds[v]) & (least_core < s.bounds[v]) & (own[v] != common);
+            }
+            if (!any_of(near)) continue;
+            if (node < leaves) {
+                stack[depth++] = 2 * node;
+                stack[depth++] = 2 * node + 1;
+                continue;
+            }
+            uint other = node - leaves;
+            __global const double *block = blocks + (size_t)other * COLUMNS * LEAF;
+            for (uint lane = 0; lane < size; lane++) {
+                if (LANE(s.distances, lane) >= LANE(s.bounds, lane)) continue;
+                long component = ((long *)own)[lane];
+                double own_core = cores[(size_t)leaf * LEAF + lane];
+                UNROLL for (uint v = 0; v < LEAF / 8; v++) {
+                    double8 length = distances(&s, lane, block, v), core = ((__global const double8 *)cores)[other * (LEAF / 8) + v];
+                    length = HIGHER(length, core);
+                    length = HIGHER(length, own_core);
+                    long8 shorter = (length < LANE(s.bounds, lane)) & (((__global const long8 *)components)[other * (LEAF / 8) + v] != component);
+                    if (!any_of(shorter)) continue;
+                    for (uint i = 0; i < 8; i++) {
+                        if (!((long *)&shorter)[i] || LANE(&length, i) >= LANE(s.bounds, lane)) continue;
+                        partners[begin + lane] = first_of(other, count, leaves) + v * 8 + i;
+                        lengths[begin + lane] = LANE(&length, i);
+                        for (uint mate = 0; mate < size; mate++) {
+                            if (((long *)own)[mate] == component) LANE(s.bounds, mate) = LOWER(LANE(s.bounds, mate), LANE(&length, i));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    for (uint lane = 0; lane < size; lane++) {
+        if (LANE(s.bounds, lane) > 0.0) least_lengths[begin + lane] = LANE(s.bounds, lane);
+        lower_to(found + ((long *)own)[lane], lengths[begin + lane]);
+    }
+}
