@@ -10,9 +10,9 @@ import pytest
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
 from gspure.schemes.secure_gs.anchors import STORED_OPACITY
-from gspure.schemes.secure_gs.archive import read_tensors, write_tensors
 from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.files import UNITED
+from gspure.schemes.tensors import read_tensors, write_tensors
 from tests.anchor_cases import random_asset
 from tests.models import camera
 
@@ -209,6 +209,10 @@ EXPLOSIONS = {
     "nested tuples to hash": (b"}(K\x01" + DOUBLED + b"K\x02u.", "names of at most"),
     "nested tuples to print": (b"K\x01" + DOUBLED + b")R.", "a call of something else"),
     "nested tuples as a shape": (TENSOR + storage() + b"K\0K\x01" + DOUBLED + b"h\0tR.", "whole numbers"),
+    "nested tuples as a type": (
+        b"(X\x07\0\0\0storageK\x01" + DOUBLED + b"K\x01K\x01K\x01tQ.",
+        "FloatStorage",
+    ),
     "many axes": (TENSOR + storage() + b"K\0(" + b"K\x01" * 20_000 + b"tq\0h\0tR.", "at most 8"),
     "many marks": (b"(" * 30_000 + b"t" * 30_000 + b".", None),
     "a long name": (b"}X\0\x80\0\0" + b"a" * 0x8000 + b"K\x01s.", "names of at most"),

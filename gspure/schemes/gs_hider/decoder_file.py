@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import io
-import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
 
 from gspure.artifacts import replacing
 from gspure.errors import InputError, reading
 from gspure.schemes.gs_hider.layout import decoder_name
+from gspure.schemes.tensors import Tensor, read_tensors
 
 if TYPE_CHECKING:
     from gspure.schemes.gs_hider.decoder import Decoder
 
 LARGEST: Final = 16 << 20
-"""Bytes that a file may have or unpack to; a decoder has half a megabyte."""
+"""Bytes that a file may have; a decoder has half a megabyte."""
 
 _CONTENT: Final = "a decoder's state dict"
 _FORK: Final = "a fork's decoder, with batch normalization or channel attention; GS-Hider's own has neither"
@@ -73,36 +76,17 @@ class DecoderFile:
 
         """
         from gspure.schemes.gs_hider.decoder import Decoder
+        from gspure.schemes.pytorch import torch
 
-        state = self._state()
+        state = read_tensors(self.source, io.BytesIO(self.content))
         decoder = Decoder()
         self._require_names(state, decoder)
         for name, wanted in decoder.state_dict().items():
-            self._require_like(name, wanted, state[name])
-        decoder.load_state_dict(state)
+            self._require_like(name, tuple(wanted.shape), state[name])
+        decoder.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in state.items()})
         return decoder
 
-    def _state(self) -> dict[str, Any]:
-        from gspure.schemes.pytorch import torch
-
-        # PyTorch writes zip archives since its version 1.6. Of older forms, some versions run code even so.
-        with (
-            reading(self.source, _CONTENT),
-            zipfile.ZipFile(io.BytesIO(self.content)) as archive,
-        ):
-            size = sum(entry.file_size for entry in archive.infolist())
-        if size > LARGEST:
-            raise InputError(self.source, "file", expected=f"at most {LARGEST} bytes unpacked", found=f"{size}")
-        try:
-            state = torch.load(io.BytesIO(self.content), map_location="cpu", weights_only=True)
-        except Exception as error:  # noqa: BLE001 -- whatever a damaged or hostile file leads its reader to
-            found = str(error).partition("\n")[0][:160] or type(error).__name__
-            raise InputError(self.source, "file", expected=_CONTENT, found=found) from None
-        if not (isinstance(state, dict) and all(isinstance(name, str) for name in state)):
-            raise InputError(self.source, "file", expected=_CONTENT, found=f"a {type(state).__name__}")
-        return state
-
-    def _require_names(self, state: dict[str, Any], decoder: Decoder) -> None:
+    def _require_names(self, state: Mapping[str, Tensor], decoder: Decoder) -> None:
         if any(name.startswith(("bn", "ca")) for name in state):
             layers = ", ".join(name for name, _ in decoder.named_children())
             raise InputError(self.source, "layers", expected=layers, found="others beside them", hint=_FORK)
@@ -111,13 +95,9 @@ class DecoderFile:
             expected = "a tensor" if name not in state else "none"
             raise InputError(self.source, name[:80], expected=expected, found=found)
 
-    def _require_like(self, name: str, wanted: Any, found: Any) -> None:
-        from gspure.schemes.pytorch import torch
-
-        if not isinstance(found, torch.Tensor):
-            raise InputError(self.source, name, expected="a tensor", found=type(found).__name__)
-        if (found.dtype, found.shape) != (wanted.dtype, wanted.shape):
-            expected, there = (f"{tensor.dtype} {list(tensor.shape)}" for tensor in (wanted, found))
-            raise InputError(self.source, name, expected=expected, found=there)
-        if not torch.isfinite(found).all():
+    def _require_like(self, name: str, shape: tuple[int, ...], tensor: Tensor) -> None:
+        if tensor.dtype != np.float32 or tensor.shape != shape:
+            found = f"{tensor.dtype} {list(tensor.shape)}"
+            raise InputError(self.source, name, expected=f"float32 {list(shape)}", found=found)
+        if not np.isfinite(tensor).all():
             raise InputError(self.source, name, expected="finite numbers", found="others")

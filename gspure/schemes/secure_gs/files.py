@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import load_arrays, save_arrays
 from gspure.errors import InputError
-from gspure.schemes.secure_gs.archive import read_tensors, write_tensors
 from gspure.schemes.secure_gs.networks import PARAMETERS, Networks
+from gspure.schemes.tensors import Tensor, read_tensors, write_tensors
 
 Float32 = NDArray[np.float32]
 Loaded = dict[str, dict[str, Float32]]
@@ -45,7 +45,7 @@ def read_networks(folder: Path) -> Loaded:
     united = folder / UNITED
     if united.is_file():
         return _by_network(united, read_tensors(united))
-    tensors: dict[str, Float32] = {}
+    tensors: dict[str, Tensor] = {}
     for name in (*PUBLIC, BANK):
         file = folder / f"{name}_mlp.pt"
         if name != BANK or file.is_file():
@@ -77,11 +77,15 @@ def write_hidden(folder: Path, networks: Networks) -> None:
     save_arrays(Path(folder) / HIDDEN, named)
 
 
-def _by_network(source: Path, tensors: Mapping[str, Float32]) -> Loaded:
+def _by_network(source: Path, tensors: Mapping[str, Tensor]) -> Loaded:
     if any(name.split(".")[0] in _APPEARANCE for name in tensors):
         hint = "train with appearance_dim 0, as Scaffold-GS's own scripts do"
         raise InputError(source, "appearance", expected="none", found="an embedding per photograph", hint=hint)
     names = [*PUBLIC, *([BANK] if any(name.startswith(f"{BANK}_mlp.") for name in tensors) else [])]
     for missing in {f"{name}_mlp.{parameter}" for name in names for parameter in PARAMETERS} - tensors.keys():
         raise InputError(source, missing, expected="a network's parameter", found="no such tensor")
-    return {name: {parameter: tensors[f"{name}_mlp.{parameter}"] for parameter in PARAMETERS} for name in names}
+    networks = {name: {parameter: tensors[f"{name}_mlp.{parameter}"] for parameter in PARAMETERS} for name in names}
+    for name, parameter, tensor in ((n, p, tensor) for n, net in networks.items() for p, tensor in net.items()):
+        if tensor.dtype != np.float32:
+            raise InputError(source, f"{name}.{parameter}", expected="float32 numbers", found=str(tensor.dtype))
+    return networks

@@ -13,7 +13,7 @@ import struct
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from gspure.artifacts import replacing
 from gspure.errors import InputError, reading
 
 Float32 = NDArray[np.float32]
+Tensor = NDArray[Any]
 
 DATA_LIMIT: Final = 1 << 16
 """Bytes of the longest ``data.pkl``: that of a few networks has some thousand. Ours."""
@@ -30,7 +31,12 @@ _MOST_AXES: Final = 8
 _LONGEST_NAME: Final = 100
 
 _REBUILD = "torch._utils _rebuild_tensor_v2"
-_STORAGE = "torch FloatStorage"
+_STORAGES: Final = {
+    "torch FloatStorage": "<f4",
+    "torch DoubleStorage": "<f8",
+    "torch HalfStorage": "<f2",
+    "torch LongStorage": "<i8",
+}
 _DICTIONARY = "collections OrderedDict"
 _SCRIPTED = "__torch__."
 _MARK: Final = object()
@@ -52,16 +58,23 @@ _PUSHED: Final[dict[str, Callable[[Any], Any]]] = {
 """What an instruction puts on the stack, given its argument; of a global, only its name."""
 
 
-def read_tensors(path: Path) -> dict[str, Float32]:
-    """Read the float32 tensors of a state dict (``.pth``) or a TorchScript module (``.pt``), by dotted name.
+def read_tensors(path: Path, stream: BinaryIO | None = None) -> dict[str, Tensor]:
+    """Read the tensors of a state dict (``.pth``) or a TorchScript module (``.pt``), by dotted name.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    stream : binary file, optional
+        Its content, if that is in memory.
 
     Raises
     ------
     InputError
-        The file is no such archive, or its pickle does anything but describe float32 tensors.
+        The file is no such archive, or its pickle does anything but describe dense tensors of numbers.
 
     """
-    with reading(path, "a PyTorch archive"), zipfile.ZipFile(path) as archive:
+    with reading(path, "a PyTorch archive"), zipfile.ZipFile(stream or path) as archive:
         return dict(_tensors(_Description(Path(path), archive).tree(), "", set()))
 
 
@@ -85,8 +98,8 @@ class _Description:
         if len(described) != 1:
             raise self._refusal("data.pkl", "one description of tensors", f"{len(described)}")
         self._root = described[0].removesuffix("data.pkl")
-        self._room = path.stat().st_size  # members that overlap could hold more than the file
-        self._storages: dict[str, Float32] = {}
+        self._room = archive.start_dir  # members that overlap could hold more than the file
+        self._storages: dict[str, Tensor] = {}
         self._stack: list[Any] = []
         self._memo: dict[int, Any] = {}
 
@@ -150,17 +163,18 @@ class _Description:
             return self._tensor(*arguments[:4])
         raise self._refusal("pickle", "tensors, dictionaries and modules", f"a call of {made}")
 
-    def _storage(self, kind: str, numbers: str, key: str, _device: str, count: int) -> Float32:
-        if kind != "storage" or numbers != _STORAGE:
-            raise self._refusal("tensor", "float32 numbers", numbers)
+    def _storage(self, kind: Any, numbers: Any, key: Any, _device: Any, count: int) -> Tensor:
+        if kind != "storage" or not isinstance(key, str) or not isinstance(numbers, str) or numbers not in _STORAGES:
+            raise self._refusal("tensor", f"one of {', '.join(_STORAGES)}", "others")
         if key not in self._storages:
-            content = self._record(f"data/{key}", 4 * count)
-            if len(content) != 4 * count:
+            dtype = np.dtype(_STORAGES[numbers])
+            content = self._record(f"data/{key}", dtype.itemsize * count)
+            if len(content) != dtype.itemsize * count:
                 raise self._refusal(f"data/{key}", f"{count} numbers", f"{len(content)} bytes")
-            self._storages[key] = np.frombuffer(content, "<f4").astype(np.float32, copy=False)
+            self._storages[key] = np.frombuffer(content, dtype).astype(dtype.newbyteorder("="), copy=False)
         return self._storages[key]
 
-    def _tensor(self, storage: Float32, first: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> Float32:
+    def _tensor(self, storage: Tensor, first: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> Tensor:
         if not all(isinstance(n, int) for n in (first, *shape, *strides)) or len(shape) > _MOST_AXES:
             raise self._refusal("tensor", f"a shape of at most {_MOST_AXES} whole numbers", "another")
         count = int(np.prod(shape, dtype=object))
@@ -186,7 +200,7 @@ class _Description:
         return InputError(self._path, field, expected=expected, found=found, hint=hint)
 
 
-def _tensors(tree: Any, prefix: str, seen: set[int]) -> Iterator[tuple[str, Float32]]:
+def _tensors(tree: Any, prefix: str, seen: set[int]) -> Iterator[tuple[str, Tensor]]:
     """Yield the tensors of nested dictionaries, each of which is visited once."""
     if isinstance(tree, np.ndarray):
         yield prefix, tree
@@ -208,9 +222,8 @@ def _pickled(networks: Mapping[str, Mapping[str, Float32]]) -> bytes:
 
 def _rebuilt(key: int, array: Float32) -> bytes:
     """Return the instructions that make a tensor: ``_rebuild_tensor_v2(storage, 0, shape, strides, False, {})``."""
-    storage = (
-        b"(" + _text("storage") + _global(_STORAGE) + _text(str(key)) + _text("cpu") + _integer(array.size) + b"tQ"
-    )
+    kind = _text("storage") + _global("torch FloatStorage")
+    storage = b"(" + kind + _text(str(key)) + _text("cpu") + _integer(array.size) + b"tQ"
     strides = [array[..., None][(0,) * (i + 1)].size for i in range(array.ndim)]
     numbers = b"".join(b"(" + b"".join(map(_integer, axis)) + b"t" for axis in (array.shape, strides))
     return _global(_REBUILD) + b"(" + storage + _integer(0) + numbers + b"\x89" + _global(_DICTIONARY) + b")RtR"
