@@ -173,6 +173,22 @@ def test_bad_weights_are_refused_by_every_command(folder, capsys, command, weigh
     assert refusal(folder, capsys, COMMANDS[command]) == f"weights.npy: array: {line}\n"
 
 
+BAD_WORLDS = {
+    "singular": np.diag([1.0, 1.0, 0.0, 1.0]),
+    "scaled": np.diag([2.0, 2.0, 2.0, 1.0]),
+    "mirrored": np.diag([1.0, 1.0, -1.0, 1.0]),
+    "projective": np.eye(4)[[0, 1, 2, 2]],
+    "too far": np.eye(4) + 1e300 * np.eye(4, k=3),
+}
+
+
+@pytest.mark.parametrize("world", BAD_WORLDS.values(), ids=BAD_WORLDS)
+def test_a_transform_that_is_not_rigid_is_refused(folder, capsys, world):
+    save_array(Path("world.npy"), world)
+    error = refusal(folder, capsys, COMMANDS["render"] + " --world world.npy")
+    assert error.startswith("world.npy: array: expected ")
+
+
 BAD_IMAGES = {
     "missing": (lambda: Path("a/2.png").unlink(), "a/2.png: file: expected a counterpart of b/2.png, found nothing"),
     "cut": (lambda: cut("b/2.png", 900), "b/2.png: file: expected an image"),
@@ -198,7 +214,7 @@ BAD_OPTIONS = {
     "purify --tau-c 0": "pruning: tau_c: expected a number above 0, found 0.0",
     "purify --min-samples 0": "clustering: min_samples: expected at least 1, found 0",
     "purify --min-cluster-size 1": "clustering: min_cluster_size: expected at least 2, found 1",
-    "render --background 0 0 nan": "render: --background: expected three numbers from 0 to 1, found 0.0 0.0 nan",
+    "render --background 0 0 nan": "background: --background: expected three numbers from 0 to 1, found 0.0 0.0 nan",
     "cameras --scale half": "scale rule: value: expected native, photographs, 1/N or Wpx",
     "cameras orbit --count 0": "orbit views: count: expected at least one view, found none",
     "attack --set tau=x": "attack plain_weight: tau: expected a number, found 'x'",

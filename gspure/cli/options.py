@@ -120,10 +120,8 @@ def add_off_path(parser: argparse.ArgumentParser) -> None:
 
 def read_views(args: argparse.Namespace) -> list[Camera]:
     """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--world``."""
-    import numpy as np
-
-    from gspure.artifacts import load_array
     from gspure.cameras import read_cameras, split
+    from gspure.cameras.world import read_world
 
     cameras = read_cameras(args.cameras)
     train, test = split(cameras)
@@ -133,7 +131,7 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     if getattr(args, "off_path", None):
         views += read_cameras(args.off_path)
     if args.world:
-        world = load_array(args.world, dtype=np.float64, shape=(4, 4))
+        world = read_world(args.world)
         views = [camera.moved(world) for camera in views]
     return views
 
