@@ -1,8 +1,8 @@
 """Per-view contributions on disk: each view is computed once for as long as nothing that it depends on changes.
 
 A stage is one file per view, ``{view}.{key}.npy``. Its key is a digest of everything that its numbers depend on, so a
-stage is never stale: an edited camera, model or kernel asks for another key. An index (one .tsv per job, written last)
-lists the stages that make up a result.
+stage is never stale: an edited camera, model or kernel asks for another key. Its checksum lies beside it; a stage that
+does not agree with it counts as absent. An index (one .tsv per job, written last) lists the stages of a result.
 """
 
 from __future__ import annotations
@@ -17,15 +17,18 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 import gspure.opencl
 import gspure.renderer
-from gspure.artifacts import digest, load_array, save_array, write_text
+from gspure.artifacts import digest, intact, load_array, save_array, verify, write_provenance, write_text
+from gspure.artifacts.checksums import provenance_file
 from gspure.cameras import Camera
 from gspure.errors import InputError, reading
 from gspure.model import Gaussians, require_finite
-from gspure.opencl.device import Device
+from gspure.opencl.device import Device, choose_device
+from gspure.opencl.engine import device_digest
 from gspure.opencl.frame import Energy
 from gspure.opencl.program import kernel_digest
 from gspure.progress import say, track
@@ -61,9 +64,9 @@ class Contributor(Protocol):
 def contribute(
     asset: Contributor, cameras: Sequence[Camera], folder: Path, *, device: Device | None = None, energy: Energy = "ray"
 ) -> list[Stage]:
-    """Make sure that `folder` holds the contributions of `asset` to every view, computing only those that are absent.
+    """Compute the contributions of `asset` to every view, except those that `folder` holds intact.
 
-    The model goes to the device, and the kernels are built, once and only if a view is absent.
+    The model goes to the device, and the kernels are built, once and only if a view is to be computed.
 
     Parameters
     ----------
@@ -73,7 +76,7 @@ def contribute(
     folder : Path
         Where the stage files live.
     device : Device, optional
-        Default: the device that `gspure.opencl` chooses.
+        Default: the first that works.
     energy : {"ray", "ewa"}
         How a Gaussian is evaluated at a pixel; "ray" is the paper's equation.
 
@@ -89,17 +92,21 @@ def contribute(
 
     """
     require_finite(asset.units, "model")
-    geometry = asset.geometry_digest()
+    device = device or choose_device()
+    geometry, target = asset.geometry_digest(), device_digest(device)
     stages = []
     for camera in cameras:
-        key = contribution_key(geometry, camera, energy)
+        key = contribution_key(geometry, camera, energy, target)
         stages.append(Stage(camera.name, key, folder / f"{camera.name}.{key}.npy"))
-    absent = [pair for pair in zip(cameras, stages, strict=True) if not pair[1].path.exists()]
-    if absent:
+    missing = [pair for pair in zip(cameras, stages, strict=True) if not intact(pair[1].path)]
+    damaged = sum(stage.path.exists() for _, stage in missing)
+    if missing:
         contributions = asset.contributions(device, energy)
-        for camera, stage in track(absent, "contributions"):
+        for camera, stage in track(missing, "contributions"):
             save_array(stage.path, contributions(camera))
-    say(f"contributions: {len(absent)} of {len(stages)} views computed, {len(stages) - len(absent)} already stored")
+            write_provenance(stage.path, inputs={}, settings={"energy": energy, "device": str(device)})
+    computed = f"{len(missing)} of {len(stages)} views computed" + (f" ({damaged} were damaged)" if damaged else "")
+    say(f"contributions: {computed}, {len(stages) - len(missing)} already stored")
     return stages
 
 
@@ -108,9 +115,19 @@ def geometry_digest(model: Gaussians) -> str:
     return digest(model.columns(*GEOMETRY))
 
 
-def contribution_key(geometry: str, camera: Camera, energy: str) -> str:
-    """Return the key of one view's contributions: a digest of geometry, camera numbers, energy and rendering code."""
-    return digest(geometry, camera.numbers, energy, rendering_digest())
+def contribution_key(geometry: str, camera: Camera, energy: str, device: str) -> str:
+    """Return the key of one view's contributions: a digest of all that its numbers depend on.
+
+    Parameters
+    ----------
+    geometry, device : str
+        Digests of the model (`Contributor.geometry_digest`) and of the device (`gspure.opencl.engine.device_digest`).
+    camera : Camera
+        Its numbers count, not its name.
+    energy : str
+
+    """
+    return digest(geometry, camera.numbers, energy, rendering_digest(), device)
 
 
 @cache
@@ -121,11 +138,39 @@ def rendering_digest() -> str:
 
 
 def read_stage(path: Path) -> NDArray[Any]:
-    """Read one stage: an array of `gspure.renderer.CONTRIBUTION` over the touched Gaussians, sorted by index."""
-    if not Path(path).exists():
-        hint = "stage files were removed; compute them again: snakemake --forcerun measure_contributions"
-        raise InputError(path, "file", expected="a stage listed by an index", found="nothing", hint=hint)
-    return load_array(path, dtype=CONTRIBUTION, shape=(None,))
+    """Read one stage: an array of `gspure.renderer.CONTRIBUTION` over the touched rows, sorted by index.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or holds what no view of a model has: see `require_valid`.
+
+    """
+    stage = load_array(path, dtype=CONTRIBUTION, shape=(None,))
+    require_valid(path, stage)
+    return stage
+
+
+def require_valid(source: str | Path, stage: NDArray[Any]) -> None:
+    """Check the contributions [T] of one view, given as `CONTRIBUTION` of finite numbers.
+
+    Indices ascend, every row is touched by a pixel, and as a pixel gives a row between 0 and 1:
+    0 <= max <= sum <= pixels, max <= 1.
+
+    Raises
+    ------
+    InputError
+        Of `source`, naming the first row of the model at fault and its values.
+
+    """
+    ascending = np.diff(stage["index"].astype(np.int64), prepend=-1) > 0
+    largest, total, pixels = stage["max"], stage["sum"], stage["pixels"]
+    bounded = (largest >= 0) & (largest <= 1) & (largest <= total) & (total <= pixels) & (pixels > 0)
+    for fits, expected in ((ascending, "ascending indices"), (bounded, "0 <= max <= sum <= pixels and max <= 1")):
+        if not fits.all():
+            wrong = stage[fits.argmin()]
+            found = f"sum {wrong['sum']}, max {wrong['max']}, pixels {wrong['pixels']}"
+            raise InputError(source, f"row {wrong['index']}", expected=expected, found=found)
 
 
 def write_index(path: Path, stages: Iterable[Stage]) -> None:
@@ -137,6 +182,12 @@ def write_index(path: Path, stages: Iterable[Stage]) -> None:
     write_text(path, text.getvalue())
 
 
+def is_index(path: Path) -> bool:
+    """Return whether a file below a folder of results is an index, by where it lies."""
+    benchmark = ("results", "benchmarks") in pairwise(path.parts)  # Snakemake's, of the job that wrote the index
+    return path.suffix == ".tsv" and path.parent.name == "contributions" and not benchmark
+
+
 def read_index(*paths: Path) -> list[Stage]:
     """Read the stages that one or more indices list, sorted by view.
 
@@ -145,7 +196,7 @@ def read_index(*paths: Path) -> list[Stage]:
     Raises
     ------
     InputError
-        If a file is not an index, or if two entries are of the same view.
+        If a file is damaged or no index, or if two entries are of the same view.
 
     """
     stages = sorted((stage for path in paths for stage in _read_one_index(path)), key=lambda stage: stage.view)
@@ -156,6 +207,7 @@ def read_index(*paths: Path) -> list[Stage]:
 
 
 def _read_one_index(path: Path) -> list[Stage]:
+    verify(path)
     with (
         reading(path, "an index of contributions"),
         Path(path).open(encoding="utf-8", newline="") as stream,
@@ -167,7 +219,7 @@ def _read_one_index(path: Path) -> list[Stage]:
 
 
 def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
-    """Delete the stage files below `folder` that none of `indices` lists.
+    """Delete the stage files below `folder` that none of `indices` lists, with their checksums.
 
     Returns
     -------
@@ -176,7 +228,8 @@ def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
 
     """
     listed = {stage.path.resolve() for index in indices for stage in _read_one_index(index)}
-    unlisted = [path for path in sorted(folder.rglob("*.npy")) if path.resolve() not in listed]
+    stages = [path for path in sorted(folder.rglob("*.npy")) if path.resolve() not in listed]
+    unlisted = [file for stage in stages for file in (stage, provenance_file(stage)) if file.exists()]
     freed = sum(path.stat().st_size for path in unlisted)
     for path in unlisted:
         path.unlink()

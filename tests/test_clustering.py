@@ -4,23 +4,18 @@ import os
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.cli import main
 from gspure.clustering import (
     SELECTIONS,
-    Clusters,
     coincident_points,
     diagnose,
-    read_clusters,
     select,
     spanning_tree,
-    write_clusters,
 )
 from gspure.errors import InputError
 from gspure.evaluation.recall import adjusted_rand_index
@@ -290,48 +285,6 @@ def test_settings_out_of_range_are_refused_by_name(name: str, change: dict) -> N
 def test_min_samples_below_one_is_refused() -> None:
     with pytest.raises(InputError, match="min_samples"):
         spanning_tree(blobs(0, 5), 0)
-
-
-def test_cluster_file_round_trip_is_exact_and_reproducible(tmp_path: Path) -> None:
-    labels = np.array([0, -1, 1, 1], np.int32)
-    for name in ("a.npz", "b.npz"):
-        write_clusters(tmp_path / name, Clusters(labels, 3), {"min_cluster_size": 50, "selection": "leaf"})
-    found = read_clusters(tmp_path / "a.npz")
-    assert found.labels.tolist() == labels.tolist()
-    assert found.labels.dtype == np.int32
-    assert found.coincident == 3
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-
-
-@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 cut off"])
-def test_a_broken_cluster_file_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "clusters.npz").write_bytes(content)
-    with pytest.raises(InputError, match=r"clusters\.npz: file: expected clusters, as \.npz"):
-        read_clusters(tmp_path / "clusters.npz")
-
-
-def test_labels_of_another_type_are_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "clusters.npz", labels=np.zeros(3), coincident=0)
-    with pytest.raises(InputError, match=r"labels: expected int32 .*, found float64 \[3\]"):
-        read_clusters(tmp_path / "clusters.npz")
-
-
-def test_pickled_objects_are_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "clusters.npz", labels=np.array([{}], dtype=object), coincident=0)
-    with pytest.raises(InputError, match="allow_pickle=False"):
-        read_clusters(tmp_path / "clusters.npz")
-
-
-@pytest.mark.parametrize("argument", ["clusters.npz", "absent.npy", "labels.npy"])
-def test_a_file_of_another_stage_is_refused_in_one_line(tmp_path: Path, capsys, argument: str) -> None:
-    write_clusters(tmp_path / "clusters.npz", Clusters(np.zeros(3, np.int32), 0), {})
-    np.save(tmp_path / "labels.npy", np.zeros(3, np.int32))
-    out = tmp_path / "prune_mask.npy"
-    given = ["--clusters", str(tmp_path / "clusters.npz"), "--weights", str(tmp_path / argument), "--out", str(out)]
-    assert main(["prune", *given]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert argument in line
-    assert not out.exists()
 
 
 def test_diagnosis_tells_what_the_clustering_did() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure import contributions
+from gspure.artifacts import save_array, write_provenance
 from gspure.cameras import Camera
 from gspure.cameras.camera import intrinsics
 from gspure.contributions import (
@@ -20,6 +22,7 @@ from gspure.contributions import (
     read_index,
     read_stage,
     remove_unlisted,
+    require_valid,
     write_index,
 )
 from gspure.errors import InputError
@@ -27,6 +30,7 @@ from gspure.model import Gaussians
 from gspure.renderer import CONTRIBUTION
 from gspure.schemes import asset
 from gspure.schemes.asset import Asset
+from tests.models import blobs, tilted_camera
 
 
 @dataclass
@@ -45,7 +49,7 @@ class CountingRenderer:
         if camera.name == self.failing_view:
             raise KeyboardInterrupt
         self.asked.append(camera.name)
-        return np.array([(len(camera.name), camera.K[0, 0], 0.5, 3)], CONTRIBUTION)
+        return np.array([(len(camera.name), 1.0, camera.K[0, 0] / 60, 3)], CONTRIBUTION)
 
 
 @pytest.fixture
@@ -111,7 +115,7 @@ def test_a_camera_edited_back_recomputes_nothing(tmp_path, renderer):
 def test_every_number_of_a_camera_is_in_the_key(number):
     one, other = (Numbers(np.arange(20.0)) for _ in range(2))
     other.numbers[number] += 1e-9
-    assert contribution_key("geometry", one, "ray") != contribution_key("geometry", other, "ray")
+    assert contribution_key("geometry", one, "ray", "gpu") != contribution_key("geometry", other, "ray", "gpu")
 
 
 @dataclass
@@ -134,19 +138,27 @@ def test_colour_is_not_in_the_key():
     assert geometry_digest(model.with_columns({"f_dc_0": np.zeros(len(model))})) == geometry_digest(model)
 
 
-def test_the_energy_and_the_rendering_code_are_in_the_key(monkeypatch):
+def test_the_energy_the_device_and_the_rendering_code_are_in_the_key(monkeypatch):
     camera = views(1)[0]
-    keys = {contribution_key("geometry", camera, energy) for energy in ("ray", "ewa")}
+    keys = {contribution_key("geometry", camera, energy, device) for energy in ("ray", "ewa") for device in "ab"}
     monkeypatch.setattr(contributions, "rendering_digest", lambda: "edited kernels")
-    keys |= {contribution_key("geometry", camera, "ray")}
-    assert len(keys) == 3
+    keys |= {contribution_key("geometry", camera, "ray", "a")}
+    assert len(keys) == 5
+
+
+def test_another_driver_or_kernel_style_computes_every_view_again(tmp_path, renderer, monkeypatch):
+    contribute(Asset(small_model()), views(), tmp_path)
+    renderer.asked.clear()
+    monkeypatch.setattr(contributions, "device_digest", lambda device: "another driver")
+    contribute(Asset(small_model()), views(), tmp_path)
+    assert renderer.asked == [camera.name for camera in views()]
 
 
 def test_an_interrupted_job_keeps_its_finished_views_and_the_next_one_computes_the_rest(tmp_path, renderer):
     renderer.failing_view = "view_2"
     with pytest.raises(KeyboardInterrupt):
         contribute(Asset(small_model()), views(), tmp_path)
-    assert sorted(path.name.split(".")[0] for path in tmp_path.iterdir()) == ["view_0", "view_1"]
+    assert sorted(path.name.split(".")[0] for path in tmp_path.glob("*.npy")) == ["view_0", "view_1"]
     renderer.failing_view = None
     renderer.asked.clear()
     contribute(Asset(small_model()), views(), tmp_path)
@@ -205,11 +217,104 @@ def test_a_file_that_is_no_index_is_refused(tmp_path, text):
         read_index(tmp_path / "1.tsv")
 
 
-def test_a_removed_stage_is_named_with_the_way_to_restore_it(tmp_path, renderer):
-    stages = contribute(Asset(small_model()), views(), tmp_path)
-    stages[1].path.unlink()
-    with pytest.raises(InputError, match=rf"{stages[1].path.name}.*--forcerun measure_contributions"):
-        read_stage(stages[1].path)
+@dataclass
+class Stored:
+    """Stages as a job leaves them, with their index."""
+
+    folder: Path
+
+    def __post_init__(self):
+        self.stages = contribute(Asset(small_model()), views(), self.folder)
+        self.index = self.folder / "1.tsv"
+        write_index(self.index, self.stages)
+        write_provenance(self.index, inputs={}, settings={})
+
+
+@pytest.fixture
+def stored(tmp_path, renderer):
+    return Stored(tmp_path)
+
+
+def zeroed(content):
+    return content[:-60] + bytes(60)
+
+
+DAMAGES = {
+    "a flipped bit": lambda content: content[:-3] + bytes([content[-3] ^ 1]) + content[-2:],
+    "zeros": zeroed,
+    "cut": lambda content: content[:-5],
+    "empty": lambda content: b"",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_stage_is_named_with_both_digests_and_computed_again_alone(stored, renderer, damage):
+    path = stored.stages[2].path
+    good = path.read_bytes()
+    path.write_bytes(damage(good))
+    with pytest.raises(InputError, match=rf"{path.name}: content: expected digest \w+, found digest \w+"):
+        read_stage(path)
+    renderer.asked.clear()
+    contribute(Asset(small_model()), views(), stored.folder)
+    assert renderer.asked == ["view_2"]
+    assert path.read_bytes() == good
+    read_stage(path)
+
+
+def test_a_stage_without_its_checksum_is_computed_again(stored, renderer):
+    stored.stages[1].path.with_suffix(".npy.json").unlink()
+    renderer.asked.clear()
+    contribute(Asset(small_model()), views(), stored.folder)
+    assert renderer.asked == ["view_1"]
+
+
+def test_a_removed_stage_is_named(stored):
+    stored.stages[1].path.unlink()
+    with pytest.raises(InputError, match=rf"{stored.stages[1].path.name}: file: expected .*, found no such file"):
+        read_stage(stored.stages[1].path)
+
+
+def test_an_index_with_a_line_less_is_refused(stored):
+    *lines, _ = stored.index.read_text().splitlines(keepends=True)
+    stored.index.write_text("".join(lines))
+    with pytest.raises(InputError, match=r"1\.tsv: content: expected digest"):
+        read_index(stored.index)
+
+
+GOOD_STAGE = [(0, 1.5, 0.5, 4), (3, 0.25, 0.25, 1), (4, 2.0, 0.99, 9)]
+BAD_ROWS = {
+    "not a number": (3, np.nan, 0.25, 1),
+    "infinite": (3, np.inf, 0.25, 1),
+    "infinite maximum": (3, 0.25, np.inf, 1),
+    "negative": (3, -0.25, 0.25, 1),
+    "negative maximum": (3, 0.25, -0.25, 1),
+    "overflown": (3, 3e38, 0.25, 1),
+    "more than one in a pixel": (3, 1.5, 1.5, 2),
+    "more than its pixels": (3, 1.5, 0.5, 1),
+    "less than its maximum": (3, 0.2, 0.25, 1),
+    "without a pixel": (3, 0.0, 0.0, 0),
+    "a repeated index": (4, 0.25, 0.25, 1),
+    "a descending index": (5, 0.25, 0.25, 1),
+}
+
+
+@pytest.mark.parametrize("row", BAD_ROWS.values(), ids=BAD_ROWS)
+def test_contributions_that_no_view_has_are_refused(tmp_path, row):
+    stage = np.array(GOOD_STAGE, CONTRIBUTION)
+    save_array(tmp_path / "view_0.key.npy", stage)
+    np.testing.assert_array_equal(read_stage(tmp_path / "view_0.key.npy"), stage)
+    stage[1] = row
+    save_array(tmp_path / "view_0.key.npy", stage)
+    with pytest.raises(InputError, match=r"view_0\.key\.npy: (row \d|array): expected"):
+        read_stage(tmp_path / "view_0.key.npy")
+
+
+@pytest.mark.parametrize("energy", ["ray", "ewa"])
+def test_the_contributions_of_a_model_are_within_their_bounds(energy):
+    model, camera = blobs(300, sh_degree=0), tilted_camera(64, 48)
+    found = Asset(model).contributions(energy=energy)(camera)
+    assert len(found) > 100
+    require_valid("view", found)
 
 
 def test_only_stages_that_no_index_lists_are_deleted(tmp_path, renderer):
@@ -218,5 +323,7 @@ def test_only_stages_that_no_index_lists_are_deleted(tmp_path, renderer):
     write_index(tmp_path / "1.tsv", stages[:2])
     write_index(tmp_path / "2.tsv", stages[2:])
     size = stale[0].path.stat().st_size
-    assert remove_unlisted(tmp_path / "stages", [tmp_path / "1.tsv", tmp_path / "2.tsv"]) == (1, size)
-    assert sorted((tmp_path / "stages").iterdir()) == [stage.path for stage in stages]
+    size += stale[0].path.with_suffix(".npy.json").stat().st_size
+    assert remove_unlisted(tmp_path / "stages", [tmp_path / "1.tsv", tmp_path / "2.tsv"]) == (2, size)
+    assert sorted((tmp_path / "stages").glob("*.npy")) == [stage.path for stage in stages]
+    assert len([*(tmp_path / "stages").iterdir()]) == 2 * len(stages)

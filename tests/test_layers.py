@@ -18,7 +18,7 @@ LAYERS = (
     {"model", "cameras", "images", "datasets"},
     {"opencl"},
     {"renderer"},
-    {"contributions", "weights", "trial", "surface"},
+    {"contributions", "damage", "weights", "trial", "surface"},
     {"features", "clustering", "pruning"},
     {"evaluation"},
     {"training"},

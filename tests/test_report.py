@@ -209,7 +209,7 @@ def test_provenance_is_listed(tmp_path: Path, figures: list[Path]) -> None:
 
 def test_what_is_no_provenance_is_refused(tmp_path: Path) -> None:
     write_json(tmp_path / "other.json", [1, 2])
-    with pytest.raises(InputError, match=r"other.json: digest, settings: expected a record of provenance"):
+    with pytest.raises(InputError, match=r"other.json: file: expected provenance beside its file"):
         write_report(tmp_path / "report.html", "Title", PLANTED, provenance=[tmp_path / "other.json"])
 
 

@@ -146,7 +146,7 @@ def test_settings_out_of_range_are_refused_before_training(pair, settings, line)
     [
         (
             {"positions": np.zeros((4, 2), np.float32)},
-            r"positions: expected float32 \[None, 3\], found float32 \[4, 2\]",
+            r"positions: expected float32 \[any, 3\], found float32 \[4, 2\]",
         ),
         ({"kernel_1": np.zeros((3, 3), np.float32)}, r"kernel_1: expected float32 \[80, 32\], found"),
         ({"bias_0": np.full(16, np.nan, np.float32)}, "bias_0: expected finite numbers"),

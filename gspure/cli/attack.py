@@ -71,6 +71,7 @@ def run(args: argparse.Namespace) -> None:
     stored = {"opacities": model.opacities} if asset.rows_are_gaussians else {}
     attacked = attack.apply(asset, Evidence(**stored | loaded), seed=args.seed, **settings)
     asset.with_units(attacked.model).write(args.out)
+    made = [path for path in (args.out, args.kept, args.world, args.verdict) if path]
     if args.kept:
         save_array(args.kept, ~attacked.prune_mask)
     if args.world:
@@ -80,5 +81,6 @@ def run(args: argparse.Namespace) -> None:
         touched = {name: reached(model, attacked, columns) for name, columns in carriers.items()}
         write_json(args.verdict, {"reached": touched})
     said = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
-    write_provenance(args.out, inputs={"model": args.model, **files}, settings=said)
+    for path in made:
+        write_provenance(path, inputs={"model": args.model, **files}, settings=said)
     print(f"{attack.name}: kept {int((~attacked.prune_mask).sum())} of {len(model)} rows, {len(attacked.model)} in all")

@@ -66,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Read or generate the views, scale and write them, print a table."""
+    from gspure.artifacts import write_provenance
     from gspure.cameras import off_path_cameras, require_images, scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
 
@@ -77,6 +78,8 @@ def run(args: argparse.Namespace) -> None:
     if args.off_path is not None:
         cameras = off_path_cameras(cameras, args.off_path)
     write_cameras(args.out, cameras)
+    inputs = {} if generated else {"source": Path(args.source)}
+    write_provenance(args.out, inputs=inputs, settings={"source": args.source, "scale": args.scale})
     print("\n".join(_table(cameras)))
 
 

@@ -23,14 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Select and write the clusters."""
-    import numpy as np
-
-    from gspure.artifacts import load_array, write_provenance
+    from gspure.artifacts import write_provenance
     from gspure.clustering.selection import select
-    from gspure.clustering.store import Clusters, write_clusters
+    from gspure.clustering.store import Clusters, read_tree, write_clusters
     from gspure.clustering.tree import coincident_points
 
-    tree = load_array(args.tree, dtype=np.float64, shape=(None, 3))
+    tree = read_tree(args.tree)
     settings = {name: getattr(args, name) for name in ("min_cluster_size", "selection", "max_cluster_share")}
     write_clusters(args.out, Clusters(select(tree, **settings), coincident_points(tree)), settings)
     write_provenance(args.out, inputs={"tree": args.tree}, settings=settings)

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Compute the absent views of this part, then write its index."""
+    from gspure.artifacts import write_provenance
     from gspure.contributions import contribute, write_index
 
     part, parts = args.part
@@ -38,6 +39,8 @@ def run(args: argparse.Namespace) -> None:
     asset = read_asset(args)
     stages = contribute(asset, views, args.stages, device=read_device(args), energy=args.energy)
     write_index(args.index, stages)
+    settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
+    write_provenance(args.index, inputs={"model": args.model, "cameras": args.cameras}, settings=settings)
 
 
 def _part(text: str) -> tuple[int, int]:

@@ -54,5 +54,7 @@ def run(args: argparse.Namespace) -> None:
     if key is not None:
         key.write(args.out / "key")
     used = {"scheme": scheme.name, "seed": args.seed, **scheme.settings, **settings}
-    write_provenance(model, inputs={"cameras": args.pair / "cameras.json"}, settings=used)
+    halves = [*model.parent.iterdir(), *((args.out / "key").iterdir() if key is not None else ())]
+    for path in sorted(path for path in halves if path.suffix != ".json"):
+        write_provenance(path, inputs={"cameras": args.pair / "cameras.json"}, settings=used)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(asset.units)} rows in {model}")

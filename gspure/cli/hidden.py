@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> None:
     """Measure, print and write."""
     import numpy as np
 
-    from gspure.artifacts import load_array, save_array, write_json
+    from gspure.artifacts import load_array, save_array, write_json, write_provenance
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
     from gspure.schemes.registry import find_scheme
 
@@ -52,7 +52,11 @@ def run(args: argparse.Namespace) -> None:
     extraction = list(scheme.extractions)[-1]  # the most complete one
     hidden = hidden_weights(asset, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau)
+    inputs = {"model": args.model, "cameras": args.cameras, "weights": args.weights}
+    settings = {"scheme": scheme.name, "tau": args.tau, "energy": args.energy, "reduction": args.reduction}
     write_json(args.out, {"hidden_low_share": share})
+    write_provenance(args.out, inputs=inputs, settings=settings)
     if args.hidden:
         save_array(args.hidden, hidden)
+        write_provenance(args.hidden, inputs=inputs, settings=settings)
     print(f"{share:.1%} of the message's weight is on rows of low public weight")

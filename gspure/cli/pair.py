@@ -87,7 +87,8 @@ def run(args: argparse.Namespace) -> None:
         expected = f"both of {', '.join(STAGES)}, or both files"
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=f"{args.scene} and {args.message}")
     settings = _traced(args) if args.scene in STAGES else _photographed(args)
-    write_provenance(args.out / "cameras.json", inputs={}, settings=settings)
+    for name in ("cameras.json", "points3D.ply"):
+        write_provenance(args.out / name, inputs={}, settings=settings)
 
 
 def _traced(args: argparse.Namespace) -> dict[str, Any]:

@@ -41,8 +41,10 @@ def run(args: argparse.Namespace) -> None:
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),))
     diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident)
     print("\n".join(diagnosis.lines()))
+    inputs = {"clusters": args.clusters, "weights": args.weights}
+    settings = {"tau_c": args.tau_c, "tau_n": args.tau_n}
     if args.diagnosis:
         write_json(args.diagnosis, diagnosis.to_json())
+        write_provenance(args.diagnosis, inputs=inputs, settings=settings)
     save_array(args.out, prune_mask(labels, weights, args.tau_c, args.tau_n))
-    inputs = {"clusters": args.clusters, "weights": args.weights}
-    write_provenance(args.out, inputs=inputs, settings={"tau_c": args.tau_c, "tau_n": args.tau_n})
+    write_provenance(args.out, inputs=inputs, settings=settings)

@@ -1,4 +1,4 @@
-"""``gspure stages``: look after the stored per-view contributions."""
+"""``gspure stages``: look after the stored per-view contributions, and verify what a workflow has stored."""
 
 from __future__ import annotations
 
@@ -7,16 +7,29 @@ from pathlib import Path
 
 from gspure.errors import InputError
 
-HELP = "delete stored contributions that no result uses any more"
+HELP = "delete stored contributions that no result uses, or verify stored files by their checksums"
 EXAMPLES = """\
   gspure stages prune
   gspure stages prune --stages /scratch/stages --results /scratch/results
+  gspure stages --verify                      # stages/ and results/
+  gspure stages --verify results/vanilla      # status 1 if a file is damaged
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("action", choices=["prune"], help="prune: delete every stage file that no index lists")
+    action = parser.add_mutually_exclusive_group(required=True)
+    action.add_argument(
+        "action", nargs="?", choices=["prune"], help="prune: delete every stage file that no index lists"
+    )
+    action.add_argument(
+        "--verify",
+        type=Path,
+        nargs="?",
+        const=Path(),
+        metavar="FOLDER",
+        help="list the files that do not agree with their checksums (default: of both folders below)",
+    )
     parser.add_argument(
         "--stages", type=Path, default=Path("stages"), metavar="DIR", help="folder of stages (default: %(default)s)"
     )
@@ -29,13 +42,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(args: argparse.Namespace) -> None:
-    """Delete unlisted stages and say how much room that freed; not to be used while a run is under way."""
-    from gspure.contributions import remove_unlisted
+def run(args: argparse.Namespace) -> int:
+    """Verify, or delete unlisted stages and print how much room that freed; not while a workflow runs."""
+    if args.verify is not None:
+        return _verify([args.stages, args.results] if args.verify == Path() else [args.verify])
+    return _prune(args.stages, args.results)
 
-    indices = sorted(args.results.glob("**/contributions/*.tsv"))
+
+def _verify(folders: list[Path]) -> int:
+    from gspure.damage import damage_below
+
+    for folder in folders:
+        if not folder.is_dir():
+            raise InputError(folder, "folder", expected="a folder of results or stages", found="no such folder")
+    verified, damages = damage_below(folders)
+    print("\n".join([*damages, f"{verified} files verified, {len(damages)} damaged"]))
+    return 1 if damages else 0
+
+
+def _prune(stages: Path, results: Path) -> int:
+    from gspure.contributions import is_index, remove_unlisted
+
+    indices = sorted(path for path in results.rglob("*.tsv") if is_index(path))
     if not indices:
         hint = "to drop every stage, delete the folder of stages"
-        raise InputError(args.results, "contributions/*.tsv", expected="at least one index", found="none", hint=hint)
-    files, freed = remove_unlisted(args.stages, indices)
+        raise InputError(results, "contributions/*.tsv", expected="at least one index", found="none", hint=hint)
+    files, freed = remove_unlisted(stages, indices)
     print(f"{files} files deleted, {freed} bytes ({freed / 1e6:.1f} MB) freed")
+    return 0

@@ -109,6 +109,7 @@ def run(args: argparse.Namespace) -> None:
     if args.model:
         with replacing(args.model) as temporary:
             shutil.copyfile(model, temporary)
+        write_provenance(args.model, inputs={}, settings=settings)
     _checkpoint(args).unlink(missing_ok=True)
     if dataset.test:
         _compare(args, dataset, model, device)

@@ -2,7 +2,7 @@
 
 from gspure.clustering.diagnosis import Diagnosis, diagnose
 from gspure.clustering.selection import SELECTIONS, Selection, select
-from gspure.clustering.store import Clusters, read_clusters, write_clusters
+from gspure.clustering.store import Clusters, read_clusters, read_tree, write_clusters
 from gspure.clustering.tree import coincident_points, spanning_tree
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "coincident_points",
     "diagnose",
     "read_clusters",
+    "read_tree",
     "select",
     "spanning_tree",
     "write_clusters",

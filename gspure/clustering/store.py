@@ -1,4 +1,4 @@
-"""The file ``clusters.npz``."""
+"""The files ``tree.npy`` and ``clusters.npz``, checked here since the kernels of the clustering trust their input."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gspure.artifacts import load_arrays, save_arrays
+from gspure.artifacts import load_array, load_arrays, save_arrays
+from gspure.artifacts.arrays import Kind
 from gspure.clustering.selection import Labels
+from gspure.clustering.tree import Tree
 from gspure.constants import NOISE_LABEL
 from gspure.errors import InputError
 
@@ -37,10 +40,47 @@ def read_clusters(path: Path) -> Clusters:
         If the file is not one that `write_clusters` has written.
 
     """
-    labels, coincident = load_arrays(path, ("labels", "coincident"), "clusters, as .npz").values()
-    if labels.ndim != 1 or labels.dtype != np.int32 or labels.min(initial=NOISE_LABEL) < NOISE_LABEL:
-        found = f"{labels.dtype} {list(labels.shape)}"
-        raise InputError(path, "labels", expected=f"int32 [any], {NOISE_LABEL} or more", found=found)
-    if coincident.ndim or coincident.dtype.kind != "i":
-        raise InputError(path, "coincident", expected="a whole number", found=f"{coincident.dtype} {coincident.shape}")
+    kinds: dict[str, Kind] = {"labels": (np.int32, (None,)), "coincident": (np.integer, ())}
+    labels, coincident = load_arrays(path, kinds, "clusters, as .npz").values()
+    lowest, highest = labels.min(initial=NOISE_LABEL), labels.max(initial=NOISE_LABEL)
+    if lowest < NOISE_LABEL or highest >= len(labels):
+        expected, found = f"{NOISE_LABEL} to {len(labels) - 1}", f"{lowest} to {highest}"
+        raise InputError(path, "labels", expected=expected, found=found)
+    if (sizes := np.bincount(labels[labels != NOISE_LABEL])).min(initial=1) < 1:
+        raise InputError(path, "labels", expected="no empty cluster", found=f"none in cluster {sizes.argmin()}")
+    if not 0 <= coincident <= len(labels):
+        raise InputError(path, "coincident", expected=f"0 to {len(labels)}", found=str(coincident))
     return Clusters(labels, int(coincident))
+
+
+def read_tree(path: Path) -> Tree:
+    """Read a spanning tree [K-1,3] of `gspure.clustering.spanning_tree`.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or does not hold the edges (a, b, distance) of a spanning tree with 0 <= a < b < K,
+        sorted by distance.
+
+    """
+    tree = load_array(path, dtype=np.float64, shape=(None, 3))
+    a, b, distances = tree.T
+    count = len(tree) + 1
+    ordered = (a >= 0) & (a < b) & (b < count) & (np.trunc(a) == a) & (np.trunc(b) == b)
+    sorted_ = np.diff(distances, prepend=0) >= 0
+    for fits, expected in ((ordered, f"rows 0 <= a < b < {count}"), (sorted_, "distances >= 0, ascending")):
+        if not fits.all():
+            edge = int(fits.argmin())
+            raise InputError(path, f"edge {edge}", expected=expected, found=" ".join(map(str, tree[edge])))
+    if (parts := _parts(a, b, count)) > 1:
+        raise InputError(path, "edges", expected="a spanning tree", found=f"{parts} separate parts")
+    return tree
+
+
+def _parts(a: NDArray[np.float64], b: NDArray[np.float64], count: int) -> int:
+    """Return the number of connected components of a graph of `count` points with edges (a, b)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    edges = (np.ones(len(a), np.bool_), (a.astype(np.int32), b.astype(np.int32)))
+    return int(connected_components(coo_array(edges, (count, count)), directed=False, return_labels=False))

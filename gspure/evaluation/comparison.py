@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import write_text
+from gspure.artifacts import verify, write_text
 from gspure.cameras.off_path import PREFIX
 from gspure.errors import InputError, reading
 from gspure.evaluation.controls import BLACK
@@ -136,6 +136,7 @@ def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
 
 def read_metrics(path: Path) -> list[ViewMetrics]:
     """Read ``metrics.csv``, or raise `InputError`."""
+    verify(path)
     with (
         reading(path, "a metrics table"),
         path.open(encoding="utf-8", newline="") as stream,

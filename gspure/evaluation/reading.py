@@ -7,6 +7,7 @@ import math
 from itertools import groupby
 from pathlib import Path
 
+from gspure.artifacts import verify
 from gspure.errors import InputError, reading
 from gspure.evaluation.comparison import ViewMetrics
 from gspure.evaluation.outcomes import Outcome, referred
@@ -24,6 +25,7 @@ def read_table(path: Path) -> list[Outcome]:
         If the file is not such a table.
 
     """
+    verify(path)
     with (
         reading(path, "a table of outcomes"),
         path.open(encoding="utf-8", newline="") as stream,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from gspure.artifacts import write_text
+from gspure.artifacts import verify, write_text
 from gspure.errors import InputError, reading
 
 Cell = str | float | None
@@ -34,6 +34,7 @@ def read_sheet(path: Path, header: Sequence[str], content: str, row: Callable[..
         If the file cannot be read, has another header, or `row` fails with ValueError or TypeError.
 
     """
+    verify(path)
     with (
         reading(path, content),
         path.open(encoding="utf-8", newline="") as stream,

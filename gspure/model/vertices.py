@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement, PlyListProperty
 
+from gspure.artifacts import verify
 from gspure.errors import InputError, reading
 from gspure.model.compressed import CONVERT
 
@@ -42,10 +43,11 @@ class Vertices:
         Raises
         ------
         InputError
-            If the file is no PLY, another element comes first, or a property is a list or has a name that does not
+            If the file differs from its checksum or is no PLY, another element comes first, or a property is a list or has a name that does not
             print.
 
         """
+        verify(path)
         with reading(path, content), path.open("rb") as stream:
             head = io.BytesIO(stream.read(_HEADER_LIMIT))
             # plyfile has no public way to read the header alone, and `PlyData.read` allocates whatever a header claims.

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import load_arrays, save_arrays
+from gspure.artifacts.arrays import Kind
 from gspure.errors import InputError
 from gspure.schemes.secure_gs.networks import PARAMETERS, Networks
 from gspure.schemes.tensors import Tensor, read_tensors, write_tensors
@@ -63,11 +64,12 @@ def write_networks(folder: Path, networks: Networks) -> None:
 
 def read_hidden(folder: Path) -> Loaded:
     """Read the private networks in a folder."""
-    names = [f"{name}.{parameter}" for name in PRIVATE for parameter in PARAMETERS]
-    arrays = load_arrays(Path(folder) / HIDDEN, names, "the private networks of SecureGS")
-    for name, array in arrays.items():
-        if array.dtype != np.float32:
-            raise InputError(Path(folder) / HIDDEN, name, expected="float32 numbers", found=str(array.dtype))
+    kinds: dict[str, Kind] = {
+        f"{name}.{parameter}": (np.float32, (None, None) if parameter.endswith("weight") else (None,))
+        for name in PRIVATE
+        for parameter in PARAMETERS
+    }
+    arrays = load_arrays(Path(folder) / HIDDEN, kinds, "the private networks of SecureGS")
     return {name: {p: arrays[f"{name}.{p}"] for p in PARAMETERS} for name in PRIVATE}
 
 

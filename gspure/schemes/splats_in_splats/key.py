@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import load_arrays, save_arrays
+from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
 from gspure.contributions import GEOMETRY
 from gspure.errors import InputError
@@ -102,16 +103,11 @@ class SplatsInSplatsKey(Key):
         """
         path = Path(folder) / _FILE
         layers = OpacityMapping.fresh(np.random.default_rng(0)).arrays()
-        arrays = load_arrays(path, ["positions", "shift", *layers], "a key of Splats in Splats")
-        shapes: dict[str, list[int | None]] = {name: [*layer.shape] for name, layer in layers.items()}
-        for name, shape in (shapes | {"positions": [None, 3]}).items():
-            array = arrays[name]
-            if array.dtype != np.float32 or [*array.shape] != [n or len(array) for n in shape]:
-                raise InputError(path, name, expected=f"float32 {shape}", found=f"{array.dtype} {list(array.shape)}")
-            if not np.isfinite(array).all():
-                raise InputError(path, name, expected="finite numbers", found="NaN or infinity")
+        kinds: dict[str, Kind] = {name: (np.float32, layer.shape) for name, layer in layers.items()}
+        kinds |= {"positions": (np.float32, (None, 3)), "shift": (np.integer, ())}
+        arrays = load_arrays(path, kinds, "a key of Splats in Splats")
         shift = arrays["shift"]
-        if shift.shape or shift.dtype.kind not in "iu" or not bits.SHIFT_RANGE[0] <= shift <= bits.SHIFT_RANGE[1]:
+        if not bits.SHIFT_RANGE[0] <= shift <= bits.SHIFT_RANGE[1]:
             expected = "a whole number from {} to {}".format(*bits.SHIFT_RANGE)
             raise InputError(path, "shift", expected=expected, found=str(shift))
         mapping = OpacityMapping.of({name: arrays[name] for name in layers})

@@ -1,0 +1,24 @@
+"""Files of results: whole or absent, with a checksum beside them, and checked when they are read."""
+
+from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_arrays
+from gspure.artifacts.checksums import digest, file_digest, intact, provenance_of, verify
+from gspure.artifacts.files import filling, read_json, replacing, write_json, write_text
+from gspure.artifacts.provenance import write_provenance
+
+__all__ = [
+    "digest",
+    "file_digest",
+    "filling",
+    "intact",
+    "load_array",
+    "load_arrays",
+    "provenance_of",
+    "read_json",
+    "replacing",
+    "save_array",
+    "save_arrays",
+    "verify",
+    "write_json",
+    "write_provenance",
+    "write_text",
+]

@@ -1,0 +1,96 @@
+"""Files that are either whole or absent."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from gspure.artifacts.checksums import forget, verify
+from gspure.errors import reading
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield a temporary name beside `path`; on success it replaces `path`, on failure it is removed.
+
+    A reader therefore never sees half a file, and a killed writer leaves the old one in place. The temporary name
+    keeps the suffix, since some writers choose their format by it.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        with _blaming(path, temporary):
+            yield temporary
+            forget(path)
+            temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _blaming(path: Path, temporary: Path) -> Iterator[None]:
+    """Let an error of the file system about `temporary`, or about no file (a full disk), name `path`."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = str(error.filename or temporary).replace(str(temporary), str(path))
+        error.strerror = error.strerror or str(error)
+        raise
+
+
+@contextmanager
+def filling(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder inside `folder`; on success its files move into `folder`, on failure they are removed.
+
+    So files that belong together appear together or not at all. A folder that cannot be written to is refused before
+    any work is done.
+
+    Raises
+    ------
+    OSError
+        If `folder` is a file, or cannot be made or written to.
+
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    temporary = folder / f".{os.getpid()}"
+    try:
+        with _blaming(folder, temporary):
+            temporary.mkdir()
+            yield temporary
+            targets = {file: folder / file.relative_to(temporary) for file in temporary.rglob("*") if file.is_file()}
+            for target in targets.values():
+                forget(target)
+                target.parent.mkdir(parents=True, exist_ok=True)
+            for file, target in targets.items():
+                file.replace(target)
+        made.clear()
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+        for path in made:
+            with suppress(OSError):  # something else stands in it by now
+                path.rmdir()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write `text` as UTF-8, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write `value` as indented JSON with sorted keys, whole or not at all."""
+    write_text(path, json.dumps(value, indent=2, sort_keys=True) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """Read JSON, or raise `InputError` with the line at which it goes wrong."""
+    verify(path)
+    with reading(path, "JSON"):
+        return json.loads(Path(path).read_text(encoding="utf-8"))

@@ -1,0 +1,34 @@
+"""Where a file comes from: a record beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from gspure.artifacts.checksums import file_digest, provenance_file, provenance_of
+from gspure.artifacts.files import write_json
+
+
+def write_provenance(path: Path, *, inputs: Mapping[str, Path], settings: Mapping[str, Any]) -> None:
+    """Write ``<path>.json`` beside an artifact: its digest, those of its inputs, its settings, and the version.
+
+    The digest of an input that has provenance is taken from there: it was verified when the input was read. Inputs that
+    are folders are left out.
+    """
+    from gspure import __version__
+
+    files = {name: Path(source) for name, source in inputs.items() if Path(source).is_file()}
+    record = {
+        "artifact": path.name,
+        "digest": file_digest(path),
+        "gspure": __version__,
+        "inputs": {name: {"file": source.name, "digest": _known_digest(source)} for name, source in files.items()},
+        "settings": dict(settings),
+    }
+    write_json(provenance_file(path), record)
+
+
+def _known_digest(source: Path) -> str:
+    record = provenance_of(source)
+    return record["digest"] if record else file_digest(source)

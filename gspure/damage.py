@@ -1,0 +1,92 @@
+"""Damaged artifacts of a workflow: found by their checksums, and set aside so that the next run makes them again."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from gspure.artifacts import verify
+from gspure.artifacts.checksums import provenance_file
+from gspure.contributions import is_index, read_index, read_stage
+from gspure.errors import InputError
+
+RESULTS: Final = Path("results")
+"""Where the workflow keeps what it makes; files elsewhere are the user's."""
+
+
+def damage_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
+    """Verify all files below some folders that have a checksum, and all stages that an index there lists.
+
+    Returns
+    -------
+    (files, damages) : tuple of int and list of str
+        How many files were verified, and what is wrong with those that are damaged or missing, one line each.
+
+    """
+    below = {path for folder in folders for path in folder.rglob("*")}
+    files = {file for note in below if note.suffix == ".json" and (file := note.with_suffix("")).is_file()}
+    indices = {file for file in below if is_index(file)}
+    stages: set[Path] = set()
+    damages = []
+    for index in sorted(indices):
+        if damage := _damage(index):
+            damages.append(damage)
+        else:
+            stages |= {stage.path.resolve() for stage in read_index(index)}
+    others = {file for file in files - indices if file.resolve() not in stages}
+    damages += filter(None, [_damage(file) for file in sorted(others)])
+    damages += filter(None, [_damage(stage, stored=True) for stage in sorted(stages)])
+    return len(indices) + len(others) + len(stages), damages
+
+
+def set_aside(artifacts: Iterable[Path]) -> list[str]:
+    """Rename damaged artifacts of a workflow to ``NAME.damaged``: as they are missing, the next run makes them again.
+
+    An artifact is a file or a folder; an index is damaged if a stage that it lists is. What is not below `RESULTS` is
+    left alone.
+
+    Returns
+    -------
+    list of str
+        What is wrong with each of them, in one line.
+
+    """
+    found = {artifact: _damage_of(artifact) for artifact in artifacts if RESULTS in artifact.parents}
+    for artifact in (artifact for artifact, damage in found.items() if damage):
+        _rename(artifact)
+    return [damage for damage in found.values() if damage]
+
+
+def _damage_of(artifact: Path) -> str:
+    files = sorted(artifact.rglob("*")) if artifact.is_dir() else [artifact]
+    damages = [damage for file in files if (damage := _damage(file))]
+    if not damages and is_index(artifact):
+        damages = [damage for stage in read_index(artifact) if (damage := _damage(stage.path, stored=True))]
+    return damages[0] if damages else ""
+
+
+def _damage(file: Path, *, stored: bool = False) -> str:
+    """Return what is wrong with a file, which may be a stored stage."""
+    try:
+        if stored:
+            read_stage(file)
+        elif is_index(file):
+            read_index(file)
+        else:
+            verify(file)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _rename(artifact: Path) -> None:
+    if artifact.is_file():
+        provenance_file(artifact).unlink(missing_ok=True)
+    aside = artifact.with_name(f"{artifact.name}.damaged")
+    if aside.is_dir():
+        shutil.rmtree(aside)
+    with suppress(FileNotFoundError):  # it was missing, or another job was quicker
+        artifact.rename(aside)

@@ -1,0 +1,135 @@
+"""Damaged artifacts of a workflow: listed, set aside, and made again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.artifacts import save_array, write_json, write_provenance
+from gspure.cli import main
+from gspure.contributions import Stage, write_index
+from gspure.damage import set_aside
+from gspure.renderer import CONTRIBUTION
+from tests.test_checksums import flipped
+
+SCENE = Path("results/vanilla/room")
+OMEGA = SCENE / "omega.npy"
+INDEX = SCENE / "contributions" / "1-of-1.tsv"
+STAGES = Path("stages/vanilla/room/contributions")
+CAMERAS = Path("results/pairs/room/cameras.json")
+
+
+def noted(path: Path) -> Path:
+    write_provenance(path, inputs={}, settings={})
+    return path
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path, monkeypatch):
+    """A project in which weights have been measured; it is the current folder."""
+    monkeypatch.chdir(tmp_path)
+    stages = [Stage(view, "key", STAGES / f"{view}.key.npy") for view in ("a", "b", "c")]
+    for stage in stages:
+        save_array(stage.path, np.array([(0, 1.5, 0.5, 4), (3, 0.25, 0.25, 1)], CONTRIBUTION))
+        noted(stage.path)
+    write_index(INDEX, stages)
+    noted(INDEX)
+    save_array(OMEGA, np.ones(20, np.float32))
+    noted(OMEGA)
+    write_json(CAMERAS, [{"id": 0}])
+    noted(CAMERAS)
+    benchmark = Path("results/benchmarks/vanilla/room/contributions/1-of-1.tsv")
+    benchmark.parent.mkdir(parents=True)
+    benchmark.write_text("s\th:m:s\n1.0\t0:00:01\n")
+    return tmp_path
+
+
+def verify(capsys, *folder: str) -> tuple[int, list[str]]:
+    status = main(["stages", "--verify", *folder])
+    return status, capsys.readouterr().out.splitlines()
+
+
+def test_an_intact_project_is_verified(capsys):
+    assert verify(capsys) == (0, ["6 files verified, 0 damaged"])
+    assert verify(capsys, "stages") == (0, ["3 files verified, 0 damaged"])
+    assert verify(capsys, "results") == (0, ["6 files verified, 0 damaged"])  # with the stages that the index lists
+
+
+def test_every_damaged_file_is_listed_and_none_is_touched(project, capsys):
+    flipped(OMEGA)
+    flipped(CAMERAS)
+    flipped(STAGES / "a.key.npy")
+    (STAGES / "b.key.npy").unlink()
+    before = {path: path.read_bytes() for path in project.rglob("*") if path.is_file()}
+    status, lines = verify(capsys)
+    assert status == 1
+    assert len(lines) == 5
+    assert lines[-1] == "6 files verified, 4 damaged"
+    for file, found in ((OMEGA, "digest"), (CAMERAS, "digest"), ("a.key.npy", "digest"), ("b.key.npy", "no such file")):
+        assert any(f"{file}: " in line and f"found {found}" in line for line in lines)
+    assert {path: path.read_bytes() for path in project.rglob("*") if path.is_file()} == before
+
+
+def test_an_index_with_a_line_less_and_damaged_provenance_are_listed(capsys):
+    INDEX.write_text("".join(INDEX.read_text().splitlines(keepends=True)[:-1]))
+    Path(f"{OMEGA}.json").write_text("{")
+    status, lines = verify(capsys, "results")
+    assert status == 1
+    assert [line.split(": ")[0] for line in lines[:-1]] == [str(INDEX), f"{OMEGA}.json"]
+
+
+def test_a_folder_that_is_not_there_cannot_be_verified(capsys):
+    assert main(["stages", "--verify", "absent"]) == 2
+    assert "absent: folder: expected" in capsys.readouterr().err
+
+
+def test_stages_are_pruned_by_the_indices_alone(capsys):
+    save_array(STAGES / "a.old.npy", np.zeros(0, CONTRIBUTION))
+    noted(STAGES / "a.old.npy")
+    assert main(["stages", "prune"]) == 0
+    assert capsys.readouterr().out.startswith("2 files deleted, ")
+    assert sorted(path.name for path in STAGES.glob("*.npy")) == ["a.key.npy", "b.key.npy", "c.key.npy"]
+
+
+def test_a_damaged_artifact_is_kept_aside_without_its_checksum():
+    flipped(OMEGA)
+    content = OMEGA.read_bytes()
+    (damage,) = set_aside([INDEX, OMEGA])
+    assert damage.startswith(f"{OMEGA}: content: expected digest")
+    assert (SCENE / "omega.npy.damaged").read_bytes() == content
+    assert not OMEGA.exists()
+    assert not Path(f"{OMEGA}.json").exists()
+    assert INDEX.exists()
+    assert set_aside([INDEX, OMEGA]) == []
+
+
+@pytest.mark.parametrize("damage", [flipped, Path.unlink], ids=["flipped", "removed"])
+def test_an_index_is_set_aside_when_one_of_its_stages_is_damaged(damage):
+    damage(STAGES / "b.key.npy")
+    (found,) = set_aside([INDEX])
+    assert "b.key.npy: " in found
+    assert not INDEX.exists()
+    assert (STAGES / "a.key.npy").exists()
+
+
+def test_a_folder_is_set_aside_as_a_whole_as_often_as_it_is_damaged():
+    for _ in range(2):
+        (SCENE / "key").mkdir()
+        save_array(SCENE / "key" / "carriers.npy", np.ones(3, bool))
+        noted(SCENE / "key" / "carriers.npy")
+        flipped(SCENE / "key" / "carriers.npy")
+        (found,) = set_aside([SCENE / "key"])
+        assert "key/carriers.npy: content" in found
+        assert not (SCENE / "key").exists()
+        kept = sorted(path.name for path in (SCENE / "key.damaged").iterdir())
+        assert kept == ["carriers.npy", "carriers.npy.json"]
+
+
+def test_a_users_own_file_is_never_moved():
+    write_json(Path("views.json"), [])
+    noted(Path("views.json"))
+    flipped(Path("views.json"), 0)
+    assert set_aside([Path("views.json")]) == []
+    assert Path("views.json").is_file()
