@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 import gspure.opencl
 import gspure.renderer
-from gspure.artifacts import digest, intact, load_array, save_array, verify, write_provenance, write_text
-from gspure.artifacts.checksums import provenance_file
+from gspure.artifacts import digest, intact, load_array, save_array, verify, write_text
+from gspure.artifacts.checksums import record_file
 from gspure.cameras import Camera
 from gspure.errors import InputError, reading
 from gspure.model import Gaussians, require_finite
@@ -103,8 +103,7 @@ def contribute(
     if missing:
         contributions = asset.contributions(device, energy)
         for camera, stage in track(missing, "contributions"):
-            save_array(stage.path, contributions(camera))
-            write_provenance(stage.path, inputs={}, settings={"energy": energy, "device": str(device)})
+            save_array(stage.path, contributions(camera), checksum=True)
     computed = f"{len(missing)} of {len(stages)} views computed" + (f" ({damaged} were damaged)" if damaged else "")
     say(f"contributions: {computed}, {len(stages) - len(missing)} already stored")
     return stages
@@ -163,9 +162,9 @@ def require_valid(source: str | Path, stage: NDArray[Any]) -> None:
         Of `source`, naming the first row of the model at fault and its values.
 
     """
-    ascending = np.diff(stage["index"].astype(np.int64), prepend=-1) > 0
-    largest, total, pixels = stage["max"], stage["sum"], stage["pixels"]
-    bounded = (largest >= 0) & (largest <= 1) & (largest <= total) & (total <= pixels) & (pixels > 0)
+    ascending = np.append(True, stage["index"][1:] > stage["index"][:-1])
+    total, largest, pixels = (stage[name].astype(np.float32) for name in ("sum", "max", "pixels"))
+    bounded = (largest >= 0) & (largest <= np.minimum(total, 1)) & (total <= pixels) & (pixels > 0)
     for fits, expected in ((ascending, "ascending indices"), (bounded, "0 <= max <= sum <= pixels and max <= 1")):
         if not fits.all():
             wrong = stage[fits.argmin()]
@@ -223,14 +222,14 @@ def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
 
     Returns
     -------
-    (files, bytes) : tuple of int
+    (stages, bytes) : tuple of int
         How many were deleted and how much room that frees.
 
     """
     listed = {stage.path.resolve() for index in indices for stage in _read_one_index(index)}
-    stages = [path for path in sorted(folder.rglob("*.npy")) if path.resolve() not in listed]
-    unlisted = [file for stage in stages for file in (stage, provenance_file(stage)) if file.exists()]
-    freed = sum(path.stat().st_size for path in unlisted)
-    for path in unlisted:
+    unlisted = [path for path in sorted(folder.rglob("*.npy")) if path.resolve() not in listed]
+    files = [file for stage in unlisted for file in (stage, record_file(stage)) if file.exists()]
+    freed = sum(path.stat().st_size for path in files)
+    for path in files:
         path.unlink()
     return len(unlisted), freed

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from gspure.artifacts import verify
-from gspure.artifacts.checksums import provenance_file
+from gspure.artifacts.checksums import record_file
 from gspure.contributions import is_index, read_index, read_stage
 from gspure.errors import InputError
 
@@ -84,7 +84,7 @@ def _damage(file: Path, *, stored: bool = False) -> str:
 
 def _rename(artifact: Path) -> None:
     if artifact.is_file():
-        provenance_file(artifact).unlink(missing_ok=True)
+        record_file(artifact).unlink(missing_ok=True)
     aside = artifact.with_name(f"{artifact.name}.damaged")
     if aside.is_dir():
         shutil.rmtree(aside)

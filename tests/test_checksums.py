@@ -21,6 +21,7 @@ from gspure.artifacts import (
     write_provenance,
     write_text,
 )
+from gspure.artifacts.checksums import file_checksum
 from gspure.cameras import read_cameras, write_cameras
 from gspure.contributions import read_index, write_index
 from gspure.errors import InputError
@@ -64,11 +65,11 @@ def written(folder: Path, name: str) -> Path:
 def test_a_flipped_bit_is_found_when_the_file_is_read(tmp_path: Path, name: str) -> None:
     path, read = written(tmp_path, name), KINDS[name][1]
     read(path)
-    expected = file_digest(path)
+    expected = file_checksum(path)
     flipped(path)
     with pytest.raises(InputError) as caught:
         read(path)
-    said = f"{path}: content: expected digest {expected}, found digest {file_digest(path)} "
+    said = f"{path}: content: expected CRC-32 {expected}, found {file_checksum(path)} "
     assert str(caught.value).startswith(said)
     assert f"{name}.json" in caught.value.hint
 
@@ -78,7 +79,7 @@ def test_a_folder_that_moves_keeps_its_checksums_and_a_file_copied_alone_has_non
     written(tmp_path / "a", "omega.npy")
     (tmp_path / "a").rename(tmp_path / "b")
     flipped(tmp_path / "b" / "omega.npy")
-    with pytest.raises(InputError, match="expected digest"):
+    with pytest.raises(InputError, match="expected CRC-32"):
         KINDS["omega.npy"][1](tmp_path / "b" / "omega.npy")
     shutil.copy(tmp_path / "b" / "omega.npy", tmp_path / "mine.npy")
     assert len(KINDS["omega.npy"][1](tmp_path / "mine.npy")) == 50
@@ -113,11 +114,11 @@ def test_a_users_json_beside_a_file_is_no_checksum_and_stays(tmp_path: Path) -> 
         lambda text: text[:-20],
         lambda text: "",
         lambda text: "\0" * 80,
-        lambda text: text.replace('"digest"', '"digesu"'),
-        lambda text: text.replace('"settings": {}', '"settings": []'),
+        lambda text: text.replace('"crc32"', '"crc30"'),
+        lambda text: text.replace('"crc32": "', '"crc32": 1, "x": "'),
         lambda text: "[" * 100_000,
     ],
-    ids=["cut", "empty", "zeros", "no digest", "no settings", "deep"],
+    ids=["cut", "empty", "zeros", "no checksum", "a number", "deep"],
 )
 def test_damaged_provenance_is_one_line_that_names_it(tmp_path: Path, edit) -> None:
     path = written(tmp_path, "omega.npy")

@@ -157,7 +157,7 @@ def test_pruning_stages_deletes_what_no_index_lists_and_says_how_much(asset, cap
     stale = sum(path.stat().st_size for path in (asset / "stages").iterdir())
     main([*command, *folders, "--energy", "ray"])
     assert main(["stages", "prune", "--stages", str(asset / "stages"), "--results", str(asset / "results")]) == 0
-    assert f"7 files deleted, {stale} bytes" in capsys.readouterr().out
+    assert f"7 stages deleted, {stale} bytes" in capsys.readouterr().out
     assert all(read_stage(stage.path).size for stage in read_index(index))
 
 

@@ -67,8 +67,8 @@ def test_every_damaged_file_is_listed_and_none_is_touched(project, capsys):
     assert status == 1
     assert len(lines) == 5
     assert lines[-1] == "6 files verified, 4 damaged"
-    for file, found in ((OMEGA, "digest"), (CAMERAS, "digest"), ("a.key.npy", "digest"), ("b.key.npy", "no such file")):
-        assert any(f"{file}: " in line and f"found {found}" in line for line in lines)
+    for file, found in ((OMEGA, "CRC-32"), (CAMERAS, "CRC-32"), ("a.key.npy", "CRC-32"), ("b.key.npy", "no such file")):
+        assert any(f"{file}: " in line and found in line for line in lines)
     assert {path: path.read_bytes() for path in project.rglob("*") if path.is_file()} == before
 
 
@@ -89,7 +89,7 @@ def test_stages_are_pruned_by_the_indices_alone(capsys):
     save_array(STAGES / "a.old.npy", np.zeros(0, CONTRIBUTION))
     noted(STAGES / "a.old.npy")
     assert main(["stages", "prune"]) == 0
-    assert capsys.readouterr().out.startswith("2 files deleted, ")
+    assert capsys.readouterr().out.startswith("1 stages deleted, ")
     assert sorted(path.name for path in STAGES.glob("*.npy")) == ["a.key.npy", "b.key.npy", "c.key.npy"]
 
 
@@ -97,7 +97,7 @@ def test_a_damaged_artifact_is_kept_aside_without_its_checksum():
     flipped(OMEGA)
     content = OMEGA.read_bytes()
     (damage,) = set_aside([INDEX, OMEGA])
-    assert damage.startswith(f"{OMEGA}: content: expected digest")
+    assert damage.startswith(f"{OMEGA}: content: expected CRC-32")
     assert (SCENE / "omega.npy.damaged").read_bytes() == content
     assert not OMEGA.exists()
     assert not Path(f"{OMEGA}.json").exists()

@@ -1,7 +1,7 @@
 """Files of results: whole or absent, with a checksum beside them, and checked when they are read."""
 
 from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_arrays
-from gspure.artifacts.checksums import digest, file_digest, intact, provenance_of, verify
+from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
 from gspure.artifacts.files import filling, read_json, replacing, write_json, write_text
 from gspure.artifacts.provenance import write_provenance
 
@@ -12,8 +12,8 @@ __all__ = [
     "intact",
     "load_array",
     "load_arrays",
-    "provenance_of",
     "read_json",
+    "record_of",
     "replacing",
     "save_array",
     "save_arrays",

@@ -32,12 +32,12 @@ _HEADERS: Final = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_hea
 _PACKINGS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
-def save_array(path: Path, array: NDArray[Any]) -> None:
-    """Write one array as .npy, whole or not at all, without pickle."""
+def save_array(path: Path, array: NDArray[Any], *, checksum: bool = False) -> None:
+    """Write one array as .npy, whole or not at all, without pickle; with a checksum beside it, if asked to."""
     if array.dtype.hasobject:
         raise ValueError("an array of objects cannot be saved without pickle")
     array = np.asarray(array, order="C")
-    with replacing(path) as temporary, temporary.open("wb") as stream:
+    with replacing(path, checksum=checksum) as temporary, temporary.open("wb") as stream:
         # Not np.save, whose `tofile` drops the reason when a disk is full.
         npy.write_array_header_1_0(stream, npy.header_data_from_array_1_0(array))
         stream.write(array.data)

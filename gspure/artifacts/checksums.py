@@ -1,13 +1,14 @@
-"""Checksums of files: each lies in the provenance beside its file, ``FILE.json``, and is verified when FILE is read.
+"""Checksums of files: each lies in a record beside its file, ``FILE.json``, and is verified when FILE is read.
 
-Provenance and file move together when a folder is moved. A file that is copied without its provenance, or that a user
-made, has no checksum and is read as it is.
+Record and file move together when a folder is moved. A file that is copied without its record, or that a user made, has
+no checksum and is read as it is. CRC-32 finds damage, several times faster than digests that withstand forgery.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import zlib
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.errors import InputError, reading
+
+_BLOCK = 1 << 20
 
 
 def digest(*parts: bytes | str | NDArray[Any]) -> str:
@@ -33,73 +36,81 @@ def digest(*parts: bytes | str | NDArray[Any]) -> str:
 
 
 def file_digest(path: Path) -> str:
-    """Return the digest of a file's bytes."""
+    """Return the digest of a file's bytes, which identifies its content."""
     with Path(path).open("rb") as stream:
         return hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
-def provenance_of(path: Path) -> dict[str, Any] | None:
-    """Return the provenance of a file (see `gspure.artifacts.write_provenance`), or None if it has none.
-
-    Raises
-    ------
-    InputError
-        If the provenance is damaged.
-
-    """
-    file = provenance_file(path)
-    if not file.is_file():
-        return None
-    with reading(file, "provenance, as JSON"):
-        record = json.loads(file.read_text(encoding="utf-8"))
-    match record:
-        case {"artifact": str(), "digest": str(), "inputs": dict(), "settings": dict()}:
-            return dict(record)
-        case {"artifact": _} | {"digest": _}:
-            expected = "artifact, digest, inputs and settings"
-            raise InputError(file, "provenance", expected=expected, found=", ".join(record))
-    return None
+def file_checksum(path: Path) -> str:
+    """Return the CRC-32 of a file's bytes, as eight hexadecimal digits."""
+    checksum, block = 0, bytearray(_BLOCK)
+    with Path(path).open("rb", buffering=0) as stream:
+        while size := stream.readinto(block):
+            checksum = zlib.crc32(memoryview(block)[:size], checksum)
+    return f"{checksum:08x}"
 
 
-def provenance_file(path: Path) -> Path:
-    """Return where the provenance of a file lies."""
+def record_file(path: Path) -> Path:
+    """Return where the record of a file lies."""
     return Path(f"{path}.json")
 
 
-def verify(path: Path) -> None:
-    """Check that a file is what it was when its provenance was written; one without provenance passes.
+def record_of(path: Path) -> dict[str, Any] | None:
+    """Return the record of a file: `artifact`, its name; `crc32`; and its provenance, if any. None without a record.
 
     Raises
     ------
     InputError
-        If the file or its provenance is damaged.
+        If the record is damaged.
 
     """
-    record = provenance_of(path)
+    file = record_file(path)
+    if not file.is_file():
+        return None
+    with reading(file, "a checksum, as JSON"):
+        record = json.loads(file.read_text(encoding="utf-8"))
+    match record:
+        case {"artifact": str(), "crc32": str()}:
+            return dict(record)
+        case {"artifact": _} | {"crc32": _}:
+            raise InputError(file, "crc32", expected="a checksum", found=", ".join(record))
+    return None  # some other JSON file
+
+
+def verify(path: Path) -> None:
+    """Check a file against its checksum; a file without one passes.
+
+    Raises
+    ------
+    InputError
+        If the file or its record is damaged.
+
+    """
+    record = record_of(path)
     if record is None or not Path(path).exists():
         return
     with reading(path, "a readable file"):
-        found = file_digest(path)
-    if found != record["digest"]:
-        hint = f"damaged or edited; if edited on purpose, delete {provenance_file(path).name}"
-        raise InputError(path, "content", expected=f"digest {record['digest']}", found=f"digest {found}", hint=hint)
+        found = file_checksum(path)
+    if found != record["crc32"]:
+        hint = f"damaged or edited; if edited on purpose, delete {record_file(path).name}"
+        raise InputError(path, "content", expected=f"CRC-32 {record['crc32']}", found=found, hint=hint)
 
 
 def intact(path: Path) -> bool:
     """Return whether a file is there, has a checksum, and agrees with it."""
     try:
         verify(path)
-        return Path(path).exists() and provenance_of(path) is not None
+        return Path(path).exists() and record_of(path) is not None
     except InputError:
         return False
 
 
 def forget(path: Path) -> None:
-    """Remove the provenance of a file that is about to be replaced.
+    """Remove the record of a file that is about to be replaced.
 
     A writer that is killed then leaves a file without checksum, never one with the checksum of another. A file of that
-    name that is no provenance stays.
+    name that is no record stays.
     """
     with suppress(InputError):
-        if provenance_of(path) is not None:
-            provenance_file(path).unlink(missing_ok=True)
+        if record_of(path) is not None:
+            record_file(path).unlink(missing_ok=True)

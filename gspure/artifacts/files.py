@@ -10,16 +10,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from gspure.artifacts.checksums import forget, verify
+from gspure.artifacts.checksums import file_checksum, forget, record_file, verify
 from gspure.errors import reading
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *, checksum: bool = False) -> Iterator[Path]:
     """Yield a temporary name beside `path`; on success it replaces `path`, on failure it is removed.
 
     A reader therefore never sees half a file, and a killed writer leaves the old one in place. The temporary name
-    keeps the suffix, since some writers choose their format by it.
+    keeps the suffix, since some writers choose their format by it. With `checksum`, the file is never there without its
+    checksum.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -27,7 +28,10 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         with _blaming(path, temporary):
             yield temporary
-            forget(path)
+            if checksum:
+                write_json(record_file(path), {"artifact": path.name, "crc32": file_checksum(temporary)})
+            else:
+                forget(path)
             temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

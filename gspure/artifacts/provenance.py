@@ -6,29 +6,30 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gspure.artifacts.checksums import file_digest, provenance_file, provenance_of
+from gspure.artifacts.checksums import file_checksum, file_digest, record_file, record_of
 from gspure.artifacts.files import write_json
 
 
 def write_provenance(path: Path, *, inputs: Mapping[str, Path], settings: Mapping[str, Any]) -> None:
-    """Write ``<path>.json`` beside an artifact: its digest, those of its inputs, its settings, and the version.
+    """Write ``<path>.json`` beside an artifact: checksum, digest, digests of its inputs, settings, and the version.
 
-    The digest of an input that has provenance is taken from there: it was verified when the input was read. Inputs that
-    are folders are left out.
+    The digest of an input that has provenance is taken from there, as the input was verified when it was read. Inputs
+    that are folders are left out.
     """
     from gspure import __version__
 
     files = {name: Path(source) for name, source in inputs.items() if Path(source).is_file()}
     record = {
         "artifact": path.name,
+        "crc32": file_checksum(path),
         "digest": file_digest(path),
         "gspure": __version__,
         "inputs": {name: {"file": source.name, "digest": _known_digest(source)} for name, source in files.items()},
         "settings": dict(settings),
     }
-    write_json(provenance_file(path), record)
+    write_json(record_file(path), record)
 
 
 def _known_digest(source: Path) -> str:
-    record = provenance_of(source)
-    return record["digest"] if record else file_digest(source)
+    known = (record_of(source) or {}).get("digest")
+    return known if isinstance(known, str) else file_digest(source)

@@ -67,6 +67,6 @@ def _prune(stages: Path, results: Path) -> int:
     if not indices:
         hint = "to drop every stage, delete the folder of stages"
         raise InputError(results, "contributions/*.tsv", expected="at least one index", found="none", hint=hint)
-    files, freed = remove_unlisted(stages, indices)
-    print(f"{files} files deleted, {freed} bytes ({freed / 1e6:.1f} MB) freed")
+    count, freed = remove_unlisted(stages, indices)
+    print(f"{count} stages deleted, {freed} bytes ({freed / 1e6:.1f} MB) freed")
     return 0

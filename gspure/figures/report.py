@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from gspure.artifacts import provenance_of, read_json, write_text
+from gspure.artifacts import read_json, record_of, write_text
 from gspure.errors import InputError, reading
 from gspure.evaluation.contest import Contest
 from gspure.evaluation.matched import Matched
@@ -199,8 +199,8 @@ def _require_owner(files: Iterable[Path], keys: Sequence[tuple[str, str]]) -> No
 def _picture(file: Path) -> Picture:
     from PIL import Image
 
-    record = provenance_of(file)
-    caption = record["settings"].get("caption", "") if record else ""
+    note = file.with_name(file.name + ".json")
+    caption = _record(note)["settings"].get("caption", "") if note.exists() else ""
     with reading(file, "a PNG image"), Image.open(file) as image:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
         data = _embedded(image.convert("RGB"))
@@ -209,9 +209,11 @@ def _picture(file: Path) -> Picture:
 
 
 def _record(file: Path) -> dict[str, Any]:
-    if file.suffix != ".json" or (record := provenance_of(file.with_suffix(""))) is None:
-        raise InputError(file, "file", expected="provenance beside its file", found="none")
-    return record
+    record = (record_of(file.with_suffix("")) if file.suffix == ".json" else None) or {}
+    match record:
+        case {"digest": str(), "settings": dict()}:
+            return record
+    raise InputError(file, "file", expected="provenance beside its file", found="none")
 
 
 def _embedded(image: Any) -> str:
