@@ -43,8 +43,8 @@ class Vertices:
         Raises
         ------
         InputError
-            If the file differs from its checksum or is no PLY, another element comes first, or a property is a list or has a name that does not
-            print.
+            If the file differs from its checksum or is no PLY, another element comes first, or a property is a list or
+            has a name that does not print.
 
         """
         verify(path)
