@@ -2,16 +2,19 @@ import os
 import shlex
 import sys
 
+from gspure.artifacts import file_digest
 from gspure.attacks import find_attack
 from gspure.configuration import GENERATED, resolved, validated
 from gspure.errors import InputError
 from gspure.evaluation.controls import CONTROLS
 from gspure.failures import note_of
 from gspure.opencl.program import kernel_digest
+from gspure.report.templates import TEMPLATES
 from gspure.schemes.registry import find_scheme
 from gspure.sources import code_digest
 
 KERNELS = kernel_digest()
+TEMPLATE_DIGESTS = [file_digest(path) for path in TEMPLATES]
 
 
 source = ", ".join(map(os.path.relpath, workflow.configfiles)) or "--config"

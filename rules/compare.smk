@@ -15,6 +15,7 @@ rule match_damage:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.matched"),
+        templates=TEMPLATE_DIGESTS,
         sweeps=SWEEPS,
     message:
         "Comparing attacks at equal damage to the scene"
@@ -38,6 +39,7 @@ rule hold_contest:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.contest"),
+        templates=TEMPLATE_DIGESTS,
         sweeps=SWEEPS,
     message:
         "Comparing GSPure with every other attack"

@@ -136,6 +136,7 @@ rule tabulate_metrics:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.table"),
+        templates=TEMPLATE_DIGESTS,
     message:
         "Tabulating all variants"
     shell:

@@ -1,5 +1,5 @@
 from gspure.artifacts import digest
-from gspure.evaluation.controls import FLOORS, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
 from gspure.training.dataset import POINT_FILES
 
 CAMERA_FILES = ["cameras.bin", "images.bin", "cameras.txt", "images.txt"]
@@ -230,8 +230,8 @@ def targets(wildcards):
 
 
 def renders(wildcards):
-    """The folders of images of a variant; those of the watermarked model say which views a floor is of."""
-    variant = "watermarked" if wildcards.variant in FLOORS else wildcards.variant
+    """The folders of images of a variant; a baseline covers the views of the watermarked model."""
+    variant = "watermarked" if wildcards.variant in BASELINES else wildcards.variant
     folder = f"results/{wildcards.scheme}/{wildcards.scene}/{variant}/renders"
     return [f"{folder}/{target}" for target in targets(wildcards)]
 
@@ -248,8 +248,8 @@ def references(wildcards):
 def comparison_options(wildcards):
     """What images are compared with, and what stands in for what."""
     assigned = [f"--against {name}=message" for name in [*EXTRACTIONS.get(wildcards.scheme, [])][1:]]
-    floor = [f"--floor {wildcards.variant}"] if wildcards.variant in FLOORS else []
-    return " ".join([f"--reference {'render' if wildcards.scheme == 'vanilla' else 'truth'}", *assigned, *floor])
+    baseline = [f"--baseline {wildcards.variant}"] if wildcards.variant in BASELINES else []
+    return " ".join([f"--reference {'render' if wildcards.scheme == 'vanilla' else 'truth'}", *assigned, *baseline])
 
 
 def shown_folders(wildcards):

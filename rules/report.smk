@@ -1,7 +1,3 @@
-from gspure.artifacts import file_digest
-from gspure.figures.report import TEMPLATE
-
-
 rule write_report:
     input:
         table="results/tables/results.csv",
@@ -29,7 +25,7 @@ rule write_report:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.report"),
-        template=file_digest(TEMPLATE),
+        templates=TEMPLATE_DIGESTS,
         figures=[*figure_files(), *scheme_figures()],
         provenance=lambda wildcards, input: [
             f"{path}.json"

@@ -13,10 +13,10 @@ from gspure.artifacts import file_digest
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, contest, read_contest, write_contest
-from gspure.evaluation.contest_markdown import contest_markdown
+from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.evaluation.survival import survival
-from gspure.evaluation.tables import write_table
+from gspure.report.tables import contest_markdown, rivals_table, survival_table
 from tests.contest_cases import attacked, benchmark, outcome
 
 SCENES = benchmark(
@@ -45,14 +45,14 @@ def test_each_rival_is_compared_in_score_message_and_scene() -> None:
 def test_an_attack_that_does_exactly_the_same_differs_by_nothing_and_p_is_1() -> None:
     twin = by_rival(contest(SCENES, {}))["twin"]
     assert tuple(twin.difference[:3]) == (0.0, 0.0, 0.0)
-    assert (twin.p, twin.adjusted) == (1.0, 1.0)
+    assert (twin.p, twin.p_adjusted) == (1.0, 1.0)
 
 
 def test_p_values_are_corrected_for_all_rivals_and_say_what_they_could_be() -> None:
     rows = by_rival(contest(SCENES, {}))
     assert rows["better"].p == 2 / 2**6
-    assert rows["better"].adjusted == pytest.approx(3 * 2 / 2**6)
-    assert [row.attainable for row in rows.values()] == pytest.approx([3 * 2 / 2**6] * 3)
+    assert rows["better"].p_adjusted == pytest.approx(3 * 2 / 2**6)
+    assert [row.p_attainable for row in rows.values()] == pytest.approx([3 * 2 / 2**6] * 3)
     assert all(math.isnan(row.p) for row in contest(SCENES, {}) if row.quantity != SCORE)
 
 
@@ -68,7 +68,7 @@ def test_the_order_of_outcomes_does_not_matter(drops, seeds, random) -> None:
     outcomes = benchmark(drops, seeds)
     rows, shuffled = (contest(o, {}) for o in (outcomes, random.sample(outcomes, len(outcomes))))
     assert sorted(map(repr, rows)) == sorted(map(repr, shuffled))
-    assert all(row.adjusted >= row.p and row.adjusted >= row.attainable for row in by_rival(rows).values())
+    assert all(row.p_adjusted >= row.p and row.p_adjusted >= row.p_attainable for row in by_rival(rows).values())
 
 
 def test_seeds_of_a_scene_belong_together_and_are_counted_as_cells() -> None:
@@ -141,7 +141,7 @@ def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
 
 
 def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path) -> None:
-    write_table(tmp_path / "results.csv", SCENES)
+    write_results(tmp_path / "results.csv", SCENES)
     files = {"--table": "results.csv", "--out": "contest.csv", "--survival": "survival.csv", "--markdown": "contest.md"}
     words = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
     assert main(["contest", *words, "--sweep", "theirs=weaker,better"]) == 0
@@ -155,11 +155,25 @@ def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path)
         assert record["digest"] == file_digest(tmp_path / name)
 
 
-def test_the_markdown_tells_what_is_left_and_the_differences() -> None:
-    lines = contest_markdown(survival(SCENES), contest(SCENES, {})).splitlines()
-    assert lines[0] == "### sis"
-    (told,) = (line for line in lines if line.startswith("| better | 14.50"))
-    assert told.split(" | ")[3] == "6 of 6"
-    (against,) = (line for line in lines if line.startswith("| better | -2.50 ["))
-    assert against.endswith("| 0.094 (0.094) |")
-    assert "No model" in contest_markdown([], [])
+def test_the_tables_hold_survival_and_differences() -> None:
+    left = {str(row.cells[0]): [str(cell) for cell in row.cells] for row in survival_table(survival(SCENES)).rows}
+    assert left["better"][1].startswith("14.50 [")
+    assert left["better"][3] == "6 of 6"
+    rivals = {
+        str(row.cells[0]): row.cells
+        for row in rivals_table(
+            list(by_rival(contest(SCENES, {})).values())
+            + [row for row in contest(SCENES, {}) if row.quantity != SCORE and math.isnan(row.damage)]
+        ).rows
+    }
+    assert str(rivals["better"][1]).startswith("−2.50 [")
+    assert str(rivals["better"][-1]) == "0.094 (≥ 0.094)"
+    assert contest_markdown([], []).startswith("No model with a message")
+
+
+def test_with_one_scene_the_tables_have_no_p_and_no_detectability() -> None:
+    one = [o for o in SCENES if o.scene == "s0"]
+    text = contest_markdown(survival(one), contest(one, {}))
+    assert "detectability" not in text.lower()
+    assert "| p" not in text
+    assert "one scene" in text

@@ -27,6 +27,7 @@ LAYERS = (
     {"method"},
     {"attacks"},
     {"figures"},
+    {"report"},
     {"sources", "configuration", "decisions"},
     {"cli"},
 )

@@ -11,19 +11,19 @@ from matplotlib.axes import Axes
 from PIL import Image
 
 from gspure.cli import main
-from gspure.evaluation.comparison import ViewMetrics
 from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.tables import write_table
+from gspure.evaluation.results import write_results
 from gspure.figures import lineup, style
 from gspure.figures.lineup import COLUMNS, Column, chosen, typical, write_lineup
 from gspure.images import write_image
+from tests.contest_cases import measured
 
 PHOTOGRAPH = np.full((6, 8, 3), 0.5, np.float32)
 
 
 def outcome(variant, scene=30.0, message=30.0, **known):
     reference, targets = (
-        {name: ViewMetrics(name, "mean", psnr, 0.9, "truth") for name, psnr in (("scene", a), ("message", b))}
+        {name: measured(name, psnr) for name, psnr in (("scene", a), ("message", b))}
         for a, b in ((30.0, 30.0), (scene, message))
     )
     return Outcome("planted", "room", variant, targets, dict.fromkeys(targets, 3), reference=reference, **known)
@@ -88,7 +88,7 @@ def test_many_columns_go_on_below_and_keep_their_size(tmp_path):
 def results(tmp_path):
     outcomes = [outcome("watermarked"), outcome("noise", reached={"message": False})]
     outcomes += [Outcome("planted", "room", "gof", {}, {}, failure="no memory")]
-    write_table(tmp_path / "results.csv", outcomes)
+    write_results(tmp_path / "results.csv", outcomes)
     for target in ("scene", "message"):
         for i, view in enumerate("abc"):
             write_image(tmp_path / "truth" / target / f"{view}.png", PHOTOGRAPH)

@@ -1,4 +1,4 @@
-"""Attacks at equal damage: the table over scenes, and how it is told."""
+"""Attacks at equal damage: the records over scenes, and their table."""
 
 import csv
 from pathlib import Path
@@ -7,13 +7,13 @@ import pytest
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import TRUTH, ViewMetrics
-from gspure.evaluation.matched import match, matched_markdown, most, read_matched, write_matched
+from gspure.evaluation.matched import match, read_matched, write_matched
 from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
-from gspure.evaluation.tables import write_table
+from gspure.report.tables import matched_markdown, matched_table
+from tests.contest_cases import BEFORE, measured
 
-BEFORE = {"scene": 30.0, "message": 28.0}
 SWEEPS = {"ours": ["weak", "strong"], "theirs": ["other", "absent"]}
 
 
@@ -23,8 +23,8 @@ def outcomes(**drops: dict[str, tuple[float, float]]) -> list[Outcome]:
     for scene, variants in drops.items():
         for variant, (of_scene, of_message) in {"watermarked": (0.0, 0.0), **variants}.items():
             after = {"scene": BEFORE["scene"] - of_scene, "message": BEFORE["message"] - of_message}
-            targets = {name: ViewMetrics(name, "mean", psnr, 0.9, TRUTH) for name, psnr in after.items()}
-            reference = {name: ViewMetrics(name, "mean", psnr, 0.9, TRUTH) for name, psnr in BEFORE.items()}
+            targets = {name: measured(name, psnr) for name, psnr in after.items()}
+            reference = {name: measured(name, psnr) for name, psnr in BEFORE.items()}
             found.append(Outcome("sis", scene, variant, targets, dict.fromkeys(targets, 3), reference=reference))
     return found
 
@@ -52,8 +52,9 @@ def test_where_no_strength_damages_a_scene_as_much_the_most_that_was_taken_count
     ours, theirs = cells(rows, "ours")[2.0], cells(rows, "theirs")[2.0]
     assert ours.drop.mean == pytest.approx((15.0 + 8.0) / 2)
     assert (ours.gentle, theirs.gentle) == (1, 0)
-    assert str(ours) == "≥ 11.50 (2 scenes: 8.00 to 15.00)"
-    assert most([[ours], [theirs]]) == [ours]
+    shown = {str(row.cells[0]): row.cells[-1] for row in matched_table(rows).rows}
+    assert str(shown["ours"]) == "≥ 11.50 (8.00 to 15.00)"
+    assert (shown["ours"].best, shown["theirs"].best) == (True, False)
 
 
 def test_an_attack_of_one_strength_is_compared_between_none_and_that_one() -> None:
@@ -74,17 +75,15 @@ def test_models_without_a_message_have_no_rows() -> None:
     assert match(scene_only, SWEEPS) == []
 
 
-def test_the_markdown_marks_the_most_at_each_damage() -> None:
-    lines = matched_markdown(match(TWO, SWEEPS)).splitlines()
-    assert lines[0] == "### sis"
-    assert lines[2] == "| attack | strengths | 0.3 dB | 0.7 dB | 1.5 dB | 2 dB |"
-    marked = {line.split("|")[1].strip(): line.count("**") // 2 for line in lines if line.startswith("| ")}
-    assert (marked["ours"], marked["theirs"]) == (4, 0)
-    assert "No attack" in matched_markdown([])
+def test_the_table_marks_the_largest_drop_at_each_damage() -> None:
+    table = matched_table(match(TWO, SWEEPS))
+    assert [column.title for column in table.columns[2:]] == ["0.3 dB", "0.7 dB", "1.5 dB", "2 dB"]
+    assert {str(row.cells[0]): sum(cell.best for cell in row.cells) for row in table.rows} == {"ours": 4, "theirs": 0}
+    assert matched_markdown([]).startswith("No model with a message")
 
 
 def test_the_command_writes_both_tables(tmp_path: Path) -> None:
-    write_table(tmp_path / "results.csv", TWO)
+    write_results(tmp_path / "results.csv", TWO)
     files = {name: tmp_path / name for name in ("matched.csv", "matched.md")}
     words = ["--table", tmp_path / "results.csv", "--out", files["matched.csv"], "--markdown", files["matched.md"]]
     sweeps = [word for name, variants in SWEEPS.items() for word in ("--sweep", f"{name}={','.join(variants)}")]
@@ -100,7 +99,6 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     rows = match(TWO, SWEEPS)
     write_matched(tmp_path / "matched.csv", rows)
     read = read_matched(tmp_path / "matched.csv")
-    assert [str(row) for row in read] == [str(row) for row in rows]
     assert matched_markdown(read) == matched_markdown(rows)
 
 

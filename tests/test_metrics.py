@@ -11,10 +11,11 @@ from hypothesis.extra import numpy as hnp
 from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, means, pair_images, read_metrics, write_metrics
+from gspure.evaluation.comparison import RENDER, means, pair_images, read_metrics, write_metrics
 from gspure.evaluation.metrics import gaussian_window, psnr, ssim
 from gspure.evaluation.recall import adjusted_rand_index, recall
 from gspure.images import read_image, write_image
+from tests.contest_cases import measured
 
 IMAGES = hnp.arrays(np.uint8, st.tuples(st.integers(1, 16), st.integers(1, 16), st.just(3))).map(lambda a: a / 255.0)
 
@@ -135,7 +136,7 @@ def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: 
     assert {row.reference for row in rows} == {"truth"}
     one, other = read_image(a / "scene" / "002.png"), read_image(b / "scene" / "002.png")
     assert rows[3].psnr == pytest.approx(psnr(one, other), abs=1e-6)
-    assert rows[3].ssim == pytest.approx(ssim(one, other), abs=1e-8)
+    assert rows[3].values["ssim"] == pytest.approx(ssim(one, other), abs=1e-8)
     assert read_json(tmp_path / "metrics.csv.json")["inputs"].keys() == {str(p) for p in tmp_path.rglob("*.png")}
     last = capsys.readouterr().out.splitlines()[-1].split()
     assert last[0] == "scene/mean"
@@ -180,15 +181,15 @@ def test_a_folder_without_images_is_refused(tmp_path: Path, empty: bool) -> None
 
 
 def test_metrics_table_round_trip_keeps_infinite_psnr(tmp_path: Path) -> None:
-    rows = [ViewMetrics("scene", "1,5", float("inf"), 1.0, TRUTH), ViewMetrics("scene", "2", 31.25, 0.5, RENDER)]
+    rows = [measured("scene", np.inf, 1.0, view="1,5"), measured("scene", 31.25, 0.5, RENDER, "2")]
     write_metrics(tmp_path / "metrics.csv", rows)
     assert read_metrics(tmp_path / "metrics.csv") == rows
 
 
 def test_mean_psnr_is_that_of_the_views_that_differ() -> None:
-    same, other = ViewMetrics("scene", "1", float("inf"), 1.0, TRUTH), ViewMetrics("scene", "2", 31.25, 0.5, TRUTH)
-    assert means([same, other]) == [ViewMetrics("scene", "mean", 31.25, 0.75, TRUTH)]
-    assert means([same, same]) == [ViewMetrics("scene", "mean", float("inf"), 1.0, TRUTH)]
+    same, other = measured("scene", np.inf, 1.0, view="1"), measured("scene", 31.25, 0.5, view="2")
+    assert means([same, other]) == [measured("scene", 31.25, 0.75)]
+    assert means([same, same]) == [measured("scene", np.inf, 1.0)]
 
 
 HEADER = "target,view,reference,psnr,ssim\n"
@@ -200,7 +201,7 @@ HEADER = "target,view,reference,psnr,ssim\n"
 )
 def test_a_broken_metrics_table_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "metrics.csv").write_text(text)
-    with pytest.raises(InputError, match=r"metrics\.csv: (header|file|reference): expected"):
+    with pytest.raises(InputError, match=r"metrics\.csv: (header|file|rows?): expected"):
         read_metrics(tmp_path / "metrics.csv")
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from gspure.evaluation.comparison import ViewMetrics
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.statistics import Interval
 from gspure.figures import factors, lineup, panels, plots, style, tradeoff
+from tests.contest_cases import measured
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
@@ -56,10 +56,10 @@ def test_odd_weights_have_a_histogram_too(tmp_path: Path, weights: np.ndarray) -
 
 
 def outcome(variant: str, scene: float, message: float | None = None, scheme: str = "planted") -> Outcome:
-    targets, reference = {"scene": ViewMetrics("scene", "mean", scene, 0.9)}, {}
+    targets, reference = {"scene": measured("scene", scene)}, {}
     if message is not None:
-        targets["message"] = ViewMetrics("message", "mean", message, 0.8)
-        reference = {name: ViewMetrics(name, "mean", 30.0, 1.0) for name in targets}
+        targets["message"] = measured("message", message, 0.8)
+        reference = {name: measured(name, 30.0, 1.0) for name in targets}
     return Outcome(scheme, "room", variant, targets, dict.fromkeys(targets, 3), reference=reference)
 
 
@@ -72,7 +72,7 @@ def test_outcomes_show_both_targets_and_the_score(tmp_path: Path, drawn) -> None
     bars = [[bar.get_width() for bar in container] for container in drawn[0].axes[0].containers]
     assert bars == [[30, 29], [30, 12.5]]
     assert {"+0.00", "+16.50", "Score"} <= set(texts(drawn[0]))
-    assert [label.get_text() for label in drawn[0].axes[0].get_yticklabels()] == ["watermarked", "GSPure"]
+    assert [label.get_text() for label in drawn[0].axes[0].get_yticklabels()] == ["unattacked", "GSPure"]
 
 
 def test_outcomes_without_a_key_show_the_scene_alone(tmp_path: Path, drawn) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gspure.cli import main
+from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import Interval
-from gspure.evaluation.tables import write_table
 from gspure.figures.factors import Point, curve, write_factor_curves
 from gspure.figures.tradeoff import places, write_tradeoff
 from tests.test_matched import outcomes
@@ -75,7 +75,7 @@ def test_neighbours_on_the_front_share_their_number(tmp_path: Path, drawn) -> No
 
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
-    write_table(tmp_path / "results.csv", TWO)
+    write_results(tmp_path / "results.csv", TWO)
     return tmp_path / "results.csv"
 
 

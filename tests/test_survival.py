@@ -1,4 +1,4 @@
-"""What is left of the message: told against the controls of the same scene, and against those of all."""
+"""Survival of the message: against the floor of the same scene, and against message-free models of all scenes."""
 
 import math
 from pathlib import Path
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gspure.errors import InputError
 from gspure.evaluation.statistics import detectability
-from gspure.evaluation.survival import MARGIN, read_survival, survival, write_survival
+from gspure.evaluation.survival import MARGIN, floor, read_survival, survival, write_survival
 from tests.contest_cases import BEFORE, CONTROLS, attacked, benchmark, outcome
 
 FOUR = benchmark({f"s{i}": {"gone": (2.0, 20.0), "left": (1.0, 5.0), "half": (1.0, 5.0 * i)} for i in range(4)})
@@ -28,9 +28,19 @@ def test_a_message_survives_where_it_stands_out_from_the_highest_control_of_its_
         "left": True,
         "half": True,
     }
-    assert rows["left"].above_controls.mean == BEFORE["message"] - 5 - CONTROLS["mean_colour"]
+    assert rows["left"].above_floor.mean == BEFORE["message"] - 5 - CONTROLS["mean_colour"]
     assert (rows["gone"].survived, rows["left"].survived) == (0, 4)
-    assert rows["gone"].above_controls.mean == -2.0
+    assert rows["gone"].above_floor.mean == -2.0
+
+
+def test_the_floor_is_the_highest_control_without_the_message_in_every_scene() -> None:
+    assert floor(FOUR) == {(f"s{i}", 0): CONTROLS["mean_colour"] for i in range(4)}
+    leaking = [
+        outcome("wrong_key", "s0", targets={"message": 25.0}),
+        outcome("other_scene", "s0", targets={"message": 11.0}),
+    ]
+    higher = [o for o in FOUR if (o.scene, o.variant) != ("s0", "other_scene")] + leaking
+    assert floor(higher) == floor(FOUR) | {("s0", 0): 11.0}
 
 
 def test_less_than_the_margin_above_the_controls_is_gone() -> None:
@@ -41,13 +51,13 @@ def test_less_than_the_margin_above_the_controls_is_gone() -> None:
 
 def test_what_survives_in_some_scenes_only_is_neither() -> None:
     row = by_variant(benchmark({"a": {"x": (1.0, 2.0)}, "b": {"x": (1.0, 25.0)}}))["x"]
-    assert (row.survived, row.above_controls.scenes, row.survives) == (1, 2, None)
+    assert (row.survived, row.above_floor.scenes, row.survives) == (1, 2, None)
 
 
 def test_what_tells_less_than_one_flat_colour_is_gone_though_a_clean_model_shows_less() -> None:
     row = by_variant(benchmark({"a": {"x": (1.0, 18.5)}}))["x"]  # 9.5 dB: between the clean model and a mean colour
-    assert (row.survives, row.above_controls.mean) == (False, -0.5)
-    assert (row.control, row.told.auc) == ("clean", 1.0)
+    assert (row.survives, row.above_floor.mean) == (False, -0.5)
+    assert (row.control, row.detectability.auc) == ("clean", 1.0)
 
 
 def test_a_wrong_key_that_shows_the_message_does_not_make_it_gone() -> None:
@@ -59,7 +69,7 @@ def test_a_wrong_key_that_shows_the_message_does_not_make_it_gone() -> None:
 def test_a_message_that_was_not_there_cannot_survive() -> None:
     outcomes = [o for o in benchmark({s: {"x": (1.0, 1.0)} for s in "ab"}) if (o.scene, o.variant) != ("a", "clean")]
     row = by_variant([*outcomes, outcome("clean", "a", targets={"message": 27.5})])["x"]
-    assert (row.present, row.survived, row.above_controls.scenes, row.survives) == (1, 1, 2, True)
+    assert (row.present, row.survived, row.above_floor.scenes, row.survives) == (1, 1, 2, True)
 
 
 def test_the_kind_of_control_that_is_told_apart_least_counts_one_value_per_scene() -> None:
@@ -67,12 +77,12 @@ def test_the_kind_of_control_that_is_told_apart_least_counts_one_value_per_scene
     outcomes += [outcome("clean", f"s{i}", targets={"message": 20.0 + i}) for i in range(4)]
     row = by_variant(outcomes)["left"]
     assert row.control == "clean"
-    assert row.told == detectability([23.0] * 4, [20.0, 21.0, 22.0, 23.0])
+    assert row.detectability == detectability([23.0] * 4, [20.0, 21.0, 22.0, 23.0])
 
 
 def test_without_controls_nothing_is_said_of_survival() -> None:
     rows = by_variant([o for o in FOUR if not o.is_control])
-    assert {(row.survives, row.above_controls, row.above_wrong_key, row.told) for row in rows.values()} == {
+    assert {(row.survives, row.above_floor, row.above_wrong_key, row.detectability) for row in rows.values()} == {
         (None, None, None, None)
     }
     assert rows["left"].message_drop.mean == 5.0
@@ -81,8 +91,8 @@ def test_without_controls_nothing_is_said_of_survival() -> None:
 def test_seeds_are_averaged_within_scenes() -> None:
     drops = {scene: {"x": (1.0, 12.0)} for scene in "ab"}
     once, often = (by_variant(benchmark(drops, seeds))["x"] for seeds in (1, 3))
-    assert (often.survived, often.told.assets, often.told.controls) == (2, 2, 2)
-    assert often.above_controls.mean == pytest.approx(once.above_controls.mean - 0.1)
+    assert (often.survived, often.detectability.assets, often.detectability.controls) == (2, 2, 2)
+    assert often.above_floor.mean == pytest.approx(once.above_floor.mean - 0.1)
 
 
 def test_whether_the_carrier_was_reached_is_told_by_extraction() -> None:
@@ -117,7 +127,7 @@ def test_taking_more_from_the_message_never_makes_it_survive_more(drops, more) -
     scenes = {f"s{i}": {"x": (a, b), "y": (a, b + more)} for i, (a, b) in enumerate(drops)}
     rows = by_variant(benchmark(scenes))
     assert rows["y"].survived <= rows["x"].survived
-    assert rows["y"].told.auc <= rows["x"].told.auc
+    assert rows["y"].detectability.auc <= rows["x"].detectability.auc
 
 
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:

@@ -10,12 +10,13 @@ import pytest
 from gspure.artifacts import write_json
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, read_metrics, write_metrics
+from gspure.evaluation.comparison import RENDER, read_metrics, write_metrics
 from gspure.evaluation.outcomes import collect
-from gspure.evaluation.reading import read_table
+from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.summary import summarize
-from gspure.evaluation.tables import markdown, write_table
 from gspure.failures import mark_failed
+from gspure.report.tables import model_table, results_markdown
+from tests.contest_cases import measured
 
 ROWS = {  # scene PSNR, message PSNR of two views
     "watermarked": ((30.0, 26.0), (25.0, 23.0)),
@@ -24,14 +25,21 @@ ROWS = {  # scene PSNR, message PSNR of two views
 }
 
 
+def shown(outcomes) -> dict[str, dict[str, str]]:
+    """The cells of a model's table by variant and column."""
+    table = model_table(outcomes)
+    titles = [column.full_title for column in table.columns]
+    return {str(row.cells[0]): dict(zip(titles, map(str, row.cells), strict=True)) for row in table.rows}
+
+
 def results(tmp_path: Path, scene: str = "room") -> tuple[list[Path], list[Path], Path]:
     folder = tmp_path / "planted" / scene
     truth = np.array([True, True, False, False, False])
     kept = {"watermarked": [1, 1, 1, 1, 1], "gspure": [0, 1, 0, 1, 1], "gaussian_noise": [1, 1, 1, 1, 1]}
     metrics, masks = [], []
     for variant, (scene_psnr, message_psnr) in reversed(ROWS.items()):
-        rows = [ViewMetrics("scene", str(i), psnr, 0.9, TRUTH) for i, psnr in enumerate(scene_psnr)]
-        rows += [ViewMetrics("message", str(i), psnr, 0.8, TRUTH) for i, psnr in enumerate(message_psnr)]
+        rows = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate(scene_psnr)]
+        rows += [measured("message", psnr, 0.8, view=str(i)) for i, psnr in enumerate(message_psnr)]
         metrics.append(folder / variant / "metrics.csv")
         write_metrics(metrics[-1], rows)
         masks.append(folder / variant / "public" / "kept.npy")
@@ -72,7 +80,7 @@ def test_without_reference_variant_there_is_no_score(tmp_path: Path) -> None:
 
 def compared_with_renders(tmp_path: Path) -> list[Path]:
     for variant, value in (("watermarked", np.inf), ("gspure", np.inf), ("gaussian_noise", 30.0)):
-        rows = [ViewMetrics("scene", "1", value, 1.0, RENDER)]
+        rows = [measured("scene", value, 1.0, RENDER, "1")]
         write_metrics(tmp_path / "vanilla" / "own" / variant / "metrics.csv", rows)
     return sorted(tmp_path.rglob("metrics.csv"))
 
@@ -86,13 +94,15 @@ def test_against_renders_equal_images_drop_by_nothing_and_others_by_what_is_not_
 
 def test_tables_say_what_the_reference_was(tmp_path: Path) -> None:
     outcomes = collect([*compared_with_renders(tmp_path), *results(tmp_path)[0]])
-    write_table(tmp_path / "t.csv", outcomes)
+    write_results(tmp_path / "t.csv", outcomes)
     rows = list(csv.DictReader((tmp_path / "t.csv").read_text().splitlines()))
     assert {(row["scheme"], row["reference"]) for row in rows} == {("planted", "truth"), ("vanilla", "render")}
     assert next(row["psnr"] for row in rows if row["scheme"] == "vanilla") == "inf"
-    lines = markdown(outcomes).splitlines()
-    assert "| watermarked | render | ∞ | 1.0000 |  |  |  |  |" in lines
-    assert "| watermarked | truth | 28.00 | 0.9000 | 24.00 | 0.8000 | 0.00 |  |  |  |" in lines
+    planted, vanilla = [[o for o in outcomes if o.scheme == scheme] for scheme in ("planted", "vanilla")]
+    assert shown(vanilla)["unattacked"]["scene PSNR"] == "∞"
+    assert "photographs" not in model_table(vanilla).note
+    assert shown(planted)["unattacked"]["scene PSNR"] == "28.00"
+    assert "photographs" in model_table(planted).note
 
 
 def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -> None:
@@ -128,18 +138,20 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "precision": "0.5",
         "recall": "0.5",
     }
-    lines = text.read_text().splitlines()
-    assert lines[0] == "### planted / room"
-    assert "| gspure | truth | 27.00 | 0.9000 | 10.00 | 0.8000 | 13.00 | 40.0% | 50.0% | 50.0% |" in lines
-    assert "| gaussian_noise | truth | 25.00 | 0.9000 | 23.00 † | 0.8000 | -2.00 | 0.0% |  | 0.0% |" in lines
+    assert text.read_text() == results_markdown(read_results(out))
+    cells = shown(read_results(out))
+    pruning = {"pruned": "40.0%", "precision": "50.0%", "recall": "50.0%"}
+    assert cells["GSPure"].items() >= {"message PSNR": "10.00 (−14.00)", "Score message": "+13.00", **pruning}.items()
+    noise = {"message PSNR": "23.00 † (−1.00)", "pruned": "0.0%", "precision": "–"}
+    assert cells["Gaussian noise"].items() >= noise.items()
 
 
 def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     outcomes = collect(metrics[:1])
-    write_table(tmp_path / "t.csv", outcomes)
+    write_results(tmp_path / "t.csv", outcomes)
     assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9" + "," * 12)
-    assert "nan" not in markdown(outcomes)
+    assert "nan" not in results_markdown(outcomes)
 
 
 def test_masks_of_different_models_are_refused(tmp_path: Path) -> None:
@@ -150,7 +162,7 @@ def test_masks_of_different_models_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_table_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="expected a metrics table, found no such file"):
+    with pytest.raises(InputError, match="found no such file"):
         collect([tmp_path / "a" / "b" / "c" / "metrics.csv"])
 
 
@@ -165,10 +177,11 @@ def judged(metrics: list[Path]) -> list[Path]:
 def test_an_attack_that_did_not_reach_what_is_read_is_marked(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     outcomes = collect(metrics, verdicts=judged(metrics))
-    marked = [line for line in markdown(outcomes).splitlines() if line.startswith("|") and "†" in line]
-    assert [line.split("|")[1].strip() for line in marked] == ["gaussian_noise"]
-    write_table(tmp_path / "t.csv", outcomes)
-    assert [o.reached for o in read_table(tmp_path / "t.csv")] == [o.reached for o in outcomes]
+    marked = [name for name, cells in shown(outcomes).items() if "†" in "".join(cells.values())]
+    assert marked == ["Gaussian noise"]
+    assert "†" in model_table(outcomes).note
+    write_results(tmp_path / "t.csv", outcomes)
+    assert [o.reached for o in read_results(tmp_path / "t.csv")] == [o.reached for o in outcomes]
 
 
 def test_what_failed_is_told_with_its_reason_instead_of_numbers(tmp_path: Path) -> None:
@@ -178,11 +191,12 @@ def test_what_failed_is_told_with_its_reason_instead_of_numbers(tmp_path: Path) 
     failed = next(o for o in outcomes if o.variant == "gaussian_noise")
     assert not failed.targets
     assert np.isnan(failed.score)
-    text = markdown(outcomes)
-    assert "gaussian_noise failed: no colour: a, b" in text.splitlines()
-    assert "| gaussian_noise |" not in text
-    write_table(tmp_path / "t.csv", outcomes)
-    again = read_table(tmp_path / "t.csv")
+    text = results_markdown(outcomes)
+    (sentence,) = (line for line in text.splitlines() if "no colour: a, b" in line)
+    assert "Gaussian noise on Planted message, room" in sentence
+    assert "Gaussian noise" not in shown(outcomes)
+    write_results(tmp_path / "t.csv", outcomes)
+    again = read_results(tmp_path / "t.csv")
     assert [(o.variant, o.failure) for o in again] == [(o.variant, o.failure) for o in outcomes]
     assert [sorted(o.targets) for o in again] == [sorted(o.targets) for o in outcomes]
 
@@ -191,17 +205,21 @@ def test_views_beside_the_path_are_averaged_on_their_own(tmp_path: Path) -> None
     metrics, _, _ = results(tmp_path)
     for path in metrics:
         rows = read_metrics(path)
-        aside = [row._replace(view=f"off_path_{row.view}", psnr=row.psnr - 5, ssim=0.5) for row in rows]
+        aside = [row._replace(view=f"off_path_{row.view}", values={"psnr": row.psnr - 5, "ssim": 0.5}) for row in rows]
         write_metrics(path, [*rows, *(row for row in aside if row.view.endswith("0"))])
     outcomes = collect(metrics)
     ours = next(o for o in outcomes if o.variant == "gspure")
     assert (ours.targets["message"].psnr, ours.off_path["message"].psnr) == (10.0, 6.0)
-    assert (ours.views["message"], ours.score, ours.aside().score) == (2, 13.0, 13.0)
-    assert "PSNR scene off path" in markdown(outcomes)
-    write_table(tmp_path / "t.csv", outcomes)
-    assert [o.off_path for o in read_table(tmp_path / "t.csv")] == [o.off_path for o in outcomes]
+    assert (ours.views["message"], ours.score, ours.seen_off_path().score) == (2, 13.0, 13.0)
+    assert shown(outcomes)["GSPure"]["PSNR off path message"] == "6.00"
+    write_results(tmp_path / "t.csv", outcomes)
+    assert [o.off_path for o in read_results(tmp_path / "t.csv")] == [o.off_path for o in outcomes]
     summary = next(row for row in summarize(outcomes) if row.variant == "gspure")
-    assert [interval.mean for interval in summary.off_path if interval] == [24.0, 6.0, 13.0]
+    assert [mean.mean for mean in (summary.off_path_scene, summary.off_path_message, summary.off_path_score)] == [
+        24,
+        6,
+        13,
+    ]
 
 
 def test_a_table_of_nothing_but_failures_is_refused(tmp_path: Path) -> None:
@@ -216,10 +234,10 @@ def test_repetitions_of_a_scene_are_told_apart_and_averaged_within_it(tmp_path: 
     shutil.copytree(first[0].parents[1], repeated := first[0].parents[2] / "room@1")
     outcomes = collect([*first, *sorted(repeated.glob("*/metrics.csv"))])
     assert [(o.scene, o.seed, o.asset) for o in outcomes][::3] == [("room", 0, "room"), ("room", 1, "room@1")]
-    write_table(tmp_path / "t.csv", outcomes)
-    assert [o.asset for o in read_table(tmp_path / "t.csv")] == [o.asset for o in outcomes]
+    write_results(tmp_path / "t.csv", outcomes)
+    assert [o.asset for o in read_results(tmp_path / "t.csv")] == [o.asset for o in outcomes]
     assert {row.scene.scenes for row in summarize(outcomes) if row.scene} == {1}
-    assert "### planted / room@1" in markdown(outcomes)
+    assert "## Planted message, room, repetition 1" in results_markdown(outcomes)
 
 
 def test_what_is_no_verdict_is_refused(tmp_path: Path) -> None:
@@ -235,12 +253,14 @@ def test_controls_have_no_score_and_other_extractions_one_of_their_own(tmp_path:
         "gspure": (29, 12, 20),
         "wrong_key": (30, 9, 9),
     }.items():
-        rows = [ViewMetrics("scene", "0", scene, 0.9, TRUTH), ViewMetrics("message", "0", message, 0.8, TRUTH)]
-        rows += [ViewMetrics("message_oracle", "0", oracle, 0.8, TRUTH)]
+        rows = [measured("scene", scene, view="0"), measured("message", message, 0.8, view="0")]
+        rows += [measured("message_oracle", oracle, 0.8, view="0")]
         write_metrics(tmp_path / "sis" / "room" / variant / "metrics.csv", rows)
     outcomes = {o.variant: o for o in collect(sorted(tmp_path.rglob("metrics.csv")))}
     assert outcomes["gspure"].messages == ["message", "message_oracle"]
     assert (outcomes["gspure"].score, outcomes["gspure"].score_of("message_oracle")) == (12.0, 7.0)
     assert outcomes["wrong_key"].is_control
     assert np.isnan(outcomes["wrong_key"].score)
-    assert "| Score | Score message_oracle |" in markdown([*outcomes.values()])
+    cells = shown([*outcomes.values()])
+    assert (cells["GSPure"]["Score message"], cells["GSPure"]["Score message (oracle)"]) == ("+12.00", "+7.00")
+    assert cells["wrong key"]["Score message"] == "–"

@@ -1,4 +1,4 @@
-"""``gspure contest``: what is left of the message, and GSPure against every other attack."""
+"""``gspure contest``: which attacks the message survives, and GSPure against every other attack."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from pathlib import Path
 
 from gspure.cli.options import add_sweeps
 
-HELP = "compare GSPure with every other attack, scene by scene, and tell which leave the message"
+HELP = "measure which attacks the message survives, and compare GSPure with every other attack"
 EXAMPLES = """\
   gspure contest --table results.csv --out contest.csv --survival survival.csv --markdown contest.md
   gspure contest --table results.csv --sweep gspure=gspure,tau_n_1,tau_n_2 \\
       --sweep pruning=random_pruning_10,random_pruning_30 \\
-      --out contest.csv --survival survival.csv --markdown contest.md      # at equal damage to the scene, too
+      --out contest.csv --survival survival.csv --markdown contest.md      # also at equal damage to the scene
 """
 
 
@@ -20,22 +20,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
     add_sweeps(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="GSPure less each rival, with intervals")
+    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="GSPure minus every other attack")
     parser.add_argument(
-        "--survival", type=Path, required=True, metavar="CSV", help="what each attack leaves, against controls"
+        "--survival",
+        type=Path,
+        required=True,
+        metavar="CSV",
+        help="what each attack leaves of the message",
     )
-    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="both, for reading")
+    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="both as readable tables")
 
 
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.contest import contest, write_contest
-    from gspure.evaluation.contest_markdown import contest_markdown
-    from gspure.evaluation.reading import read_table
+    from gspure.evaluation.results import read_results
     from gspure.evaluation.survival import survival, write_survival
+    from gspure.report.tables import contest_markdown
 
-    outcomes, sweeps = read_table(args.table), dict(args.sweep)
+    outcomes, sweeps = read_results(args.table), dict(args.sweep)
     contests, survivals = contest(outcomes, sweeps), survival(outcomes)
     write_contest(args.out, contests)
     write_survival(args.survival, survivals)

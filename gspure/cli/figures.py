@@ -122,10 +122,10 @@ def _named(cameras: list[Camera], name: str, source: Path | None) -> Camera:
 
 
 def _draw_outcomes(args: argparse.Namespace) -> None:
-    from gspure.evaluation.reading import read_table
+    from gspure.evaluation.results import read_results
     from gspure.figures.plots import write_outcomes
 
-    outcomes = [o for o in read_table(args.table) if f"{o.scheme}/{o.asset}" == args.asset]
+    outcomes = [o for o in read_results(args.table) if f"{o.scheme}/{o.asset}" == args.asset]
     if not outcomes:
         raise InputError(args.table, "scheme, scene", expected=args.asset, found="no such row")
     write_outcomes(args.out, outcomes)

@@ -56,7 +56,7 @@ def _column(text: str) -> tuple[str, Path]:
 def _draw_panels(args: argparse.Namespace) -> None:
     import numpy as np
 
-    from gspure.figures.findings import spoken
+    from gspure.evaluation.names import display_name
     from gspure.figures.panels import GAIN, write_panels
     from gspure.images import read_image
 
@@ -66,23 +66,21 @@ def _draw_panels(args: argparse.Namespace) -> None:
     images = {title: {view: read_image(folder / f"{view}.png") for view in chosen} for title, folder in folders.items()}
     write_panels(args.out, images, chosen, difference=args.difference)
     titles = list(folders)
-    caption = f"{len(chosen)} of {len(views)} views, with their PSNR against {spoken(titles[0])}."
+    caption = f"{len(chosen)} of {len(views)} views, with their PSNR against {display_name(titles[0])}."
     if args.difference:
-        caption += (
-            f" Last column: {GAIN} times the absolute difference between {spoken(titles[-1])} and {spoken(titles[0])}."
-        )
+        first, last = display_name(titles[0]), display_name(titles[-1])
+        caption += f" Last column: {GAIN} times the absolute difference between {last} and {first}."
     _note(args.out, caption, {f"{title} {view}": folders[title] / f"{view}.png" for title in titles for view in chosen})
 
 
 def _draw_attacks(args: argparse.Namespace) -> None:
     from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, ordered
-    from gspure.evaluation.reading import read_table
-    from gspure.figures.findings import spoken
+    from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, typical, write_lineup
     from gspure.images import read_image
 
     folders = dict(args.column)
-    outcomes = [o for o in read_table(args.table) if f"{o.scheme}/{o.asset}" == args.asset and o.variant in folders]
+    outcomes = [o for o in read_results(args.table) if f"{o.scheme}/{o.asset}" == args.asset and o.variant in folders]
     targets = ordered({target for outcome in outcomes for target in outcome.targets})
     if not targets or REFERENCE not in folders:
         raise InputError(
@@ -107,7 +105,7 @@ def _draw_attacks(args: argparse.Namespace) -> None:
     if any(column.unreached for column in columns):
         caption += " † The attack did not reach what this extraction reads."
     if len(shown) < sum(not o.is_control for o in outcomes):
-        caption += f" Of attacks at several strengths, the one with the highest Score; of {spoken('gspure')} its own."
+        caption += " Of attacks at several strengths, the one with the highest Score; of GSPure its own."
     _note(args.out, caption, {"table": args.table, **files})
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gspure.cli.options import add_sweeps
 
-HELP = "tell what each attack takes from the message at equal damage to the scene"
+HELP = "measure what each attack removes from the message at equal damage to the scene"
 EXAMPLES = """\
   gspure matched --table results.csv --sweep pruning=random_pruning_10,random_pruning_30 \\
       --sweep gspure=gspure,tau_n_1,tau_n_2 --out matched.csv --markdown matched.md
@@ -19,17 +19,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
     add_sweeps(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per sweep and damage")
-    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="one table per scheme, for reading")
+    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="the same as readable tables")
 
 
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
-    from gspure.evaluation.matched import match, matched_markdown, write_matched
-    from gspure.evaluation.reading import read_table
+    from gspure.evaluation.matched import match, write_matched
+    from gspure.evaluation.results import read_results
+    from gspure.report.tables import matched_markdown
 
     sweeps = dict(args.sweep)
-    rows = match(read_table(args.table), sweeps)
+    rows = match(read_results(args.table), sweeps)
     write_matched(args.out, rows)
     write_text(args.markdown, matched_markdown(rows))
     write_provenance(args.out, inputs={"table": args.table}, settings={"sweeps": sweeps})

@@ -10,25 +10,24 @@ EXAMPLES = """\
   gspure metrics before after
   gspure metrics photographs renders --reference truth --out metrics.csv
   gspure metrics pair renders --reference truth --against message_oracle=message
-  gspure metrics pair renders --reference truth --floor mean_colour
+  gspure metrics pair renders --reference truth --baseline mean_colour
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     from gspure.evaluation.comparison import REFERENCES, RENDER
-    from gspure.evaluation.controls import FLOORS
+    from gspure.evaluation.controls import BASELINES
 
     parser.add_argument("images", type=Path, metavar="DIR_A", help="reference images; may hold more views than DIR_B")
     parser.add_argument(
-        "other", type=Path, metavar="DIR_B", help="PNG files of the same names and sizes, in the same subfolders"
+        "other", type=Path, metavar="DIR_B", help="images of the same names and sizes, in the same subfolders"
     )
     parser.add_argument(
         "--reference",
         choices=REFERENCES,
         default=RENDER,
-        help="what DIR_A holds, to be told in the table: photographs of the truth, or renders of an unattacked model "
-        "(default: %(default)s)",
+        help="what DIR_A holds: photographs (truth), or renders of the unattacked model (default: %(default)s)",
     )
     parser.add_argument(
         "--against",
@@ -39,11 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A; may be repeated",
     )
     parser.add_argument(
-        "--floor",
-        choices=FLOORS,
-        help="compare pictures without content with DIR_A, at the views of DIR_B: what no extraction may count as one",
+        "--baseline",
+        choices=BASELINES,
+        help="content-free baseline: compare black or mean-colour images with DIR_A, at the views of DIR_B",
     )
-    parser.add_argument("--out", type=Path, metavar="CSV", help="also write target, view, reference, psnr, ssim here")
+    parser.add_argument("--out", type=Path, metavar="CSV", help="also write the metrics of every view to this table")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -52,19 +51,19 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.comparison import as_text, compare, pair_images, write_metrics
     from gspure.progress import say, track
 
-    pairs, surplus = pair_images(args.images, args.other, dict(args.against))
-    rows = [compare(pair, args.reference, args.floor) for pair in track(pairs, "metrics")]
+    pairs, unused = pair_images(args.images, args.other, dict(args.against))
+    rows = [compare(pair, args.reference, args.baseline) for pair in track(pairs, "metrics")]
     print("\n".join(as_text(rows)))
-    if surplus:
-        say(f"metrics: {surplus} images of {args.images} have no counterpart in {args.other}")
+    if unused:
+        say(f"metrics: {unused} images of {args.images} have no counterpart in {args.other}")
     if args.out:
         write_metrics(args.out, rows)
         images = {path.as_posix(): path for pair in pairs for path in (pair.reference, pair.other)}
-        write_provenance(args.out, inputs=images, settings={"reference": args.reference, "floor": args.floor})
+        write_provenance(args.out, inputs=images, settings={"reference": args.reference, "baseline": args.baseline})
 
 
 def _assigned(text: str) -> tuple[str, str]:
-    target, found, other = text.partition("=")
-    if not (target and found and other):
+    target, _, other = text.partition("=")
+    if not (target and other):
         raise argparse.ArgumentTypeError(f"expected TARGET=OTHER, found {text!r}")
     return target, other

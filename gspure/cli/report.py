@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-HELP = "write a self-contained HTML page: findings, tables, figures, provenance"
+HELP = "write a self-contained HTML page with audit, tables, figures and provenance"
 EXAMPLES = """\
   gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
   gspure report --table results.csv \\
       --figures results/planted/room/figures/*.png results/planted/room/figures/model/*.png \\
       --diagnosis results/planted/room/diagnosis.json --provenance results/planted/room/*.np?.json \\
-      --title "How robust is the mark in this room?" --out report.html
+      --title "How robust is the watermark of this room?" --out report.html
 """
 
 
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="PNG",
-        help="of `gspure figures`, in the order to show them, below their SCHEME/SCENE or figures/SCHEME",
+        help="of `gspure figures`, in display order, below their SCHEME/SCENE or figures/SCHEME",
     )
     parser.add_argument(
         "--diagnosis",
@@ -32,38 +32,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="JSON",
-        help="of `gspure prune`, below their SCHEME/SCENE",
+        help="of `gspure prune` or `gspure hidden`, below their SCHEME/SCENE",
     )
     parser.add_argument("--matched", type=Path, metavar="CSV", help="of `gspure matched`")
     parser.add_argument("--contest", type=Path, metavar="CSV", help="of `gspure contest`")
     parser.add_argument("--survival", type=Path, metavar="CSV", help="of `gspure contest`")
     parser.add_argument(
-        "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="records beside artifacts, to be listed"
+        "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="provenance records to list"
     )
     parser.add_argument("--title", default="How robust is the watermark?", help="heading (default: %(default)s)")
     parser.add_argument("--out", type=Path, required=True, metavar="HTML", help="the page")
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write the page, without what could not be made."""
+    """Write the page, without the artifacts that failed."""
     from gspure.evaluation.contest import read_contest
     from gspure.evaluation.matched import read_matched
-    from gspure.evaluation.reading import read_table
+    from gspure.evaluation.results import read_results
     from gspure.evaluation.survival import read_survival
     from gspure.failures import made
-    from gspure.figures.report import write_report
+    from gspure.report.page import write_report
 
-    sources = {"results": args.table, "matched": args.matched, "survivals": args.survival, "contests": args.contest}
     write_report(
         args.out,
         args.title,
-        read_table(args.table),
+        read_results(args.table),
         figures=made(args.figures),
         diagnoses=made(args.diagnosis),
         matched=read_matched(args.matched) if args.matched else [],
         survivals=read_survival(args.survival) if args.survival else [],
         contests=read_contest(args.contest) if args.contest else [],
-        sources={name: file for name, file in sources.items() if file},
+        sources=[file for file in (args.table, args.survival, args.contest, args.matched) if file],
         provenance=[record for record in args.provenance if made([record.with_suffix("")])],
     )
-    print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, nothing outside it is needed")
+    print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, self-contained")

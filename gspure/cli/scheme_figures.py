@@ -48,9 +48,9 @@ def _point(text: str) -> tuple[str, tuple[float, float]]:
 
 
 def _outcomes(args: argparse.Namespace) -> list[Outcome]:
-    from gspure.evaluation.reading import read_table
+    from gspure.evaluation.results import read_results
 
-    outcomes = [o for o in read_table(args.table) if o.scheme == args.scheme]
+    outcomes = [o for o in read_results(args.table) if o.scheme == args.scheme]
     if not outcomes:
         raise InputError(args.table, "scheme", expected=args.scheme, found="no such row")
     return outcomes
@@ -80,12 +80,15 @@ def _draw_sweep(args: argparse.Namespace) -> None:
 
 
 def _draw_tradeoff(args: argparse.Namespace) -> None:
+    from gspure.evaluation.statistics import known_interval
+    from gspure.evaluation.survival import floor
     from gspure.figures.tradeoff import places, write_tradeoff
 
     outcomes = _outcomes(args)
     if not places(outcomes):
         raise InputError(args.table, "score", expected=f"of a variant of {args.scheme}", found="none")
-    front = write_tradeoff(args.out, outcomes)
+    mean_floor = known_interval(floor(outcomes))
+    front = write_tradeoff(args.out, outcomes, mean_floor.mean if mean_floor else None)
     caption = (
         "Every variant by what it costs the scene and what it leaves of the message, means over the scenes. "
         f"{len(front)} of them are beaten by no other in both: the Pareto front. Vertical lines: the damages at which "

@@ -1,13 +1,13 @@
-"""``gspure table``: all variants of all models side by side."""
+"""``gspure table``: one table of all variants of all models."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-HELP = "gather metrics of all variants into one table, with the Score"
+HELP = "collect the metrics of all variants in one table, with the Score"
 EXAMPLES = """\
-  gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md    # of all models
+  gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md
   gspure table --metrics results/planted/room/*/metrics.csv --kept results/planted/room/*/kept.npy \\
       --truth results/planted/room/key/carriers.npy --out results.csv --markdown results.md
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md \\
@@ -21,7 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--metrics", type=Path, nargs="+", required=True, metavar="CSV", help="files SCHEME/SCENE/VARIANT/metrics.csv"
     )
     parser.add_argument(
-        "--kept", type=Path, nargs="*", default=[], metavar="NPY", help="kept rows, below their SCHEME/SCENE/VARIANT"
+        "--kept",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="NPY",
+        help="masks of kept rows, below SCHEME/SCENE/VARIANT",
     )
     parser.add_argument(
         "--truth",
@@ -29,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="NPY",
-        help="bool [K], true for Gaussians of the message, below their SCHEME/SCENE",
+        help="bool [K], true for rows that carry the message, below SCHEME/SCENE",
     )
     parser.add_argument(
         "--verdicts",
@@ -37,29 +42,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="JSON",
-        help="of `gspure attack`, below their SCHEME/SCENE/VARIANT",
+        help="verdict.json of `gspure attack`, below SCHEME/SCENE/VARIANT",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per variant and target")
-    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="one table per scene, for reading")
-    parser.add_argument("--summary", type=Path, metavar="CSV", help="means over scenes with intervals, for programs")
-    parser.add_argument("--latex", type=Path, metavar="TEX", help="means over scenes with intervals, for a paper")
+    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="the same as readable tables")
+    parser.add_argument("--summary", type=Path, metavar="CSV", help="means over scenes, with intervals")
+    parser.add_argument("--latex", type=Path, metavar="TEX", help="means over scenes, with intervals, as a LaTeX table")
 
 
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
-    from gspure.evaluation.latex import latex
     from gspure.evaluation.outcomes import collect
+    from gspure.evaluation.results import write_results
     from gspure.evaluation.summary import summarize, write_summary
-    from gspure.evaluation.tables import markdown, write_table
+    from gspure.report.tables import results_markdown, summary_latex
 
     outcomes = collect(args.metrics, args.kept, args.truth, args.verdicts)
-    write_table(args.out, outcomes)
+    write_results(args.out, outcomes)
     files = (*args.metrics, *args.kept, *args.truth, *args.verdicts)
     write_provenance(args.out, inputs={path.as_posix(): path for path in files}, settings={})
-    write_text(args.markdown, markdown(outcomes))
+    write_text(args.markdown, results_markdown(outcomes))
     if args.summary:
         write_summary(args.summary, summarize(outcomes))
         write_provenance(args.summary, inputs={"table": args.out}, settings={})
     if args.latex:
-        write_text(args.latex, latex(summarize(outcomes)))
+        write_text(args.latex, summary_latex(summarize(outcomes)))

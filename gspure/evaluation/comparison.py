@@ -1,42 +1,43 @@
-"""Two folders of images, compared view by view, and the table ``metrics.csv`` of the result."""
+"""Two folders of images compared view by view, and the table ``metrics.csv`` of the result."""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Annotated, Final, Literal, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import verify, write_text
 from gspure.cameras.off_path import PREFIX
-from gspure.errors import InputError, reading
+from gspure.errors import InputError
 from gspure.evaluation.controls import BLACK
-from gspure.evaluation.metrics import psnr, ssim
+from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.records import PerMetric, read_records, write_records
 from gspure.images import read_image
 
-HEADER: Final = ("target", "view", "reference", "psnr", "ssim")
-
-TRUTH, RENDER = "truth", "render"
-REFERENCES: Final = (TRUTH, RENDER)
-"""What images are compared with: photographs of what is to be seen, or what an unattacked model shows."""
+Reference = Literal["truth", "render"]
+TRUTH: Final = "truth"
+RENDER: Final = "render"
+REFERENCES: Final[tuple[Reference, ...]] = (TRUTH, RENDER)
+"""What images are compared with: photographs of the true scene or message, or renders of the unattacked model."""
 
 
 class ViewMetrics(NamedTuple):
-    """One compared view."""
+    """The metrics of one view of one target."""
 
     target: str
-    """What the image shows: its folder below the compared ones (``scene``, ``message``), or ``.``."""
+    """What the image shows: its subfolder (``scene``, ``message``), or ``.``."""
 
     view: str
-    psnr: float
-    ssim: float
+    reference: Reference
+    values: Annotated[Mapping[str, float], PerMetric(full=True)]
+    """By name of the metric (`gspure.evaluation.metrics.METRICS`)."""
 
-    reference: str = RENDER
-    """One of `REFERENCES`."""
+    @property
+    def psnr(self) -> float:
+        """The metric that the Score is made of, dB."""
+        return self.values["psnr"]
 
 
 class Pair(NamedTuple):
@@ -55,14 +56,14 @@ def pair_images(reference: Path, other: Path, against: Mapping[str, str] | None 
     ----------
     reference, other : Path
     against : mapping, optional
-        Targets of `other` (subfolders) that stand beside another target of `reference` than that of their own name.
+        Targets (subfolders) of `other` that are compared with a differently named target of `reference`.
 
     Returns
     -------
     pairs : list of Pair
         One per image of `other`, sorted by target and view.
-    surplus : int
-        Images of `reference` without counterpart; a reference may cover more views than were rendered.
+    unused : int
+        Number of images of `reference` without a counterpart: a reference may cover more views.
 
     Raises
     ------
@@ -70,94 +71,101 @@ def pair_images(reference: Path, other: Path, against: Mapping[str, str] | None 
         If a folder holds no PNG file, or `other` has one that `reference` lacks.
 
     """
-    ours = _png_files(reference)
-    theirs = {path: _target(path, against or {}) / path.name for path in _png_files(other)}
-    for path, counterpart in sorted(theirs.items()):
-        if counterpart not in ours:
-            found = f"a counterpart of {other / path}"
-            raise InputError(reference / counterpart, "file", expected=found, found="nothing")
-    pairs = [Pair(p.parent.as_posix(), p.stem, reference / q, other / p) for p, q in theirs.items()]
-    return sorted(pairs), len(ours - {*theirs.values()})
+    available = _png_files(reference)
+    counterparts = {path: _target(path, against or {}) / path.name for path in _png_files(other)}
+    for path, counterpart in sorted(counterparts.items()):
+        if counterpart not in available:
+            expected = f"a counterpart of {other / path}"
+            raise InputError(reference / counterpart, "file", expected=expected, found="nothing")
+    pairs = [Pair(p.parent.as_posix(), p.stem, reference / q, other / p) for p, q in counterparts.items()]
+    return sorted(pairs), len(available - {*counterparts.values()})
 
 
-def compare(pair: Pair, reference: str = RENDER, floor: str | None = None) -> ViewMetrics:
-    """Compare two images; `reference` says which of `REFERENCES` the first of them is.
+def compare(pair: Pair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
+    """Compare two images.
 
-    With a `floor`, one of `gspure.evaluation.controls.FLOORS`, a picture without content takes the place of the second.
+    Parameters
+    ----------
+    pair : Pair
+    reference : str
+        Which of `REFERENCES` the first image is.
+    baseline : str, optional
+        A content-free image, one of `gspure.evaluation.controls.BASELINES`, that replaces the second.
 
     Raises
     ------
     InputError
-        If one cannot be read, or their sizes differ.
+        If an image cannot be read, or their sizes differ.
 
     """
     a, b = read_image(pair.reference), read_image(pair.other)
     if a.shape != b.shape:
         expected = f"{a.shape[1]}x{a.shape[0]}, as {pair.reference}"
         raise InputError(pair.other, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
-    if floor is not None:
-        b = np.zeros_like(a) if floor == BLACK else np.broadcast_to(a.mean(axis=(0, 1)), a.shape)
-    return ViewMetrics(pair.target, pair.view, psnr(a, b), ssim(a, b), reference)
+    if baseline is not None:
+        b = np.zeros_like(a) if baseline == BLACK else np.broadcast_to(a.mean(axis=(0, 1)), a.shape)
+    values = {name: metric.compute(a, b) for name, metric in METRICS.items()}
+    return ViewMetrics(pair.target, pair.view, reference, values)
 
 
 def on_path(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
-    """Return the rows of views on the path of the cameras."""
+    """Return the rows of views on the camera path."""
     return [row for row in rows if not row.view.startswith(PREFIX)]
 
 
 def off_path(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
-    """Return the rows of views beside it (`gspure.cameras.off_path_cameras`)."""
+    """Return the rows of views off the camera path (`gspure.cameras.off_path_cameras`)."""
     return [row for row in rows if row.view.startswith(PREFIX)]
 
 
 def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
     """Return one row per target: the mean over its views, with the view named ``mean``.
 
-    Views in which nothing differs have infinite PSNR. They count in its mean only if there are no others: one untouched
-    view would else make all the damage to the others invisible.
+    Views with identical images have infinite PSNR. They count only if there are no others, since one untouched view
+    would otherwise hide all damage to the rest.
     """
-    found = []
-    for target, group in groupby(sorted(rows), key=lambda row: row.target):
+    averages = []
+    for target, group in groupby(sorted(rows, key=lambda row: (row.target, row.view)), key=lambda row: row.target):
         views = list(group)
-        psnrs = [view.psnr for view in views if np.isfinite(view.psnr)] or [np.inf]
-        ssims = [view.ssim for view in views]
-        found.append(ViewMetrics(target, "mean", float(np.mean(psnrs)), float(np.mean(ssims)), views[0].reference))
-    return found
+        values = {name: _finite_mean([view.values[name] for view in views]) for name in METRICS}
+        averages.append(ViewMetrics(target, "mean", views[0].reference, values))
+    return averages
 
 
 def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
     """Write ``metrics.csv``: one row per target and view, whole or not at all."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(HEADER)
-    table.writerows((row.target, row.view, row.reference, f"{row.psnr:.6f}", f"{row.ssim:.8f}") for row in rows)
-    write_text(path, text.getvalue())
+    write_records(path, ViewMetrics, rows)
 
 
 def read_metrics(path: Path) -> list[ViewMetrics]:
-    """Read ``metrics.csv``, or raise `InputError`."""
-    verify(path)
-    with (
-        reading(path, "a metrics table"),
-        path.open(encoding="utf-8", newline="") as stream,
-    ):
-        header, *rows = list(csv.reader(stream)) or [[]]
-        if tuple(header) != HEADER or not rows:
-            raise InputError(path, "header", expected=",".join(HEADER) + " and rows", found=",".join(header))
-        found = [ViewMetrics(target, view, float(a), float(b), reference) for target, view, reference, a, b in rows]
-    for reference in sorted({row.reference for row in found} - set(REFERENCES)):
-        raise InputError(path, "reference", expected=" or ".join(REFERENCES), found=repr(reference))
-    return found
+    """Read ``metrics.csv``.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or holds no row.
+
+    """
+    rows = read_records(path, ViewMetrics)
+    if not rows:
+        raise InputError(path, "rows", expected="at least one", found="none")
+    return rows
 
 
 def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
-    """Return aligned lines, the means of every target last."""
-    aside = [row._replace(view="mean off the path") for row in means(off_path(rows))]
-    rows = [*rows, *means(on_path(rows)), *aside]
+    """Return aligned lines, with the means of every target last."""
+    off = [row._replace(view="mean off path") for row in means(off_path(rows))]
+    rows = [*rows, *means(on_path(rows)), *off]
     names = [row.view if row.target == "." else f"{row.target}/{row.view}" for row in rows]
     width = max(map(len, names))
-    lines = [f"{'view':<{width}}  {'PSNR':>8}  {'SSIM':>7}"]
-    return lines + [f"{n:<{width}}  {row.psnr:8.3f}  {row.ssim:7.4f}" for n, row in zip(names, rows, strict=True)]
+    lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>10}" for metric in METRICS.values())]
+    for name, row in zip(names, rows, strict=True):
+        lines.append(f"{name:<{width}}" + "".join(f"{row.values[metric]:10.4f}" for metric in METRICS))
+    return lines
+
+
+def _finite_mean(values: Sequence[float]) -> float:
+    return float(np.mean([value for value in values if np.isfinite(value)] or [np.inf]))
 
 
 def _target(path: Path, against: Mapping[str, str]) -> Path:

@@ -1,15 +1,15 @@
-"""GSPure against every other attack, scene by scene: what it takes more or less, and how sure that is."""
+"""GSPure minus every other attack, in the same scenes and seeds, with the significance of each difference."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.matched import Sweeps, completed, drop_within
-from gspure.evaluation.outcomes import REFERENCE, SCENE, Outcome, ordered
-from gspure.evaluation.sheet import number, read_sheet, write_sheet
+from gspure.evaluation.matched import Drops, Sweeps, completed, drop_within
+from gspure.evaluation.outcomes import GSPURE, REFERENCE, SCENE, Outcome, ordered
+from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import (
     MATCHED_DAMAGES,
     Cells,
@@ -20,23 +20,20 @@ from gspure.evaluation.statistics import (
     paired_test,
 )
 
-METHOD: Final = "gspure"
-"""The variant that others are compared with, and the name of the sweep over its factors."""
+Quantity = Literal["score", "message_drop", "scene_drop"]
+SCORE: Final = "score"
+MESSAGE_DROP: Final = "message_drop"
+SCENE_DROP: Final = "scene_drop"
 
-SCORE, MESSAGE_DROP, SCENE_DROP = "score", "message_drop", "scene_drop"
+WEIGHTS: Final[Mapping[Quantity, tuple[int, int]]] = {SCORE: (-1, 1), MESSAGE_DROP: (0, 1), SCENE_DROP: (1, 0)}
+"""Each quantity as a weighted sum of the drops of scene and message."""
 
-QUANTITIES: Final = {SCORE: (-1, 1), MESSAGE_DROP: (0, 1), SCENE_DROP: (1, 0)}
-"""What is compared, by how much of what scene and message lose it is made of."""
-
-HEADER: Final = (
-    *("scheme", "extraction", "rival", "quantity", "damage", "cells"),
-    *(f"difference_{part}" for part in Interval._fields),
-    *("p", "p_adjusted", "p_attainable"),
-)
+DropsByVariant = Mapping[str, Mapping[tuple[str, int], Drops]]
+"""Drops by variant, and by scene and seed."""
 
 
 class Contest(NamedTuple):
-    """GSPure less one rival, in one quantity."""
+    """GSPure minus one rival, in one quantity."""
 
     scheme: str
     extraction: str
@@ -45,125 +42,114 @@ class Contest(NamedTuple):
     rival: str
     """A variant; where `damage` is known, a sweep."""
 
-    quantity: str
-    """`SCORE`, `MESSAGE_DROP` or `SCENE_DROP`, in dB."""
+    quantity: Quantity
 
     damage: float
-    """What both may cost the scene, dB; NaN where they are compared as they were run."""
+    """Permitted drop of the scene's PSNR, dB; NaN if both are compared as they were run."""
 
     cells: int
-    """In how many scenes and seeds both are known."""
+    """Number of scenes and seeds in which both are known."""
 
     difference: Interval
-    """Positive where GSPure has more."""
+    """dB; positive where GSPure has more."""
 
     p: float = math.nan
     """Of the sign-flip test of the Score; NaN for other quantities."""
 
-    adjusted: float = math.nan
-    """`p` after Holm's correction for all rivals of this scheme and extraction."""
+    p_adjusted: float = math.nan
+    """`p` after Holm's correction for all rivals on this scheme and extraction."""
 
-    attainable: float = math.nan
-    """What `adjusted` could at best have been, with as many rivals and as few scenes."""
+    p_attainable: float = math.nan
+    """The smallest `p_adjusted` possible with this number of rivals and scenes."""
 
 
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     """Compare GSPure with every other attack, for every scheme and extraction of the message.
 
-    Controls and GSPure itself at other strengths are no rivals. Only the Score is tested: it is the measure that the
-    paper names, and every further test makes the correction for all of them harsher. For the rest, intervals say how
-    sure they are.
+    Controls, and GSPure itself at other strengths, are not rivals. Only the Score is tested: it is the measure that the
+    paper names, and further tests would make the correction harsher. Other quantities have intervals alone.
 
     Parameters
     ----------
     outcomes : sequence of Outcome
-        In any order; schemes and rivals stay in it.
+        In any order; schemes and rivals keep it.
     sweeps : mapping
-        Variants that are one attack at several strengths; others are sweeps of their own. The one named `METHOD` is
-        compared with the others at `MATCHED_DAMAGES`.
+        Variants that are one attack at several strengths; others are sweeps of one strength. The sweep named `GSPURE`
+        is compared with the others at `MATCHED_DAMAGES`.
 
     """
-    found: list[Contest] = []
-    own = {*sweeps.get(METHOD, ())} - {METHOD}
+    rows: list[Contest] = []
+    other_strengths = {*sweeps.get(GSPURE, ())} - {GSPURE}
     for scheme in dict.fromkeys(o.scheme for o in outcomes):
         attacks = [o for o in outcomes if o.scheme == scheme and o.variant != REFERENCE and not o.is_control]
         for extraction in ordered({target for o in attacks for target in o.messages}):
             drops = _drops(attacks, extraction)
-            for quantity, cells in _as_run({name: cells for name, cells in drops.items() if name not in own}).items():
-                found += _against(cells, scheme, extraction, quantity, math.nan)
+            as_run = {name: cells for name, cells in drops.items() if name not in other_strengths}
+            for quantity in WEIGHTS:
+                rows += _against(_as_run(as_run, quantity), scheme, extraction, quantity, math.nan)
             for damage in MATCHED_DAMAGES:
                 cells = _at_equal_damage(drops, completed(sweeps, drops), damage)
-                found += _against(cells, scheme, extraction, MESSAGE_DROP, damage)
-    return found
+                rows += _against(cells, scheme, extraction, MESSAGE_DROP, damage)
+    return rows
 
 
 def write_contest(path: Path, rows: Iterable[Contest]) -> None:
-    """Write one CSV row per rival and quantity; unknown numbers are empty."""
-    write_sheet(path, HEADER, ([*row[:6], *row.difference, *row[7:]] for row in rows))
+    """Write one CSV row per rival, quantity and damage; unknown numbers are empty."""
+    write_records(path, Contest, rows)
 
 
 def read_contest(path: Path) -> list[Contest]:
     """Read what `write_contest` has written, or raise `InputError`."""
-    return read_sheet(path, HEADER, "a table of GSPure against other attacks", _row)
+    return read_records(path, Contest)
 
 
-Drops = Mapping[str, Mapping[tuple[str, int], tuple[float, float]]]
-"""By variant, and by scene and seed: what scene and message lost, dB."""
-
-
-def _drops(attacks: Sequence[Outcome], extraction: str) -> Drops:
-    """Return what is known of both."""
-    found: dict[str, dict[tuple[str, int], tuple[float, float]]] = {}
+def _drops(attacks: Sequence[Outcome], extraction: str) -> DropsByVariant:
+    """Return the drops of every attack where both are known."""
+    by_variant: dict[str, dict[tuple[str, int], Drops]] = {}
     for o in attacks:
         drops = (o.psnr_drop(SCENE), o.psnr_drop(extraction))
         if all(map(math.isfinite, drops)):
-            found.setdefault(o.variant, {})[o.scene, o.seed] = drops
-    return found
+            by_variant.setdefault(o.variant, {})[o.scene, o.seed] = drops
+    return by_variant
 
 
-def _as_run(drops: Drops) -> dict[str, dict[str, Cells]]:
-    """Return each quantity by variant."""
+def _as_run(drops: DropsByVariant, quantity: Quantity) -> dict[str, Cells]:
+    """Return a quantity by variant."""
+    of_scene, of_message = WEIGHTS[quantity]
     return {
-        quantity: {
-            variant: {cell: of_scene * scene + of_message * message for cell, (scene, message) in cells.items()}
-            for variant, cells in drops.items()
-        }
-        for quantity, (of_scene, of_message) in QUANTITIES.items()
+        variant: {cell: of_scene * scene + of_message * message for cell, (scene, message) in cells.items()}
+        for variant, cells in drops.items()
     }
 
 
-def _at_equal_damage(drops: Drops, sweeps: Sweeps, damage: float) -> dict[str, Cells]:
-    """Return what each sweep takes from the message where the scene may lose `damage`."""
-    found: dict[str, Cells] = {}
+def _at_equal_damage(drops: DropsByVariant, sweeps: Sweeps, damage: float) -> dict[str, Cells]:
+    """Return the message's drop by sweep at a permitted drop of the scene."""
+    by_sweep: dict[str, Cells] = {}
     for name, variants in sweeps.items():
-        points: dict[tuple[str, int], list[tuple[float, float]]] = {}
+        points: dict[tuple[str, int], list[Drops]] = {}
         for variant in variants:
             for cell, both in drops.get(variant, {}).items():
                 points.setdefault(cell, []).append(both)
-        found[name] = {cell: drop_within(strengths, damage)[0] for cell, strengths in points.items()}
-    return found
+        by_sweep[name] = {cell: drop_within(strengths, damage)[0] for cell, strengths in points.items()}
+    return by_sweep
 
 
-def _against(cells: Mapping[str, Cells], scheme: str, extraction: str, quantity: str, damage: float) -> list[Contest]:
-    """Compare GSPure with all others that share a scene and seed with it."""
-    ours = cells.get(METHOD, {})
-    shared = {rival: differences(ours, theirs) for rival, theirs in cells.items() if rival != METHOD}
-    by_rival = {rival: by_scene for rival, by_scene in shared.items() if by_scene}
+def _against(
+    cells: Mapping[str, Cells], scheme: str, extraction: str, quantity: Quantity, damage: float
+) -> list[Contest]:
+    """Compare GSPure with every rival that shares a scene and seed with it."""
+    gspure = cells.get(GSPURE, {})
+    shared = {rival: differences(gspure, of_rival) for rival, of_rival in cells.items() if rival != GSPURE}
+    by_rival = {rival: scenes for rival, scenes in shared.items() if scenes}
     rows = [
-        Contest(scheme, extraction, rival, quantity, damage, sum(map(len, by_scene)), mean_interval(by_scene))
-        for rival, by_scene in by_rival.items()
+        Contest(scheme, extraction, rival, quantity, damage, sum(map(len, scenes)), mean_interval(scenes))
+        for rival, scenes in by_rival.items()
     ]
     if quantity != SCORE:
         return rows
-    tests = [paired_test(by_scene) for by_scene in by_rival.values()]
+    tests = [paired_test(scenes) for scenes in by_rival.values()]
     adjusted, attainable = holm([test.p for test in tests]), holm([test.smallest_p for test in tests])
     return [
-        row._replace(p=test.p, adjusted=float(p), attainable=float(best))
+        row._replace(p=test.p, p_adjusted=float(p), p_attainable=float(best))
         for row, test, p, best in zip(rows, tests, adjusted, attainable, strict=True)
     ]
-
-
-def _row(scheme: str, extraction: str, rival: str, quantity: str, damage: str, cells: str, *numbers: str) -> Contest:
-    mean, low, high, level, scenes, *tested = map(number, numbers)
-    difference = Interval(mean, low, high, level, int(scenes))
-    return Contest(scheme, extraction, rival, quantity, number(damage), int(cells), difference, *tested)

@@ -1,6 +1,6 @@
-"""Negative controls: what an extractor shows where there is no message, or none that its key opens.
+"""Negative controls: what an extractor shows of a model without the message, or without the right key.
 
-A message is only there to be lost if it stands out from these.
+A message can only be lost if it stands out from these.
 """
 
 from __future__ import annotations
@@ -10,10 +10,14 @@ from typing import Final
 CLEAN, WRONG_KEY, OTHER_SCENE = "clean", "wrong_key", "other_scene"
 BLACK, MEAN_COLOUR = "black", "mean_colour"
 
-MODELS: Final = (CLEAN, WRONG_KEY, OTHER_SCENE)
-"""The owner's key on a model that never held a message, a stranger's on the watermarked one, the owner's on another."""
+MESSAGE_FREE: Final = (CLEAN, OTHER_SCENE)
+"""Models that never held the message: one trained without it, and one of another scene that hides another message."""
 
-FLOORS: Final = (BLACK, MEAN_COLOUR)
-"""Pictures without content: black ones, and ones of the truth's own mean colour."""
+BASELINES: Final = (BLACK, MEAN_COLOUR)
+"""Content-free baselines: black images, and images of the message's own mean colour."""
 
-CONTROLS: Final = (*MODELS, *FLOORS)
+FLOOR: Final = (*MESSAGE_FREE, *BASELINES)
+"""What the floor of a scene is the highest of. The wrong key does not count: it is applied to a model that holds the
+message. Baselines do: an extraction may show black of a clean model, and any trace of the message exceeds that."""
+
+CONTROLS: Final = (CLEAN, WRONG_KEY, OTHER_SCENE, *BASELINES)

@@ -1,8 +1,9 @@
-"""PSNR and SSIM as the 3DGS family computes them from PNG files."""
+"""Image metrics as the 3DGS family computes them from PNG files. To add one: a function, and a line in `METRICS`."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,31 @@ def gaussian_window() -> Float64:
     offsets = np.arange(SSIM_WINDOW) - SSIM_WINDOW // 2
     window = np.exp(-(offsets**2) / (2 * SSIM_SIGMA**2))
     return np.asarray(window / window.sum())
+
+
+class Metric(NamedTuple):
+    """An image metric, and how its values are written."""
+
+    compute: Callable[[NDArray[Any], NDArray[Any]], float]
+    """Of a reference and another image [H,W,3] in 0 .. 1."""
+
+    title: str
+    unit: str
+    decimals: int
+    """In tables."""
+
+    stored: str
+    """Format in ``metrics.csv``."""
+
+    def text(self, value: float) -> str:
+        """Return a value as tables show it: ∞ for identical images, – where it is unknown."""
+        return "–" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.{self.decimals}f}"
+
+
+METRICS: Final[Mapping[str, Metric]] = {
+    "psnr": Metric(psnr, "PSNR", "dB", 2, ".6f"),
+    "ssim": Metric(ssim, "SSIM", "", 3, ".8f"),
+}
 
 
 def _blur(image: Float64) -> Float64:

@@ -1,4 +1,4 @@
-"""What an attack took from the scene, what from the message, and whether it found the right Gaussians."""
+"""What an attack removed from the scene and from the message, and whether it pruned the right Gaussians."""
 
 from __future__ import annotations
 
@@ -15,21 +15,25 @@ from gspure.artifacts import load_array, read_json
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
+from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.recall import recall
 from gspure.failures import note_of
 
 REFERENCE: Final = "watermarked"
-"""The variant that drops are relative to."""
+"""The unattacked variant: drops are relative to it."""
+
+GSPURE: Final = "gspure"
+"""The variant of the paper's attack, and the name of the sweep over its pruning factors."""
 
 SCENE, MESSAGE = "scene", "message"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One variant of one model: its mean metrics by target, and what is known of its pruning.
+    """One variant of one model: its mean metrics by target, and how well it pruned.
 
-    Numbers that are not known are NaN. Where images are compared with renders of the unattacked model, that model's own
-    PSNR is infinite, and how far others fall below it is not known.
+    Unknown numbers are NaN. Where images are compared with renders of the unattacked model, the PSNR of that model is
+    infinite and drops from it are unknown.
     """
 
     scheme: str
@@ -41,48 +45,47 @@ class Outcome:
     precision: float = math.nan
     recall: float = math.nan
     reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
-    """The same means of the variant `REFERENCE`."""
+    """The same means for the variant `REFERENCE`."""
 
     reached: Mapping[str, bool] = field(default_factory=dict)
-    """For each extraction of the message, whether the attack touched what it reads; empty where that is not known."""
+    """For each extraction of the message, whether the attack changed anything that it reads; empty if unknown."""
 
     failure: str = ""
-    """Why there are no metrics: what went wrong on the way to them."""
+    """Why there are no metrics."""
 
     off_path: Mapping[str, ViewMetrics] = field(default_factory=dict)
-    """The same means as `targets`, of views beside the path of the cameras; empty where there are none."""
+    """The means of `targets` over views off the camera path; empty if there are none."""
 
     off_path_reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
-    """Those of the variant `REFERENCE`."""
+    """The same means for the variant `REFERENCE`."""
 
     seed: int = 0
-    """Which repetition on the same scene, with other seeds, this is."""
+    """Number of the repetition on the same scene, each with its own random seeds."""
 
     @property
     def asset(self) -> str:
-        """Its model among those of its scheme, as its folder is named: ``room``, or ``room@1`` for a repetition."""
+        """The folder of its model below the scheme: ``room``, or ``room@1`` for a repetition."""
         return f"{self.scene}@{self.seed}" if self.seed else self.scene
 
-    def psnr_drop(self, target: str) -> float:
-        r"""Return :math:`\Delta PSNR`: how far the target's PSNR lies below that of the watermarked variant, in dB."""
+    def drops(self, target: str) -> dict[str, float]:
+        """Return how far each metric of the target lies below that of the unattacked model."""
         if target not in self.targets or target not in self.reference:
-            return math.nan
-        return _difference(self.reference[target].psnr, self.targets[target].psnr)
+            return dict.fromkeys(METRICS, math.nan)
+        before, after = self.reference[target].values, self.targets[target].values
+        return {name: _difference(before[name], after[name]) for name in METRICS}
 
-    def ssim_drop(self, target: str) -> float:
-        """Return how far the target's SSIM lies below that of the watermarked variant."""
-        if target not in self.targets or target not in self.reference:
-            return math.nan
-        return self.reference[target].ssim - self.targets[target].ssim
+    def psnr_drop(self, target: str) -> float:
+        r"""Return :math:`\Delta PSNR`: how far the target's PSNR lies below that of the unattacked model, in dB."""
+        return self.drops(target)["psnr"]
 
     @property
     def against_truth(self) -> bool:
-        """Whether its metrics compare with photographs of the truth, not with renders of the unattacked model."""
+        """Whether its metrics compare with photographs, not with renders of the unattacked model."""
         return all(mean.reference == TRUTH for mean in self.targets.values())
 
     @property
     def is_control(self) -> bool:
-        """Whether it is a negative control: what is to be seen where no message is, or none that the key opens."""
+        """Whether it is a negative control (`gspure.evaluation.controls`)."""
         return self.variant in CONTROLS
 
     @property
@@ -91,26 +94,26 @@ class Outcome:
         return ordered(target for target in self.targets if target.startswith(MESSAGE))
 
     def score_of(self, target: str) -> float:
-        r"""Return the paper's measure of an attack, in dB; a control is no attack.
+        r"""Return the paper's measure of an attack, in dB; NaN for a control.
 
         .. math:: Score = \Delta PSNR_{message} - \Delta PSNR_{scene}
 
-        (paper, §Metrics.) `target` is the extraction that shows the message.
+        (paper, §Metrics.) `target` is an extraction of the message.
         """
         return math.nan if self.is_control else self.psnr_drop(target) - self.psnr_drop(SCENE)
 
-    def aside(self) -> Outcome:
-        """Return this variant as views beside the path show it."""
+    def seen_off_path(self) -> Outcome:
+        """Return this variant with the metrics of views off the camera path."""
         return replace(self, targets=self.off_path, reference=self.off_path_reference)
 
     @property
     def score(self) -> float:
-        """The Score, of the message as the scheme extracts it."""
+        """The Score of the message as the scheme itself extracts it."""
         return self.score_of(MESSAGE)
 
 
 def ordered(targets: Iterable[str]) -> list[str]:
-    """Return targets in the order of telling: the scene, the message, its other extractions."""
+    """Return targets in display order: the scene, the message, its other extractions."""
     return sorted(targets, key=lambda target: (target != SCENE, target != MESSAGE, target))
 
 
@@ -125,8 +128,8 @@ def collect(
     Parameters
     ----------
     metrics : sequence of Path
-        Files ``.../{scheme}/{scene}/{variant}/metrics.csv``: the folders say whose they are. Scenes that end in ``@1``,
-        ``@2``, ... are repetitions with other seeds. Where a file could not be made, its note tells why.
+        Files ``.../{scheme}/{scene}/{variant}/metrics.csv``. Scenes that end in ``@1``, ``@2``, ... are repetitions
+        with other random seeds. A job that failed has left a note in place of the file.
     kept : sequence of Path
         Masks ``.npy`` bool [K], true where a variant kept the row, anywhere below the variant's folder.
     truth : sequence of Path
@@ -137,30 +140,37 @@ def collect(
     Returns
     -------
     list of Outcome
-        Sorted by scheme and scene, in each the variant `REFERENCE` first, then in the order given.
+        Sorted by scheme and scene; within each, the variant `REFERENCE` first, then the order given.
 
     Raises
     ------
     InputError
-        If a file cannot be read, two masks of one model have different lengths, or everything has failed.
+        If a file cannot be read, two masks of one model have different lengths, or every variant failed.
 
     """
-    found = [_outcome(path, kept, truth, verdicts) for path in metrics]
-    if found and all(outcome.failure for outcome in found):
-        raise InputError(metrics[0], "metrics", expected="metrics of some variant", found=found[0].failure)
-    found.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != REFERENCE))
-    outcomes = []
-    for _, group in groupby(found, key=lambda outcome: (outcome.scheme, outcome.asset)):
-        outcomes += referred(list(group))
-    return outcomes
+    outcomes = [_outcome(path, kept, truth, verdicts) for path in metrics]
+    if outcomes and all(outcome.failure for outcome in outcomes):
+        raise InputError(metrics[0], "metrics", expected="metrics of some variant", found=outcomes[0].failure)
+    outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != REFERENCE))
+    return with_references(outcomes)
 
 
-def referred(variants: Sequence[Outcome]) -> list[Outcome]:
-    """Return the variants of one model with what they are to be compared with: that of `REFERENCE`."""
-    first = next((o for o in variants if o.variant == REFERENCE), None)
-    if first is None:
-        return list(variants)
-    return [replace(o, reference=first.targets, off_path_reference=first.off_path) for o in variants]
+def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
+    """Return outcomes, sorted by model, with the metrics of their unattacked model as reference."""
+    complete: list[Outcome] = []
+    for _, variants in by_model(outcomes):
+        unattacked = next((o for o in variants if o.variant == REFERENCE), None)
+        if unattacked:
+            before, off_path_before = unattacked.targets, unattacked.off_path
+            complete += [replace(o, reference=before, off_path_reference=off_path_before) for o in variants]
+        else:
+            complete += variants
+    return complete
+
+
+def by_model(outcomes: Iterable[Outcome]) -> list[tuple[tuple[str, str], list[Outcome]]]:
+    """Return scheme and asset of each model with its outcomes, which are sorted by model."""
+    return [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.asset))]
 
 
 def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: Sequence[Path]) -> Outcome:
@@ -173,20 +183,20 @@ def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: 
     rows = read_metrics(path)
     targets = {mean.target: mean for mean in means(on_path(rows))}
     views = {target: sum(row.target == target for row in on_path(rows)) for target in targets}
-    aside = {mean.target: mean for mean in means(off_path(rows))}
-    outcome = replace(outcome, targets=targets, views=views, off_path=aside, reached=_reached(_below(folder, verdicts)))
+    off = {mean.target: mean for mean in means(off_path(rows))}
+    outcome = replace(outcome, targets=targets, views=views, off_path=off, reached=_reached(_below(folder, verdicts)))
     if (kept_file := _below(folder, kept)) is None:
         return outcome
     pruned = ~load_array(kept_file, dtype=np.bool_, shape=(None,))
     outcome = replace(outcome, pruned_share=float(np.mean(pruned)))
     if (truth_file := _below(folder.parent, truth)) is None:
         return outcome
-    found = recall(pruned, load_array(truth_file, dtype=np.bool_, shape=(len(pruned),)))
-    return replace(outcome, precision=found.precision, recall=found.recall)
+    agreement = recall(pruned, load_array(truth_file, dtype=np.bool_, shape=(len(pruned),)))
+    return replace(outcome, precision=agreement.precision, recall=agreement.recall)
 
 
 def _reached(verdict: Path | None) -> dict[str, bool]:
-    """Return what an attack reached."""
+    """Return which extractions an attack can have affected."""
     if verdict is None:
         return {}
     match read_json(verdict):

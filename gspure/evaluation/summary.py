@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
 from gspure.evaluation.paper import read_cells
 from gspure.evaluation.paper.cells import TARGETS
 from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
-from gspure.evaluation.sheet import Cell, write_sheet
+from gspure.evaluation.records import write_records
 from gspure.evaluation.statistics import Interval, known_interval
-
-PAPER: Final = ("scene", "message", "score")
-QUANTITIES: Final = (*PAPER, *(f"off_path_{name}" for name in PAPER))
 
 
 class Summary(NamedTuple):
-    """One variant of one scheme over all scenes; what no scene knows is None."""
+    """One variant of one scheme over all scenes; None where no scene has the number."""
 
     scheme: str
     variant: str
@@ -35,61 +32,51 @@ class Summary(NamedTuple):
 
     score: Interval | None
 
-    off_path: tuple[Interval | None, Interval | None, Interval | None]
-    """The same three from views beside the path of the cameras."""
-
-    paper: float
-    """The Score that the paper prints for this scheme and variant, of its own scenes; NaN if it prints none."""
+    off_path_scene: Interval | None
+    off_path_message: Interval | None
+    off_path_score: Interval | None
+    """The same three over views off the camera path."""
 
     paper_scene: float = math.nan
     paper_message: float = math.nan
-    """The PSNR of scene and message that it prints, means over its own scenes, dB (Tables 1 to 3)."""
+    """PSNR that the paper prints for this scheme and variant, means over its own scenes, dB (Tables 1 to 3)."""
+
+    paper_score: float = math.nan
 
 
 def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
-    """Average over scenes and their seeds; schemes and variants stay in the order of `outcomes`, sorted by scheme.
+    """Average over scenes and their seeds, in the order of `outcomes`, which are sorted by scheme.
 
-    A number counts where it is known: a scene without it is missing from that mean, as the interval's count tells.
+    A scene in which a number is unknown does not count; the interval states how many do.
     """
     cells = read_cells()
-    printed, psnr = printed_scores(cells), ablations(cells) | table_1(cells)
-    found = []
+    scores, psnr = printed_scores(cells), ablations(cells) | table_1(cells)
+    rows = []
     for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
-        ours = list(group)
-        extractions = ordered({target for o in ours for target in o.messages}) or [MESSAGE]
-        for variant in dict.fromkeys(o.variant for o in ours):
-            scenes = [o for o in ours if o.variant == variant]
-            paper = printed.get((scheme, variant), math.nan)
-            means = [psnr.get((scheme, variant, target), math.nan) for target in TARGETS]
-            found += [_row(scenes, extraction, paper, *means) for extraction in extractions]
-    return found
+        of_scheme = list(group)
+        extractions = ordered({target for o in of_scheme for target in o.messages}) or [MESSAGE]
+        for variant in dict.fromkeys(o.variant for o in of_scheme):
+            scenes = [o for o in of_scheme if o.variant == variant]
+            off_path = [o.seen_off_path() for o in scenes]
+            printed = [psnr.get((scheme, variant, target), math.nan) for target in TARGETS]
+            printed.append(scores.get((scheme, variant), math.nan))
+            for extraction in extractions:
+                means = (*_means(scenes, extraction), *_means(off_path, extraction))
+                rows.append(Summary(scheme, variant, extraction, *means, *printed))
+    return rows
 
 
 def write_summary(path: Path, rows: Iterable[Summary]) -> None:
     """Write one CSV row per summary; unknown numbers are empty.
 
-    ``level`` is 0.95 for a bootstrap interval over scenes; less where scenes are so few that ``low`` and ``high`` are
-    their smallest and largest value.
+    ``level`` is 0.95 for a bootstrap interval over scenes; it is lower if there are so few scenes that ``low`` and
+    ``high`` are their smallest and largest values.
     """
-    columns = [f"{name}_{part}" for name in QUANTITIES for part in Interval._fields]
-    header = ["scheme", "variant", "extraction", *columns, *(f"paper_{name}" for name in PAPER)]
-    write_sheet(path, header, map(_cells, rows))
-
-
-def _cells(row: Summary) -> Iterator[Cell]:
-    yield from (row.scheme, row.variant, row.extraction)
-    for interval in (row.scene, row.message, row.score, *row.off_path):
-        yield from interval or (None,) * len(Interval._fields)
-    yield from (row.paper_scene, row.paper_message, row.paper)
-
-
-def _row(scenes: Sequence[Outcome], extraction: str, *paper: float) -> Summary:
-    aside = _means([o.aside() for o in scenes], extraction)
-    return Summary(scenes[0].scheme, scenes[0].variant, extraction, *_means(scenes, extraction), aside, *paper)
+    write_records(path, Summary, rows)
 
 
 def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[Interval | None, Interval | None, Interval | None]:
-    """Return the means of the scene's PSNR, the message's and the Score."""
+    """Return the means of the scene's PSNR, the message's PSNR, and the Score."""
     scene, message = (
         known_interval({(o.scene, o.seed): o.targets[target].psnr for o in scenes if target in o.targets})
         for target in (SCENE, extraction)

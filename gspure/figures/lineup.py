@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gspure.evaluation.contest import METHOD
-from gspure.evaluation.metrics import psnr
-from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.metrics import METRICS, psnr
+from gspure.evaluation.names import display_name
+from gspure.evaluation.outcomes import GSPURE, Outcome
 from gspure.figures import style
-from gspure.figures.findings import decibels, spoken
 from gspure.figures.panels import Image, show
 
 if TYPE_CHECKING:
@@ -73,7 +72,7 @@ def chosen(outcomes: Sequence[Outcome], sweeps: Mapping[str, Sequence[str]]) -> 
 
 
 def _merit(outcome: Outcome) -> tuple[bool, float]:
-    return outcome.variant == METHOD, outcome.score if isfinite(outcome.score) else -np.inf
+    return outcome.variant == GSPURE, outcome.score if isfinite(outcome.score) else -np.inf
 
 
 def typical(truth: Mapping[str, Image], shown: Mapping[str, Image]) -> str:
@@ -109,11 +108,11 @@ def write_lineup(path: Path, targets: Sequence[str], columns: Sequence[Column]) 
         for part, block in zip(parts[:, 0], blocks, strict=True):
             grid = part.subplots(len(targets), breadth, squeeze=False)
             for column, axes in zip(block, grid[0], strict=False):
-                axes.set_title(textwrap.fill(spoken(column.name), _TITLE_WIDTH), pad=3)
+                axes.set_title(textwrap.fill(display_name(column.name), _TITLE_WIDTH), pad=3)
             for target, row in zip(targets, grid, strict=True):
                 for column, axes in zip(block, row, strict=False):
                     _draw(axes, column, target, columns[0].images[target])
-                row[0].set_ylabel(spoken(target), labelpad=2)
+                row[0].set_ylabel(display_name(target), labelpad=2)
                 for axes in row[len(block) :]:
                     axes.set_axis_off()
 
@@ -128,4 +127,4 @@ def _draw(axes: Axes, column: Column, target: str, reference: Image) -> None:
         show(axes, image, "")
     else:
         unreached = " †" if target in column.unreached else ""
-        show(axes, image, f"{decibels(psnr(reference, image))} dB{unreached}")
+        show(axes, image, f"{METRICS['psnr'].text(psnr(reference, image))} dB{unreached}")

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.evaluation.metrics import psnr
+from gspure.evaluation.names import display_name
 from gspure.figures import style
-from gspure.figures.findings import spoken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +49,7 @@ def write_panels(
     with style.page(path, style.PAGE, rows + 0.2) as figure:
         grid = figure.subplots(len(views), len(titles), squeeze=False)
         for axes, title in zip(grid[0], titles, strict=True):
-            axes.set_title(spoken(title), pad=3)
+            axes.set_title(display_name(title), pad=3)
         for view, row in zip(views, grid, strict=True):
             for axes, rendering in zip(row, renderings, strict=False):
                 label = view if rendering is reference else f"{psnr(reference[view], rendering[view]):.2f} dB"

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
 from gspure.figures import style
-from gspure.figures.findings import spoken
 from gspure.pruning import mean_weight
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
             axes.text(1.14, -0.9, "Score", **beside)
         for row, outcome in zip(rows, shown, strict=True):
             axes.text(1.14, float(row), _signed(outcome.score), **beside)
-        axes.set_yticks(rows, [spoken(o.variant) for o in shown])
+        axes.set_yticks(rows, [display_name(o.variant) for o in shown])
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
         axes.set_ylim(len(shown) - 0.4, -0.6)

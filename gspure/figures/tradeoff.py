@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.contest import METHOD
-from gspure.evaluation.controls import CLEAN
-from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome
+from gspure.evaluation.names import display_name
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, REFERENCE, SCENE, Outcome
 from gspure.evaluation.statistics import MATCHED_DAMAGES, pareto_front
 from gspure.figures import style
-from gspure.figures.findings import spoken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,8 +49,19 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
     return [Place(damage, residual, tuple(names)) for (damage, residual), names in listed]
 
 
-def write_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> list[Place]:
-    """Write the variants of one scheme as points of a PNG; return those on the front, numbered there in this order."""
+def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None = None) -> list[Place]:
+    """Write the variants of one scheme as points of a PNG; return those on the front, numbered there in this order.
+
+    Parameters
+    ----------
+    path : Path
+        PNG to write.
+    outcomes : sequence of Outcome
+        All variants of one scheme.
+    floor : float, optional
+        Mean over the scenes of the highest control (`gspure.evaluation.survival.floor`), dB: a line to mark.
+
+    """
     found = places(outcomes)
     damage, residual = [place.damage for place in found], [place.residual for place in found]
     on_front = pareto_front(damage, residual)
@@ -63,28 +72,22 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> list[Place]:
         line = [(place.damage, place.residual) for place in front]
         axes.step(*zip(*line, strict=True), where="post", color=style.INK, linewidth=0.8)
         axes.plot(*zip(*line, strict=True), "o", color=style.INK, markersize=3.2, label="Pareto front")
-        for name, marker in ((REFERENCE, "s"), (METHOD, "D")):
+        for name, marker in ((REFERENCE, "s"), (GSPURE, "D")):
             for place in (place for place in found if name in place.variants):
-                colour = style.PRUNED if name == METHOD else style.SCENE
-                axes.plot(*place[:2], marker, color=colour, markersize=4.4, label=spoken(name), linestyle="none")
-        _mark_absence(axes, outcomes)
+                colour = style.PRUNED if name == GSPURE else style.SCENE
+                axes.plot(*place[:2], marker, color=colour, markersize=4.4, label=display_name(name), linestyle="none")
+        if floor is not None:
+            axes.axhline(floor, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="floor (highest control)")
         _scale(axes, damage)
         _number(axes, line)
         axes.set_xlabel("damage to the scene: drop of its PSNR (dB)")
         axes.set_ylabel("left of the message: PSNR (dB)")
-        figure.legend(loc="outside upper center", ncols=5)
+        figure.legend(loc="outside upper center", ncols=3)
         key = "\n".join(f"{i}  {_named(place)}" for i, place in enumerate(front, start=1))
         axes.annotate(
             key, (0, 0), (0, -26), "axes fraction", textcoords="offset points", va="top", fontsize=6, linespacing=1.3
         )
     return front
-
-
-def _mark_absence(axes: Axes, outcomes: Sequence[Outcome]) -> None:
-    """Mark what is seen of a message in models that never held one."""
-    shown = [o.targets[MESSAGE].psnr for o in outcomes if o.variant == CLEAN and MESSAGE in o.targets]
-    if shown:
-        axes.axhline(float(np.mean(shown)), color=style.MESSAGE, linewidth=0.7, linestyle="--", label="no message")
 
 
 def _scale(axes: Axes, damage: Sequence[float]) -> None:
@@ -109,5 +112,5 @@ def _number(axes: Axes, line: Sequence[tuple[float, float]]) -> None:
 
 
 def _named(place: Place) -> str:
-    names = [spoken(name) for name in sorted(place.variants, key=lambda name: name != METHOD)]
+    names = [display_name(name) for name in sorted(place.variants, key=lambda name: name != GSPURE)]
     return shorten(" = ".join(names), _LETTERS, placeholder=" …")

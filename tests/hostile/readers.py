@@ -24,10 +24,8 @@ from gspure.configuration import resolved, validated
 from gspure.contributions import Stage, read_index, read_stage, write_index
 from gspure.datasets import Archive, extract
 from gspure.errors import InputError
-from gspure.evaluation.comparison import ViewMetrics, read_metrics, write_metrics
-from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.reading import read_table
-from gspure.evaluation.tables import write_table
+from gspure.evaluation.comparison import read_metrics, write_metrics
+from gspure.evaluation.results import read_results, write_results
 from gspure.failures import mark_failed, note_of
 from gspure.images import read_image
 from gspure.model import Gaussians, read_model, require_finite, write_model
@@ -45,6 +43,7 @@ from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
 from tests.anchor_cases import random_asset, random_key
+from tests.contest_cases import attacked, measured
 from tests.hostile.mutations import Rng, choose, zipped
 from tests.models import blobs, camera
 from tests.test_cameras_colmap import binary, text
@@ -388,27 +387,20 @@ def _read_records(folder: Path) -> None:
 
 
 def _metrics(folder: Path) -> None:
-    rows = [ViewMetrics(t, f"v{i}", 20.0 + i, 0.9, "truth") for t in ("scene", "message") for i in range(3)]
+    rows = [measured(t, 20.0 + i, view=f"v{i}") for t in ("scene", "message") for i in range(3)]
     write_metrics(folder / "metrics.csv", rows)
 
 
 def _read_metrics(folder: Path) -> None:
     for row in read_metrics(folder / "metrics.csv"):
-        assert not np.isnan(row.psnr)
-        assert not np.isnan(row.ssim)
+        assert not np.isnan([*row.values.values()]).any()
 
 
 def _table(folder: Path) -> None:
-    def mean(target: str, psnr: float) -> ViewMetrics:
-        return ViewMetrics(target, "mean", psnr, 0.8, "truth")
-
-    found = [
-        Outcome(
-            "planted", "room", name, {t: mean(t, 30.0 - i) for t in ("scene", "message")}, {"scene": 2, "message": 2}
-        )
-        for i, name in enumerate(("watermarked", "gspure"))
+    outcomes = [
+        attacked(name, float(i), 10.0 * i, scheme="planted") for i, name in enumerate(("watermarked", "gspure"))
     ]
-    write_table(folder / "results.csv", found)
+    write_results(folder / "results.csv", outcomes)
 
 
 TORCH = importlib.util.find_spec("torch") is not None
@@ -527,6 +519,6 @@ READERS = (
         {"omega.npy.json": "json", "kept.npy.failed": "json", "verdict.json": "json"},
     ),
     Reader("metrics.csv", _metrics, _read_metrics, {"metrics.csv": "text"}),
-    Reader("results.csv", _table, lambda f: read_table(f / "results.csv"), {"results.csv": "text"}),
+    Reader("results.csv", _table, lambda f: read_results(f / "results.csv"), {"results.csv": "text"}),
 )
 BY_NAME = {reader.name: reader for reader in READERS}

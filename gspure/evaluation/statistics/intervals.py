@@ -49,6 +49,11 @@ class Interval(NamedTuple):
 
     scenes: int
 
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether all of the interval has one sign; below six scenes, whether all scenes have it."""
+        return self.low > 0 or self.high < 0
+
     def __str__(self) -> str:
         if self.level >= LEVEL:
             return f"{self.mean:.2f} [{self.low:.2f}, {self.high:.2f}]"

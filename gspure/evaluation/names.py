@@ -1,0 +1,36 @@
+"""Display names: how reports and figures write the names of schemes, scenes, variants and targets."""
+
+from __future__ import annotations
+
+from typing import Final
+
+_NAMES: Final = {
+    "watermarked": "unattacked",  # the variant bears a mark only if its scheme hides one
+    "clean": "clean model",
+    "other_scene": "other scene's model",
+    "black": "black image",
+    "mean_colour": "mean-colour image",
+    "random_matched": "matched random pruning",
+    "lowest_weight_matched": "matched lowest-weight pruning",
+    "lowest_opacity_matched": "matched lowest-opacity pruning",
+    "message_oracle": "message (oracle)",
+    "splats_in_splats": "Splats in Splats",
+    "gs_hider": "GS-Hider",
+    "secure_gs": "SecureGS",
+    "tradeoff": "trade-off",
+    "vanilla": "Vanilla 3DGS",
+    "planted": "Planted message",
+}
+
+_WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian"}
+
+
+def display_name(name: str) -> str:
+    """Return the name of a scheme, a variant or a target as people write it."""
+    return _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
+
+
+def model_name(scheme: str, asset: str) -> str:
+    """Return the name of one model: its scheme, its scene, and which repetition it is (``room@1``)."""
+    scene, _, repetition = asset.partition("@")
+    return f"{display_name(scheme)}, {scene}" + (f", repetition {repetition}" if repetition else "")

@@ -1,0 +1,172 @@
+"""Tables of typed records as CSV: the one codec of all result files.
+
+A record is a NamedTuple; its annotations name and type the columns. A nested NamedTuple takes one column per field
+(``drop_mean``, ``drop_low``, ...), a mapping of metrics one per metric of `gspure.evaluation.metrics.METRICS`. NaN and
+None are empty cells.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from types import NoneType
+from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+
+from gspure.artifacts import verify, write_text
+from gspure.errors import InputError, reading
+from gspure.evaluation.metrics import METRICS
+
+Record = TypeVar("Record")
+Cells = Iterator[str]
+
+
+class PerMetric(NamedTuple):
+    """Annotation of a mapping from metric to value: the columns it takes."""
+
+    column: str = "{}"
+    """Name of a column; the braces stand for the metric."""
+
+    full: bool = False
+    """Whether to keep every digit of `gspure.evaluation.metrics.Metric.stored`, and refuse empty cells."""
+
+
+Values = Annotated[Mapping[str, float], PerMetric()]
+"""Metrics by name."""
+
+
+class _Field(NamedTuple):
+    columns: list[str]
+    write: Callable[[Any], list[str]]
+    read: Callable[[Cells], Any]
+
+
+def write_records(path: Path, record: type[Record], rows: Iterable[Record]) -> None:
+    """Write one CSV row per record below a header, whole or not at all."""
+    fields = _fields(record)
+    header = [column for field in fields.values() for column in field.columns]
+    cells = ([cell for name, field in fields.items() for cell in field.write(getattr(row, name))] for row in rows)
+    write_text(path, csv_text(header, cells))
+
+
+def read_records(path: Path, record: type[Record]) -> list[Record]:
+    """Read what `write_records` has written.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has other columns, or a cell has the wrong type.
+
+    """
+    verify(path)
+    fields = [*_fields(record).values()]
+    columns = [column for field in fields for column in field.columns]
+    with reading(path, f"a table of {record.__name__} records"), path.open(encoding="utf-8", newline="") as stream:
+        header, *rows = list(csv.reader(stream, strict=True)) or [[]]
+        if header != columns:
+            raise InputError(path, "header", expected=",".join(columns), found=",".join(header))
+        for row in rows:
+            if len(row) != len(columns):
+                raise InputError(path, "row", expected=f"{len(columns)} cells", found=f"{len(row)}")
+        return [record(*(field.read(cells) for field in fields)) for cells in map(iter, rows)]
+
+
+def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """Return rows below a header as CSV."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(header)
+    table.writerows(rows)
+    return text.getvalue()
+
+
+def _fields(record: type) -> dict[str, _Field]:
+    hints = get_type_hints(record, include_extras=True)
+    return {name: _field(name, hint) for name, hint in hints.items()}
+
+
+def _field(name: str, hint: Any) -> _Field:
+    if get_origin(hint) is Annotated:
+        return _metrics(*(extra for extra in get_args(hint) if isinstance(extra, PerMetric)))
+    if get_origin(hint) is Literal:
+        return _Field([name], lambda value: [value], lambda cells: _one_of(next(cells), get_args(hint)))
+    inner = [argument for argument in get_args(hint) if argument is not NoneType] or [hint]
+    if hasattr(inner[0], "_fields"):
+        return _nested(name, inner[0], optional=NoneType in get_args(hint))
+    read = _SCALARS[hint]
+    return _Field([name], lambda value: [_text(value)], lambda cells: read(next(cells)))
+
+
+def _nested(name: str, record: type, *, optional: bool) -> _Field:
+    parts = {part: _field(f"{name}_{part}", hint) for part, hint in get_type_hints(record).items()}
+    columns = [column for field in parts.values() for column in field.columns]
+
+    def write(value: Any) -> list[str]:
+        if value is None:
+            return [""] * len(columns)
+        return [cell for part, field in parts.items() for cell in field.write(getattr(value, part))]
+
+    def read(cells: Cells) -> Any:
+        texts = [next(cells) for _ in columns]
+        if optional and not any(texts):
+            return None
+        remaining = iter(texts)
+        return record(*(field.read(remaining) for field in parts.values()))
+
+    return _Field(columns, write, read)
+
+
+def _metrics(columns: PerMetric) -> _Field:
+    """Return the columns of a mapping; a mapping of which nothing is known is read as an empty one."""
+    names = {metric: columns.column.format(metric) for metric in METRICS}
+
+    def write(values: Mapping[str, float]) -> list[str]:
+        if columns.full:
+            return [format(values[metric], METRICS[metric].stored) for metric in names]
+        return [_text(values.get(metric, math.nan)) for metric in names]
+
+    def read(cells: Cells) -> dict[str, float]:
+        texts = {metric: next(cells) for metric in names}
+        values = {metric: float(text) for metric, text in texts.items() if text or columns.full}
+        if any(map(math.isnan, values.values())):
+            raise ValueError("a metric is not a number")
+        return values
+
+    return _Field([*names.values()], write, read)
+
+
+def _one_of(text: str, choices: tuple[str, ...]) -> str:
+    if text not in choices:
+        raise ValueError(f"{text!r} is not one of {', '.join(map(repr, choices))}")
+    return text
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return "" if value is None else str(value)
+
+
+def _number(text: str) -> float:
+    return float(text) if text else math.nan
+
+
+def _truth(text: str) -> bool | None:
+    return {"true": True, "false": False, "": None}[_one_of(text, ("true", "false", ""))]
+
+
+def _count(text: str) -> int | None:
+    return int(text) if text else None
+
+
+_SCALARS: Final[Mapping[Any, Callable[[str], Any]]] = {
+    str: str,
+    int: int,
+    int | None: _count,
+    float: _number,
+    bool | None: _truth,
+}

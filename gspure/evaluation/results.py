@@ -1,0 +1,108 @@
+"""The long table ``results.csv``: one row per scheme, scene, seed, variant and target."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Final, Literal, NamedTuple
+
+from gspure.evaluation.comparison import RENDER, ViewMetrics
+from gspure.evaluation.outcomes import MESSAGE, Outcome, ordered, with_references
+from gspure.evaluation.records import PerMetric, Values, read_records, write_records
+
+_NONE: Final[Mapping[str, float]] = MappingProxyType({})
+
+
+class Result(NamedTuple):
+    """One target of one variant; of a variant that failed, the reason alone."""
+
+    scheme: str
+    scene: str
+    seed: int
+    variant: str
+    target: str = ""
+    reference: Literal["truth", "render", ""] = ""
+    views: int | None = None
+    values: Values = _NONE
+    drops: Annotated[Mapping[str, float], PerMetric("{}_drop")] = _NONE
+    score: float = math.nan
+    reached: bool | None = None
+    pruned_share: float = math.nan
+    precision: float = math.nan
+    recall: float = math.nan
+    failure: str = ""
+    off_path: Annotated[Mapping[str, float], PerMetric("off_path_{}")] = _NONE
+    off_path_psnr_drop: float = math.nan
+    off_path_score: float = math.nan
+
+
+def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
+    """Write one CSV row per target of every outcome; unknown numbers are empty."""
+    write_records(path, Result, (row for outcome in outcomes for row in _rows(outcome)))
+
+
+def read_results(path: Path) -> list[Outcome]:
+    """Return the outcomes that `write_results` has written, in their order.
+
+    Raises
+    ------
+    InputError
+        If the file is not such a table.
+
+    """
+    rows = read_records(path, Result)
+    variants = groupby(rows, key=lambda row: (row.scheme, row.scene, row.seed, row.variant))
+    return with_references(_outcome(list(targets)) for _, targets in variants)
+
+
+def _rows(o: Outcome) -> Iterator[Result]:
+    if o.failure:
+        yield Result(o.scheme, o.scene, o.seed, o.variant, failure=o.failure)
+    off = o.seen_off_path()
+    for target in ordered(o.targets):
+        mean, extraction = o.targets[target], target if target in o.messages else MESSAGE
+        seen_off = target in off.targets
+        yield Result(
+            o.scheme,
+            o.scene,
+            o.seed,
+            o.variant,
+            target,
+            mean.reference,
+            o.views[target],
+            mean.values,
+            o.drops(target),
+            o.score_of(extraction),
+            o.reached.get(target),
+            o.pruned_share,
+            o.precision,
+            o.recall,
+            off_path=off.targets[target].values if seen_off else {},
+            off_path_psnr_drop=off.psnr_drop(target),
+            off_path_score=off.score_of(extraction) if seen_off else math.nan,
+        )
+
+
+def _outcome(rows: list[Result]) -> Outcome:
+    first, measured = rows[0], [row for row in rows if row.values]
+    return Outcome(
+        first.scheme,
+        first.scene,
+        first.variant,
+        {row.target: _mean(row, row.values) for row in measured},
+        {row.target: row.views or 0 for row in measured},
+        pruned_share=first.pruned_share,
+        precision=first.precision,
+        recall=first.recall,
+        reached={row.target: row.reached for row in rows if row.reached is not None},
+        failure=first.failure,
+        off_path={row.target: _mean(row, row.off_path) for row in rows if row.off_path},
+        seed=first.seed,
+    )
+
+
+def _mean(row: Result, values: Values) -> ViewMetrics:
+    return ViewMetrics(row.target, "mean", row.reference or RENDER, values)

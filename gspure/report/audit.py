@@ -1,0 +1,224 @@
+"""The owner's audit of a scheme: which attacks its message survives, at what cost, and how certain that is.
+
+This module gathers the facts; ``templates/audit.html.j2`` puts them into words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, isnan
+from typing import Final, Literal, NamedTuple
+
+from gspure.evaluation.contest import SCORE, Contest
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, REFERENCE, SCENE, Outcome
+from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, known_interval
+from gspure.evaluation.summary import Summary, summarize
+from gspure.evaluation.survival import Survival
+
+RANDOM: Final = "random_matched"
+"""The attack that removes as many rows as GSPure, at random: GSPure has an effect only if it does better."""
+
+SIGNIFICANT: Final = 0.05
+
+EQUAL: Final = 0.05
+"""A mean difference that counts as none, dB: less than the page shows."""
+
+Verdict = Literal["judged", "failed", "no key", "no reference", "no controls", "not present", "not touched"]
+
+
+class Rivals(NamedTuple):
+    """GSPure against all other attacks on one scheme."""
+
+    others: int
+    scenes: int
+    """Number of scenes in the largest comparison."""
+
+    ahead: list[Contest]
+    """Those with a higher Score, the best first."""
+
+    level: list[Contest]
+    """Those with the same Score."""
+
+    ahead_at_equal_damage: list[Contest]
+    """By damage to the scene: the rival that removes the most, if that is more than GSPure removes in every scene."""
+
+    damages: tuple[float, float]
+    """The range of these damages, dB."""
+
+    significant: list[Contest]
+    p_attainable: float
+    """The smallest p that any of the differences in Score could have."""
+
+
+class OffPath(NamedTuple):
+    """How far GSPure lowers the PSNR of message and scene, on and off the camera path, dB."""
+
+    message: Interval
+    scene: Interval
+    message_on_path: Interval
+    scene_on_path: Interval
+
+
+class Failure(NamedTuple):
+    """Variants that failed for the same reason."""
+
+    reason: str
+    variants: list[str]
+    models: int
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What the owner of one scheme should know."""
+
+    scheme: str
+    scenes: int
+    seeds: list[int]
+    """The different numbers of seeds per scene, in ascending order."""
+
+    models: int
+    verdict: Verdict
+    attacks: list[Survival]
+    """Attacks that can be judged, the gentlest first; if none can, all of them."""
+
+    before: Survival | None
+    gspure: Survival | None
+    other_extractions: list[Survival]
+    """What GSPure does to them."""
+
+    not_reached: list[Survival]
+    """Attacks that changed nothing that the extraction reads."""
+
+    scene_psnr: list[tuple[Summary, Interval]]
+    """Without a message: what attacks leave of the scene, the gentlest first."""
+
+    against_photographs: bool
+    off_path: OffPath | None
+    random: dict[str, Interval]
+    """GSPure minus random pruning of as many rows, by quantity; empty if that was not run."""
+
+    rivals: Rivals | None
+    failures: list[Failure]
+
+    def where(self, survives: bool | None) -> list[Survival]:  # noqa: FBT001 (None: in some scenes only)
+        """Return the judged attacks that the message survives in every scene, in some, or in none."""
+        return [row for row in self.attacks if row.survives is survives]
+
+
+def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests: Sequence[Contest]) -> list[Audit]:
+    """Return the audit of every scheme.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        All variants of all models; schemes keep their order.
+    survivals : sequence of Survival
+        Of `gspure.evaluation.survival.survival`.
+    contests : sequence of Contest
+        Of `gspure.evaluation.contest.contest`.
+
+    """
+    return [
+        _audit(
+            [o for o in outcomes if o.scheme == scheme],
+            {(row.extraction, row.variant): row for row in survivals if row.scheme == scheme},
+            [c for c in contests if c.scheme == scheme and c.extraction == MESSAGE],
+        )
+        for scheme in dict.fromkeys(o.scheme for o in outcomes)
+    ]
+
+
+def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival], contests: Sequence[Contest]) -> Audit:
+    own = {variant: row for (extraction, variant), row in left.items() if extraction == MESSAGE}
+    attacks = sorted((row for row in own.values() if row.variant != REFERENCE), key=_damage)
+    judged = [row for row in attacks if row.present and row.reached is not False]
+    cells = {(o.scene, o.seed) for o in outcomes if not o.failure}
+    scenes = {scene for scene, _ in cells}
+    as_run = [c for c in contests if isnan(c.damage)]
+    return Audit(
+        scheme=outcomes[0].scheme,
+        scenes=len(scenes),
+        seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
+        models=len({o.asset for o in outcomes}),
+        verdict="judged" if judged else _why_not_judged(outcomes, own),
+        attacks=judged or attacks,
+        before=own.get(REFERENCE),
+        gspure=own.get(GSPURE),
+        other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != MESSAGE],
+        not_reached=[row for row in attacks if row.reached is False],
+        scene_psnr=[] if own else _scene_psnr(outcomes),
+        against_photographs=all(o.against_truth for o in outcomes),
+        off_path=_off_path([o for o in outcomes if o.variant == GSPURE]),
+        random={c.quantity: c.difference for c in as_run if c.rival == RANDOM},
+        rivals=_rivals(contests),
+        failures=_failures(outcomes),
+    )
+
+
+def _why_not_judged(outcomes: Sequence[Outcome], own: Mapping[str, Survival]) -> Verdict:
+    if all(o.failure for o in outcomes):
+        return "failed"
+    if not any(MESSAGE in o.targets for o in outcomes):
+        return "no key"
+    if not own:
+        return "no controls"
+    if REFERENCE not in own:
+        return "no reference"
+    if not any(row.above_floor for row in own.values()):
+        return "no controls"
+    return "not touched" if any(row.present for row in own.values()) else "not present"
+
+
+def _rivals(contests: Sequence[Contest]) -> Rivals | None:
+    scores = [c for c in contests if c.quantity == SCORE and isnan(c.damage)]
+    if not scores:
+        return None
+    strongest: list[Contest] = []
+    for damage in MATCHED_DAMAGES:
+        ahead = [c for c in contests if c.damage == damage and c.difference.mean <= -EQUAL]
+        consistent = [c for c in ahead if c.difference.excludes_zero]
+        if consistent:
+            strongest.append(min(consistent, key=lambda c: c.difference.mean))
+    return Rivals(
+        len(scores),
+        max(c.difference.scenes for c in scores),
+        sorted((c for c in scores if c.difference.mean <= -EQUAL), key=lambda c: c.difference.mean),
+        [c for c in scores if abs(c.difference.mean) < EQUAL],
+        strongest,
+        (MATCHED_DAMAGES[0], MATCHED_DAMAGES[-1]),
+        [c for c in scores if c.p_adjusted <= SIGNIFICANT],
+        min(c.p_attainable for c in scores),
+    )
+
+
+def _off_path(gspure: Sequence[Outcome]) -> OffPath | None:
+    """Return what GSPure removes as seen from views on which its decision does not rest."""
+    sides = (gspure, [o.seen_off_path() for o in gspure])
+    on, off = ([_drop(side, target) for target in (MESSAGE, SCENE)] for side in sides)
+    drops = [drop for drop in (*off, *on) if drop]
+    return OffPath(*drops) if len(drops) == len(OffPath._fields) else None
+
+
+def _drop(outcomes: Sequence[Outcome], target: str) -> Interval | None:
+    return known_interval({(o.scene, o.seed): o.psnr_drop(target) for o in outcomes})
+
+
+def _scene_psnr(outcomes: Sequence[Outcome]) -> list[tuple[Summary, Interval]]:
+    rows = [(row, row.scene) for row in summarize(outcomes) if row.variant != REFERENCE and row.scene]
+    return sorted(rows, key=lambda pair: -pair[1].mean)
+
+
+def _failures(outcomes: Sequence[Outcome]) -> list[Failure]:
+    by_reason: dict[str, list[Outcome]] = {}
+    for o in outcomes:
+        by_reason.setdefault(o.failure, []).append(o)
+    return [
+        Failure(reason, list(dict.fromkeys(o.variant for o in failed)), len({o.asset for o in failed}))
+        for reason, failed in by_reason.items()
+        if reason
+    ]
+
+
+def _damage(row: Survival) -> float:
+    return row.scene_drop.mean if row.scene_drop else inf

@@ -1,0 +1,94 @@
+"""What happened to one model, and what no number shows: the facts behind ``templates/findings.j2``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Final, NamedTuple
+
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, REFERENCE, SCENE, Outcome
+
+PLANTED: Final = "planted"
+
+
+class Change(NamedTuple):
+    """The PSNR of a target before and after an attack, dB."""
+
+    target: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What happened to one model."""
+
+    attacks: int
+    views: int
+    has_message: bool
+    against_photographs: bool
+    gspure: Outcome | None
+    changes: list[Change]
+    """By GSPure: of the scene and of every extraction of the message."""
+
+    ranked: list[Outcome]
+    """Attacks by Score, the highest first."""
+
+    controls: list[Outcome]
+    """Controls by what is extracted of the message, the highest PSNR first."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the numbers of a page cannot show."""
+
+    planted: bool
+    one_scene: list[str]
+    """Schemes with a single scene."""
+
+    without_key: list[tuple[str, str]]
+    """Models, as scheme and asset, whose message was not extracted."""
+
+    against_renders: list[tuple[str, str]]
+    views: list[int]
+    """The different numbers of views per model and target, in ascending order."""
+
+
+def findings(outcomes: Sequence[Outcome]) -> Findings:
+    """Return what happened to one model, from all of its variants."""
+    attacks = [o for o in outcomes if o.variant != REFERENCE and not o.is_control and not o.failure]
+    gspure = next((o for o in attacks if o.variant == GSPURE), None)
+    shown = [o for o in outcomes if MESSAGE in o.targets]
+    return Findings(
+        attacks=len(attacks),
+        views=max((count for o in outcomes for count in o.views.values()), default=0),
+        has_message=bool(shown),
+        against_photographs=all(o.against_truth for o in outcomes),
+        gspure=gspure,
+        changes=_changes(gspure) if gspure else [],
+        ranked=sorted((o for o in attacks if isfinite(o.score)), key=lambda o: -o.score),
+        controls=sorted((o for o in shown if o.is_control), key=lambda o: -o.targets[MESSAGE].psnr),
+    )
+
+
+def limits(outcomes: Sequence[Outcome]) -> Limits:
+    """Return what the numbers of all models cannot show."""
+    models = {(o.scheme, o.asset) for o in outcomes}
+    scenes = {scheme: {o.scene for o in outcomes if o.scheme == scheme} for scheme, _ in sorted(models)}
+    return Limits(
+        planted=PLANTED in scenes,
+        one_scene=[scheme for scheme, of_scheme in scenes.items() if len(of_scheme) == 1],
+        without_key=sorted(models - {(o.scheme, o.asset) for o in outcomes if MESSAGE in o.targets}),
+        against_renders=sorted({(o.scheme, o.asset) for o in outcomes if not o.against_truth}),
+        views=sorted({count for o in outcomes for count in o.views.values()}),
+    )
+
+
+def _changes(gspure: Outcome) -> list[Change]:
+    drops = {target: gspure.psnr_drop(target) for target in (SCENE, *gspure.messages)}
+    return [
+        Change(target, gspure.reference[target].psnr, gspure.targets[target].psnr)
+        for target, drop in drops.items()
+        if isfinite(drop)
+    ]

@@ -1,0 +1,184 @@
+"""One model of a table, rendered as HTML, Markdown, LaTeX or CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from itertools import groupby
+from math import isfinite, isnan
+from typing import Final, Literal, NamedTuple
+
+from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.records import csv_text
+from gspure.evaluation.statistics import LEVEL, Interval
+
+UNKNOWN: Final = "–"
+
+_LATEX: Final = str.maketrans(
+    {
+        **{character: f"\\{character}" for character in "&%$#_{}"},
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "−": "$-$",
+        "–": "--",
+        "∞": r"$\infty$",
+        "≥": r"$\ge$",
+        "†": r"\dag{}",
+    }
+)
+
+
+class Cell(NamedTuple):
+    """What a table shows in one place."""
+
+    text: str = UNKNOWN
+    detail: str = ""
+    """What belongs to the text in small print: an interval, a change."""
+
+    best: bool = False
+    """Whether it is the best of its column."""
+
+    def __str__(self) -> str:
+        return f"{self.text} {self.detail}".rstrip()
+
+
+class Column(NamedTuple):
+    """A column; the first of a table names its rows."""
+
+    title: str
+    group: str = ""
+    """A heading shared with neighbouring columns."""
+
+    @property
+    def full_title(self) -> str:
+        """The title as it is without a second line of headings."""
+        return f"{self.group} {self.title}".strip()
+
+
+class Row(NamedTuple):
+    """The cells of a row, one per column."""
+
+    cells: Sequence[Cell]
+    kind: Literal["", "best", "control"] = ""
+    begins: bool = False
+    """Whether a block of rows begins here."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with its title and the note that explains its columns."""
+
+    title: str
+    columns: Sequence[Column]
+    rows: Sequence[Row]
+    note: str = ""
+
+    def html(self) -> str:
+        """Return a ``<table>`` element; kinds of rows are classes."""
+        headings = [_html_row(_html_heading(c.title) for c in self.columns)]
+        if any(column.group for column in self.columns):
+            groups = ((group, len(list(members))) for group, members in groupby(c.group for c in self.columns))
+            headings.insert(0, _html_row(f'<th colspan="{span}">{escape(group)}</th>' for group, span in groups))
+        rows = (
+            _html_row([f'<th scope="row">{_html_cell(row.cells[0])}</th>', *_html_data(row.cells[1:])], row.kind)
+            for row in self.rows
+        )
+        return "\n".join(["<table>", "<thead>", *headings, "</thead>", "<tbody>", *rows, "</tbody>", "</table>"])
+
+    def markdown(self) -> str:
+        """Return a Markdown table whose columns are aligned in plain text, too."""
+        lines = [[column.full_title for column in self.columns]]
+        lines += [[_markdown_cell(cell) for cell in row.cells] for row in self.rows]
+        lines = [[text.replace("|", r"\|") for text in line] for line in lines]
+        widths = [max(3, *map(len, texts)) for texts in zip(*lines, strict=True)]
+        first, *others = widths
+        rule = ["-" * first, *("-" * (width - 1) + ":" for width in others)]
+        padded = [[line[0].ljust(first), *map(str.rjust, line[1:], others)] for line in (lines[0], rule, *lines[1:])]
+        return "\n".join(f"| {' | '.join(line)} |" for line in padded)
+
+    def latex(self) -> str:
+        """Return a booktabs ``tabular``, below its note as a comment."""
+        lines = ["% Needs \\usepackage{booktabs}.", *(f"% {line}" for line in self.note.splitlines())]
+        lines += [r"\begin{tabular}{l" + "r" * (len(self.columns) - 1) + "}", r"\toprule"]
+        lines.append(_latex_row(column.full_title for column in self.columns))
+        for i, row in enumerate(self.rows):
+            lines += [r"\midrule"] * (row.begins or not i) + [_latex_row(map(str, row.cells))]
+        return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+
+    def csv(self) -> str:
+        """Return rows below their titles as CSV."""
+        rows = ([str(cell) for cell in row.cells] for row in self.rows)
+        return csv_text([column.full_title for column in self.columns], rows)
+
+
+def markdown_document(sections: Mapping[str, Sequence[Table]]) -> str:
+    """Return tables below the headings of their sections; a note that several share stands below the last of them."""
+    last = {table.note: table for tables in sections.values() for table in tables}
+    lines: list[str] = []
+    for heading, tables in sections.items():
+        lines += [f"## {heading}", ""]
+        for table in tables:
+            lines += [f"### {table.title}", "", table.markdown(), ""]
+            lines += [table.note, ""] if last[table.note] is table and table.note else []
+    return "\n".join(lines)
+
+
+def metric(value: float, name: str = "psnr", detail: str = "") -> Cell:
+    """Return a metric as a cell."""
+    return Cell(METRICS[name].text(value), detail)
+
+
+def change(value: float) -> Cell:
+    """Return a difference in dB with its sign."""
+    return Cell(signed(value))
+
+
+def share(value: float) -> Cell:
+    """Return a share in percent."""
+    return Cell(f"{value:.1%}" if isfinite(value) else UNKNOWN)
+
+
+def interval(value: Interval | None) -> Cell:
+    """Return a mean with its 95% interval in brackets, or with the range of fewer than six scenes in parentheses."""
+    if value is None:
+        return Cell()
+    low, high = plain(value.low), plain(value.high)
+    detail = f"[{low}, {high}]" if value.level >= LEVEL else f"({low} to {high})" if value.scenes > 1 else ""
+    return Cell(plain(value.mean), detail)
+
+
+def plain(value: float) -> str:
+    """Return a number with two decimals and a true minus sign; – if it is unknown."""
+    return UNKNOWN if isnan(value) else f"{value:.2f}".replace("-0.00", "0.00").replace("-", "−")
+
+
+def signed(value: float) -> str:
+    """Return a difference with its sign; – if it is unknown or infinite."""
+    return f"{value:+.2f}".replace("-", "−") if isfinite(value) else UNKNOWN
+
+
+def _html_row(cells: Iterable[str], kind: str = "") -> str:
+    return f'<tr class="{kind}">{"".join(cells)}</tr>' if kind else f"<tr>{''.join(cells)}</tr>"
+
+
+def _html_heading(title: str) -> str:
+    return f'<th scope="col">{escape(title)}</th>'
+
+
+def _html_data(cells: Iterable[Cell]) -> list[str]:
+    return [f"<td>{_html_cell(cell)}</td>" for cell in cells]
+
+
+def _html_cell(cell: Cell) -> str:
+    text = f"<b>{escape(cell.text)}</b>" if cell.best else escape(cell.text)
+    return text + (f" <small>{escape(cell.detail)}</small>" if cell.detail else "")
+
+
+def _markdown_cell(cell: Cell) -> str:
+    return f"**{cell}**" if cell.best else str(cell)
+
+
+def _latex_row(texts: Iterable[str]) -> str:
+    return " & ".join(text.translate(_LATEX) for text in texts) + r" \\"

@@ -1,0 +1,241 @@
+"""The tables of the report, built from records of the evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import groupby
+from math import isfinite, isnan, nan
+from typing import Final
+
+from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
+from gspure.evaluation.matched import Matched
+from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.names import display_name, model_name
+from gspure.evaluation.outcomes import MESSAGE, REFERENCE, Outcome, by_model, ordered
+from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval
+from gspure.evaluation.summary import Summary
+from gspure.evaluation.survival import MARGIN, Survival
+from gspure.report.table import (
+    Cell,
+    Column,
+    Row,
+    Table,
+    change,
+    interval,
+    markdown_document,
+    metric,
+    plain,
+    share,
+    signed,
+)
+from gspure.report.templates import say
+
+NOTES: Final = "notes.j2"
+SHARES: Final = ("pruned_share", "precision", "recall")
+PERMITTED: Final = [Column(f"{damage:g} dB", "scene drop of") for damage in MATCHED_DAMAGES]
+
+
+def results_markdown(outcomes: Sequence[Outcome]) -> str:
+    """Return one table per model, with the reasons of what failed."""
+    document = markdown_document({model_name(*key): [model_table(group)] for key, group in by_model(outcomes)})
+    return "\n".join([document, *(f"{sentence}\n" for sentence in failures(outcomes))])
+
+
+def matched_markdown(rows: Sequence[Matched]) -> str:
+    """Return one table per scheme and extraction."""
+    return _by_scheme((scheme, [matched_table(group)]) for (scheme, _), group in _by_extraction(rows))
+
+
+def contest_markdown(survivals: Sequence[Survival], contests: Sequence[Contest]) -> str:
+    """Return up to three tables per scheme and extraction."""
+    schemes = dict.fromkeys(row.scheme for row in survivals)
+    return _by_scheme((scheme, scheme_tables(scheme, survivals, contests)) for scheme in schemes)
+
+
+def summary_latex(rows: Sequence[Summary]) -> str:
+    """Return the means over scenes as a LaTeX table, one block per scheme."""
+    return summary_table(rows).latex()
+
+
+def scheme_tables(
+    scheme: str, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched] = ()
+) -> list[Table]:
+    """Return the tables of one scheme over all of its scenes, by extraction of its message."""
+    kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
+        (survival_table, survivals),
+        (rivals_table, [row for row in contests if isnan(row.damage)]),
+        (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
+        (matched_table, matched),
+    ]
+    own = [(kind, [row for row in rows if row.scheme == scheme]) for kind, rows in kinds]
+    extractions = ordered({row.extraction for _, rows in own for row in rows})
+    return [
+        kind(chosen)
+        for extraction in extractions
+        for kind, rows in own
+        if (chosen := [row for row in rows if row.extraction == extraction])
+    ]
+
+
+def model_table(outcomes: Sequence[Outcome]) -> Table:
+    """Return every variant of one model with its metrics."""
+    measured = [o for o in outcomes if not o.failure]
+    targets = ordered({target for o in measured for target in o.targets})
+    off_path = [target for target in targets if any(target in o.off_path for o in measured)]
+    extractions = [target for target in targets if target.startswith(MESSAGE)]
+    shares = [name for name in SHARES if any(isfinite(getattr(o, name)) for o in measured)]
+    best = max((o.score for o in measured if isfinite(o.score)), default=nan)
+    columns = [
+        Column("variant"),
+        *(Column(m.title, display_name(target)) for target in targets for m in METRICS.values()),
+        *(Column(display_name(target), "PSNR off path") for target in off_path),
+        *(Column(name.removesuffix("_share")) for name in shares),
+        *(Column(display_name(target), "Score") for target in extractions),
+    ]
+    rows = []
+    for o in measured:
+        scores = [change(o.score_of(target)) for target in extractions]
+        if is_best := o.score == best:
+            scores[0] = scores[0]._replace(best=True)
+        cells = [
+            Cell(display_name(o.variant)),
+            *(cell for target in targets for cell in _metrics(o, target)),
+            *(metric(o.off_path[target].psnr) if target in o.off_path else Cell() for target in off_path),
+            *(share(getattr(o, name)) for name in shares),
+            *scores,
+        ]
+        rows.append(Row(cells, "control" if o.is_control else "best" if is_best else ""))
+    missed = any("†" in cell.text for row in rows for cell in row.cells)
+    note = say(NOTES, "model", measured, off_path, extractions, shares, missed)
+    return Table("PSNR, SSIM and Score of every variant", columns, rows, note)
+
+
+def survival_table(attacks: Sequence[Survival]) -> Table:
+    """Return what every attack leaves of one extraction of a scheme's message."""
+    has_floor = any(row.above_floor for row in attacks)
+    scenes = _scenes(row.message_drop for row in attacks)
+    columns = [Column("attack"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
+    if has_floor:
+        columns += [Column("survived"), Column("the floor", "message above"), Column("wrong key", "message above")]
+        columns += [Column("detectability")] * (scenes > 1)
+    rows = []
+    for row in attacks:
+        name = display_name(row.variant) + (" †" if row.reached is False and row.variant != REFERENCE else "")
+        cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop)]
+        if has_floor:
+            cells.append(Cell(f"{row.survived} of {row.present}") if row.present else Cell())
+            cells += [interval(row.above_floor), interval(row.above_wrong_key)]
+            cells += [_detectability(row)] * (scenes > 1)
+        rows.append(Row(cells))
+    missed = any("†" in row.cells[0].text for row in rows)
+    note = say(NOTES, "survival", scenes, has_floor, MARGIN, missed)
+    return Table(f"What is left of the {display_name(attacks[0].extraction)}", columns, rows, note)
+
+
+def rivals_table(contests: Sequence[Contest]) -> Table:
+    """Return GSPure minus every rival as both were run."""
+    by_rival: dict[str, dict[str, Contest]] = {}
+    for row in contests:
+        by_rival.setdefault(row.rival, {})[row.quantity] = row
+    scenes = _scenes(row.difference for row in contests)
+    columns = [Column("rival"), Column("Score"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
+    columns += [Column("p")] * (scenes > 1)
+    rows = []
+    for rival, quantities in by_rival.items():
+        cells = [interval(quantities[name].difference) for name in (SCORE, MESSAGE_DROP, SCENE_DROP)]
+        score = quantities[SCORE]
+        cells += [Cell(f"{score.p_adjusted:.2g}", f"(≥ {score.p_attainable:.2g})")] * (scenes > 1)
+        rows.append(Row([Cell(display_name(rival)), *cells]))
+    title = f"GSPure minus other attacks: {display_name(contests[0].extraction)}"
+    return Table(title, columns, rows, say(NOTES, "rivals", scenes))
+
+
+def equal_damage_table(contests: Sequence[Contest]) -> Table:
+    """Return GSPure minus every rival at equal damage to the scene."""
+    rivals = {row.rival: {c.damage: c for c in contests if c.rival == row.rival} for row in contests}
+    rows = [
+        Row([Cell(display_name(rival)), *(interval(by_damage[damage].difference) for damage in MATCHED_DAMAGES)])
+        for rival, by_damage in rivals.items()
+    ]
+    title = f"GSPure minus other attacks at equal damage to the scene: {display_name(contests[0].extraction)}"
+    note = say(NOTES, "equal_damage", _scenes(row.difference for row in contests))
+    return Table(title, [Column("rival"), *PERMITTED], rows, note)
+
+
+def matched_table(matched: Sequence[Matched]) -> Table:
+    """Return what every sweep removes of one extraction at equal damage to the scene, the most in bold."""
+    most = {
+        damage: max((row for row in matched if row.damage == damage), key=lambda row: row.drop.mean)
+        for damage in MATCHED_DAMAGES
+    }
+    rows = []
+    for sweep, group in groupby(matched, key=lambda row: row.sweep):
+        cells = list(group)
+        drops = [_at_least(interval(c.drop)._replace(best=c is most[c.damage]), c.gentle) for c in cells]
+        rows.append(Row([Cell(display_name(sweep)), Cell(f"{cells[0].strengths}"), *drops]))
+    title = f"Drop of the {display_name(matched[0].extraction)} at equal damage to the scene"
+    note = say(NOTES, "matched", _scenes(row.drop for row in matched), any(row.gentle for row in matched))
+    return Table(title, [Column("attack"), Column("strengths"), *PERMITTED], rows, note)
+
+
+def summary_table(rows: Sequence[Summary]) -> Table:
+    """Return the means over scenes, with what the paper prints for its own scenes."""
+    columns = [Column(title) for title in ("Scheme", "Attack", "Scenes", "Scene", "Message", "Score", "Score [paper]")]
+    body = []
+    for scheme, group in groupby(rows, key=lambda row: row.scheme):
+        for i, row in enumerate(group):
+            extraction = "" if row.extraction == MESSAGE else f", {display_name(row.extraction)}"
+            names = [Cell("" if i else display_name(scheme)), Cell(display_name(row.variant) + extraction)]
+            scenes = Cell(f"{_scenes((row.scene, row.message, row.score))}")
+            psnr = [metric(value.mean if value else nan) for value in (row.scene, row.message)]
+            body.append(Row([*names, scenes, *psnr, interval(row.score), Cell(plain(row.paper_score))], begins=not i))
+    return Table("Means over scenes", columns, body, say(NOTES, "summary"))
+
+
+def failures(outcomes: Sequence[Outcome]) -> list[str]:
+    """Return a sentence for every reason of a failure, with the models and variants that failed for it."""
+    failed: dict[str, list[str]] = {}
+    for o in outcomes:
+        failed.setdefault(o.failure, []).append(f"{display_name(o.variant)} on {model_name(o.scheme, o.asset)}")
+    return [say(NOTES, "failure", names, reason) for reason, names in failed.items() if reason]
+
+
+def _metrics(o: Outcome, target: str) -> Iterator[Cell]:
+    """Yield the metrics of one target, PSNR with its change against the unattacked model."""
+    for name in METRICS:
+        if target not in o.targets:
+            yield Cell()
+            continue
+        cell = metric(o.targets[target].values[name], name)
+        drop = o.psnr_drop(target)
+        if name == "psnr":
+            missed = o.variant != REFERENCE and not o.reached.get(target, True)
+            changed = isfinite(drop) and drop != 0
+            cell = Cell(cell.text + " †" * missed, f"({signed(-drop)})" if changed else "")
+        yield cell
+
+
+def _detectability(row: Survival) -> Cell:
+    auc = row.detectability
+    return Cell(f"{auc.auc:.2f}", f"[{auc.low:.2f}, {auc.high:.2f}], {display_name(row.control)}") if auc else Cell()
+
+
+def _at_least(cell: Cell, gentle: int) -> Cell:
+    return cell._replace(text=f"≥ {cell.text}") if gentle else cell
+
+
+def _by_extraction(rows: Iterable[Matched]) -> Iterator[tuple[tuple[str, str], list[Matched]]]:
+    for key, group in groupby(rows, key=lambda row: (row.scheme, row.extraction)):
+        yield key, list(group)
+
+
+def _by_scheme(tables: Iterable[tuple[str, Sequence[Table]]]) -> str:
+    sections: dict[str, list[Table]] = {}
+    for scheme, group in tables:
+        sections.setdefault(display_name(scheme), []).extend(group)
+    return markdown_document(sections) if sections else "No model with a message was attacked.\n"
+
+
+def _scenes(intervals: Iterable[Interval | None]) -> int:
+    """Return the number of scenes behind some means; 0 if none is known."""
+    return max((value.scenes for value in intervals if value), default=0)

@@ -1,0 +1,91 @@
+"""The codec of result files: typed records as CSV and back."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.errors import InputError
+from gspure.evaluation.metrics import METRICS, Metric
+from gspure.evaluation.records import PerMetric, Values, read_records, write_records
+
+
+class Part(NamedTuple):
+    low: float
+    count: int
+
+
+class Sample(NamedTuple):
+    name: str
+    kind: Literal["a", "b"]
+    count: int
+    views: int | None
+    number: float
+    known: bool | None
+    part: Part
+    other: Part | None
+    values: Values
+    drops: Annotated[Mapping[str, float], PerMetric("{}_drop")]
+
+
+COLUMNS = "name,kind,count,views,number,known,part_low,part_count,other_low,other_count,psnr,ssim,psnr_drop,ssim_drop"
+NUMBERS = st.one_of(st.just(math.inf), st.floats(-99, 99).map(lambda x: float(f"{x:.6g}")))
+PARTS = st.builds(Part, NUMBERS, st.integers(0, 9))
+PER_METRIC = st.one_of(st.just({}), st.fixed_dictionaries(dict.fromkeys(METRICS, NUMBERS)))
+SAMPLES = st.builds(
+    Sample,
+    st.text('ab,"\n ', max_size=5),
+    st.sampled_from("ab"),
+    st.integers(-9, 9),
+    st.none() | st.integers(0, 9),
+    NUMBERS,
+    st.none() | st.booleans(),
+    PARTS,
+    st.none() | PARTS,
+    PER_METRIC,
+    PER_METRIC,
+)
+ONE = Sample("x", "a", 1, None, 0.5, True, Part(1.0, 2), None, {"psnr": 30.0, "ssim": 0.9}, {})
+
+
+@given(st.lists(SAMPLES, max_size=4))
+def test_records_read_back_are_those_written(tmp_path_factory, rows: list[Sample]) -> None:
+    path = tmp_path_factory.mktemp("records") / "r.csv"
+    write_records(path, Sample, rows)
+    assert read_records(path, Sample) == rows
+
+
+def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: Path) -> None:
+    write_records(tmp_path / "r.csv", Sample, [ONE._replace(number=math.nan)])
+    assert (tmp_path / "r.csv").read_text() == f"{COLUMNS}\nx,a,1,,,true,1,2,,,30,0.9,,\n"
+    assert math.isnan(read_records(tmp_path / "r.csv", Sample)[0].number)
+
+
+def test_a_new_metric_is_a_column_of_every_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(METRICS, "mse", Metric(lambda _a, _b: 0.0, "MSE", "", 3, ".6f"))
+    write_records(tmp_path / "r.csv", Sample, [ONE._replace(values={"psnr": 1.0, "ssim": 2.0, "mse": 3.0})])
+    header = (tmp_path / "r.csv").read_text().splitlines()[0].split(",")
+    assert header[-6:] == ["psnr", "ssim", "mse", "psnr_drop", "ssim_drop", "mse_drop"]
+    assert read_records(tmp_path / "r.csv", Sample)[0].values["mse"] == 3.0
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "",
+        "x",
+        "x,c,1,,1,true,1,2,,,1,1,,",
+        "x,a,one,,1,true,1,2,,,1,1,,",
+        "x,a,1,,1,yes,1,2,,,1,1,,",
+        "x,a,1,,1,true,,,,,1,1,,,9",
+    ],
+)
+def test_a_damaged_table_is_refused_in_one_line(tmp_path: Path, line: str) -> None:
+    (tmp_path / "r.csv").write_text(f"{COLUMNS}\n{line}\n" if line else "")
+    with pytest.raises(InputError, match=r"r\.csv: (file|header|row): expected") as caught:
+        read_records(tmp_path / "r.csv", Sample)
+    assert "\n" not in str(caught.value)
