@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 
 GENERATED = frozenset({"orbit", "shells"})
 """What an asset may name in place of a camera file: views around its model."""
@@ -46,11 +46,12 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
     import yaml
 
     schema = yaml.safe_load(schema_file.read_text(encoding="utf-8"))
-    filled = dict(deepcopy(config))
-    errors = _filling_validator(jsonschema.Draft202012Validator)(schema).iter_errors(filled)
-    if error := jsonschema.exceptions.best_match(errors):
-        raise _refusal(error, source)
-    return filled
+    with reading(source, "settings"):  # nested too deep, or a number too long to print
+        filled = dict(deepcopy(config))
+        errors = _filling_validator(jsonschema.Draft202012Validator)(schema).iter_errors(filled)
+        if error := jsonschema.exceptions.best_match(errors):
+            raise _refusal(error, source)
+        return filled
 
 
 def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
@@ -124,7 +125,9 @@ def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:
 def _require_path(path: str, source: str | Path, place: str) -> None:
     from gspure.datasets import SCENES
 
-    if not Path(path).exists():
+    with reading(source, "an existing path", place):  # a path may be too long to ask for
+        exists = Path(path).exists()
+    if not exists:
         hint = f"gspure download {name}" if (name := Path(path).name) in SCENES else None
         raise InputError(source, place, expected="an existing path", found=path, hint=hint)
 

@@ -246,3 +246,29 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
 def test_what_the_configuration_names_must_exist(config, line):
     with pytest.raises(InputError, match="^mine.yaml: " + line):
         resolved(filled(config), "mine.yaml")
+
+
+@pytest.mark.parametrize("name", ["a\n", "../a", "a/b", ".a", "", "a" * 101, "\x1b[2J"])
+@pytest.mark.parametrize("part", ["assets", "pairs", "variants"])
+def test_a_name_that_is_no_folder_name_is_refused(part, name):
+    with pytest.raises(InputError) as caught:
+        filled({**ASSET, part: {name: {}}})
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("nested", [dict, list])
+def test_a_configuration_nested_too_deep_is_refused(nested):
+    value = 1
+    for _ in range(3000):
+        value = {"a": value} if nested is dict else [value]
+    with pytest.raises(InputError, match=r"mine\.yaml: file: expected settings, found too deep nesting"):
+        filled({"assets": value})
+
+
+@pytest.mark.parametrize("field", ["model", "cameras"])
+@pytest.mark.parametrize("path", ["a" * 5000, "a\0b", "\ud800"])
+def test_a_path_that_cannot_exist_is_refused(tmp_path, field, path):
+    (tmp_path / "bot.ply").touch()
+    asset = {"model": str(tmp_path / "bot.ply"), "cameras": "orbit"} | {field: path}
+    with pytest.raises(InputError, match=rf"mine\.yaml: assets\.bot\.{field}: expected an existing path"):
+        resolved(filled({"assets": {"bot": asset}}), "mine.yaml")
