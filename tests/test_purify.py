@@ -17,6 +17,8 @@ from gspure.renderer import Renderer
 from gspure.weights import accumulate
 
 WALL, HIDDEN = 300, 100
+CLOUDS = {"clusters", "ranks", "kept"}
+RESULTS = ("purified.ply", "weights.npy", "labels.npy", "pruned.npy", "diagnosis.json")
 
 
 def model() -> Gaussians:
@@ -199,18 +201,68 @@ def test_command_leaves_model_arrays_metrics_and_figures(
     assert "contributions: 15 done" in printed.err  # the held-out views do not count towards the weights
 
 
-def test_a_run_that_fails_late_leaves_the_results_of_the_last_one(tmp_path: Path, monkeypatch) -> None:
+@pytest.fixture
+def command(tmp_path: Path) -> list[str]:
     write_model(tmp_path / "model.ply", model())
     write_cameras(tmp_path / "cameras.json", cameras())
+    where = ["--cameras", str(tmp_path / "cameras.json"), "--out", str(tmp_path / "out")]
+    return ["purify", str(tmp_path / "model.ply"), *where]
+
+
+def broken(*_: object, **__: object) -> None:
+    raise RuntimeError("no\nink")
+
+
+FIGURES = {"gspure.figures.panels.write_panels": {"before_after"}, "gspure.figures.gallery.write_plate": CLOUDS}
+FIGURES |= {"gspure.figures.gallery.write_weight_histogram": {"weights"}, "gspure.figures.gallery.choose": CLOUDS}
+
+
+@pytest.mark.parametrize("drawing", FIGURES)
+def test_a_figure_that_fails_is_a_warning_and_all_else_stays(
+    tmp_path: Path, command: list[str], monkeypatch, capsys, drawing: str
+) -> None:
+    names = {"before_after", "weights", *CLOUDS}
+    out = tmp_path / "out"
+    for name in names:  # of an earlier run
+        (out / "figures").mkdir(parents=True, exist_ok=True)
+        (out / "figures" / f"{name}.png").write_text("old")
+    monkeypatch.setattr(drawing, broken)
+    assert main(command) == 0
+    assert {*RESULTS, "metrics.csv"} <= {*files(out)}
+    assert {path.stem for path in (out / "figures").glob("*.png")} == names - FIGURES[drawing]
+    assert not any(path.read_bytes() == b"old" for path in (out / "figures").glob("*.png"))
+    warnings = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
+    assert len(warnings) == len(FIGURES[drawing])
+    for name in FIGURES[drawing]:
+        assert any(f"{name}.png: not drawn: no ink" in line for line in warnings)
+
+
+@pytest.mark.parametrize("step", ["gspure.figures.gallery.choose", "gspure.evaluation.comparison.compare"])
+def test_the_purified_model_is_on_disk_before_anything_is_drawn(
+    tmp_path: Path, command: list[str], monkeypatch, step: str
+) -> None:
+    def look(*_: object, **__: object) -> None:
+        assert {"purified.ply", "weights.npy", "labels.npy", "pruned.npy", "diagnosis.json"} <= {
+            *files(tmp_path / "out")
+        }
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(step, look)
+    assert main(command) == 130
+    assert len(read_model(tmp_path / "out" / "purified.ply"))
+
+
+def test_a_run_that_fails_before_its_results_leaves_those_of_the_last_one(
+    tmp_path: Path, command: list[str], monkeypatch
+) -> None:
     out = tmp_path / "out"
     (out / "renders").mkdir(parents=True)
     (out / "purified.ply").write_text("of the last run")
 
-    def draw(*_: object) -> None:
-        raise InputError("figures", "pen", expected="ink", found="none")
+    def purify(*_: object, **__: object) -> None:
+        raise InputError("device", "memory", expected="more", found="less")
 
-    monkeypatch.setattr("gspure.figures.gallery.draw", draw)
-    command = ["purify", str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json"), "--out", str(out)]
+    monkeypatch.setattr("gspure.method.purify.purify", purify)
     assert main(command) == 2
     assert files(out) == ["purified.ply"]
     assert (out / "purified.ply").read_text() == "of the last run"

@@ -33,10 +33,15 @@ def run(args: argparse.Namespace) -> None:
     """Compute the absent views of this part, then write its index."""
     from gspure.artifacts import write_provenance
     from gspure.contributions import contribute, write_index
+    from gspure.model import read_model
+    from gspure.model.suspicious import lines, suspicious_rows
+    from gspure.progress import say
 
     part, parts = args.part
     views = read_views(args)[part - 1 :: parts]
     asset = read_asset(args)
+    for line in lines(suspicious_rows(read_model(args.model)), len(asset.units)):
+        say(line)
     stages = contribute(asset, views, args.stages, device=read_device(args), energy=args.energy)
     write_index(args.index, stages)
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}

@@ -28,11 +28,10 @@ def run(args: argparse.Namespace) -> None:
 
     from gspure.artifacts import load_array, save_array, write_provenance
     from gspure.features import features
-    from gspure.model import require_finite
+    from gspure.model.finite import drawable
     from gspure.model.ply import read_ply
 
-    model = read_ply(args.model)
-    require_finite(model, args.model)
+    model = drawable(read_ply(args.model), args.model)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(model),))
     inputs = {"model": args.model, "weights": args.weights}
     opacities = model.opacities

@@ -84,11 +84,11 @@ def _draw_model(args: argparse.Namespace) -> None:
     from gspure.cameras import read_cameras
     from gspure.clustering.store import read_clusters
     from gspure.figures.gallery import Evidence, draw
-    from gspure.model import read_model, require_finite
+    from gspure.model import read_model
+    from gspure.model.finite import drawable
     from gspure.model.signature import Signature
 
-    model = read_model(args.model)
-    require_finite(model, args.model)
+    model = drawable(read_model(args.model), args.model)
     if not len(model):
         raise InputError(args.model, "rows", expected="at least one", found="none")
     shape = (len(model),)

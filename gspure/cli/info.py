@@ -49,6 +49,7 @@ def run(args: argparse.Namespace) -> None:
 def as_json(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> dict[str, Any]:
     """Return the summary as a JSON object."""
     from gspure.model.summary import LEVELS
+    from gspure.model.suspicious import to_json
 
     columns = {name: {"rows": rows, "first": first} for name, (rows, first) in summary.non_finite_columns.items()}
     return {
@@ -57,6 +58,7 @@ def as_json(file: Path, summary: Summary, comments: Sequence[str], training: dic
         "signature": summary.signature.name.lower(),
         "quantile_levels": LEVELS,
         "non_finite_columns": columns,
+        "suspicious": to_json(summary.suspicious),
         "comments": list(comments),
         "training": training,
     }
@@ -64,6 +66,8 @@ def as_json(file: Path, summary: Summary, comments: Sequence[str], training: dic
 
 def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> list[str]:
     """Return the summary as aligned lines."""
+    from gspure.model.suspicious import lines
+
     colour = f"SH degree {summary.sh_degree}" if summary.sh_degree >= 0 else "no spherical harmonics"
     size = f"{file.stat().st_size / 1e6:,.1f} MB"
     return [
@@ -75,6 +79,7 @@ def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dic
         *_quantile_table(summary),
         "",
         *_row_counts(summary),
+        *(f"  {line}" for line in lines(summary.suspicious, summary.gaussians)),
         *([""] if comments or training else []),
         *(f"  comment: {comment}" for comment in comments),
         *(f"  trained with {name} = {value}" for name, value in sorted(training.items())),

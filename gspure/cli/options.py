@@ -47,13 +47,10 @@ def add_scheme(parser: argparse.ArgumentParser) -> None:
 
 
 def read_asset(args: argparse.Namespace) -> Asset:
-    """Read the public model that ``model`` and ``--scheme`` name; all of its numbers are finite."""
-    from gspure.model import require_finite
+    """Read the public model that ``model`` and ``--scheme`` name; rows that cannot be drawn are invisible in it."""
     from gspure.schemes.registry import open_asset
 
-    asset = open_asset(args.model, args.scheme)
-    require_finite(asset.units, args.model)
-    return asset
+    return open_asset(args.model, args.scheme).drawable(args.model)
 
 
 def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> None:
@@ -73,7 +70,7 @@ def read_background(args: argparse.Namespace, source: Path) -> tuple[float, ...]
     from gspure.model.inria import trained_background
 
     if args.background is None:
-        return trained_background(source if source.is_dir() else source.parent)
+        return trained_background(source)
     if not all(0 <= channel <= 1 for channel in args.background):
         found = " ".join(map(str, args.background))
         raise InputError("background", "--background", expected="three numbers from 0 to 1", found=found)

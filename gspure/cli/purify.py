@@ -30,10 +30,10 @@ what it leaves in DIR:
   weights.npy        float32 [K]   mean contribution of every Gaussian
   labels.npy         int32 [K]     its cluster; -1 is noise
   pruned.npy         bool [K]      whether it was removed
-  diagnosis.json     what the clustering did, and whether to trust it
+  diagnosis.json     what the clustering did, and whether to trust it; suspicious rows by reason
   renders/           held-out views before and after
   metrics.csv        PSNR and SSIM of the views after against those before
-  figures/           clusters, weights, kept and pruned, before and after
+  figures/           clusters, weights, kept and pruned, before and after; one that fails is a warning
 """
 
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
@@ -63,20 +63,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Purify, then write what was found, metrics of the held-out views, and figures."""
+    """Purify and write the results; then compare the held-out views, and draw figures."""
     from gspure.artifacts import filling
     from gspure.cameras import split
-    from gspure.figures.gallery import Evidence, draw
     from gspure.method.purify import purify
-    from gspure.model import require_finite
-    from gspure.model.signature import Signature
+    from gspure.model import suspicious
+    from gspure.model.inria import trained_background
     from gspure.opencl.device import choose_device
     from gspure.progress import say
     from gspure.schemes.registry import open_asset
 
     asset = open_asset(args.model)
+    suspects = suspicious.suspicious_rows(asset.units)
+    asset = asset.drawable(args.model)
     model = asset.units
-    require_finite(model, args.model)
     _choose_factors(args, model)
     cameras = _cameras(args.cameras, model)
     train, test = split(cameras)
@@ -85,18 +85,17 @@ def run(args: argparse.Namespace) -> None:
     with filling(args.out) as folder:
         found = purify(asset, train or test, device=device, energy=args.energy, **settings)
         purified = asset.with_units(found.model)
-        _write(folder, purified, found)
-        print("\n".join(found.diagnosis.lines()))
-        if asset.visible:
-            _compare(folder, asset, purified, test, device)
-        else:
-            say("the model holds no colour: no renders, no metrics")
-        rows = Signature.of(model.table.dtype.names or ()).rows
-        shown = (model.means, found.labels, found.weights, found.pruned)
-        evidence = Evidence(*shown, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
-        for path, caption in draw(folder / "figures", evidence, cameras).items():
-            print(f"{args.out / path.relative_to(folder)}: {caption}")
+        _write(folder, purified, found, suspicious.to_json(suspects))
+    print("\n".join([*found.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
     print(f"results in {args.out}")
+    if asset.visible:
+        with filling(args.out) as folder:
+            rows = _compare(folder, (asset, purified), test, device, trained_background(args.model))
+        print("\n".join(rows))
+        _draw_views(args.out, test)
+    else:
+        say("the model holds no colour: no renders, no metrics")
+    _draw_model(args, model, found, cameras)
 
 
 def _choose_factors(args: argparse.Namespace, model: Gaussians) -> None:
@@ -122,33 +121,63 @@ def _cameras(source: str, model: Gaussians) -> list[Camera]:
     return scaled(read_cameras(Path(source)), TRAINING_RULE)
 
 
-def _write(folder: Path, purified: Asset, found: Purification) -> None:
+def _write(folder: Path, purified: Asset, found: Purification, suspects: dict[str, list[int]]) -> None:
     from gspure.artifacts import save_array, write_json
 
     purified.write(folder / "purified.ply")
     save_array(folder / "weights.npy", found.weights)
     save_array(folder / "labels.npy", found.labels)
     save_array(folder / "pruned.npy", found.pruned)
-    write_json(folder / "diagnosis.json", found.diagnosis.to_json())
+    write_json(folder / "diagnosis.json", {**found.diagnosis.to_json(), "suspicious": suspects})
 
 
-def _compare(folder: Path, before: Asset, after: Asset, views: Sequence[Camera], device: Device) -> None:
-    """Render the views before and after, and compare the images as written."""
+def _compare(
+    folder: Path, assets: Sequence[Asset], views: Sequence[Camera], device: Device, background: Sequence[float]
+) -> list[str]:
+    """Render the views before and after, and compare the images as written; return the metrics as text."""
     from gspure.evaluation.comparison import Pair, as_text, compare, write_metrics
-    from gspure.figures.panels import write_panels
-    from gspure.images import read_image, write_image
+    from gspure.images import write_image
     from gspure.progress import track
 
-    files = {title: folder / "renders" / title for title in ("unattacked", "purified")}
-    for title, asset in zip(files, (before, after), strict=True):
-        scene = asset.scene(device)
+    files = _renders(folder)
+    for title, asset in zip(files, assets, strict=True):
+        scene = asset.scene(device, background)
         for camera in track(views, f"render {title}"):
             write_image(files[title] / f"{camera.name}.png", scene(camera))
     names = [f"{camera.name}.png" for camera in views]
     pairs = [Pair("scene", Path(name).stem, files["unattacked"] / name, files["purified"] / name) for name in names]
     rows = [compare(pair) for pair in track(pairs, "metrics")]
     write_metrics(folder / "metrics.csv", rows)
-    print("\n".join(as_text(rows)))
-    shown = [camera.name for camera in views[:: -(-len(views) // _SHOWN)]]
-    images = {title: {view: read_image(path / f"{view}.png") for view in shown} for title, path in files.items()}
-    write_panels(folder / "figures" / "before_after.png", images, shown, difference=True)
+    return list(as_text(rows))
+
+
+def _renders(folder: Path) -> dict[str, Path]:
+    return {title: folder / "renders" / title for title in ("unattacked", "purified")}
+
+
+def _draw_views(folder: Path, views: Sequence[Camera]) -> None:
+    """Draw a few of the rendered views before and after."""
+    from gspure.figures.optional import optional
+    from gspure.figures.panels import write_panels
+    from gspure.images import read_image
+
+    path = folder / "figures" / "before_after.png"
+    with optional(path):
+        shown = [camera.name for camera in views[:: -(-len(views) // _SHOWN)]]
+        files = _renders(folder).items()
+        images = {title: {view: read_image(place / f"{view}.png") for view in shown} for title, place in files}
+        write_panels(path, images, shown, difference=True)
+
+
+def _draw_model(args: argparse.Namespace, model: Gaussians, found: Purification, cameras: Sequence[Camera]) -> None:
+    from gspure.figures.gallery import Evidence, drawings
+    from gspure.figures.optional import optional
+    from gspure.model.signature import Signature
+
+    rows = Signature.of(model.table.dtype.names or ()).rows
+    shown = (model.means, found.labels, found.weights, found.pruned)
+    evidence = Evidence(*shown, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
+    for path, caption, draw in drawings(args.out / "figures", evidence, cameras):
+        with optional(path):
+            draw()
+            print(f"{path}: {caption}")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import cache, partial
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,13 +66,37 @@ class Evidence:
     tau_n: float = TAU_N
     rows: str = "Gaussians"
 
+    @property
+    def shows_message(self) -> bool:
+        """Whether it is known where the message is, or what of each row's weight goes to it."""
+        return self.carries_message is not None or self.hidden is not None
+
+
+class Drawing(NamedTuple):
+    """A figure to be drawn."""
+
+    path: Path
+    caption: str
+    draw: Callable[[], None]
+
 
 def draw(
     folder: Path, evidence: Evidence, cameras: Sequence[Camera] = (), view: Camera | None = None
 ) -> dict[Path, str]:
-    """Draw every figure of a model into a folder.
+    """Draw every one of `drawings`; return their captions."""
+    captions = {}
+    for drawing in drawings(folder, evidence, cameras, view):
+        drawing.draw()
+        captions[drawing.path] = drawing.caption
+    return captions
 
-    Writes ``clusters``, ``ranks``, ``kept`` and, where it is known where the message is, ``truth`` or ``hidden``, each
+
+def drawings(
+    folder: Path, evidence: Evidence, cameras: Sequence[Camera] = (), view: Camera | None = None
+) -> Iterator[Drawing]:
+    """Yield every figure of a model, to be drawn into a folder.
+
+    They write ``clusters``, ``ranks``, ``kept`` and, if it is known where the message is, ``truth`` or ``hidden``, each
     as .png, .gltf and .vtp, and ``weights.png``. ``purification.png`` is as the paper's Fig. 6: where the message is,
     the ranks, and where the message is after pruning. Without a working OpenGL numpy draws the clouds, and their
     captions say so.
@@ -86,66 +111,67 @@ def draw(
     view : Camera, optional
         Where to look from instead.
 
-    Returns
-    -------
-    dict of Path to str
-        The caption of every PNG.
-
     """
     means = evidence.means
-    view = view or choose(means, cameras)
-    axes = world_axes(means, cameras)
     problem = gl_problem()
     remarks = list(_remarks(len(means), problem))
-    captions = {}
-    for name, cloud, caption in _clouds(evidence):
+
+    @cache
+    def eye() -> Camera:
+        return view or choose(means, cameras)
+
+    def draw_cloud(name: str, make: Callable[[], Cloud]) -> None:
+        cloud = make()
         shown = cloud.subset(thinned(len(cloud)))
-        picture = portrait(shown, fitted(view, PICTURE_WIDTH), opengl=problem is None)
+        picture = portrait(shown, fitted(eye(), PICTURE_WIDTH), opengl=problem is None)
         write_plate(folder / f"{name}.png", [picture], [shown])
-        write_gltf(folder / f"{name}.gltf", shown, axes)
+        write_gltf(folder / f"{name}.gltf", shown, world_axes(means, cameras))
         write_vtp(folder / f"{name}.vtp", shown)
-        captions[folder / f"{name}.png"] = " ".join([caption, *remarks])
-    if clouds := _purification(evidence):
-        clouds = [cloud.subset(thinned(len(cloud))) for cloud in clouds]
-        pictures = [portrait(cloud, fitted(view, THIRD_WIDTH), opengl=problem is None) for cloud in clouds]
+
+    def draw_purification() -> None:
+        clouds = [cloud.subset(thinned(len(cloud))) for cloud in _purification(evidence)]
+        pictures = [portrait(cloud, fitted(eye(), THIRD_WIDTH), opengl=problem is None) for cloud in clouds]
         write_plate(folder / "purification.png", pictures, clouds, TITLES)
-        told = [_message_caption(evidence), _RANKS, *_pruned_weight(evidence), *remarks]
-        captions[folder / "purification.png"] = " ".join(told)
+
+    for name, make, caption in _clouds(evidence):
+        path = folder / f"{name}.png"
+        yield Drawing(path, " ".join([caption, *remarks]), partial(draw_cloud, name, make))
+    if evidence.shows_message:
+        caption = " ".join([_message_caption(evidence), _RANKS, *_pruned_weight(evidence), *remarks])
+        yield Drawing(folder / "purification.png", caption, draw_purification)
     histogram = folder / "weights.png"
-    factors = evidence.tau_c, evidence.tau_n
-    write_weight_histogram(histogram, evidence.weights, evidence.pruned, *factors, evidence.rows)
-    captions[histogram] = _histogram_caption(evidence)
-    return captions
+    shown = histogram, evidence.weights, evidence.pruned, evidence.tau_c, evidence.tau_n, evidence.rows
+    yield Drawing(histogram, _histogram_caption(evidence), partial(write_weight_histogram, *shown))
 
 
-def _clouds(evidence: Evidence) -> Iterator[tuple[str, Cloud, str]]:
+def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]]:
     means, labels, rows = evidence.means, evidence.labels, evidence.rows
     clusters = int(labels.max(initial=NOISE_LABEL)) + 1
     caption = f"{clusters} clusters of the {len(means):,} {rows}, by HDBSCAN on position, opacity and weight."
-    yield "clusters", cluster_cloud(means, labels), caption + " Each has its share in the legend; noise is grey."
-    yield "ranks", rank_cloud(means, labels, evidence.weights), _RANKS
+    caption += " Each has its share in the legend; noise is grey."
+    yield "clusters", partial(cluster_cloud, means, labels), caption
+    yield "ranks", partial(rank_cloud, means, labels, evidence.weights), _RANKS
     caption = f"{evidence.pruned.sum():,} of {len(means):,} {rows} are pruned."
-    yield "kept", kept_cloud(means, evidence.pruned), caption
-    if (message := _message_cloud(evidence, np.ones_like(evidence.pruned))) is not None:
+    yield "kept", partial(kept_cloud, means, evidence.pruned), caption
+    if evidence.shows_message:
         name = "hidden" if evidence.carries_message is None else "truth"
-        yield name, message, _message_caption(evidence)
+        yield name, partial(_message_cloud, evidence, np.ones_like(evidence.pruned)), _message_caption(evidence)
 
 
 def _purification(evidence: Evidence) -> list[Cloud]:
-    """Return where the message is, the ranks, and where it is after pruning; nothing if it is not known where it is."""
+    """Return where the message is, the ranks, and where it is after pruning."""
     before, after = (_message_cloud(evidence, chosen) for chosen in (np.ones_like(evidence.pruned), ~evidence.pruned))
-    ranks = rank_cloud(evidence.means, evidence.labels, evidence.weights)
-    return [before, ranks, after] if before is not None and after is not None else []
+    return [before, rank_cloud(evidence.means, evidence.labels, evidence.weights), after]
 
 
-def _message_cloud(evidence: Evidence, chosen: NDArray[np.bool_]) -> Cloud | None:
-    """Return where among the `chosen` rows (bool [K]) the message is, as far as that is known."""
+def _message_cloud(evidence: Evidence, chosen: NDArray[np.bool_]) -> Cloud:
+    """Return where among the `chosen` rows (bool [K]) the message is; `Evidence.shows_message` must hold."""
     means = evidence.means[chosen]
     if evidence.carries_message is not None:
         return truth_cloud(means, evidence.carries_message[chosen])
-    if evidence.hidden is not None:
-        return share_cloud(means, evidence.weights[chosen], evidence.hidden[chosen])
-    return None
+    if evidence.hidden is None:
+        raise ValueError("it is not known where the message is")
+    return share_cloud(means, evidence.weights[chosen], evidence.hidden[chosen])
 
 
 def _message_caption(evidence: Evidence) -> str:

@@ -15,7 +15,6 @@ from gspure.clustering import Diagnosis, Selection, coincident_points, diagnose,
 from gspure.clustering.selection import Labels
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
 from gspure.features import features
-from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say, track
 from gspure.pruning import Mask
@@ -107,8 +106,8 @@ def purify(
         return labels, pruned, diagnose(labels, weights, tau_c, tau_n, coincident_points(tree))
 
     asset = model if isinstance(model, Asset) else Asset(model)
+    asset = asset.drawable("model")
     units = asset.units
-    require_finite(units, "model")
     # Each stage refuses settings that are out of range: one unseen Gaussian goes through all of them ahead of the rest.
     unseen = accumulate([np.zeros(0, CONTRIBUTION)], 1, reduction)
     decide(np.zeros((1, 3)), unseen, unseen)

@@ -1,15 +1,25 @@
-"""Rows whose numbers are no numbers."""
+"""Rows that hold an infinity or a not-a-number: where they are, and how to go on without them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.model.gaussians import COLOUR, CORE, Gaussians
+from gspure.model.signature import Signature
+from gspure.progress import say
+
+_SCALES: Final = ("scale_0", "scale_1", "scale_2")
+_LARGEST_LOG_SCALE: Final = float(np.log(np.finfo(np.float32).max))
+_INVISIBLE: Final = -200.0
+"""An opacity logit whose sigmoid is 0 in float32."""
+
+_NAMED: Final = 10  # rows in a warning
 
 
 def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, NDArray[np.intp]]:
@@ -23,6 +33,39 @@ def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, NDArray
     return {name: np.concatenate(parts) for name, parts in found.items() if parts}
 
 
+def undrawable_rows(model: Gaussians) -> NDArray[np.intp]:
+    """Return the rows that cannot be drawn, sorted: a number in them is not finite, or a scale overflows float32."""
+    found = _undrawable(model)
+    return np.unique(np.concatenate(list(found.values()))) if found else np.empty(0, np.intp)
+
+
+def drawable(model: Gaussians, source: str | Path) -> Gaussians:
+    """Return a model that can be drawn: rows with numbers that are not finite become invisible, with a warning.
+
+    So a planted row cannot stop an audit. Numbers of such a row that are not finite are replaced by the median of their
+    column, and its opacity by 0. A model without such rows is returned as it is.
+
+    Raises
+    ------
+    InputError
+        No row can be drawn; or rows are anchors, whose opacity a network decides.
+
+    """
+    found = _undrawable(model)
+    if not found:
+        return model
+    rows = undrawable_rows(model)
+    if len(rows) == len(model) or Signature.of(model.table.dtype.names or ()).rows != "Gaussians":
+        name = next(iter(found))
+        _refuse(model, source, name, found[name])
+    _warn(source, rows, len(model))
+    values = {"opacity": model.columns("opacity")[:, 0]} | {name: model.columns(name)[:, 0] for name in found}
+    for name, at in found.items():
+        values[name][at] = np.median(np.delete(values[name], at))
+    values["opacity"][rows] = _INVISIBLE
+    return model.with_columns(values)
+
+
 def require_finite(model: Gaussians, source: str | Path) -> None:
     """Check what a model is rendered and clustered from: geometry, opacity and colour, as stored.
 
@@ -32,7 +75,32 @@ def require_finite(model: Gaussians, source: str | Path) -> None:
         Naming the first property at fault, in how many rows it is, and the first of them (counted from 0).
 
     """
+    for name, rows in non_finite_rows(model, _drawn_columns(model)).items():
+        _refuse(model, source, name, rows)
+
+
+def _drawn_columns(model: Gaussians) -> Sequence[str]:
+    """Return the columns that an image depends on: geometry, opacity, and colours or features."""
     colour = (*COLOUR, *model.columns_named("f_rest_")) if model.sh_degree >= 0 else ()
-    for name, rows in non_finite_rows(model, (*CORE, *colour)).items():
-        found = f"infinity or not-a-number in {len(rows)} of {len(model)} rows, first in row {rows[0]}"
-        raise InputError(source, name, expected="finite numbers", found=found, hint="`gspure info` counts them all")
+    return (*CORE, *colour, *model.columns_named("semantic_"))
+
+
+def _undrawable(model: Gaussians) -> dict[str, NDArray[np.intp]]:
+    """Return the rows that cannot be drawn, for each column that is to blame."""
+    found = non_finite_rows(model, _drawn_columns(model))
+    for name in _SCALES:
+        column = model.columns(name)[:, 0]
+        rows = np.flatnonzero(~(np.abs(column) < np.inf) | (column > _LARGEST_LOG_SCALE))
+        if len(rows):
+            found[name] = rows
+    return found
+
+
+def _refuse(model: Gaussians, source: str | Path, name: str, rows: NDArray[np.intp]) -> None:
+    found = f"infinity or not-a-number in {len(rows)} of {len(model)} rows, first in row {rows[0]}"
+    raise InputError(source, name, expected="finite numbers", found=found, hint="`gspure info` counts them all")
+
+
+def _warn(source: str | Path, rows: NDArray[np.intp], total: int) -> None:
+    named = ", ".join(map(str, rows[:_NAMED].tolist())) + ", ..." * (len(rows) > _NAMED)
+    say(f"warning: {source}: {len(rows)} of {total} rows hold numbers that are not finite and are not drawn: {named}")

@@ -77,8 +77,12 @@ def training_arguments(folder: Path) -> dict[str, Argument]:
         return arguments
 
 
-def trained_background(folder: Path) -> tuple[float, float, float]:
-    """Return the colour behind a model in training: white if cfg_args has ``white_background=True``, else black."""
+def trained_background(source: Path) -> tuple[float, float, float]:
+    """Return the colour behind a model in training: white if cfg_args has ``white_background=True``, else black.
+
+    `source` is the folder of cfg_args, or a file in it.
+    """
+    folder = source if source.is_dir() else source.parent
     shade = 1.0 if training_arguments(folder).get("white_background") is True else 0.0
     return shade, shade, shade
 

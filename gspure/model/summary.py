@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import COLOUR, CORE, Gaussians
 from gspure.model.signature import Signature
+from gspure.model.suspicious import suspicious_rows
 
 LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 """Quantile levels: extremes, the middle 90 %, quartiles and median."""
@@ -43,6 +44,8 @@ class Summary:
         Rows whose rotation is (0, 0, 0, 0).
     repeated_position_rows : int
         Rows whose centre is exactly that of an earlier row.
+    suspicious : dict of str to array [n]
+        See `gspure.model.suspicious`.
 
     """
 
@@ -56,6 +59,7 @@ class Summary:
     non_finite_columns: dict[str, tuple[int, int]]
     zero_quaternion_rows: int
     repeated_position_rows: int
+    suspicious: dict[str, NDArray[np.intp]]
 
 
 def summarize(model: Gaussians) -> Summary:
@@ -78,6 +82,7 @@ def _summarized(model: Gaussians, columns: tuple[str, ...]) -> Summary:
         non_finite_columns={name: (len(rows), int(rows[0])) for name, rows in non_finite.items()},
         zero_quaternion_rows=int(np.count_nonzero(~model.quats.any(axis=1))),
         repeated_position_rows=_repeated(model.means),
+        suspicious=suspicious_rows(model),
     )
 
 

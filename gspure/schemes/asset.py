@@ -13,6 +13,7 @@ from gspure.artifacts import digest
 from gspure.cameras.camera import Camera
 from gspure.contributions import geometry_digest
 from gspure.model import Gaussians, read_model, write_model
+from gspure.model.finite import drawable
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
 from gspure.renderer import CONTRIBUTION, Renderer
@@ -88,6 +89,11 @@ class Asset:
     def with_units(self, units: Gaussians) -> Self:
         """Return the same model with other rows: what an attack leaves of it."""
         return type(self)(units)
+
+    def drawable(self, source: str | Path) -> Self:
+        """Return the same model with rows that cannot be drawn made invisible (see `gspure.model.finite.drawable`)."""
+        units = drawable(self.units, source)
+        return self if units is self.units else self.with_units(units)
 
     def prune(self, pruned: NDArray[np.bool_]) -> Self:
         """Return the model without the units where `pruned` [K] is true."""

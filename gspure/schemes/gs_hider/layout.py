@@ -15,10 +15,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from gspure.errors import InputError
-from gspure.model import Gaussians, read_model, require_finite
+from gspure.model import Gaussians, read_model
+from gspure.model.finite import drawable
 
 CHANNELS: Final = 16
 FEATURES: Final = tuple(f"semantic_{i}" for i in range(CHANNELS))
@@ -39,17 +38,14 @@ def read_rows(path: Path) -> Gaussians:
     Raises
     ------
     InputError
-        It has other columns, or numbers that are not finite.
+        It has other columns, or no row that can be drawn.
 
     """
     model = read_model(path)
     found = len(model.columns_named("semantic_"))
     if found != CHANNELS:
         raise InputError(path, "semantic_*", expected=f"{CHANNELS} properties", found=f"{found} properties")
-    require_finite(model, path)
-    if not np.isfinite(model.columns(*FEATURES)).all():
-        raise InputError(path, "semantic_*", expected="finite numbers", found="others")
-    return model
+    return drawable(model, path)
 
 
 def decoder_name(iteration: int | str, role: str) -> str:

@@ -1,0 +1,107 @@
+"""Rows that no honest training leaves: what an owner could plant to mislead an audit, or to stop it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.model.finite import undrawable_rows
+from gspure.model.gaussians import Gaussians
+
+Rows = NDArray[np.intp]
+
+NEEDLE_ASPECT: Final = 1e4
+"""Largest ratio of the longest to the second longest axis. Flat Gaussians are ordinary: surfaces consist of them."""
+
+FAR: Final = 1e3
+"""Largest distance of a centre from the median centre, as a multiple of the extent."""
+
+PILE: Final = 10
+"""Fewest rows with one centre that are a pile."""
+
+BULK: Final = (0.05, 0.95)
+"""The extent is the diagonal of the box between these quantiles of the centres."""
+
+REASONS: Final = {
+    "non_finite": "infinity or not-a-number; not drawn",
+    "needle": f"longest axis more than {NEEDLE_ASPECT:,.0f} times the second longest",
+    "oversized": "scale larger than the extent of the scene",
+    "far": f"centre farther away than {FAR:,.0f} times the extent of the scene",
+    "duplicate": "exact copy of an earlier row",
+    "pile": f"{PILE} or more rows with the same centre",
+}
+"""Why rows are suspicious."""
+
+_NAMED = 10  # rows in a line of text
+
+
+def suspicious_rows(model: Gaussians) -> dict[str, Rows]:
+    """Return the suspicious rows, sorted, by those of `REASONS` that apply; a row may have several."""
+    undrawable = undrawable_rows(model)
+    drawn = np.ones(len(model), bool)
+    drawn[undrawable] = False
+    rows = np.flatnonzero(drawn)
+    means, scales = model.means[rows].astype(np.float64), np.sort(model.scales[rows].astype(np.float64), axis=1)
+    extent, distances = _extent(means)
+    pile, repeated = coincident_rows(model.means[rows])
+    found = {
+        "non_finite": undrawable,
+        "needle": rows[scales[:, 2] > NEEDLE_ASPECT * scales[:, 1]],
+        "oversized": rows[(scales[:, 2] > extent) & (extent > 0)],
+        "far": rows[(distances > FAR * extent) & (extent > 0)],
+        "duplicate": _copies(model, rows[np.sort(repeated)]),
+        "pile": rows[np.sort(pile)],
+    }
+    return {reason: at for reason, at in found.items() if len(at)}
+
+
+def lines(found: Mapping[str, Rows], total: int) -> list[str]:
+    """Return the suspicious rows of `total` as lines of text; none if there are none."""
+    if not found:
+        return []
+    count = len(np.unique(np.concatenate(list(found.values()))))
+    return [f"suspicious rows   {count:,} of {total:,}", *(_line(reason, rows) for reason, rows in found.items())]
+
+
+def to_json(found: Mapping[str, Rows]) -> dict[str, list[int]]:
+    """Return all suspicious rows as plain numbers, by reason."""
+    return {reason: rows.tolist() for reason, rows in found.items()}
+
+
+def coincident_rows(means: NDArray[np.float32]) -> tuple[Rows, Rows]:
+    """Return, for finite centres [K,3], the rows in piles, and all rows that share their centre with another one."""
+    order = np.lexsort(means.T)
+    ordered = means[order]
+    starts = np.flatnonzero(np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1)))[: len(means)]
+    sizes = np.diff(np.append(starts, len(means)))
+    size_of = np.repeat(sizes, sizes)
+    return order[size_of >= PILE], order[size_of > 1]
+
+
+def _extent(means: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Return the extent of the scene, and how far each of the centres [K,3] is from their median."""
+    if not len(means):
+        return 0.0, np.zeros(0)
+    low, high = np.quantile(means, BULK, axis=0)
+    return float(np.linalg.norm(high - low)), np.linalg.norm(means - np.median(means, axis=0), axis=1)
+
+
+def _copies(model: Gaussians, rows: Rows) -> Rows:
+    """Return those of `rows`, in ascending order, that are bit for bit an earlier one."""
+    seen: set[bytes] = set()
+    copies = []
+    for row in rows.tolist():
+        content = hashlib.blake2b(model.table[row].tobytes(), digest_size=16).digest()
+        if content in seen:
+            copies.append(row)
+        seen.add(content)
+    return np.array(copies, np.intp)
+
+
+def _line(reason: str, rows: Rows) -> str:
+    named = ", ".join(map(str, rows[:_NAMED].tolist())) + ", ..." * (len(rows) > _NAMED)
+    return f"  {reason.replace('_', '-'):<12}{len(rows):>9,}   {REASONS[reason]}: row{'s' * (len(rows) > 1)} {named}"
