@@ -67,14 +67,14 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import filling
     from gspure.cameras import split
     from gspure.method.purify import purify
-    from gspure.model import suspicious
+    from gspure.model import read_model, suspicious
     from gspure.model.inria import trained_background
     from gspure.opencl.device import choose_device
     from gspure.progress import say
     from gspure.schemes.registry import open_asset
 
     asset = open_asset(args.model)
-    suspects = suspicious.suspicious_rows(asset.units)
+    suspects = suspicious.suspicious_rows(read_model(args.model))
     asset = asset.drawable(args.model)
     model = asset.units
     _choose_factors(args, model)
