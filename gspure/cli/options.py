@@ -65,7 +65,7 @@ def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> 
     )
 
 
-def read_background(args: argparse.Namespace, source: Path) -> tuple[float, ...]:
+def read_background(args: argparse.Namespace, command: str, source: Path) -> tuple[float, ...]:
     """Return the colour of ``--background``; by default that of the training run whose folder `source` is or is in."""
     from gspure.model.inria import trained_background
 
@@ -73,7 +73,7 @@ def read_background(args: argparse.Namespace, source: Path) -> tuple[float, ...]
         return trained_background(source)
     if not all(0 <= channel <= 1 for channel in args.background):
         found = " ".join(map(str, args.background))
-        raise InputError("background", "--background", expected="three numbers from 0 to 1", found=found)
+        raise InputError(command, "--background", expected="three numbers from 0 to 1", found=found)
     return tuple(args.background)
 
 

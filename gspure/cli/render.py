@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.images import write_image
     from gspure.progress import track
 
-    background = read_background(args, args.model)
+    background = read_background(args, "render", args.model)
     views = read_views(args)
     asset = read_asset(args)
     scene = asset.scene(read_device(args), background, args.energy)

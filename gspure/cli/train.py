@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> None:
         if value is not None and value < least:
             field = f"--{name.replace('_', '-')}"
             raise InputError("train", field, expected=f"at least {least}", found=str(value))
-    args.background = read_background(args, args.data)
+    args.background = read_background(args, "train", args.data)
     photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
     dataset = read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
     args.max_gaussians = args.max_gaussians or dataset.max_gaussians
