@@ -220,7 +220,7 @@ BAD_OPTIONS = {
     "purify --tau-c 0": "pruning: tau_c: expected a number above 0, found 0.0",
     "purify --min-samples 0": "clustering: min_samples: expected at least 1, found 0",
     "purify --min-cluster-size 1": "clustering: min_cluster_size: expected at least 2, found 1",
-    "render --background 0 0 nan": "background: --background: expected three numbers from 0 to 1, found 0.0 0.0 nan",
+    "render --background 0 0 nan": "render: --background: expected three numbers from 0 to 1, found 0.0 0.0 nan",
     "cameras --scale half": "scale rule: value: expected native, photographs, 1/N or Wpx",
     "cameras orbit --count 0": "orbit views: count: expected at least one view, found none",
     "attack --set tau=x": "attack plain_weight: tau: expected a number, found 'x'",
