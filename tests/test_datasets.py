@@ -227,9 +227,17 @@ def test_an_archive_that_cannot_be_unpacked_is_refused_in_one_line(tmp_path, at,
     assert [*tmp_path.iterdir()] == [file]
 
 
-def test_a_name_that_does_not_print_is_refused(tmp_path):
-    file = zipped(tmp_path / "scenes.zip", [*WHOLE, "set/garden/images_4/\x1b[2J\n.jpg"])
-    with pytest.raises(InputError, match="expected a printable name"):
+@pytest.mark.parametrize("name", ["\x1b[2J\n.jpg", "a" * 256, "é" * 128])
+def test_a_name_that_does_not_print_or_is_too_long_is_refused(tmp_path, name):
+    file = zipped(tmp_path / "scenes.zip", [*WHOLE, f"set/garden/images_4/{name}"])
+    with pytest.raises(InputError, match="expected printable names of at most 255 bytes"):
+        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
+
+
+@pytest.mark.parametrize("name", ["set/garden/images_4", "set/garden/sparse/0"])
+def test_a_file_where_a_folder_should_be_is_refused(tmp_path, name):
+    file = zipped(tmp_path / "scenes.zip", [*WHOLE, name])
+    with pytest.raises(InputError, match=f"{name}: expected a folder, found a file of that name"):
         extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
 
 

@@ -15,6 +15,9 @@ from gspure.errors import InputError, reading
 UNPACKED_RATIO: Final = 10
 """An archive may unpack to this many times its size: photographs do not shrink, sparse models to a third. Ours."""
 
+LONGEST_NAME: Final = 255
+"""Bytes of a file's name that file systems take."""
+
 RECORD = "origin.json"
 """Written with the files of a scene: where they came from. A folder that has it is whole."""
 
@@ -51,6 +54,10 @@ def extract(file: Path, archive: Archive, scene: str, folder: Path, *, sha256: s
     wanted = {entry: place for entry, place in _members(file, archive, scene).items() if place.parts[0] in kept}
     if {place.parts[0] for place in wanted.values()} != kept.keys():
         raise InputError(file, scene, expected=f"photographs in {' and '.join(kept)}", found="none")
+    folders = {PurePosixPath(name) for name in kept}.union(*(place.parents for place in wanted.values()))
+    for entry, place in wanted.items():
+        if place in folders:
+            raise InputError(file, entry.filename, expected="a folder", found="a file of that name")
     _require_room(file, sum(entry.file_size for entry in wanted))
     with filling(folder) as whole, zipfile.ZipFile(file) as stored:
         for entry, place in wanted.items():
@@ -91,6 +98,7 @@ def _place(entry: zipfile.ZipInfo, archive: Archive, scene: str, file: Path) -> 
         return None
     if ".." in path.parts or "\\" in entry.filename or stat.S_ISLNK(entry.external_attr >> 16):
         raise InputError(file, entry.filename, expected="a file below its folder", found="a path or link out of it")
-    if not entry.filename.isprintable():
-        raise InputError(file, entry.filename, expected="a printable name", found="control characters in it")
+    if not entry.filename.isprintable() or max(len(part.encode()) for part in path.parts) > LONGEST_NAME:
+        expected = f"printable names of at most {LONGEST_NAME} bytes"
+        raise InputError(file, entry.filename, expected=expected, found="others")
     return path.relative_to(root)
