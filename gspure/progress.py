@@ -24,9 +24,10 @@ def track(items: Sequence[Item], label: str) -> Iterator[Item]:
 
 def _bar(items: Sequence[Item], label: str) -> Iterator[Item]:
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import track as rich_track
 
-    yield from rich_track(items, description=f"{label:<24}", console=Console(stderr=True))
+    yield from rich_track(items, description=escape(f"{label:<24}"), console=Console(stderr=True))
 
 
 def _lines(items: Iterable[Item], label: str) -> Iterator[Item]:
