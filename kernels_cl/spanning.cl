@@ -1,8 +1,11 @@
 // Nearest neighbours and Boruvka's rounds on a balanced k-d tree, in double precision.
 //
-// The tree is implicit: node 1 is the root, node n has children 2 n and 2 n + 1, and the LEAVES = 2^DEPTH leaves are the
-// nodes from LEAVES on. Leaf l holds the points at positions l COUNT / LEAVES and on. A leaf's coordinates lie in a block
-// of its own, [COLUMNS][LEAF], padded with infinity; a node's box is two rows of WIDTH numbers, padded with zeros.
+// The tree is implicit: node 1 is the root, node n has children 2 n and 2 n + 1, and its 2^levels leaves are the
+// last nodes. Leaf l holds the points at positions l count / 2^levels and on, at most LEAF = 16; its coordinates
+// lie in a block of their own, [COLUMNS][LEAF], padded with infinity.
+//
+// Boxes of nodes are in single precision, rounded outwards, and serve to pass over nodes: `bounds` in single precision
+// are larger than those in double precision by more than all rounding. Distances of points are in double precision.
 
 // PoCL does not inline built-in functions, so the inner loops use none.
 
@@ -14,18 +17,20 @@
 #define UNROLL _Pragma("unroll")
 
 #define NONE 0xffffffffu
-#define ROUNDING (1.0 - 0x1p-46)  // a box is no farther than its points, whatever the order of the sums
+#define LEAF 16
+#define MARGIN (1.0 + (COLUMNS + 8) * 0x1p-23)  // of bounds in single precision, over the rounding of COLUMNS squares
+#define LEAST_BOUND 1e-37f      // devices may take smaller numbers for zero
 
-inline uint first_of(uint leaf, uint count, uint leaves) { return (uint)((ulong)leaf * count / leaves); }
+inline uint first_of(uint leaf, uint count, uint levels) { return (uint)((ulong)leaf * count >> levels); }
 
 // Splits every node of a level at the median of its widest column: `order` gets the lower half first.
-__kernel void split_nodes(uint count, uint leaves, uint level, __global const double *points, __global uint *order,
+__kernel void split_nodes(uint count, uint levels, uint level, __global const double *points, __global uint *order,
                           __global double *keys) {
     uint node = get_global_id(0);
     if (node >= 1u << level) return;
-    uint span = leaves >> level;
-    uint begin = first_of(node * span, count, leaves), end = first_of((node + 1) * span, count, leaves);
-    uint nth = first_of(node * span + span / 2, count, leaves);
+    uint span = 1u << (levels - level);
+    uint begin = first_of(node * span, count, levels), end = first_of((node + 1) * span, count, levels);
+    uint nth = first_of(node * span + span / 2, count, levels);
     uint widest = 0;
     double width = -1.0;
     double low[COLUMNS], high[COLUMNS];
@@ -63,14 +68,17 @@ __kernel void split_nodes(uint count, uint leaves, uint level, __global const do
     }
 }
 
+inline float rounded_down(double x) { return convert_float_rtn(x); }
+inline float rounded_up(double x) { return convert_float_rtp(x); }
+
 // blocks [leaves][COLUMNS][LEAF] and boxes [2 leaves][2][COLUMNS] of the leaves.
-__kernel void fill_leaves(uint count, uint leaves, __global const double *points, __global const uint *order,
-                          __global double *blocks, __global double *boxes) {
-    uint leaf = get_global_id(0);
+__kernel void fill_leaves(uint count, uint levels, __global const double *points, __global const uint *order,
+                          __global double *blocks, __global float *boxes) {
+    uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
-    uint begin = first_of(leaf, count, leaves), end = first_of(leaf + 1, count, leaves);
+    uint begin = first_of(leaf, count, levels), end = first_of(leaf + 1, count, levels);
     __global double *block = blocks + (size_t)leaf * COLUMNS * LEAF;
-    __global double *box = boxes + (size_t)(leaves + leaf) * 2 * COLUMNS;
+    __global float *box = boxes + (size_t)(leaves + leaf) * 2 * COLUMNS;
     for (uint c = 0; c < COLUMNS; c++) {
         double low = INFINITY, high = -INFINITY;
         for (uint i = 0; i < LEAF; i++) {
@@ -78,16 +86,16 @@ __kernel void fill_leaves(uint count, uint leaves, __global const double *points
             block[c * LEAF + i] = x;
             if (begin + i < end) low = LOWER(low, x), high = HIGHER(high, x);
         }
-        box[c] = low;
-        box[COLUMNS + c] = high;
+        box[c] = rounded_down(low);
+        box[COLUMNS + c] = rounded_up(high);
     }
 }
 
-__kernel void join_boxes(uint level, __global double *boxes) {
+__kernel void join_boxes(uint level, __global float *boxes) {
     uint node = (1u << level) + get_global_id(0);
     if (node >= 2u << level) return;
-    __global double *box = boxes + (size_t)node * 2 * COLUMNS, *left = boxes + (size_t)node * 4 * COLUMNS;
-    __global double *right = left + 2 * COLUMNS;
+    __global float *box = boxes + (size_t)node * 2 * COLUMNS, *left = boxes + (size_t)node * 4 * COLUMNS;
+    __global float *right = left + 2 * COLUMNS;
     for (uint c = 0; c < COLUMNS; c++) {
         box[c] = LOWER(left[c], right[c]);
         box[COLUMNS + c] = HIGHER(left[COLUMNS + c], right[COLUMNS + c]);
@@ -100,43 +108,60 @@ inline bool any_of(long8 mask) {
     return (b.x | b.y) != 0;
 }
 
-// A leaf's points look for others together: squared distances below `bounds` matter. Those that pad the leaf look for none.
+inline bool any_of_16(int16 mask) {
+    int8 a = mask.lo | mask.hi;
+    int4 b = a.lo | a.hi;
+    int2 c = b.lo | b.hi;
+    return (c.x | c.y) != 0;
+}
+
+// A leaf's points look for others together, each for squared distances below its bound; what pads the leaf has none.
 typedef struct {
-    double8 columns[COLUMNS][LEAF / 8];
-    double8 bounds[LEAF / 8];
-    double8 distances[LEAF / 8];  // to the node at hand
+    double columns[COLUMNS][LEAF];
+    float16 lows[COLUMNS], highs[COLUMNS];  // the columns in single precision, rounded down and up
+    double bounds[LEAF];
+    float16 wide_bounds;  // not below the bounds
+    float16 distances;    // to the node at hand, not above those to its points by more than MARGIN
 } Searchers;
 
-#define LANE(vectors, lane) (((double *)(vectors))[lane])
+#define LANE(vector, lane) (((float *)&(vector))[lane])
 
 inline void load_searchers(Searchers *s, __global const double *blocks, uint leaf) {
-    __global const double8 *block = (__global const double8 *)(blocks + (size_t)leaf * COLUMNS * LEAF);
-    UNROLL for (uint c = 0; c < COLUMNS; c++) {
-        UNROLL for (uint v = 0; v < LEAF / 8; v++) s->columns[c][v] = block[c * (LEAF / 8) + v];
+    __global const double *block = blocks + (size_t)leaf * COLUMNS * LEAF;
+    for (uint c = 0; c < COLUMNS; c++) {
+        for (uint lane = 0; lane < LEAF; lane++) {
+            double x = block[c * LEAF + lane];
+            s->columns[c][lane] = x;
+            LANE(s->lows[c], lane) = rounded_down(x);
+            LANE(s->highs[c], lane) = rounded_up(x);
+        }
     }
 }
 
-// Writes each searcher's squared distance to a node's box. Summed in the same order as distances of points, so rounding
-// keeps a box at most as far as its points.
-inline void measure(Searchers *s, __global const double *boxes, uint node) {
-    __global const double *box = boxes + (size_t)node * 2 * COLUMNS;
-    UNROLL for (uint v = 0; v < LEAF / 8; v++) {
-        double8 sum = (double8)0.0;
-        UNROLL for (uint c = 0; c < COLUMNS; c++) {
-            double8 below = box[c] - s->columns[c][v], above = s->columns[c][v] - box[COLUMNS + c];
-            double8 gap = HIGHER(below, above);
-            gap = HIGHER(gap, (double8)0.0);
-            sum += gap * gap;
-        }
-        s->distances[v] = sum;
+inline void set_bound(Searchers *s, uint lane, double bound) {
+    s->bounds[lane] = bound;
+    float wide = (float)(bound * MARGIN);
+    LANE(s->wide_bounds, lane) = bound > 0.0 ? HIGHER(wide, LEAST_BOUND) : 0.0f;
+}
+
+// Writes each searcher's squared distance to a node's box.
+inline void measure(Searchers *s, __global const float *boxes, uint node) {
+    __global const float *box = boxes + (size_t)node * 2 * COLUMNS;
+    float16 sum = (float16)0.0f;
+    UNROLL for (uint c = 0; c < COLUMNS; c++) {
+        float16 below = box[c] - s->highs[c], above = s->lows[c] - box[COLUMNS + c];
+        float16 gap = HIGHER(below, above);
+        gap = HIGHER(gap, (float16)0.0f);
+        sum += gap * gap;
     }
+    s->distances = sum;
 }
 
 // Squared distances of one searcher and eight points of a leaf.
 inline double8 distances(const Searchers *s, uint lane, __global const double *block, uint v) {
     double8 sum = (double8)0.0;
     UNROLL for (uint c = 0; c < COLUMNS; c++) {
-        double8 difference = ((__global const double8 *)block)[c * (LEAF / 8) + v] - LANE(s->columns[c], lane);
+        double8 difference = ((__global const double8 *)block)[c * (LEAF / 8) + v] - s->columns[c][lane];
         sum += difference * difference;
     }
     return sum;
@@ -152,7 +177,7 @@ inline void look_for_nearer(Searchers *s, uint lane, Nearest *nearest, __global 
         double8 found = distances(s, lane, block, v);
         if (!any_of(found < nearest->distances[NEIGHBOURS - 1])) continue;
         for (uint i = 0; i < 8; i++) {
-            double distance = LANE(&found, i);
+            double distance = ((double *)&found)[i];
             if (!(distance < nearest->distances[NEIGHBOURS - 1]) || begin + v * 8 + i == self) continue;
             int place = NEIGHBOURS - 1;
             for (; place > 0 && nearest->distances[place - 1] > distance; place--) {
@@ -163,22 +188,22 @@ inline void look_for_nearer(Searchers *s, uint lane, Nearest *nearest, __global 
             nearest->points[place] = begin + v * 8 + i;
         }
     }
-    LANE(s->bounds, lane) = nearest->distances[NEIGHBOURS - 1];
+    set_bound(s, lane, nearest->distances[NEIGHBOURS - 1]);
 }
 
 // The NEIGHBOURS nearest points [count][NEIGHBOURS] of each point, nearest first, up to its core distance (NONE beyond);
 // core [count]: squared core distances. A point stands for `copies` [count] that coincide.
-__kernel void find_neighbours(uint count, uint leaves, uint min_samples, __global const double *blocks,
-                              __global const double *boxes, __global const uint *copies, __global uint *neighbours,
+__kernel void find_neighbours(uint count, uint levels, uint min_samples, __global const double *blocks,
+                              __global const float *boxes, __global const uint *copies, __global uint *neighbours,
                               __global double *core) {
-    uint leaf = get_global_id(0);
+    uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
-    uint begin = first_of(leaf, count, leaves), size = first_of(leaf + 1, count, leaves) - begin;
+    uint begin = first_of(leaf, count, levels), size = first_of(leaf + 1, count, levels) - begin;
     Searchers s;
     Nearest nearest[LEAF];
     load_searchers(&s, blocks, leaf);
     for (uint lane = 0; lane < LEAF; lane++) {
-        LANE(s.bounds, lane) = 0.0;
+        set_bound(&s, lane, 0.0);
         if (lane >= size) continue;
         for (uint i = 0; i < NEIGHBOURS; i++) nearest[lane].distances[i] = INFINITY, nearest[lane].points[i] = NONE;
         look_for_nearer(&s, lane, &nearest[lane], blocks + (size_t)leaf * COLUMNS * LEAF, begin, begin + lane);
@@ -190,9 +215,7 @@ __kernel void find_neighbours(uint count, uint leaves, uint min_samples, __globa
         while (depth) {
             uint node = stack[--depth];
             measure(&s, boxes, node);
-            long8 near = (long8)0;
-            UNROLL for (uint v = 0; v < LEAF / 8; v++) near |= s.distances[v] < s.bounds[v];
-            if (!any_of(near)) continue;
+            if (!any_of_16(s.distances < s.wide_bounds)) continue;
             if (node < leaves) {
                 stack[depth++] = 2 * node;
                 stack[depth++] = 2 * node + 1;
@@ -200,9 +223,9 @@ __kernel void find_neighbours(uint count, uint leaves, uint min_samples, __globa
             }
             uint other = node - leaves;
             for (uint lane = 0; lane < size; lane++) {
-                if (LANE(s.distances, lane) >= LANE(s.bounds, lane)) continue;
+                if (LANE(s.distances, lane) >= LANE(s.wide_bounds, lane)) continue;
                 look_for_nearer(&s, lane, &nearest[lane], blocks + (size_t)other * COLUMNS * LEAF,
-                                first_of(other, count, leaves), NONE);
+                                first_of(other, count, levels), NONE);
             }
         }
     }
@@ -221,31 +244,31 @@ __kernel void find_neighbours(uint count, uint leaves, uint min_samples, __globa
 }
 
 // Core distances leaf by leaf, and the least of each node.
-__kernel void fill_cores(uint count, uint leaves, __global const double *core, __global double *cores,
-                         __global double *least_cores) {
-    uint leaf = get_global_id(0);
+__kernel void fill_cores(uint count, uint levels, __global const double *core, __global double *cores,
+                         __global float *least_cores) {
+    uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
-    uint begin = first_of(leaf, count, leaves), end = first_of(leaf + 1, count, leaves);
+    uint begin = first_of(leaf, count, levels), end = first_of(leaf + 1, count, levels);
     double least = INFINITY;
     for (uint i = 0; i < LEAF; i++) {
         double value = begin + i < end ? core[begin + i] : INFINITY;
         cores[(size_t)leaf * LEAF + i] = value;
         least = LOWER(least, value);
     }
-    least_cores[leaves + leaf] = least;
+    least_cores[leaves + leaf] = rounded_down(least);
 }
 
-__kernel void join_cores(uint level, __global double *least_cores) {
+__kernel void join_cores(uint level, __global float *least_cores) {
     uint node = (1u << level) + get_global_id(0);
     if (node < 2u << level) least_cores[node] = LOWER(least_cores[2 * node], least_cores[2 * node + 1]);
 }
 
 // Components leaf by leaf, and that of each node: NONE where it holds several.
-__kernel void fill_components(uint count, uint leaves, __global const uint *component, __global long *components,
+__kernel void fill_components(uint count, uint levels, __global const uint *component, __global long *components,
                               __global uint *node_components) {
-    uint leaf = get_global_id(0);
+    uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
-    uint begin = first_of(leaf, count, leaves), end = first_of(leaf + 1, count, leaves);
+    uint begin = first_of(leaf, count, levels), end = first_of(leaf + 1, count, levels);
     uint common = component[begin];
     for (uint i = 0; i < LEAF; i++) {
         uint point = begin + i < end ? begin + i : begin;
@@ -263,7 +286,7 @@ __kernel void join_components(uint level, __global uint *node_components) {
 }
 
 inline void lower_to(__global uint *bound, double distance) {
-    atomic_min(bound, as_uint(convert_float_rtp(distance)));  // non-negative floats are ordered as their bits
+    atomic_min(bound, as_uint(rounded_up(distance)));  // non-negative floats are ordered as their bits
 }
 
 inline double separation(__global const double *points, uint a, uint b) {
@@ -310,77 +333,75 @@ __kernel void offer_edges(uint count, __global const double *points, __global co
 // The shortest edge of each component: every point looks for one shorter than its component is known to have.
 // least_lengths [count]: what no edge of the point that leaves its component is shorter than.
 // found [components]: as `bounds`, with what is found.
-__kernel void find_edges(uint count, uint leaves, __global const double *blocks, __global const double *boxes,
-                         __global const double *cores, __global const double *least_cores,
+__kernel void find_edges(uint count, uint levels, __global const double *blocks, __global const float *boxes,
+                         __global const double *cores, __global const float *least_cores,
                          __global const long *components, __global const uint *node_components,
                          __global const uint *bounds, __global uint *partners, __global double *lengths,
                          __global double *least_lengths, __global uint *found) {
-    uint leaf = get_global_id(0);
+    uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
-    uint begin = first_of(leaf, count, leaves), size = first_of(leaf + 1, count, leaves) - begin;
+    uint begin = first_of(leaf, count, levels), size = first_of(leaf + 1, count, levels) - begin;
     Searchers s;
-    long8 own[LEAF / 8];
-    UNROLL for (uint v = 0; v < LEAF / 8; v++) own[v] = ((__global const long8 *)components)[leaf * (LEAF / 8) + v];
+    int16 own;
     bool active = false;
     for (uint lane = 0; lane < LEAF; lane++) {
-        LANE(s.bounds, lane) = 0.0;
+        uint component = components[(size_t)leaf * LEAF + lane];
+        ((uint *)&own)[lane] = component;
+        set_bound(&s, lane, 0.0);
         if (lane >= size) continue;
-        double bound = as_float(bounds[((long *)own)[lane]]);
+        double bound = as_float(bounds[component]);
         bound = LOWER(bound, lengths[begin + lane]);
         if (least_lengths[begin + lane] >= bound) continue;
-        LANE(s.bounds, lane) = bound;
+        set_bound(&s, lane, bound);
         active = true;
     }
-    if (active) {
-        load_searchers(&s, blocks, leaf);
-        uint stack[64], depth = 1, top = leaves + leaf;
-        stack[0] = top;
-        while (true) {
-            if (!depth) {
-                if (top == 1) break;
-                stack[depth++] = top ^ 1;
-                top /= 2;
-            }
-            uint node = stack[--depth];
-            measure(&s, boxes, node);
-            double least_core = least_cores[node];
-            long common = node_components[node] == NONE ? -1 : (long)node_components[node];
-            long8 near = (long8)0;
+    if (active) load_searchers(&s, blocks, leaf);
+    uint stack[64], depth = 1, top = leaves + leaf;
+    stack[0] = top;
+    while (active) {
+        if (!depth) {
+            if (top == 1) break;
+            stack[depth++] = top ^ 1;
+            top /= 2;
+        }
+        uint node = stack[--depth];
+        measure(&s, boxes, node);
+        float least_core = least_cores[node];
+        int common = node_components[node];
+        int16 near = (s.distances < s.wide_bounds) & (least_core < s.wide_bounds);
+        if (!any_of_16(common == (int)NONE ? near : near & (own != common))) continue;
+        if (node < leaves) {
+            stack[depth++] = 2 * node;
+            stack[depth++] = 2 * node + 1;
+            continue;
+        }
+        uint other = node - leaves;
+        for (uint lane = 0; lane < size; lane++) {
+            if (LANE(s.distances, lane) >= LANE(s.wide_bounds, lane)) continue;
+            __global const double8 *core = (__global const double8 *)cores + other * (LEAF / 8);
+            __global const long8 *component = (__global const long8 *)components + other * (LEAF / 8);
+            long own_component = ((uint *)&own)[lane];
+            double own_core = cores[(size_t)leaf * LEAF + lane];
             UNROLL for (uint v = 0; v < LEAF / 8; v++) {
-                near |= (s.distances[v] < s.bounds[v]) & (least_core < s.bounds[v]) & (own[v] != common);
-            }
-            if (!any_of(near)) continue;
-            if (node < leaves) {
-                stack[depth++] = 2 * node;
-                stack[depth++] = 2 * node + 1;
-                continue;
-            }
-            uint other = node - leaves;
-            __global const double *block = blocks + (size_t)other * COLUMNS * LEAF;
-            for (uint lane = 0; lane < size; lane++) {
-                if (LANE(s.distances, lane) >= LANE(s.bounds, lane)) continue;
-                long component = ((long *)own)[lane];
-                double own_core = cores[(size_t)leaf * LEAF + lane];
-                UNROLL for (uint v = 0; v < LEAF / 8; v++) {
-                    double8 length = distances(&s, lane, block, v), core = ((__global const double8 *)cores)[other * (LEAF / 8) + v];
-                    length = HIGHER(length, core);
-                    length = HIGHER(length, own_core);
-                    long8 shorter = (length < LANE(s.bounds, lane)) & (((__global const long8 *)components)[other * (LEAF / 8) + v] != component);
-                    if (!any_of(shorter)) continue;
-                    for (uint i = 0; i < 8; i++) {
-                        if (!((long *)&shorter)[i] || LANE(&length, i) >= LANE(s.bounds, lane)) continue;
-                        partners[begin + lane] = first_of(other, count, leaves) + v * 8 + i;
-                        lengths[begin + lane] = LANE(&length, i);
-                        for (uint mate = 0; mate < size; mate++) {
-                            if (((long *)own)[mate] == component) LANE(s.bounds, mate) = LOWER(LANE(s.bounds, mate), LANE(&length, i));
-                        }
+                double8 length = distances(&s, lane, blocks + (size_t)other * COLUMNS * LEAF, v);
+                length = HIGHER(length, core[v]);
+                length = HIGHER(length, own_core);
+                long8 shorter = (length < s.bounds[lane]) & (component[v] != own_component);
+                if (!any_of(shorter)) continue;
+                for (uint i = 0; i < 8; i++) {
+                    double candidate = ((double *)&length)[i];
+                    if (!((long *)&shorter)[i] || candidate >= s.bounds[lane]) continue;
+                    partners[begin + lane] = first_of(other, count, levels) + v * 8 + i;
+                    lengths[begin + lane] = candidate;
+                    for (uint mate = 0; mate < size; mate++) {  // what is longer helps no point of this component
+                        if (((uint *)&own)[mate] == own_component && candidate < s.bounds[mate]) set_bound(&s, mate, candidate);
                     }
                 }
             }
         }
     }
     for (uint lane = 0; lane < size; lane++) {
-        if (LANE(s.bounds, lane) > 0.0) least_lengths[begin + lane] = LANE(s.bounds, lane);
-        lower_to(found + ((long *)own)[lane], lengths[begin + lane]);
+        if (s.bounds[lane] > 0.0) least_lengths[begin + lane] = s.bounds[lane];
+        lower_to(found + ((uint *)&own)[lane], lengths[begin + lane]);
     }
 }

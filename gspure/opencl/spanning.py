@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gspure.opencl.engine import Engine
 
-_LEAF = 16
+_LEAF = 16  # spanning.cl
 _NONE = 0xFFFFFFFF
 
 Indices = NDArray[np.uint32]
@@ -25,7 +25,7 @@ class _Search:
         self.levels = max(0, int(np.ceil(np.log2(self.count / _LEAF))))
         self.leaves = 1 << self.levels
         self._engine = engine
-        self._defines = {"COLUMNS": columns, "LEAF": _LEAF, "NEIGHBOURS": min_samples}
+        self._defines = {"COLUMNS": columns, "NEIGHBOURS": min_samples}
         self._build(points)
         self._find_cores(copies, min_samples)
 
@@ -37,7 +37,7 @@ class _Search:
         for level in range(self.levels):
             self._run("split_nodes", 1 << level, *self._shape, np.uint32(level), self._points, self._order, keys)
         self._blocks = engine.allocate(8 * self.leaves * columns * _LEAF)
-        self._boxes = engine.allocate(8 * 2 * self.leaves * 2 * columns)
+        self._boxes = engine.allocate(4 * 2 * self.leaves * 2 * columns)
         self._run("fill_leaves", self.leaves, *self._shape, self._points, self._order, self._blocks, self._boxes)
         self._join("join_boxes", self._boxes)
         self.order = engine.read(self._order, (self.count,), np.uint32)
@@ -54,7 +54,7 @@ class _Search:
             *(self._blocks, self._boxes, copies, self._neighbours, self._core),
         )
         self._cores = engine.allocate(8 * self.leaves * _LEAF)
-        self._least_cores = engine.allocate(8 * 2 * self.leaves)
+        self._least_cores = engine.allocate(4 * 2 * self.leaves)
         self._run("fill_cores", self.leaves, *self._shape, self._core, self._cores, self._least_cores)
         self._join("join_cores", self._least_cores)
         self.core = engine.read(self._core, (self.count,), np.float64)
@@ -98,7 +98,7 @@ class _Search:
 
     @property
     def _shape(self) -> tuple[np.uint32, np.uint32]:
-        return np.uint32(self.count), np.uint32(self.leaves)
+        return np.uint32(self.count), np.uint32(self.levels)
 
     def _run(self, name: str, items: int, *args: Any) -> None:
         self._engine.run(self._engine.kernel(name, "spanning", **self._defines), items, *args)
