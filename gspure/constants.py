@@ -38,6 +38,23 @@ SH_DC: Final = 0.28209479177387814
 
 MAX_SH_DEGREE: Final = 3
 
+# --- Range of numbers: what keeps float32 from overflowing for any finite input. Ours. --------------------------------
+
+MAGNITUDE_MAX: Final = 1e30
+"""A quaternion, or the middle scale of a Gaussian under ``ray``, is usable from the inverse of this to this."""
+
+COORDINATE_MAX: Final = 1e15
+"""A Gaussian is drawn only if the view-space coordinates of its centre are at most this in size."""
+
+RAY_SCALE_RATIO: Final = 1e8
+"""Energy ``ray``: the smallest and the largest scale are taken as at most this many times from the middle one."""
+
+EWA_DEVIATION_MAX: Final = 1e8
+"""Energy ``ewa``: upper clamp of a principal axis' standard deviation facing the camera, in pixels."""
+
+COLOUR_MAX: Final = 1e30
+"""Upper clamp of a colour."""
+
 # --- GSPure, paper §Methodology; where the paper names no value, the choice is ours -----------------------------------
 
 TAU_C: Final = 4.0

@@ -62,35 +62,49 @@ __attribute__((always_inline)) inline int2 row_span(const Footprint *p, int ty) 
 }
 
 #if RAY
-// Largest value of c + b t + a t^2 for t in [low, high].
-inline float largest(float a, float b, float c, float low, float high) {
-    float t = a < 0.0f ? clamp(-0.5f * b / a, low, high) : low;
-    return c + max(t * (b + a * t), high * (b + a * high));
+// Whether a Gaussian that reaches behind the camera, or nearly, can touch a pixel of a tile. Its alpha >= ALPHA_MIN
+// exactly where level L^2 >= (G - level) K (layout.cl) and L > 0: a convex region that holds the projected centre. So it
+// meets the tile if it holds a point of the tile's boundary, or if the tile holds the centre. Along an edge, L and the
+// roots of K's squares are linear.
+inline bool holds(float level, float excess, float along, float across, float down) {
+    return along >= 0.0f && level * along * along >= 0.998f * excess * (across * across + down * down);
 }
 
-// Whether a Gaussian that reaches behind the camera can touch a pixel of a tile. Its alpha >= ALPHA_MIN exactly where
-// the quadratic g(d) = level N - Q (layout.cl) is not negative: a convex region around d = 0. So it meets the tile if it
-// holds a point of the tile's boundary, or if the tile holds d = 0. Rays that meet the Gaussian behind the camera have
-// 1 + linear < 0.
+// Least square of a linear function on a rectangle whose corners have values from `low` to `high`.
+inline float least_square(float low, float high) { return low > 0.0f ? low * low : high < 0.0f ? high * high : 0.0f; }
+
 inline bool touches(__global const float *s, int tx, int ty) {
-    float level = s[SPLAT_LOG2_OPACITY] - LOG2_ALPHA_MIN;
-    float a = s[SPLAT_A], b = s[SPLAT_B], c = s[SPLAT_C];
-    float xx = level * s[SPLAT_MXX] - a * a, yy = level * s[SPLAT_MYY] - (b * b + c * c);
-    float xy = 2.0f * (level * s[SPLAT_MXY] - a * b);
-    float lx = s[SPLAT_LX], ly = s[SPLAT_LY];
-    float x[2], y[2], best = -INFINITY;
-    x[0] = tx * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_U], x[1] = x[0] + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
-    y[0] = ty * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_V], y[1] = y[0] + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
-    if (x[0] <= 0.0f && x[1] >= 0.0f && y[0] <= 0.0f && y[1] >= 0.0f) return true;
-    if (1.0f + max(lx * x[0], lx * x[1]) + max(ly * y[0], ly * y[1]) < 0.0f) return false;
-    for (int side = 0; side < 2; side++) {
-        float h = y[side], v = x[side];  // a horizontal and a vertical edge
-        best = max(best, largest(xx, xy * h + 2.0f * level * lx, h * (yy * h + 2.0f * level * ly), x[0], x[1]));
-        best = max(best, largest(yy, xy * v + 2.0f * level * ly, v * (xx * v + 2.0f * level * lx), y[0], y[1]));
+    const float side = TILE - 1 + 2.0f * FOOTPRINT_MARGIN;
+    float x = tx * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_U], y = ty * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_V];
+    float level = s[SPLAT_LOG2_OPACITY] - LOG2_ALPHA_MIN, excess = s[SPLAT_G] - level;
+    // Values at the tile's centre, and their change over half a side.
+    const float half_side = 0.5f * side;
+    x += half_side, y += half_side;
+    float lx = half_side * s[SPLAT_LX], ly = half_side * s[SPLAT_LY], along = s[SPLAT_L0] + s[SPLAT_LX] * x + s[SPLAT_LY] * y;
+    float ax = half_side * s[SPLAT_A], ay = half_side * s[SPLAT_B], across = s[SPLAT_A0] + s[SPLAT_A] * x + s[SPLAT_B] * y;
+    float dy = half_side * s[SPLAT_C], down = s[SPLAT_C0] + s[SPLAT_C] * y;
+
+    // No ray before the camera, or none near enough even if L were largest where K is least.
+    float most = along + fabs(lx) + fabs(ly), spread = fabs(ax) + fabs(ay);
+    float rounding = 1e-6f * (fabs(s[SPLAT_L0]) + fabs(s[SPLAT_LX] * x) + fabs(s[SPLAT_LY] * y));
+    most += rounding;
+    float least = least_square(across - spread, across + spread) + least_square(down - dy, down + dy);
+    if (!holds(level, excess, most, sqrt(least), 0.0f)) return false;
+    if (s[SPLAT_A0] == 0.0f && s[SPLAT_C0] == 0.0f && fabs(x) <= half_side && fabs(y) <= half_side) return true;
+    along += rounding;
+    for (int sign = -1; sign <= 1; sign += 2) {  // the edges to the left and right, above and below, from t = -1 to 1
+        float l[2] = {along + sign * lx, along + sign * ly}, l_step[2] = {ly, lx};
+        float a[2] = {across + sign * ax, across + sign * ay}, a_step[2] = {ay, ax};
+        float d[2] = {down, down + sign * dy}, d_step[2] = {dy, 0.0f};
+        for (int i = 0; i < 2; i++) {
+            float curvature = level * l_step[i] * l_step[i] - excess * (a_step[i] * a_step[i] + d_step[i] * d_step[i]);
+            float slope = level * l[i] * l_step[i] - excess * (a[i] * a_step[i] + d[i] * d_step[i]);
+            float t = curvature < 0.0f ? CLAMP(-slope / curvature, -1.0f, 1.0f) : -1.0f;
+            if (holds(level, excess, l[i] + t * l_step[i], a[i] + t * a_step[i], d[i] + t * d_step[i])) return true;
+            if (holds(level, excess, l[i] + l_step[i], a[i] + a_step[i], d[i] + d_step[i])) return true;
+        }
     }
-    float far_x = max(-x[0], x[1]), far_y = max(-y[0], y[1]);
-    float rounding = 1e-6f * (fabs(xx) * far_x * far_x + fabs(xy) * far_x * far_y + fabs(yy) * far_y * far_y);
-    return best + level > -1e-3f * level - rounding;
+    return false;
 }
 #endif
 

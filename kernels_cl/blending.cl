@@ -19,31 +19,35 @@
 inline V nearest_to_zero(V low, V high) { return MAX(low, MIN(high, (V)0.0f)); }
 
 #if RAY
-#define ROW_TERMS 5
+#define ROW_TERMS 3
 inline void row_terms(V dy, const float *s, V *terms) {
-    V down = s[SPLAT_C] * dy;
-    terms[0] = s[SPLAT_B] * dy;
+    V down = s[SPLAT_C] * dy + s[SPLAT_C0];
+    terms[0] = s[SPLAT_B] * dy + s[SPLAT_A0];
     terms[1] = down * down;
-    terms[2] = 1.0f + s[SPLAT_LY] * dy;
-    terms[3] = 1.0f + dy * (2.0f * s[SPLAT_LY] + s[SPLAT_MYY] * dy);
-    terms[4] = 2.0f * (s[SPLAT_LX] + s[SPLAT_MXY] * dy);
+    terms[2] = s[SPLAT_LY] * dy + s[SPLAT_L0];
+}
+
+// The exponent of rays of which K = across^2 + down2 and L = along; their N, and the depth t*. Whatever the numbers are, it
+// is at most LOG2_OPACITY, or not a number.
+inline V ray_exponent(V across, V down2, V along, const float *s, V *norm, V *depth) {
+    V miss = across * across + down2;
+    *norm = along * along + miss;
+    V inverse = 1.0f / *norm;
+    *depth = along * inverse;
+    return s[SPLAT_LOG2_OPACITY] - s[SPLAT_G] * (miss * inverse);
 }
 
 inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
-    V inverse = 1.0f / (dx * (s[SPLAT_MXX] * dx + TERM(4)) + TERM(3));
-    V across = s[SPLAT_A] * dx + TERM(0);
-    V exponent = s[SPLAT_LOG2_OPACITY] - (across * across + TERM(1)) * inverse;
-    *depth = s[SPLAT_DEPTH] * (s[SPLAT_LX] * dx + TERM(2)) * inverse;  // t*, the maximum along the ray
+    V norm, exponent = ray_exponent(s[SPLAT_A] * dx + TERM(0), TERM(1), s[SPLAT_LX] * dx + TERM(2), s, &norm, depth);
     return *depth > (V)NEAR_PLANE ? exponent : (V)-1000.0f;
 }
 
-// N is convex in dx, so it is largest at an end; the margins cover rounding.
+// K is smallest where its first square is, and L^2, being convex in dx, is largest at an end; the margins cover rounding.
 inline V log2_alpha_most(V low, V high, const V *terms, const float *s) {
     V nearest = nearest_to_zero(s[SPLAT_A] * low + terms[0], s[SPLAT_A] * high + terms[0]);
-    V norm_low = low * (s[SPLAT_MXX] * low + terms[4]) + terms[3];
-    V norm_high = high * (s[SPLAT_MXX] * high + terms[4]) + terms[3];
-    V norm = 1.00001f * MAX(norm_low, norm_high) + 1e-6f * terms[3];
-    return s[SPLAT_LOG2_OPACITY] + 1e-3f - (nearest * nearest + terms[1]) / norm;
+    V miss = nearest * nearest + terms[1];
+    V along = MAX(fabs(s[SPLAT_LX] * low + terms[2]), fabs(s[SPLAT_LX] * high + terms[2])) + 1e-6f * fabs(terms[2]);
+    return s[SPLAT_LOG2_OPACITY] + 1e-3f - s[SPLAT_G] * (miss / (1.00001f * along * along + miss));
 }
 #else
 #define ROW_TERMS 2
@@ -72,12 +76,16 @@ inline int16 reached_rows(float16 dx, const float16 *terms, const float *s) {
 }
 #endif
 
+// 2^exponent, at most ALPHA_MAX, and 0 below ALPHA_MIN and for what is not a number. No exponent is positive.
+inline V bounded_alpha(V exponent) {
+    V alpha = MIN(exp2_polynomial(exponent), (V)ALPHA_MAX);
+    return AS_FLOAT(AS_INT(alpha) & MASK(exponent >= (V)LOG2_ALPHA_MIN));
+}
+
 // Blend one splat: returns its weight alpha * T, and moves T on.
 inline V blend(V exponent, V *transmittance) {
-    V alpha = MIN(exp2_polynomial(exponent), (V)ALPHA_MAX);
-    alpha = AS_FLOAT(AS_INT(alpha) & MASK(exponent >= (V)LOG2_ALPHA_MIN));
     V before = *transmittance;
-    V weight = alpha * before;
+    V weight = bounded_alpha(exponent) * before;
     V after = before - weight;
     I stop = MASK(after < (V)TRANSMITTANCE_MIN);
     *transmittance = stop ? AS_FLOAT(AS_INT(before) | SIGN_BIT) : after;

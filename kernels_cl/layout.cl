@@ -2,12 +2,15 @@
 //
 // A *splat* is what a pixel needs of a Gaussian: SPLAT floats (a multiple of 16, one cache line or more), indexed by the
 // Gaussian's position in storage. With d = pixel - (U, V), in pixels:
-//   ewa:  log2 alpha = LOG2_OPACITY - Q,      Q = (A dx + B dy)^2 + (C dy)^2
-//   ray:  log2 alpha = LOG2_OPACITY - Q / N,
-//         N = 1 + 2 (LX dx + LY dy) + MXX dx^2 + 2 MXY dx dy + MYY dy^2 = |direction|^2 relative to the centre's ray
-//         and before the maximum's depth t*, at depth t: further STEEPNESS N (t* - t)^2 less (POINTS)
-// As a sum of squares Q is never negative, and keeps its digits for needles, where XX dx^2 + XY dx dy + YY dy^2 is the small
-// difference of large terms.
+//   ewa:  log2 alpha = LOG2_OPACITY - Q,          Q = (A dx + B dy)^2 + (C dy)^2
+//   ray:  log2 alpha = LOG2_OPACITY - G K / N,    K = (A dx + B dy + A0)^2 + (C dy + C0)^2,
+//         N = L^2 + K,  L = L0 + LX dx + LY dy,   depth of the maximum: t* = L / N
+//         and before that depth, at depth t: further G N (t* - t)^2 less (opacity_field.cl)
+// Q, K and N are sums of squares: never negative, and precise for needles, where the expanded polynomial is the small
+// difference of large terms. K / N is the squared sine of the angle between the pixel's ray and the centre's ray as the
+// whitened Gaussian sees them; G, the largest exponent, belongs to the camera's own position.
+// (U, V) is the projected centre. For `ray` it is the nearest point of the image, so that offsets keep their digits for
+// centres near the camera plane; A0 and C0 are 0 where the two are the same.
 // Channels (colour or features) follow.
 //
 // A *footprint* is what tiles need: an ellipse {d : d' S^-1 d <= 1} around (X, Y) that holds every pixel with
@@ -22,20 +25,16 @@
 #define SPLAT_B 3
 #define SPLAT_C 4
 #define SPLAT_LOG2_OPACITY 5
-#define SPLAT_DEPTH 6
 #if RAY
+#define SPLAT_G 6
 #define SPLAT_LX 7
 #define SPLAT_LY 8
-#define SPLAT_MXX 9
-#define SPLAT_MXY 10
-#define SPLAT_MYY 11
-#if POINTS
-#define SPLAT_STEEPNESS 12
-#define SPLAT_CHANNELS 13
-#else
+#define SPLAT_L0 9
+#define SPLAT_A0 10
+#define SPLAT_C0 11
 #define SPLAT_CHANNELS 12
-#endif
 #else
+#define SPLAT_DEPTH 6  // of the centre
 #define SPLAT_CHANNELS 7
 #endif
 #define SPLAT ((SPLAT_CHANNELS + CHANNELS + 15) / 16 * 16)

@@ -22,19 +22,14 @@ __kernel void blend_points(uint items, __global const float *points, __global co
     // A point is done once less than TRANSMITTANCE_MIN is left: what follows would change its opacity by less than that.
     I open = MASK(T >= (V)TRANSMITTANCE_MIN);
     for (uint entry = tile_starts[tiles[item]]; entry < end && ANY(open); entry++) {
-        __global const float *s = splats + (size_t)SPLAT * entries[entry];
-        V dx = u - s[SPLAT_U], dy = v - s[SPLAT_V];
-        V across = s[SPLAT_A] * dx + s[SPLAT_B] * dy, down = s[SPLAT_C] * dy;
-        V along = 1.0f + (s[SPLAT_LX] * dx + s[SPLAT_LY] * dy);
-        V norm = dx * (2.0f * (s[SPLAT_LX] + s[SPLAT_MXY] * dy) + s[SPLAT_MXX] * dx) +
-                 (dy * (2.0f * s[SPLAT_LY] + s[SPLAT_MYY] * dy) + 1.0f);
-        V inverse = 1.0f / norm;
-        V peak = s[SPLAT_DEPTH] * along * inverse;
+        float s[SPLAT_CHANNELS];
+        for (int i = 0; i < SPLAT_CHANNELS; i++) s[i] = splats[(size_t)SPLAT * entries[entry] + i];
+        V dx = u - s[SPLAT_U], terms[ROW_TERMS], norm, peak;
+        row_terms(v - s[SPLAT_V], s, terms);
+        V exponent = ray_exponent(s[SPLAT_A] * dx + terms[0], terms[1], s[SPLAT_LX] * dx + terms[2], s, &norm, &peak);
         V before = MAX(peak - depth, (V)0.0f);
-        V exponent = s[SPLAT_LOG2_OPACITY] - (across * across + down * down) * inverse -
-                     s[SPLAT_STEEPNESS] * norm * (before * before);
-        V alpha = MIN(exp2_polynomial(exponent), (V)ALPHA_MAX);
-        alpha = AS_FLOAT(AS_INT(alpha) & MASK(exponent >= (V)LOG2_ALPHA_MIN) & MASK(peak > (V)NEAR_PLANE) & open);
+        V alpha = bounded_alpha(exponent - s[SPLAT_G] * (norm * (before * before)));
+        alpha = AS_FLOAT(AS_INT(alpha) & MASK(peak > (V)NEAR_PLANE) & open);
         T -= alpha * T;
         open = MASK(T >= (V)TRANSMITTANCE_MIN);
     }

@@ -10,6 +10,7 @@
 #define OPACITY LOAD_ATTRIBUTE(geometry, GEOMETRY, 10, position)
 #define HALF_LOG2E 0.72134752f
 #define TWO_LN2 1.38629436f
+#define IN_RANGE(x) (((x) >= (V)(1.0f / MAGNITUDE_MAX)) & ((x) <= (V)MAGNITUDE_MAX))
 
 typedef struct {
     V x, y, sxx, sxy, syy;  // {d : d' S^-1 d <= 1} around (x, y)
@@ -17,9 +18,13 @@ typedef struct {
     I unbounded;            // mask: no ellipse
 } Ellipse;
 
-// Unit principal axes of the Gaussians in view space: axes[3 * a + i] is component i of axis a.
+// Unit principal axes of the Gaussians in view space: axes[3 * a + i] is component i of axis a; no numbers where the
+// quaternion is zero, or out of range.
 inline void view_axes(__constant const float *camera, __global const float *geometry, uint position, V *axes) {
     V w = QUAT(0), x = QUAT(1), y = QUAT(2), z = QUAT(3);
+    V size = MAX(MAX(fabs(w), fabs(x)), MAX(fabs(y), fabs(z)));
+    V unit = IN_RANGE(size) ? 1.0f / size : (V)NAN;  // before squares are taken, which could overflow
+    w *= unit, x *= unit, y *= unit, z *= unit;
     V s = 2.0f / (w * w + x * x + y * y + z * z);
     V world[9] = {1.0f - s * (y * y + z * z), s * (x * y + w * z),        s * (x * z - w * y),
                   s * (x * y - w * z),        1.0f - s * (x * x + z * z), s * (y * z + w * x),
@@ -33,70 +38,82 @@ inline void view_axes(__constant const float *camera, __global const float *geom
 }
 
 #if RAY
-// The maximum of a Gaussian along a pixel's ray (paper, Eq. E; GOF's stable form). With axes q_a, scales s_a, the ray
-// direction in the Gaussian's own frame is linear in the pixel: direction_a = q_a . r / s_a, and
-//   E = exp(-1/2 |p x direction|^2 / |direction|^2),   p_a = q_a . mean / s_a.
-// Scales enter p and direction relative to the smallest one, which cancels in the quotient and cannot overflow.
-// The cross product is linear in d, for it vanishes at the projected centre: with e_x, e_y the changes of r per pixel,
-//   (p x direction)_a = s_a (q_a . (mean x (e_x dx + e_y dy))) / (s_1 s_2 s_3),
-// hence Q = |cx dx + cy dy|^2 up to a factor, in a form without cancellation.
-inline Ellipse ray_form(__constant const float *camera, const V *mean, const V *scale, const V *axes, V level, V *splat) {
-    V smallest = MIN(MIN(scale[0], scale[1]), scale[2]), largest = MAX(MAX(scale[0], scale[1]), scale[2]);
-    V middle = MAX(MIN(scale[0], scale[1]), MIN(MAX(scale[0], scale[1]), scale[2]));
-    V z = mean[2];
-    V p[3], gx[3], gy[3], cx[3], cy[3], plane[3];
-#pragma unroll
-    for (int a = 0; a < 3; a++) {
-        V w = smallest / scale[a], v = scale[a] / largest;
-        V along = axes[3 * a] * mean[0] + axes[3 * a + 1] * mean[1] + axes[3 * a + 2] * mean[2];
-        p[a] = w * along;
-        gx[a] = w * axes[3 * a] * (1.0f / CAMERA_FX);
-        gy[a] = w * axes[3 * a + 1] * (1.0f / CAMERA_FY);
-        cx[a] = v * (axes[3 * a + 1] * z - axes[3 * a + 2] * mean[1]) * (1.0f / CAMERA_FX);
-        cy[a] = v * (axes[3 * a + 2] * mean[0] - axes[3 * a] * z) * (1.0f / CAMERA_FY);
-        int b = (a + 1) % 3, c = (a + 2) % 3;
-        plane[a] = (scale[b] / largest) * (scale[c] / largest) * along;  // cx x cy = z plane / (FX FY)
-    }
-    V pp = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
-    V centre = z * z / pp;  // 1 / |direction|^2 at the centre
-    V length = sqrt(cx[0] * cx[0] + cx[1] * cx[1] + cx[2] * cx[2]);
-    V factor = sqrt((V)HALF_LOG2E / pp) * z / middle;
-    splat[SPLAT_A] = factor * length;
-    splat[SPLAT_B] = factor * (cx[0] * cy[0] + cx[1] * cy[1] + cx[2] * cy[2]) / length;
-    splat[SPLAT_C] = factor * z * (1.0f / (CAMERA_FX * CAMERA_FY)) / length *
-                     sqrt(plane[0] * plane[0] + plane[1] * plane[1] + plane[2] * plane[2]);
-    splat[SPLAT_LX] = centre * (p[0] * gx[0] + p[1] * gx[1] + p[2] * gx[2]) / z;
-    splat[SPLAT_LY] = centre * (p[0] * gy[0] + p[1] * gy[1] + p[2] * gy[2]) / z;
-    splat[SPLAT_MXX] = centre * (gx[0] * gx[0] + gx[1] * gx[1] + gx[2] * gx[2]);
-    splat[SPLAT_MXY] = centre * (gx[0] * gy[0] + gx[1] * gy[1] + gx[2] * gy[2]);
-    splat[SPLAT_MYY] = centre * (gy[0] * gy[0] + gy[1] * gy[1] + gy[2] * gy[2]);
-#if POINTS
-    splat[SPLAT_STEEPNESS] = MIN(HALF_LOG2E / centre / smallest / smallest, (V)1e30f);  // |direction|^2 at the centre
-#endif
+// The maximum of a Gaussian along a pixel's ray (paper, Eq. E; GOF's stable form). With axes q_a and scales s_a, the camera
+// lies at p_a = q_a . mean / s_a in the Gaussian's own frame, the ray's direction r = ((u - cx) / fx, (v - cy) / fy, 1) is
+// d_a = q_a . r / s_a, and
+//   E = exp(-1/2 |p|^2 sin^2),  sin^2 = K / (L^2 + K),  L = p . d / |p|^2,  K = |p x d|^2 / |p|^4.
+// The cross product keeps its digits as a product with view-space vectors,
+//   (p x d)_a = s_a (q_a . (mean x r)) / (s_1 s_2 s_3),
+// and is linear in the pixel and perpendicular to p: two numbers, found by Gram-Schmidt, are all there is of it.
+// `mean` enters relative to its largest coordinate, scales relative to one another: both cancel, and cannot overflow.
+inline Ellipse ray_form(__constant const float *camera, int width, int height, const V *mean, const V *scales,
+                        const V *axes, V level, V *splat) {
+    V middle = MAX(MIN(scales[0], scales[1]), MIN(MAX(scales[0], scales[1]), scales[2]));
+    V smallest = MAX(MIN(MIN(scales[0], scales[1]), scales[2]), middle / RAY_SCALE_RATIO);
+    V largest = MIN(MAX(MAX(scales[0], scales[1]), scales[2]), middle * RAY_SCALE_RATIO);
+    V z = mean[2], farthest = MAX(MAX(fabs(mean[0]), fabs(mean[1])), z), unit = 1.0f / farthest;
+    V m[3] = {mean[0] * unit, mean[1] * unit, z * unit};
 
-    // Outline of the ellipsoid (x - mean)' Sigma^-1 (x - mean) = t^2: the dual conic t^2 Sigma - mean mean', projected.
-    V t2 = TWO_LN2 * level;
-    V xx = (V)0.0f, xy = (V)0.0f, yy = (V)0.0f, xz = (V)0.0f, yz = (V)0.0f, zz = (V)0.0f;
-    V fxx = (V)0.0f, fxy = (V)0.0f, fyy = (V)0.0f;  // variances of (z x - mean_x z) and (z y - mean_y z)
+    // The ray of (U, V): the centre's, or another where the centre lies outside the image.
+    V u = MIN(MAX(splat[SPLAT_U], (V)0.0f), (V)width), v = MIN(MAX(splat[SPLAT_V], (V)0.0f), (V)height);
+    I inside = (u == splat[SPLAT_U]) & (v == splat[SPLAT_V]);
+    V rx = (u - CAMERA_CX) * (1.0f / CAMERA_FX), ry = (v - CAMERA_CY) * (1.0f / CAMERA_FY);
+    V side[3] = {m[1] - m[2] * ry, m[2] * rx - m[0], m[0] * ry - m[1] * rx};  // m x r
+
+    V scale[3], pp = (V)0.0f, pr = (V)0.0f, px = (V)0.0f, py = (V)0.0f, xx = (V)0.0f, xy = (V)0.0f, x0 = (V)0.0f;
+    V per_largest = 1.0f / largest;
 #pragma unroll
     for (int a = 0; a < 3; a++) {
-        V ax = scale[a] * axes[3 * a], ay = scale[a] * axes[3 * a + 1], az = scale[a] * axes[3 * a + 2];
-        V ux = z * ax - mean[0] * az, uy = z * ay - mean[1] * az;
-        xx += ax * ax, xy += ax * ay, yy += ay * ay, xz += ax * az, yz += ay * az, zz += az * az;
+        scale[a] = MIN(MAX(scales[a], smallest), largest);
+        V qx = axes[3 * a], qy = axes[3 * a + 1], qz = axes[3 * a + 2];
+        V w = smallest / scale[a], share = scale[a] * per_largest;
+        V p = w * (qx * m[0] + qy * m[1] + qz * m[2]), pw = p * w;
+        pp += p * p, pr += pw * (qx * rx + qy * ry + qz), px += pw * qx, py += pw * qy;
+        V cx = share * (qy * m[2] - qz * m[1]), cy = share * (qz * m[0] - qx * m[2]);
+        V c0 = share * (qx * side[0] + qy * side[1] + qz * side[2]);
+        xx += cx * cx, xy += cx * cy, x0 += cx * c0;
+    }
+    V norm = sqrt(pp), length = MAX(sqrt(xx), (V)1e-18f), per_pp = unit / pp;
+    V factor = smallest / middle * per_pp, slope = factor / length;
+    V down = smallest * per_largest * unit * m[2] / (norm * length);  // |cx x cy| = middle / largest m_z |p|
+    V reach = norm * MIN(farthest / smallest, (V)1e15f);              // |p|
+    splat[SPLAT_U] = u;
+    splat[SPLAT_V] = v;
+    splat[SPLAT_A] = middle >= (V)(1.0f / MAGNITUDE_MAX) ? factor * length * (1.0f / CAMERA_FX) : (V)0.0f;
+    splat[SPLAT_B] = slope * xy * (1.0f / CAMERA_FY);
+    splat[SPLAT_C] = down * (1.0f / CAMERA_FY);
+    splat[SPLAT_A0] = inside ? (V)0.0f : slope * x0;
+    splat[SPLAT_C0] = inside ? (V)0.0f : down * (ry - mean[1] / z);
+    splat[SPLAT_LX] = per_pp * px * (1.0f / CAMERA_FX);
+    splat[SPLAT_LY] = per_pp * py * (1.0f / CAMERA_FY);
+    splat[SPLAT_L0] = inside ? 1.0f / z : per_pp * pr;
+    splat[SPLAT_G] = HALF_LOG2E * reach * reach;
+
+    // Outline of the ellipsoid (x - mean)' Sigma^-1 (x - mean) = t^2: the dual conic t^2 Sigma - mean mean', projected, in
+    // units of z and as sums of squares.
+    V t2 = TWO_LN2 * level, iz = 1.0f / z, nx = mean[0] * iz, ny = mean[1] * iz;
+    V zz = (V)0.0f, xz = (V)0.0f, yz = (V)0.0f, fxx = (V)0.0f, fxy = (V)0.0f, fyy = (V)0.0f;
+#pragma unroll
+    for (int a = 0; a < 3; a++) {
+        V s = scale[a] * iz, az = s * axes[3 * a + 2];
+        V ux = s * axes[3 * a] - nx * az, uy = s * axes[3 * a + 1] - ny * az;
+        zz += az * az, xz += ux * az, yz += uy * az;
         fxx += ux * ux, fxy += ux * uy, fyy += uy * uy;
     }
-    V depth = z * z - t2 * zz;  // > 0 exactly when the ellipsoid lies wholly in front of the camera
+    V depth = 1.0f - t2 * zz;  // > 0 exactly when the ellipsoid lies wholly in front of the camera
     V i = 1.0f / depth, s = t2 * i * i;
     Ellipse e;
-    e.unbounded = depth <= 0.1f * z * z;  // closer to 0, an ellipse's numbers lose too many digits
-    e.x = CAMERA_FX * (mean[0] * z - t2 * xz) * i + CAMERA_CX;
-    e.y = CAMERA_FY * (mean[1] * z - t2 * yz) * i + CAMERA_CY;
-    e.sxx = CAMERA_FX * CAMERA_FX * s * (fxx - t2 * (xx * zz - xz * xz));
-    e.sxy = CAMERA_FX * CAMERA_FY * s * (fxy - t2 * (xy * zz - xz * yz));
-    e.syy = CAMERA_FY * CAMERA_FY * s * (fyy - t2 * (yy * zz - yz * yz));
+    // Closer to 0, or far outside the image, an ellipse's numbers lose too many digits.
+    e.unbounded = (depth <= (V)0.1f) | (MAX(largest, farthest) > 1e5f * z);
+    e.x = CAMERA_FX * (nx - t2 * xz * i) + CAMERA_CX;
+    e.y = CAMERA_FY * (ny - t2 * yz * i) + CAMERA_CY;
+    e.sxx = CAMERA_FX * CAMERA_FX * s * (fxx * depth + t2 * xz * xz);
+    e.sxy = CAMERA_FX * CAMERA_FY * s * (fxy * depth + t2 * xz * yz);
+    e.syy = CAMERA_FY * CAMERA_FY * s * (fyy * depth + t2 * yz * yz);
     // det S = t^4 det Sigma (mean' Sigma^-1 mean - t^2) / depth^3, in pixels
-    V area = CAMERA_FX * CAMERA_FY * t2 * middle * largest * i;
-    e.width2 = area * area * (pp - t2 * smallest * smallest) * i / e.syy;
+    V area = CAMERA_FX * CAMERA_FY * t2 * (middle * iz) * (largest * iz) * i;
+    V above = norm * farthest * iz, below = smallest * iz;
+    e.width2 = area * (area / e.syy) * ((above * above - t2 * below * below) * i);
     return e;
 }
 #else
@@ -113,29 +130,48 @@ inline Frustum frustum(__constant const float *camera, int width, int height) {
     return f;
 }
 
-// EWA splatting: Sigma' = J Sigma J' + dilation (paper, Preliminaries; J with the reference rasterizer's clamp).
-inline Ellipse ewa_form(__constant const float *camera, int width, int height, const V *mean, const V *scale,
-                        const V *axes, V level, V *splat) {
+// Sigma' = J Sigma J' + dilation as a sum of products of the axes' images (paper, Preliminaries; J with the reference
+// rasterizer's clamp).
+typedef struct {
+    V jx, jy;            // clamped slopes of the centre
+    V scale[3];          // the scales, as far as they matter
+    V ux[3], uy[3];      // images of the unit axes
+    V xx, xy, yy;        // Sigma'
+    V determinant;
+} Spread;
+
+inline Spread ewa_spread(__constant const float *camera, int width, int height, const V *mean, const V *scales,
+                         const V *axes) {
+    Spread e;
     float fx = CAMERA_FX, fy = CAMERA_FY;
     Frustum f = frustum(camera, width, height);
-    V iz = 1.0f / mean[2];
-    V jx = MIN(MAX(mean[0] * iz, (V)f.low_x), (V)f.high_x), jy = MIN(MAX(mean[1] * iz, (V)f.low_y), (V)f.high_y);
-    V xx = (V)EWA_DILATION, xy = (V)0.0f, yy = (V)EWA_DILATION, ux[3], uy[3];
+    V iz = 1.0f / mean[2], most = EWA_DEVIATION_MAX / max(fx, fy) * mean[2];
+    e.jx = MIN(MAX(mean[0] * iz, (V)f.low_x), (V)f.high_x);
+    e.jy = MIN(MAX(mean[1] * iz, (V)f.low_y), (V)f.high_y);
+    e.xx = (V)EWA_DILATION, e.xy = (V)0.0f, e.yy = (V)EWA_DILATION;
 #pragma unroll
     for (int a = 0; a < 3; a++) {
-        V s = scale[a] * iz;
-        ux[a] = fx * s * (axes[3 * a] - jx * axes[3 * a + 2]);
-        uy[a] = fy * s * (axes[3 * a + 1] - jy * axes[3 * a + 2]);
-        xx += ux[a] * ux[a], xy += ux[a] * uy[a], yy += uy[a] * uy[a];
+        e.scale[a] = MIN(scales[a], most);
+        e.ux[a] = fx * iz * (axes[3 * a] - e.jx * axes[3 * a + 2]);
+        e.uy[a] = fy * iz * (axes[3 * a + 1] - e.jy * axes[3 * a + 2]);
+        V vx = e.scale[a] * e.ux[a], vy = e.scale[a] * e.uy[a];
+        e.xx += vx * vx, e.xy += vx * vy, e.yy += vy * vy;
     }
     // xx yy - xy^2 as a sum of squares (Cauchy-Binet): no cancellation for needles.
-    V determinant = EWA_DILATION * (xx + yy - EWA_DILATION);
+    e.determinant = EWA_DILATION * (e.xx + e.yy - EWA_DILATION);
 #pragma unroll
     for (int a = 0; a < 3; a++) {
         int b = (a + 1) % 3;
-        V area = ux[a] * uy[b] - ux[b] * uy[a];
-        determinant += area * area;
+        V area = e.scale[a] * e.scale[b] * (e.ux[a] * e.uy[b] - e.ux[b] * e.uy[a]);
+        e.determinant += area * area;
     }
+    return e;
+}
+
+inline Ellipse ewa_form(__constant const float *camera, int width, int height, const V *mean, const V *scale,
+                        const V *axes, V level, V *splat) {
+    Spread spread = ewa_spread(camera, width, height, mean, scale, axes);
+    V xx = spread.xx, xy = spread.xy, yy = spread.yy, determinant = spread.determinant;
     V down = sqrt((V)HALF_LOG2E / yy), across = down / sqrt(determinant);
     splat[SPLAT_A] = across * yy;
     splat[SPLAT_B] = -across * xy;
@@ -181,6 +217,8 @@ __kernel void project(uint count, int width, int height, __constant const float 
                   CAMERA_VIEW(i, 3);
     V opacity = OPACITY;
     I visible = MASK(mean[2] > (V)NEAR_PLANE) & MASK(opacity >= (V)ALPHA_MIN);
+#pragma unroll
+    for (int i = 0; i < 3; i++) visible &= MASK(fabs(mean[i]) <= (V)COORDINATE_MAX);
 
     union {
         V v[SPLAT];
@@ -193,15 +231,17 @@ __kernel void project(uint count, int width, int height, __constant const float 
     if (ANY(visible)) {
         V axes[9], scale[3] = {SCALE(0), SCALE(1), SCALE(2)};
         view_axes(camera, geometry, position, axes);
-        V log2_opacity = log2(opacity);
+#pragma unroll
+        for (int a = 0; a < 3; a++) visible &= MASK(scale[a] <= (V)MAGNITUDE_MAX);
+        V log2_opacity = MIN(log2(opacity), (V)0.0f);
         V level = log2_opacity - (V)LOG2_ALPHA_MIN;  // alpha >= ALPHA_MIN exactly while the quadratic form >= -level
         splat.v[SPLAT_U] = CAMERA_FX * mean[0] / mean[2] + CAMERA_CX;
         splat.v[SPLAT_V] = CAMERA_FY * mean[1] / mean[2] + CAMERA_CY;
         splat.v[SPLAT_LOG2_OPACITY] = log2_opacity;
-        splat.v[SPLAT_DEPTH] = mean[2];
 #if RAY
-        Ellipse e = ray_form(camera, mean, scale, axes, level, splat.v);
+        Ellipse e = ray_form(camera, width, height, mean, scale, axes, level, splat.v);
 #else
+        splat.v[SPLAT_DEPTH] = mean[2];
         Ellipse e = ewa_form(camera, width, height, mean, scale, axes, level, splat.v);
 #endif
         visible &= MASK(splat.v[SPLAT_A] > (V)0.0f);  // false for what is not a number, as without a rotation

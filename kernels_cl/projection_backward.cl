@@ -6,6 +6,9 @@
 #define MOMENT(i) LOAD_ATTRIBUTE(splat_gradients, SLOT_GRADIENT, i, position)
 #define CHANNEL_GRADIENT(c) LOAD_ATTRIBUTE(splat_gradients, SLOT_GRADIENT, MOMENTS + (c), position)
 
+// What is stored of a gradient: nothing where there is no splat, or where it overflows.
+#define USABLE(gradient) (visible & MASK(fabs(gradient) <= (V)MAXFLOAT) ? (gradient) : (V)0.0f)
+
 // dL/dquaternion of R(q / |q|), from axes[3 * a + i] = dL/dR[i][a] in world space.
 inline void quaternion_gradient(const V *q, const V *axes, V *gradient) {
     V norm2 = MAX(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3], (V)1e-30f);
@@ -48,32 +51,18 @@ __kernel void project_backward(uint count, int width, int height, __constant con
 
     // The forward pass again.
     float fx = CAMERA_FX, fy = CAMERA_FY;
-    V world[3] = {MEAN(0), MEAN(1), MEAN(2)}, mean[3], scale[3] = {SCALE(0), SCALE(1), SCALE(2)}, axes[9];
+    V world[3] = {MEAN(0), MEAN(1), MEAN(2)}, mean[3], scales[3] = {SCALE(0), SCALE(1), SCALE(2)}, axes[9];
 #pragma unroll
     for (int i = 0; i < 3; i++)
         mean[i] = CAMERA_VIEW(i, 0) * world[0] + CAMERA_VIEW(i, 1) * world[1] + CAMERA_VIEW(i, 2) * world[2] +
                   CAMERA_VIEW(i, 3);
     view_axes(camera, geometry, position, axes);
+    Spread e = ewa_spread(camera, width, height, mean, scales, axes);
     V iz = 1.0f / mean[2], x = mean[0] * iz, y = mean[1] * iz;
-    Frustum f = frustum(camera, width, height);
-    V jx = MIN(MAX(x, (V)f.low_x), (V)f.high_x), jy = MIN(MAX(y, (V)f.low_y), (V)f.high_y);
-    V xx = (V)EWA_DILATION, xy = (V)0.0f, yy = (V)EWA_DILATION, ux[3], uy[3];
-#pragma unroll
-    for (int a = 0; a < 3; a++) {
-        ux[a] = fx * iz * (axes[3 * a] - jx * axes[3 * a + 2]);
-        uy[a] = fy * iz * (axes[3 * a + 1] - jy * axes[3 * a + 2]);
-        V vx = scale[a] * ux[a], vy = scale[a] * uy[a];
-        xx += vx * vx, xy += vx * vy, yy += vy * vy;
-    }
-    V determinant = EWA_DILATION * (xx + yy - EWA_DILATION);  // Cauchy-Binet, as in the forward pass
-#pragma unroll
-    for (int a = 0; a < 3; a++) {
-        int b = (a + 1) % 3;
-        V area = scale[a] * scale[b] * (ux[a] * uy[b] - ux[b] * uy[a]);
-        determinant += area * area;
-    }
+    const V *scale = e.scale, *ux = e.ux, *uy = e.uy;
+    V jx = e.jx, jy = e.jy, yy = e.yy;
     // p = log2 o - |n|^2 with n = F d, F = [[A, B], [0, C]] (layout.cl), F'F = HALF_LOG2E Sigma'^-1.
-    V C = sqrt((V)HALF_LOG2E / yy), A = C / sqrt(determinant) * yy, B = -C / sqrt(determinant) * xy;
+    V C = sqrt((V)HALF_LOG2E / yy), A = C / sqrt(e.determinant) * yy, B = -C / sqrt(e.determinant) * e.xy;
     V gU = 2.0f * A * MOMENT(1), gV = 2.0f * (B * MOMENT(1) + C * MOMENT(2));  // d = pixel - centre
 
     // Sigma' = sum of v v' + dilation, v = scale u: dL/dSigma' = F'NF / HALF_LOG2E with N the moments of n n', hence
@@ -128,7 +117,7 @@ __kernel void project_backward(uint count, int width, int height, __constant con
 #pragma unroll
         for (int c = 0; c < 3; c++) {
             dbasis[b] += gcolour[c] * LOAD_ATTRIBUTE(channels, CHANNEL_ATTRIBUTES, 3 * b + c, position);
-            STORE_ATTRIBUTE(visible ? basis[b] * gcolour[c] : (V)0.0f, channel_gradients, CHANNEL_ATTRIBUTES, 3 * b + c);
+            STORE_ATTRIBUTE(USABLE(basis[b] * gcolour[c]), channel_gradients, CHANNEL_ATTRIBUTES, 3 * b + c);
         }
     }
     for (int i = 3 * SH_BANDS; i < CHANNEL_ATTRIBUTES; i++)  // bands that are not in use yet
@@ -139,17 +128,17 @@ __kernel void project_backward(uint count, int width, int height, __constant con
     for (int i = 0; i < 3; i++) gworld[i] += away * (direction[i] - delta[i] * along);
 #else
     for (int c = 0; c < CHANNELS; c++)
-        STORE_ATTRIBUTE(visible ? CHANNEL_GRADIENT(c) : (V)0.0f, channel_gradients, CHANNEL_ATTRIBUTES, c);
+        STORE_ATTRIBUTE(USABLE(CHANNEL_GRADIENT(c)), channel_gradients, CHANNEL_ATTRIBUTES, c);
 #endif
 
 #pragma unroll
-    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(visible ? gworld[i] : (V)0.0f, geometry_gradients, GEOMETRY, i);
+    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(USABLE(gworld[i]), geometry_gradients, GEOMETRY, i);
 #pragma unroll
-    for (int i = 0; i < 4; i++) STORE_ATTRIBUTE(visible ? gq[i] : (V)0.0f, geometry_gradients, GEOMETRY, 3 + i);
+    for (int i = 0; i < 4; i++) STORE_ATTRIBUTE(USABLE(gq[i]), geometry_gradients, GEOMETRY, 3 + i);
 #pragma unroll
-    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(visible ? gscale[i] : (V)0.0f, geometry_gradients, GEOMETRY, 7 + i);
+    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(USABLE(gscale[i]), geometry_gradients, GEOMETRY, 7 + i);
     V gopacity = MOMENT(0) / (LN2 * OPACITY);  // p = log2 o + ...
-    STORE_ATTRIBUTE(visible ? gopacity : (V)0.0f, geometry_gradients, GEOMETRY, 10);
-    STORE_ATTRIBUTE(visible ? gU : (V)0.0f, centre_gradients, 2, 0);
-    STORE_ATTRIBUTE(visible ? gV : (V)0.0f, centre_gradients, 2, 1);
+    STORE_ATTRIBUTE(USABLE(gopacity), geometry_gradients, GEOMETRY, 10);
+    STORE_ATTRIBUTE(USABLE(gU), centre_gradients, 2, 0);
+    STORE_ATTRIBUTE(USABLE(gV), centre_gradients, 2, 1);
 }

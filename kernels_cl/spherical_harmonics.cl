@@ -30,7 +30,7 @@ inline void sh_basis(V x, V y, V z, V *basis) {
 #endif
 }
 
-// colour[3] = max(0, 0.5 + sum_b basis_b c_b) of 16 Gaussians (or one) from `position` on.
+// colour[3] = max(0, 0.5 + sum_b basis_b c_b), bounded, of 16 Gaussians (or one) from `position` on.
 inline void sh_colour(__global const float *sh_coeffs, uint position, V x, V y, V z, V *colour) {
     V basis[SH_BANDS];
     sh_basis(x, y, z, basis);
@@ -40,6 +40,6 @@ inline void sh_colour(__global const float *sh_coeffs, uint position, V x, V y, 
 #pragma unroll
         for (int c = 0; c < 3; c++) rgb[c] += basis[b] * LOAD_ATTRIBUTE(sh_coeffs, CHANNEL_ATTRIBUTES, 3 * b + c, position);
 #pragma unroll
-    for (int c = 0; c < 3; c++) colour[c] = MAX(rgb[c], (V)0.0f);
+    for (int c = 0; c < 3; c++) colour[c] = MIN(MAX(rgb[c], (V)0.0f), (V)COLOUR_MAX);
 }
 #endif

@@ -64,7 +64,8 @@ def assert_contributions_agree(actual, reference, *, tight=5e-6):
         assert error.sum() <= tight * error.size
         assert (error < max(FLIP, 20 * tight)).all()
     flipped = np.abs(dense["pixels"].astype(np.int64) - reference.pixels)
-    assert flipped.sum() <= 1 + 50 * tight * reference.pixels.sum(), f"{flipped.sum()} touched pixels differ"
+    undecided = np.count_nonzero(reference.margins.near < DEPTH_ROUNDING)
+    assert flipped.sum() <= 1 + undecided + 50 * tight * reference.pixels.sum(), f"{flipped.sum()} pixels differ"
 
 
 def steady_pixels(margins, tight=5e-6):

@@ -12,7 +12,7 @@ from gspure.reference.footprint import extents
 from gspure.reference.projection import project as project_reference
 from tests.models import AWKWARD, blobs, tilted_camera
 
-U, V, LOG2_OPACITY, DEPTH = 0, 1, 5, 6  # layout.cl
+U, V, LOG2_OPACITY, DEPTH, L0, A0, C0 = 0, 1, 5, 6, 9, 10, 11  # layout.cl
 
 
 def projected(device, style, energy, model, view):
@@ -26,17 +26,32 @@ def projected(device, style, energy, model, view):
     return storage.order[positions], splats[positions]
 
 
-def test_splats_hold_centre_depth_and_opacity(device, style, energy):
+def test_splats_hold_centre_depth_and_opacity(device, style):
     model, view = blobs(100, 1), tilted_camera()
-    rows, splats = projected(device, style, energy, model, view)
-    expected = project_reference(model, view, energy)
-    place = {row: i for i, row in enumerate(expected.rows)}
-    at = [place[row] for row in rows]
+    rows, splats = projected(device, style, "ewa", model, view)
+    expected = project_reference(model, view, "ewa")
+    at = [list(expected.rows).index(row) for row in rows]
     assert len(rows) > 50
     np.testing.assert_allclose(splats[:, [U, V]], expected.means2d[at], atol=1e-4)
     np.testing.assert_allclose(splats[:, DEPTH], expected.depths[at], rtol=1e-6)
     np.testing.assert_allclose(np.exp2(splats[:, LOG2_OPACITY]), expected.opacities[at], rtol=2e-6)
     assert (np.diff(splats[:, DEPTH]) >= 0).all()
+
+
+def test_offsets_of_rays_start_at_the_centre_or_at_the_nearest_point_of_the_image(device, style):
+    model, view = blobs(100, 1), tilted_camera()
+    rows, splats = projected(device, style, "ray", model, view)
+    expected = project_reference(model, view, "ray")
+    at = [list(expected.rows).index(row) for row in rows]
+    nearest = np.clip(expected.means2d[at], 0, [view.width, view.height])
+    np.testing.assert_allclose(splats[:, [U, V]], nearest, atol=1e-4)
+    inside = (nearest == expected.means2d[at]).all(axis=1)
+    assert 10 < np.count_nonzero(inside) < len(rows) - 10
+    np.testing.assert_allclose(1 / splats[inside, L0], expected.depths[at][inside], rtol=1e-6)
+    assert (splats[inside][:, [A0, C0]] == 0).all()
+    for i in np.flatnonzero(~inside):  # there, energy and depth are those of the offset 0
+        _, depth = expected.evaluate(at[i], *nearest[i])
+        assert splats[i, L0] / (splats[i, L0] ** 2 + splats[i, A0] ** 2 + splats[i, C0] ** 2) == pytest.approx(depth)
 
 
 @pytest.mark.parametrize("case", AWKWARD)

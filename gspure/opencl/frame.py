@@ -58,4 +58,4 @@ class Pass:
     @property
     def staged_floats(self) -> int:
         """Floats of a splat that blending reads."""
-        return (12 if self.energy == "ray" else 7) + self.points + self.channels
+        return (12 if self.energy == "ray" else 7) + self.channels

@@ -72,7 +72,7 @@ def _blend_points(engine: Engine, projected: Projected, lists: TileLists, column
     positions = placed.positions[sources].transpose(0, 2, 1)
     opacities = engine.buffer("point_opacities", 4 * sources.size)
     engine.run(
-        engine.kernel("blend_points", "vector", "layout", "opacity_field", **_FRAME.layout),
+        engine.kernel("blend_points", "vector", "layout", "blending", "opacity_field", **_FRAME.layout),
         len(tiles),
         *(np.uint32(len(tiles)), engine.upload("points", positions)),
         engine.upload("point_tiles", (tiles - lists.band.first * columns).astype(np.uint32)),

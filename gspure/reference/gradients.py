@@ -17,6 +17,7 @@ from gspure.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
 from gspure.model.gaussians import Gaussians
 from gspure.reference.projection import (
     Splats,
+    bounded_scales,
     clamped_slopes,
     pixel_centres,
     project,
@@ -121,7 +122,7 @@ def project_backward(
 ) -> tuple[Float64, Float64, Float64]:
     """Return the gradients of means, quaternions and scales; what is not visible has none."""
     rows, rotation = splats.rows, camera.viewmat[:3, :3]
-    scales = model.scales[rows].astype(np.float64)
+    scales = bounded_scales(model.scales[rows].astype(np.float64), splats.depths, camera, "ewa")
     axes = rotation @ rotation_matrices(model.quats[rows])
     by_cov2d, jacobians = found.covs2d[rows], projection_jacobians(splats.means, camera)
     by_cov = jacobians.transpose(0, 2, 1) @ by_cov2d @ jacobians  # Sigma' = J Sigma J^T + 0.3 I

@@ -37,10 +37,9 @@ def opacities_at(model: Gaussians, camera: Camera, points: NDArray[Any]) -> tupl
     transmittance, margins = np.ones(shown.sum()), np.full(len(shown), np.inf)
     rays = pixel_rays(camera.K, u[shown], v[shown])
     for i in range(len(projected.rows)):
-        d = rays @ projected.M[i].T
-        peaks = d @ projected.p[i] / (d * d).sum(axis=1)
-        offsets = np.minimum(peaks, depths[shown])[:, None] * d - projected.p[i]
-        alpha = np.minimum(ALPHA_MAX, projected.opacities[i] * np.exp(-0.5 * (offsets * offsets).sum(axis=1)))
+        distances, peaks, squared = projected.approach(i, rays)
+        distances += squared * np.maximum(peaks - depths[shown], 0.0) ** 2
+        alpha = np.minimum(ALPHA_MAX, projected.opacities[i] * np.exp(-0.5 * distances))
         steps = np.minimum(np.abs(alpha / ALPHA_MIN - 1), np.abs(peaks / NEAR_PLANE - 1))
         margins[shown] = np.minimum(margins[shown], steps)
         transmittance *= 1 - np.where((alpha >= ALPHA_MIN) & (peaks > NEAR_PLANE), alpha, 0.0)

@@ -14,7 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE
+from gspure.constants import (
+    COORDINATE_MAX,
+    EWA_DEVIATION_MAX,
+    EWA_DILATION,
+    EWA_FRUSTUM_MARGIN,
+    MAGNITUDE_MAX,
+    NEAR_PLANE,
+    RAY_SCALE_RATIO,
+)
 from gspure.model.gaussians import Gaussians
 
 Float64 = NDArray[np.float64]
@@ -67,14 +75,14 @@ class Splats(Projected):
 class Rays(Projected):
     """Energy ``ray``: the Gaussian's maximum along the pixel's ray t r, r = ((u - cx) / fx, (v - cy) / fy, 1).
 
-    In the Gaussian's own axes, divided by its scales, it is a unit ball at p and the ray is t d with d = M r: the
+    In the Gaussian's own axes, divided by its scales, it is a unit ball at p = M mu and the ray is t d with d = M r: the
     closest approach lies at t* = p.d / |d|^2 with the squared distance |p x d|^2 / |d|^2.
     """
 
-    M: Float64
-    """[V,3,3], view space to the Gaussian's whitened axes: S^-1 R^T."""
-    p: Float64
-    """[V,3], whitened centres M mu."""
+    axes: Float64
+    """[V,3,3], principal axes in view space, by column."""
+    scales: Float64
+    """[V,3], within `RAY_SCALE_RATIO` of the middle one."""
     intrinsics: Float64
     """[3,3], the camera's."""
 
@@ -83,22 +91,30 @@ class Rays(Projected):
 
         The energy is 0 where t* lies at or before the near plane.
         """
-        d = pixel_rays(self.intrinsics, u, v) @ self.M[i].T
+        distances, depth, _ = self.approach(i, pixel_rays(self.intrinsics, u, v))
+        return np.where(depth > NEAR_PLANE, np.exp(-0.5 * distances), 0.0), depth
+
+    def approach(self, i: int, rays: Float64) -> tuple[Float64, Float64, Float64]:
+        """Return squared distance and depth of the closest approach of `rays` [...,3], and |d|^2.
+
+        With the axes q and scales s, component a of p x d is q_a . (mu x r) s_a / (s_1 s_2 s_3).
+        """
+        mean, axes, scales = self.means[i], self.axes[i], self.scales[i]
+        d, p = rays @ axes / scales, mean @ axes / scales
+        others = scales[[1, 2, 0]] * scales[[2, 0, 1]]
+        miss = np.cross(mean, rays) @ axes / others
         squared = (d * d).sum(axis=-1)
-        depth = d @ self.p[i] / squared
-        miss = np.cross(self.p[i], d)
-        energy = np.exp(-0.5 * (miss * miss).sum(axis=-1) / squared)
-        return np.where(depth > NEAR_PLANE, energy, 0.0), depth
+        return (miss * miss).sum(axis=-1) / squared, d @ p / squared, squared
 
 
 def project(model: Gaussians, camera: Camera, energy: Energy) -> Splats | Rays:
-    """Project a model: drop what lies at or before the near plane, sort the rest front to back."""
+    """Project a model: drop what is out of range or lies at or before the near plane, sort the rest front to back."""
     rotation, translation = camera.viewmat[:3, :3], camera.viewmat[:3, 3]
     means = model.means.astype(np.float64) @ rotation.T + translation
-    rows = np.flatnonzero(means[:, 2] > NEAR_PLANE)
+    rows = np.flatnonzero((means[:, 2] > NEAR_PLANE) & in_range(model, means, energy))
     rows = rows[np.argsort(means[rows, 2], kind="stable")]
     means = means[rows]
-    scales = model.scales[rows].astype(np.float64)
+    scales = bounded_scales(model.scales[rows].astype(np.float64), means[:, 2], camera, energy)
     axes = rotation @ rotation_matrices(model.quats[rows])  # columns: the Gaussian's axes in view space
     stretched = axes * scales[:, None, :]
     u = camera.K[0, 0] * means[:, 0] / means[:, 2] + camera.K[0, 2]
@@ -113,13 +129,30 @@ def project(model: Gaussians, camera: Camera, energy: Energy) -> Splats | Rays:
     )
     if energy == "ewa":
         return Splats(**vars(shared), covs2d=splat_covariances(shared.covs, means, camera))
-    M = axes.transpose(0, 2, 1) / scales[:, :, None]
-    return Rays(**vars(shared), M=M, p=np.einsum("kab,kb->ka", M, means), intrinsics=camera.K)
+    return Rays(**vars(shared), axes=axes, scales=scales, intrinsics=camera.K)
+
+
+def in_range(model: Gaussians, means: Float64, energy: Energy) -> NDArray[np.bool_]:
+    """Return which rows [K] are drawn at all, given their view-space centres: numbers that float32 can handle."""
+    quats, scales = np.abs(model.quats).max(axis=1), np.sort(model.scales, axis=1)
+    drawn = (np.abs(means) <= COORDINATE_MAX).all(axis=1) & (scales[:, 2] <= MAGNITUDE_MAX)
+    drawn &= (quats >= 1 / MAGNITUDE_MAX) & (quats <= MAGNITUDE_MAX)
+    return drawn & (scales[:, 1] >= 1 / MAGNITUDE_MAX) if energy == "ray" else drawn
+
+
+def bounded_scales(scales: Float64, depths: Float64, camera: Camera, energy: Energy) -> Float64:
+    """Return scales [V,3] within the bounds of docs/numerics.md: relative to the middle one, or in pixels."""
+    if energy == "ewa":
+        largest: Float64 = EWA_DEVIATION_MAX / camera.K.diagonal()[:2].max() * depths
+        return np.minimum(scales, largest[:, None])
+    middle = np.median(scales, axis=1, keepdims=True)
+    return np.clip(scales, middle / RAY_SCALE_RATIO, middle * RAY_SCALE_RATIO)
 
 
 def rotation_matrices(quats: NDArray[Any]) -> Float64:
     """Return the rotations [K,3,3] of quaternions (w, x, y, z) [K,4] of any norm but zero."""
     quats = np.asarray(quats, np.float64)
+    quats = quats / np.abs(quats).max(axis=1, keepdims=True)  # before squares are taken
     w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
