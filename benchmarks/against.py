@@ -33,7 +33,9 @@ def worker(root: Path, scene: str, energy: str) -> subprocess.Popen[str]:
     code = WORKER.format(root=str(root))
     environment = os.environ | {"PYTHONPATH": str(root)}
     command = [sys.executable, "-c", code, scene, energy]  # which looks for modules in the working directory first
-    return subprocess.Popen(command, text=True, cwd=root, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    return subprocess.Popen(
+        command, text=True, cwd=root, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
 
 
 def once(process: subprocess.Popen[str]) -> float:

@@ -75,8 +75,8 @@ class Splats(Projected):
 class Rays(Projected):
     """Energy ``ray``: the Gaussian's maximum along the pixel's ray t r, r = ((u - cx) / fx, (v - cy) / fy, 1).
 
-    In the Gaussian's own axes, divided by its scales, it is a unit ball at p = M mu and the ray is t d with d = M r: the
-    closest approach lies at t* = p.d / |d|^2 with the squared distance |p x d|^2 / |d|^2.
+    In the Gaussian's own axes, divided by its scales, it is a unit ball at p and the ray is t d: the closest approach
+    lies at t* = p.d / |d|^2 with the squared distance |p x d|^2 / |d|^2.
     """
 
     axes: Float64

@@ -1,0 +1,196 @@
+"""Gaussians at the limits of float32: flat ones seen edge-on, needles, tiny, huge and distant ones."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gspure.constants import ALPHA_MAX
+from gspure.model.gaussians import Gaussians
+from gspure.reference.blending import render
+from gspure.renderer import Renderer
+from tests.agreement import SHAPES, VIEW, Cell, agreement
+from tests.models import blobs, camera, gaussians, joined, tilted_camera
+
+SHARED_FIXTURES = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture]}
+FLAT = (1.4e-9, 0.156, 0.196)
+NEEDLES = ((1e-6, 1e-6, 1e6), (1e-6, 1e-6, 1e2))
+COLUMNS = ("x", "y", "z", "opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4)))
+
+
+def assert_sound(renderer: Renderer, view) -> None:
+    """Check what holds for any model: every weight and transmittance is a share, and together they are everything."""
+    contributions, transmittance = renderer.contributions(view), renderer.transmittance(view)
+    for share in (transmittance, contributions["max"]):
+        assert ((share >= 0) & (share <= 1)).all()
+    assert (contributions["max"] <= np.float32(ALPHA_MAX)).all()
+    assert np.isfinite(contributions["sum"]).all()
+    blended = (1 - transmittance.astype(np.float64)).sum()
+    assert contributions["sum"].sum(dtype=np.float64) == pytest.approx(blended, rel=1e-4, abs=1e-4)
+    assert np.isfinite(renderer.image(view)).all()
+    assert not np.isnan(renderer.depth(view)).any()
+
+
+def turned(axis, angle) -> list[float]:
+    """Quaternion of a turn by `angle` about a coordinate axis."""
+    quat = [np.cos(angle / 2), 0.0, 0.0, 0.0]
+    quat[1 + axis] = np.sin(angle / 2)
+    return quat
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+def test_a_flat_gaussian_seen_along_its_plane_gives_shares(device, style, energy, axis):
+    """Turned about y it is seen ever more edge-on; turned about z its plane holds the line of sight."""
+    angles = np.concatenate([[0.0], np.geomspace(1e-9, 1.0, 40)])
+    model = joined(
+        *(gaussians(means=[0.03 * i, 0.02, 4], scales=FLAT, quats=turned(axis, a)) for i, a in enumerate(angles)),
+        blobs(50, 1, sh_degree=0),
+    )
+    for view in (camera(), tilted_camera(), camera(focal=900.0)):
+        assert_sound(Renderer(model, device, energy=energy, style=style), view)
+
+
+@pytest.mark.parametrize("scales", NEEDLES)
+def test_planted_needles_leave_the_other_rows_alone(device, style, scales):
+    """Needles a millionth thick are between the pixels, whatever their length and direction."""
+    rng = np.random.default_rng(4)
+    model, view = blobs(300, 1, sh_degree=0), tilted_camera()
+    planted = joined(
+        model, gaussians(means=rng.normal((0, 0, 5), 1.0, (2, 3)), quats=rng.normal(size=(2, 4)), scales=scales)
+    )
+    before = Renderer(model, device, energy="ray", style=style).contributions(view)
+    renderer = Renderer(planted, device, energy="ray", style=style)
+    assert_sound(renderer, view)
+    after = renderer.contributions(view)
+    np.testing.assert_array_equal(after["index"][after["index"] < len(model)], before["index"])
+    assert after["sum"].sum() == pytest.approx(before["sum"].sum(), rel=1e-3)
+
+
+FINITE = np.finfo(np.float32).max
+
+
+def any_floats(rng, size):
+    """Finite float32 numbers of random bits."""
+    values = rng.integers(0, 2**32, size, dtype=np.uint32).view(np.float32)
+    return np.where(np.isfinite(values), values, FINITE)
+
+
+def aimed(rng, means):
+    """Rotations whose first or last axis points at the camera, or whose plane holds it, up to 0 to 1 radian."""
+    towards = means / np.linalg.norm(means, axis=1, keepdims=True)
+    across = np.cross(towards, rng.normal(size=means.shape))
+    first = across + towards * rng.choice([0.0, 1e-9, 1e-6, 1e-3, 1.0], (len(means), 1))
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(first, towards + 1e-3 * first)
+    second /= np.linalg.norm(second, axis=1, keepdims=True)
+    axes = np.stack([first, second, np.cross(first, second)], axis=2)[:, :, rng.permutation(3)]
+    axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]
+    return Rotation.from_matrix(axes).as_quat(scalar_first=True)
+
+
+def extreme(seed: int, count: int) -> Gaussians:
+    """`count` Gaussians in view of `VIEW` of extreme shapes, some with columns of any finite number, among others."""
+    rng = np.random.default_rng(seed)
+    depths = rng.choice([0.2001, 0.21, 1.0, 4.0, 1e3], count) * rng.uniform(1, 2, count)
+    slopes = rng.uniform(-0.5, 0.5, (2, count)) * rng.choice([1.0, 1.0, 30.0, 1e4], (2, count))
+    means = np.stack([slopes[0] * depths, slopes[1] * depths, depths], axis=1)
+    log_scales = (
+        rng.uniform(-2, 2, (count, 3)) * rng.choice([1.0, 5.0, 20.0, 44.0], (count, 1)) + np.log(depths)[:, None]
+    )
+    quats = np.where(rng.random((count, 1)) < 0.7, aimed(rng, means), rng.normal(size=(count, 4)))
+    rows = np.concatenate([means, rng.uniform(-3, 9, (count, 1)), log_scales, quats], axis=1).astype(np.float32)
+    replaced = rng.random(rows.shape) < rng.choice([0.0, 0.05])
+    rows[replaced] = any_floats(rng, np.count_nonzero(replaced))
+    model = blobs(count + 20, 6, sh_degree=1)
+    values = {name: model.table[name].copy() for name in COLUMNS}
+    for name, column in zip(COLUMNS, rows.T, strict=True):
+        values[name][:count] = column
+    return model.with_columns(values)
+
+
+SEEDS = st.integers(0, 2**32)
+
+
+@settings(max_examples=150, **SHARED_FIXTURES)
+@given(seed=SEEDS, count=st.integers(1, 60), focal=st.floats(5.0, 2000.0))
+def test_any_finite_rows_give_shares(device, style, energy, seed, count, focal):
+    model = extreme(seed, count)
+    assert_sound(Renderer(model, device, energy=energy, style=style), camera(33, 31, focal=focal))
+
+
+@settings(max_examples=75, **SHARED_FIXTURES)
+@given(seed=SEEDS, colour=st.floats(width=32, allow_nan=False, allow_infinity=False))
+def test_any_finite_rows_and_colours_give_finite_images_and_gradients(device, style, seed, colour):
+    model = extreme(seed, 40)
+    model = model.with_columns({name: np.full(len(model), colour) for name in ("f_dc_1", "f_rest_0")})
+    image, pullback = Renderer(model, device, style=style).vjp(VIEW)
+    assert np.isfinite(image).all()
+    for name, gradient in vars(pullback(np.ones_like(image))).items():
+        assert np.isfinite(gradient).all(), name
+
+
+@settings(max_examples=75, **SHARED_FIXTURES)
+@given(seed=SEEDS)
+def test_any_finite_rows_give_opacities_of_points_that_are_shares(device, style, seed):
+    points = np.random.default_rng(seed).uniform((-3, -3, 1), (3, 3, 7), (200, 3))
+    opacities = Renderer(extreme(seed, 40), device, energy="ray", style=style).opacities_at(VIEW, points)
+    assert ((opacities >= 0) & (opacities <= 1)).all()
+
+
+@settings(max_examples=100, **SHARED_FIXTURES)
+@given(
+    shape=st.sampled_from(SHAPES),
+    log_aspect=st.floats(0, 8),
+    log_angle=st.one_of(st.floats(-9, 0), st.just(-np.inf)),
+    log_depth=st.floats(-0.69, 3.3),
+    seed=SEEDS,
+)
+def test_alpha_errs_no_more_than_one_more_rounding_of_the_row(
+    device, style, energy, shape, log_aspect, log_angle, log_depth, seed
+):
+    cell = Cell(shape, 10**log_aspect, 10**log_angle, 10**log_depth)
+    error, condition = agreement(cell.gaussian(np.random.default_rng(seed)), VIEW, energy, device, style)
+    assert error <= 5e-6 + 2 * condition
+
+
+OUT_OF_RANGE = {
+    "far": {"x": 2e15, "z": 4e15},
+    "infinite scale": {"scale_1": 89.0},
+    "huge scale": {"scale_1": 70.0},
+    "small quaternion": {f"rot_{i}": 1e-31 for i in range(4)},
+    "large quaternion": {f"rot_{i}": 1e31 for i in range(4)},
+    "two scales of zero": {"scale_0": -200.0, "scale_1": -200.0},
+}
+
+
+@pytest.mark.parametrize("case", OUT_OF_RANGE)
+def test_rows_out_of_range_are_not_drawn(device, style, energy, case):
+    """Only a 2-D splat, which is dilated, may have no extent."""
+    model = gaussians(means=[[0, 0, 4], [0.1, 0, 5]], scales=0.5)
+    values = {name: [value, model.table[name][1]] for name, value in OUT_OF_RANGE[case].items()}
+    model = model.with_columns(values)
+    drawn = [0, 1] if (case, energy) == ("two scales of zero", "ewa") else [1]
+    assert render(model, VIEW, energy).pixels.nonzero()[0].tolist() == drawn
+    assert Renderer(model, device, energy=energy, style=style).contributions(VIEW)["index"].tolist() == drawn
+
+
+def test_rays_see_no_scale_further_than_the_ratio_from_the_middle_one(device, style):
+    means, quats = [[0.3, 0.2, 4], [-0.3, -0.2, 6]], [[1.0, 0.2, 0.3, 0.1], [0.3, 0.1, 0.9, 0.2]]
+    beyond, at = (
+        gaussians(means=means, quats=quats, scales=scales, opacities=0.9)
+        for scales in ([[1e-12, 0.1, 0.2], [1e12, 1e-2, 1e-3]], [[1e-9, 0.1, 0.2], [1e6, 1e-2, 1e-3]])
+    )
+    expected, clamped = (render(model, VIEW, "ray") for model in (at, beyond))
+    np.testing.assert_allclose(clamped.transmittance, expected.transmittance, atol=1e-6)
+    seen = [Renderer(model, device, energy="ray", style=style).transmittance(VIEW) for model in (at, beyond)]
+    np.testing.assert_allclose(seen[1], seen[0], atol=1e-5)
+    assert (expected.pixels > 0).all()
+
+
+def test_splats_of_any_size_are_flat_over_the_image(device, style):
+    model = gaussians(means=[[0, 0, 4], [0.5, 0.2, 6]], scales=[[1e20, 1e20, 1e20], [1e8, 1e-3, 1e25]], opacities=0.5)
+    expected = render(model, VIEW, "ewa")
+    found = Renderer(model, device, style=style).transmittance(VIEW)
+    np.testing.assert_allclose(found, expected.transmittance, atol=1e-5)
+    assert (expected.sums > 0).all()
