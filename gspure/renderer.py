@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
+from gspure.opencl.conservation import require_conservation
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import ENERGIES, Energy, Pass
@@ -118,11 +119,20 @@ class Renderer:
         """Return omega_{k,v} (paper, Eq. for omega): what each touched Gaussian gives to the view, as `CONTRIBUTION`.
 
         Rows are ordered by index; Gaussians that touch no pixel are left out.
+
+        Raises
+        ------
+        InputError
+            If what the device returns does not conserve light (`gspure.opencl.conservation`).
+
         """
         canvas = self._render(Pass(self.energy, contributions=True), camera).canvas
         with self._engine.mapped(canvas.records, (len(self.model),), CONTRIBUTION) as records:
             # numpy selects 16-byte numbers several times faster than 16-byte structures.
-            return records.view(np.complex128).compress(records["pixels"] > 0).view(CONTRIBUTION)
+            touched = records.view(np.complex128).compress(records["pixels"] > 0).view(CONTRIBUTION)
+        with self._engine.mapped(canvas.transmittance, (camera.height, camera.width), np.float32) as transmittance:
+            require_conservation(camera.name, touched, transmittance)
+        return touched
 
     def transmittance(self, camera: Camera) -> Float32:
         """Return what is left of the background in each pixel [H,W], 0 to 1."""
