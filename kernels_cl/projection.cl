@@ -56,7 +56,7 @@ inline Ellipse ray_form(__constant const float *camera, int width, int height, c
 
     // The ray of (U, V): the centre's, or another where the centre lies outside the image.
     V u = MIN(MAX(splat[SPLAT_U], (V)0.0f), (V)width), v = MIN(MAX(splat[SPLAT_V], (V)0.0f), (V)height);
-    I inside = (u == splat[SPLAT_U]) & (v == splat[SPLAT_V]);
+    I outside = MASK(u != splat[SPLAT_U]) | MASK(v != splat[SPLAT_V]);
     V rx = (u - CAMERA_CX) * (1.0f / CAMERA_FX), ry = (v - CAMERA_CY) * (1.0f / CAMERA_FY);
     V side[3] = {m[1] - m[2] * ry, m[2] * rx - m[0], m[0] * ry - m[1] * rx};  // m x r
 
@@ -82,11 +82,11 @@ inline Ellipse ray_form(__constant const float *camera, int width, int height, c
     splat[SPLAT_A] = middle >= (V)(1.0f / MAGNITUDE_MAX) ? factor * length * (1.0f / CAMERA_FX) : (V)0.0f;
     splat[SPLAT_B] = slope * xy * (1.0f / CAMERA_FY);
     splat[SPLAT_C] = down * (1.0f / CAMERA_FY);
-    splat[SPLAT_A0] = inside ? (V)0.0f : slope * x0;
-    splat[SPLAT_C0] = inside ? (V)0.0f : down * (ry - mean[1] / z);
+    splat[SPLAT_A0] = AS_FLOAT(AS_INT(slope * x0) & outside);
+    splat[SPLAT_C0] = AS_FLOAT(AS_INT(down * (ry - mean[1] / z)) & outside);
     splat[SPLAT_LX] = per_pp * px * (1.0f / CAMERA_FX);
     splat[SPLAT_LY] = per_pp * py * (1.0f / CAMERA_FY);
-    splat[SPLAT_L0] = inside ? 1.0f / z : per_pp * pr;
+    splat[SPLAT_L0] = outside ? per_pp * pr : 1.0f / z;
     splat[SPLAT_G] = HALF_LOG2E * reach * reach;
 
     // Outline of the ellipsoid (x - mean)' Sigma^-1 (x - mean) = t^2: the dual conic t^2 Sigma - mean mean', projected, in

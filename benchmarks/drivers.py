@@ -1,0 +1,57 @@
+"""Agreement of every OpenCL driver at hand, in both kernel styles, with the float64 reference.
+
+``python -m benchmarks.drivers``, in a checkout, prints a Markdown table of errors over pixels away from every step of
+the rules, the worst of several awkward models. ``OCL_ICD_VENDORS`` may name a folder with the .icd files of further
+drivers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gspure.opencl.device import Device, list_devices, works
+from gspure.opencl.engine import Style
+from gspure.opencl.frame import ENERGIES
+from gspure.reference.blending import render
+from gspure.reference.gradients import pull_back
+from gspure.renderer import Renderer
+from tests.comparison import may_flip, may_swap, steady_pixels
+from tests.models import AWKWARD, blobs, tilted_camera
+
+CASES = {"blobs": lambda: (blobs(200, 1), tilted_camera())} | {
+    name: AWKWARD[name] for name in ("covering", "inside", "grazing", "flakes", "off_screen", "stacked")
+}
+
+
+def errors(device: Device, style: Style) -> dict[str, float]:
+    """Return the largest error of each product over all cases."""
+    found: dict[str, list[float]] = {"image": [], "contributions": [], "gradients": []}
+    for case in CASES.values():
+        model, view = case()
+        for energy in ENERGIES:
+            expected, renderer = render(model, view, energy), Renderer(model, device, energy=energy, style=style)
+            steady = ~(may_flip(expected.margins) | may_swap(expected.margins))
+            error = np.abs(renderer.image(view) - expected.channels)[steady]
+            found["image"].append(error.max() / max(expected.channels.max(), 1.0))
+            contributions = renderer.contributions(view)
+            given = np.zeros(len(model))
+            given[contributions["index"]] = contributions["sum"]
+            whole = np.abs(given - expected.sums) / np.maximum(expected.pixels, 1)
+            found["contributions"].append(float(whole[expected.pixels > 0].mean()))
+        gradient = np.random.default_rng(0).normal(size=(view.height, view.width, 3)).astype(np.float32)
+        expected = render(model, view, "ewa")
+        gradient *= steady_pixels(expected.margins)[..., None]
+        true = pull_back(model, view, gradient).means
+        error = np.linalg.norm(Renderer(model, device, style=style).vjp(view)[1](gradient).means - true, axis=1)
+        size = np.linalg.norm(true, axis=1)
+        found["gradients"].append(float(np.max(error / (size + 0.01 * np.sqrt((size**2).mean()) + 1e-12))))
+    return {name: max(values) for name, values in found.items()}
+
+
+if __name__ == "__main__":
+    print("| driver | kernel style | image, worst pixel | contributions per pixel, mean of rows | gradients, worst row |")
+    print("| --- | --- | --- | --- | --- |")
+    for device in filter(works, list_devices()):
+        for style in ("cpu", "gpu"):
+            cells = " | ".join(f"{value:.1e}" for value in errors(device, style).values())
+            print(f"| {device.platform} {device.driver} | {style} | {cells} |", flush=True)
