@@ -49,7 +49,9 @@ def errors(device: Device, style: Style) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    print("| driver | kernel style | image, worst pixel | contributions per pixel, mean of rows | gradients, worst row |")
+    print(
+        "| driver | kernel style | image, worst pixel | contributions per pixel, mean of rows | gradients, worst row |"
+    )
     print("| --- | --- | --- | --- | --- |")
     for device in filter(works, list_devices()):
         for style in ("cpu", "gpu"):

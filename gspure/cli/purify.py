@@ -67,8 +67,10 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import filling
     from gspure.cameras import split
     from gspure.method.purify import purify
+    from gspure.method.subpixel import subpixel_rows
     from gspure.model import read_model, suspicious
     from gspure.model.inria import trained_background
+    from gspure.model.signature import Signature
     from gspure.opencl.device import choose_device
     from gspure.progress import say
     from gspure.schemes.registry import open_asset
@@ -87,6 +89,9 @@ def run(args: argparse.Namespace) -> None:
         purified = asset.with_units(found.model)
         _write(folder, purified, found, suspicious.to_json(suspects))
     print("\n".join([*found.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
+    gaussian_rays = args.energy == "ray" and Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
+    if gaussian_rays and (small := subpixel_rows(model, found.weights, train or test)):
+        print(small.line(len(model), cameras[0].width))
     print(f"results in {args.out}")
     if asset.visible:
         with filling(args.out) as folder:

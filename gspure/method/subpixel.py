@@ -1,0 +1,72 @@
+"""Gaussians that no view shows because they are smaller than its pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.cameras.projection import points_shown
+from gspure.constants import ALPHA_MIN
+from gspure.model.gaussians import Gaussians
+from gspure.surface.axes import principal_axes
+
+
+@dataclass(frozen=True)
+class Subpixel:
+    """Rows without weight that lie in a view's image and cover less than a pixel of every view.
+
+    Parameters
+    ----------
+    rows : int array [S]
+    magnification : float
+        How many times as wide the views would have to be for half of the rows to cover a pixel.
+
+    """
+
+    rows: NDArray[np.intp]
+    magnification: float
+
+    def line(self, count: int, width: int) -> str:
+        """Return one line about them, for a model of `count` Gaussians and views `width` pixels wide."""
+        return (
+            f"{len(self.rows)} of {count} Gaussians have weight 0 and cover less than a pixel in every view; "
+            f"half of them would cover one in views {int(np.ceil(self.magnification * width))} pixels wide"
+        )
+
+
+def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> Subpixel | None:
+    """Find rows of weight 0 whose footprint, alpha >= 1/255, is smaller than a pixel in every view; None if none is.
+
+    The footprint of the energy "ray", which has no dilation, may then fall between pixel centres. Its area is that of
+    the linearized projection, exact for Gaussians as small as these.
+
+    Parameters
+    ----------
+    model : Gaussians
+    weights : array [K]
+        As measured with the energy "ray".
+    cameras : sequence of Camera
+        The views that they were measured in.
+
+    """
+    rows = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN))
+    unseen = Gaussians(model.table[rows])
+    axes, means = principal_axes(unseen), unseen.means.astype(np.float64)
+    faces = np.cross(axes[:, [1, 2, 0]], axes[:, [2, 0, 1]])  # s_b s_c q_a
+    reach = 2 * np.log(np.maximum(unseen.opacities, ALPHA_MIN) / ALPHA_MIN)  # t^2
+    largest = np.zeros(len(rows))
+    for camera in cameras:
+        shown, positions = points_shown(camera, means)
+        # det(J Sigma J') = (fx fy / z^2)^2 sum_a (s_b s_c q_a . r)^2 (Cauchy-Binet), r the centre's ray, 1 deep
+        depths = positions[:, 2]
+        rays = (means[shown] - camera.centre) / depths[:, None]
+        spread = np.linalg.norm(np.einsum("kai,ki->ka", faces[shown], rays), axis=1)
+        areas = np.pi * reach[shown] * camera.K[0, 0] * camera.K[1, 1] / depths**2 * spread
+        largest[shown] = np.maximum(largest[shown], areas)
+    small = (largest > 0) & (largest < 1)
+    return Subpixel(rows[small], float(1 / np.sqrt(np.median(largest[small])))) if small.any() else None
