@@ -5,8 +5,9 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 _LONGEST: Final = 500
 """Characters of each part of a message other than the path; ours."""
@@ -42,6 +43,11 @@ class InputError(Exception):
     def __str__(self) -> str:
         line = f"{self.source}: {self.field}: expected {self.expected}, found {self.found}"
         return f"{line} ({self.hint})" if self.hint else line
+
+    def __reduce__(self) -> tuple[Any, tuple[str, str]]:
+        """Let other processes raise it; by default, exceptions are made again of their message alone."""
+        made = partial(InputError, expected=self.expected, found=self.found, hint=self.hint)
+        return made, (self.source, self.field)
 
 
 def printable(text: str) -> str:

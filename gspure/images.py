@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Float32 = NDArray[np.float32]
 
-FORMATS: Final = ("BMP", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
+FORMATS: Final = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
 """What photographs come in. Pillow knows more formats, some of which start other programs."""
 
 MOST_PIXELS: Final = 1 << 27

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import lzma
 import struct
 import tokenize
@@ -69,6 +70,13 @@ def test_whatever_goes_wrong_while_reading_becomes_one_line(error, found):
 def test_warnings_about_a_file_are_discarded():
     with reading("x.json", "JSON"):
         warnings.warn("skipped tag 7", stacklevel=1)
+
+
+def test_an_error_passes_from_one_process_to_another():
+    error = InputError("x.json", "[3].fx", expected="a number", found="nothing", hint="add it")
+    again = copy.copy(error)  # as pickling does
+    assert str(again) == str(error)
+    assert (again.source, again.field, again.hint) == ("x.json", "[3].fx", "add it")
 
 
 def test_a_more_precise_error_is_kept():
