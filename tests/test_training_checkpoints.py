@@ -50,6 +50,6 @@ def test_a_file_that_is_no_checkpoint_is_refused(tmp_path, snapshot, content):
         np.savez(path, run=np.array("{}"))
     else:
         np.savez(path, run=np.array([{}], dtype=object))
-    with pytest.raises(InputError, match=r"checkpoint\.npz: file: expected a checkpoint of training") as caught:
+    with pytest.raises(InputError, match=r"checkpoint\.npz: [a-z.]+: expected") as caught:
         read_checkpoint(path, SETTINGS)
     assert "\n" not in str(caught.value)

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gspure.artifacts import replacing
-from gspure.errors import InputError
+from gspure.artifacts import load_arrays, replacing
+from gspure.artifacts.arrays import Kind, Shape
+from gspure.errors import InputError, reading
 from gspure.opencl.trainable import Parameters, TrainState
 
 _PARTS: Final = tuple(field.name for field in fields(TrainState))
-_GROUPS: Final = tuple(field.name for field in fields(Parameters))
+_SHAPES: Final[dict[str, Shape]] = {
+    "means": (None, 3),
+    "quats": (None, 4),
+    "log_scales": (None, 3),
+    "opacity_logits": (None,),
+    "sh_coeffs": (None, None, 3),
+}
+_CONTENT: Final = "a checkpoint of training"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +51,7 @@ class Snapshot:
 def write_checkpoint(path: Path, snapshot: Snapshot, settings: Mapping[str, Any]) -> None:
     """Write a snapshot and the settings of its run as .npz without pickle, whole or not at all."""
     run = {"iteration": snapshot.iteration, "unseen": snapshot.unseen, "rng": snapshot.rng, "settings": settings}
-    arrays = {f"{part}.{group}": getattr(getattr(snapshot.state, part), group) for part in _PARTS for group in _GROUPS}
+    arrays = {f"{part}.{group}": getattr(getattr(snapshot.state, part), group) for part in _PARTS for group in _SHAPES}
     with replacing(path) as temporary:
         np.savez(temporary, run=np.array(json.dumps(run)), **arrays)
 
@@ -59,17 +65,15 @@ def read_checkpoint(path: Path, settings: Mapping[str, Any]) -> Snapshot:
         The file is no checkpoint, or that of a run with other settings.
 
     """
-    try:
-        with Path(path).open("rb") as stream, zipfile.ZipFile(stream):  # np.load takes a lone array too
-            stream.seek(0)
-            with np.load(stream, allow_pickle=False) as archive:
-                arrays: dict[str, NDArray[Any]] = dict(archive)
-        run = json.loads(str(arrays.pop("run")))
+    kinds: dict[str, Kind] = {
+        f"{part}.{group}": (np.float32, shape) for part in _PARTS for group, shape in _SHAPES.items()
+    }
+    arrays = load_arrays(path, kinds | {"run": (np.str_, ())}, _CONTENT)
+    with reading(path, _CONTENT):
+        run = json.loads(str(arrays["run"]))
         _require_same(path, run["settings"], settings)
-        parts = [Parameters(*(arrays[f"{part}.{group}"] for group in _GROUPS)) for part in _PARTS]
+        parts = [Parameters(*(arrays[f"{part}.{group}"] for group in _SHAPES)) for part in _PARTS]
         return Snapshot(run["iteration"], TrainState(*parts), tuple(run["unseen"]), run["rng"])
-    except (KeyError, TypeError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(path, "file", expected="a checkpoint of training", found=str(error)) from None
 
 
 def _require_same(path: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
