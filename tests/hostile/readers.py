@@ -19,7 +19,7 @@ from PIL import Image
 from gspure.artifacts import load_array, read_json, replacing, save_array, write_json, write_provenance
 from gspure.cameras import read_cameras, read_points, write_cameras
 from gspure.cameras.photographs import photograph_size
-from gspure.clustering import Clusters, read_clusters, select, spanning_tree, write_clusters
+from gspure.clustering import Clusters, read_clusters, read_tree, select, spanning_tree, write_clusters
 from gspure.configuration import resolved, validated
 from gspure.contributions import Stage, read_index, read_stage, write_index
 from gspure.datasets import Archive, extract
@@ -328,7 +328,7 @@ def _array(name: str, make: Callable[[Rng], np.ndarray]) -> Callable[[Path], Non
 
 def _contribution(rng: Rng) -> np.ndarray:
     stage = np.zeros(ROWS, CONTRIBUTION)
-    stage["index"], stage["sum"], stage["max"], stage["pixels"] = np.arange(ROWS), rng.random(ROWS), 0.5, 3
+    stage["index"], stage["sum"], stage["max"], stage["pixels"] = np.arange(ROWS), 0.5 + rng.random(ROWS), 0.5, 3
     return stage
 
 
@@ -356,7 +356,7 @@ def _read_array(name: str, dtype: Any, shape: tuple[int | None, ...], folder: Pa
 
 
 def _read_tree(folder: Path) -> None:
-    labels = select(_read_array("tree.npy", np.float64, (None, 3), folder), 5)
+    labels = select(read_tree(folder / "tree.npy"), 5)
     assert labels.min(initial=-1) >= -1
 
 

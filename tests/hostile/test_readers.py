@@ -21,9 +21,9 @@ ROOT = Path(__file__).parents[2]
 CASES = 100
 
 OPEN = {
-    *("model of SecureGS, .pth", "cameras.json", "transforms.json", "image", "key of Splats in Splats"),
-    *("key of SecureGS", "key of the planted pair", "checkpoint", "configuration", "stage file", "spanning tree"),
-    *("clusters", "metrics.csv", "model of GS-Hider", "COLMAP, text", "COLMAP, binary"),
+    *("model of SecureGS, .pth", "cameras.json", "transforms.json", "image"),
+    *("configuration", "spanning tree"),
+    *("metrics.csv", "model of GS-Hider", "COLMAP, text", "COLMAP, binary"),
 }
 """Readers that are being mended."""
 
