@@ -154,7 +154,7 @@ def require_valid(source: str | Path, stage: NDArray[Any]) -> None:
     """Check the contributions [T] of one view, given as `CONTRIBUTION` of finite numbers.
 
     Indices ascend, every row is touched by a pixel, and as a pixel gives a row between 0 and 1:
-    0 <= max <= sum <= pixels, max <= 1.
+    0 <= max <= sum <= pixels, max <= 1. The kernels for GPUs round each pixel's share of the sum to 2^-23.
 
     Raises
     ------
@@ -164,7 +164,8 @@ def require_valid(source: str | Path, stage: NDArray[Any]) -> None:
     """
     ascending = np.append(True, stage["index"][1:] > stage["index"][:-1])
     total, largest, pixels = (stage[name].astype(np.float32) for name in ("sum", "max", "pixels"))
-    bounded = (largest >= 0) & (largest <= np.minimum(total, 1)) & (total <= pixels) & (pixels > 0)
+    least = total + pixels * np.float32(2**-24)
+    bounded = (total >= 0) & (largest >= 0) & (largest <= np.minimum(least, 1)) & (total <= pixels) & (pixels > 0)
     for fits, expected in ((ascending, "ascending indices"), (bounded, "0 <= max <= sum <= pixels and max <= 1")):
         if not fits.all():
             wrong = stage[fits.argmin()]
