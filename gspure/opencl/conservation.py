@@ -44,7 +44,7 @@ def require_conservation(view: str, contributions: NDArray[np.void], transmittan
         y, x = np.argwhere(~((transmittance >= 0) & (transmittance <= 1)))[0]
         raise _violation(view, "transmittance", "0 to 1", f"{transmittance[y, x]} in column {x}, line {y}")
     given = float(contributions["sum"].sum(dtype=np.float64))
-    taken = transmittance.size - float(transmittance.sum(dtype=np.float64))
+    taken = transmittance.size - float(transmittance.sum(axis=1).sum(dtype=np.float64))  # of lines: half the time
     if abs(given - taken) > TOLERANCE * max(taken, 1.0):
         row = contributions["index"][contributions["sum"].argmax()] if len(contributions) else "none"
         found = f"{given:.7g} (largest in row {row})"
