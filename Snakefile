@@ -18,8 +18,10 @@ report: "report/workflow.rst"
 
 
 include: "rules/common.smk"
+include: "rules/failures.smk"
 include: "rules/decisions.smk"
 include: "rules/inputs.smk"
+include: "rules/requirements.smk"
 include: "rules/scenes.smk"
 include: "rules/train.smk"
 include: "rules/embed.smk"
@@ -33,10 +35,6 @@ include: "rules/figures.smk"
 include: "rules/report.smk"
 
 
-for each in workflow.rules:
-    retry(each)
-
-
 rule all:
     default_target: True
     input:
@@ -48,11 +46,5 @@ rule all:
 rule purified:
     input:
         expand("results/{model}/gspure/public/point_cloud.ply", model=MODELS),
-    log:
-        "results/logs/purified.log",
-    conda:
-        "envs/gspure.yaml"
     message:
         "Purified models only"
-    shell:
-        "python -m gspure failures {input:q} > {log:q} 2>&1"

@@ -1,81 +1,103 @@
-"""Jobs that fail without stopping others: a note beside what they should have made says why.
+"""Failed jobs of the workflow: a small JSON file beside the log of each says why it failed and what is missing.
 
-The note of ``kept.npy`` is ``kept.npy.failed``. It outlives the failure, since it counts them: a workflow that looks at
-the count sees that the file is to be tried again.
+The status of ``attack.log`` is ``attack.failed.json``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+import signal
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
-from gspure.artifacts import read_json, write_json, write_text
+from gspure.artifacts import read_json, write_json
 from gspure.errors import InputError
 
-SUFFIX: Final = ".failed"
+SUFFIX: Final = ".failed.json"
+
+_EXIT: Final = re.compile(r"exit status (\d+)")
+_SIGNALED: Final = 128
+"""What a shell adds to the number of the signal that ended a command."""
 
 
-class Note(NamedTuple):
-    """What is known of the attempts to make a file or folder."""
-
-    failures: int = 0
-    """How often it failed by itself, not for want of another file."""
-
-    reason: str = ""
-    """Why it could not be made; empty once it is there."""
-
-
-def note_of(path: str | Path) -> Note:
-    """Return the note beside a file or folder, or raise `InputError` if it is damaged."""
-    file = _beside(Path(path))
-    if not file.exists():
-        return Note()
-    match read_json(file):
-        case {"failures": int(failures), "reason": str(reason)}:
-            return Note(failures, reason)
-    raise InputError(file, "file", expected="a note of failures", found="other JSON")
-
-
-def failed_below(path: Path) -> list[Path]:
-    """Return what could not be made: `path` itself, or what is below it, in sorted order."""
-    path = path.resolve()
-    made = [path, *(note.with_name(note.name.removesuffix(SUFFIX)) for note in sorted(path.rglob(f"*{SUFFIX}")))]
-    return [file for file in made if note_of(file).reason]
-
-
-def made(paths: Iterable[Path]) -> list[Path]:
-    """Return the files that did not fail, nor the folder in which they lie."""
-    return [path for path in paths if not (note_of(path).reason or note_of(path.parent).reason)]
-
-
-def mark_failed(paths: Iterable[Path], reason: str, *, own: bool) -> None:
-    """Note why files or folders could not be made; where a file should be, a text says so.
-
-    What has no suffix is a folder.
+@dataclass(frozen=True)
+class Failure:
+    """A failed job.
 
     Parameters
     ----------
-    paths : iterable of Path
+    rule : str
+        Its rule.
     reason : str
-    own : bool
-        Whether making them failed, rather than that something they are made of failed.
+        One line.
+    log : str
+        Path of its log.
+    run : str
+        Path of Snakemake's own log of the run.
+    missing : sequence of str
+        Results that do not exist because of it: its own, and those of all jobs that need them.
 
     """
-    for path in paths:
-        if not path.suffix:
-            path.mkdir(parents=True, exist_ok=True)
-        else:
-            write_text(path, f"This could not be made: {reason}\n")
-        write_json(_beside(path), {"failures": note_of(path).failures + own, "reason": reason})
+
+    rule: str
+    reason: str
+    log: str
+    run: str
+    missing: Sequence[str]
+
+    def write(self) -> None:
+        """Write its status."""
+        write_json(status_of(self.log), asdict(self))
 
 
-def mark_made(paths: Iterable[Path]) -> None:
-    """Note that what failed before is there."""
-    for path in paths:
-        if (note := note_of(path)).reason:
-            write_json(_beside(path), {"failures": note.failures, "reason": ""})
+def status_of(log: str | Path) -> Path:
+    """Return where the failure of the job with this log is recorded."""
+    return Path(log).with_suffix(SUFFIX)
 
 
-def _beside(path: Path) -> Path:
-    return path.with_name(path.name + SUFFIX)
+def read_failure(path: Path) -> Failure:
+    """Read a status, or raise `InputError` if the file holds anything else."""
+    match record := read_json(path):
+        case {"rule": str(), "reason": str(), "log": str(), "run": str(), "missing": [*missing]} if len(record) == len(
+            Failure.__dataclass_fields__
+        ) and all(isinstance(file, str) for file in missing):
+            return Failure(**record)
+    raise InputError(path, "file", expected="the status of a failed job", found="other JSON")
+
+
+def failures_below(folder: Path) -> list[Failure]:
+    """Return all failures that are recorded below a folder, sorted by path."""
+    return [read_failure(path) for path in sorted(folder.rglob(f"*{SUFFIX}"))]
+
+
+def reason_in(log: Path, rule: str) -> str:
+    """Return why a job failed, in one line, from its log: an error message, and `exit status N` as the last line."""
+    text = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if not lines or not (ended := _EXIT.fullmatch(lines[-1])):
+        return f"{rule}: stopped without an exit status, possibly out of memory or time"
+    status = int(ended[1])
+    if status > _SIGNALED:
+        hint = ", possibly out of memory" if status == _SIGNALED + signal.SIGKILL else ""
+        return f"{rule}: ended by {_signal_name(status - _SIGNALED)}{hint}"
+    last = lines[-2] if len(lines) > 1 else lines[-1]
+    return last if last.startswith("gspure ") else f"{rule}: {last}"
+
+
+def summary(failures: Iterable[Failure]) -> list[str]:
+    """Return a line for each reason, with the log of the first job that failed for it."""
+    by_reason: dict[str, list[Failure]] = {}
+    for failure in failures:
+        by_reason.setdefault(failure.reason, []).append(failure)
+    return [f"{reason} ({_logs(alike)})" for reason, alike in by_reason.items()]
+
+
+def _logs(failures: Sequence[Failure]) -> str:
+    others = f" and {len(failures) - 1} more" if len(failures) > 1 else ""
+    return f"{failures[0].log}{others}"
+
+
+def _signal_name(number: int) -> str:
+    return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"

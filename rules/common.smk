@@ -4,14 +4,13 @@ import sys
 
 from gspure.artifacts import file_digest
 from gspure.attacks import find_attack
-from gspure.configuration import GENERATED, resolved, validated
+from gspure.workflow.configuration import GENERATED, resolved, validated
 from gspure.errors import InputError
 from gspure.evaluation.controls import CONTROLS
-from gspure.failures import note_of
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
 from gspure.schemes.registry import find_scheme
-from gspure.sources import code_digest
+from gspure.workflow.sources import code_digest
 
 KERNELS = kernel_digest()
 TEMPLATE_DIGESTS = [file_digest(path) for path in TEMPLATES]
@@ -56,20 +55,10 @@ if not workflow.deployment_settings.deployment_method:
 shell.prefix(prefix)
 
 
-# How a rule runs a command. If it fails, a note in place of its files says why, and what needs these is not tried.
-ATTEMPT = (
-    "POCL_MAX_PTHREAD_COUNT={threads} python -m gspure attempt" " --after {input:q} --makes {output:q} --log {log:q} --"
-)
-
-
 def job(command):
-    """The shell command of a rule whose failure stops nothing else."""
-    return f"{ATTEMPT} {command}"
-
-
-def retry(made):
-    """Let how often its jobs have failed be a parameter of a rule: the next run then tries these again."""
-    made.set_params(tries=lambda wildcards: note_of(made.output[0].apply_wildcards(wildcards)).failures)
+    """The shell command of a rule: a command of gspure with its log, which tells the exit status if it fails."""
+    logged = f"POCL_MAX_PTHREAD_COUNT={{threads}} python -m gspure {command} > {{log:q}} 2>&1"
+    return f"{logged} || {{{{ status=$?; echo exit status $status >> {{log:q}}; exit $status; }}}}"
 
 
 def options(settings, *names):

@@ -20,8 +20,7 @@ rule match_damage:
     message:
         "Comparing attacks at equal damage to the scene"
     shell:
-        "python -m gspure matched --table {input.table:q} {params.sweeps}"
-        " --out {output.table:q} --markdown {output.markdown:q} > {log:q} 2>&1"
+        job("matched --table {input.table:q} {params.sweeps}" " --out {output.table:q} --markdown {output.markdown:q}")
 
 
 rule hold_contest:
@@ -44,8 +43,10 @@ rule hold_contest:
     message:
         "Comparing GSPure with every other attack"
     shell:
-        "python -m gspure contest --table {input.table:q} {params.sweeps} --out {output.table:q}"
-        " --survival {output.survival:q} --markdown {output.markdown:q} > {log:q} 2>&1"
+        job(
+            "contest --table {input.table:q} {params.sweeps} --out {output.table:q}"
+            " --survival {output.survival:q} --markdown {output.markdown:q}"
+        )
 
 
 rule draw_sweep:

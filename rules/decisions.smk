@@ -1,5 +1,5 @@
 from gspure.constants import TAU_C, TAU_N
-from gspure.decisions import METHOD, decisions, factors_of, origin, sweeps
+from gspure.workflow.decisions import METHOD, decisions, factors_of, origin, sweeps
 
 # By scheme, every decision with all of its settings. Factors that are null are those that suit the scheme.
 SUITED = {name: {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n} for name, scheme in WATERMARKS.items()}
@@ -83,6 +83,10 @@ def is_swept(scheme):
 
 def scheme_figures():
     """The figures about all scenes of a scheme: those of the message where there is one, a sweep where there is one."""
-    shown = [scheme for scheme in SCHEMES if SCHEMES[scheme] and scheme != "vanilla"]
+    shown = [
+        scheme
+        for scheme, scenes in SCHEMES.items()
+        if scheme != "vanilla" and any(get_finished(metrics_files(scheme, scene)) for scene in scenes)
+    ]
     drawn = {scheme: ["sweep", "tradeoff"] if is_swept(scheme) else ["tradeoff"] for scheme in shown}
     return [f"results/figures/{scheme}/{name}.png" for scheme in shown for name in drawn[scheme]]

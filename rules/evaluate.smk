@@ -119,10 +119,11 @@ rule compare_renders:
 
 rule tabulate_metrics:
     input:
-        metrics=metrics_files(),
-        kept=expand("results/{model}/{variant}/kept.npy", model=MODELS, variant=VARIANTS),
-        verdicts=expand("results/{model}/{variant}/verdict.json", model=MODELS, variant=VARIANTS),
-        truth=expand("results/planted/{scene}/key/carriers.npy", scene=SCHEMES["planted"]),
+        metrics=get_finished(path for model in MODELS for path in metrics_files(*model.split("/"))),
+        kept=get_finished(expand("results/{model}/{variant}/kept.npy", model=MODELS, variant=VARIANTS)),
+        verdicts=get_finished(expand("results/{model}/{variant}/verdict.json", model=MODELS, variant=VARIANTS)),
+        truth=get_finished(expand("results/planted/{scene}/key/carriers.npy", scene=SCHEMES["planted"])),
+        failures=[status_of(failure.log) for failure in FAILURES],
     output:
         table="results/tables/results.csv",
         markdown=report("results/tables/results.md"),
@@ -140,6 +141,8 @@ rule tabulate_metrics:
     message:
         "Tabulating all variants"
     shell:
-        "python -m gspure table --metrics {input.metrics:q} --kept {input.kept:q} --truth {input.truth:q}"
-        " --verdicts {input.verdicts:q} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q}"
-        " --latex {output.latex:q} > {log:q} 2>&1"
+        job(
+            "table --metrics {input.metrics:q} --kept {input.kept:q} --truth {input.truth:q}"
+            " --verdicts {input.verdicts:q} --failures {input.failures:q} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q}"
+            " --latex {output.latex:q}"
+        )

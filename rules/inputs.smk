@@ -253,11 +253,12 @@ def comparison_options(wildcards):
 
 
 def shown_folders(wildcards):
-    """The folders of images, with one folder for each target, by title: the truth where it is known, then the variants."""
+    """The folders of images, with one folder for each target, by title: the truth where it is known, then variants."""
     folder = f"results/{wildcards.scheme}/{wildcards.scene}"
     truths = {"planted": f"{folder}/truth"} | dict.fromkeys(WATERMARKS, f"results/pairs/{pair_of(wildcards.scene)}")
     truth = {"truth": truths[wildcards.scheme]} if wildcards.scheme in truths else {}
-    return truth | {variant: f"{folder}/{variant}/renders" for variant in VARIANTS}
+    others = sorted(VARIANTS, key=lambda variant: variant != "watermarked")
+    return truth | {variant: f"{folder}/{variant}/renders" for variant in others}
 
 
 def panel_columns(wildcards):
@@ -268,14 +269,9 @@ def panel_columns(wildcards):
     return {title: f"{shown[title]}/{targets.get(title, wildcards.target)}" for title in titles}
 
 
-def metrics_files():
-    """The metrics of all variants and controls of all models."""
-    return [
-        f"results/{scheme}/{scene}/{variant}/metrics.csv"
-        for scheme, scenes in SCHEMES.items()
-        for scene in scenes
-        for variant in [*VARIANTS, *controls(scheme, scene)]
-    ]
+def metrics_files(scheme, scene):
+    """The metrics of all variants and controls of a model."""
+    return [f"results/{scheme}/{scene}/{variant}/metrics.csv" for variant in [*VARIANTS, *controls(scheme, scene)]]
 
 
 def truth_of(scheme, scene):
@@ -294,5 +290,6 @@ def figure_files():
     for scheme, scenes in SCHEMES.items():
         clouds = ["kept", "clusters", "ranks"] if scheme == "vanilla" else ["purification", "kept", "clusters"]
         names = ["outcomes", "attacks", "model/weights", *TARGETS[scheme], *(f"model/{name}" for name in clouds)]
-        files += [f"results/{scheme}/{scene}/figures/{name}.png" for scene in scenes for name in names]
+        shown = [scene for scene in scenes if get_finished(metrics_files(scheme, scene))]
+        files += [f"results/{scheme}/{scene}/figures/{name}.png" for scene in shown for name in names]
     return files

@@ -1,19 +1,23 @@
 rule write_report:
     input:
         table="results/tables/results.csv",
-        clouds=expand("results/{model}/figures/model", model=MODELS),
-        figures=[path for path in figure_files() if "/model/" not in path],
-        comparisons=scheme_figures(),
+        clouds=get_finished(expand("results/{model}/figures/model", model=MODELS)),
+        figures=get_finished(path for path in figure_files() if "/model/" not in path),
+        comparisons=get_finished(scheme_figures()),
         matched="results/tables/matched.csv",
         contest="results/tables/contest.csv",
         survival="results/tables/survival.csv",
         summary="results/tables/summary.csv",
-        diagnoses=expand("results/{model}/diagnosis.json", model=MODELS),
-        hidden=[f"results/{scheme}/{scene}/hidden.json" for scheme in WATERMARKS for scene in SCHEMES[scheme]],
-        artifacts=expand(
-            "results/{model}/{artifact}",
-            model=MODELS,
-            artifact=["omega.npy", "features.npy", "tree.npy", "clusters.npz", "prune_mask.npy"],
+        diagnoses=get_finished(expand("results/{model}/diagnosis.json", model=MODELS)),
+        hidden=get_finished(
+            f"results/{scheme}/{scene}/hidden.json" for scheme in WATERMARKS for scene in SCHEMES[scheme]
+        ),
+        artifacts=get_finished(
+            expand(
+                "results/{model}/{artifact}",
+                model=MODELS,
+                artifact=["omega.npy", "features.npy", "tree.npy", "clusters.npz", "prune_mask.npy"],
+            )
         ),
     output:
         page=report("results/report.html", caption="../report/page.rst", category="Report"),
@@ -26,7 +30,7 @@ rule write_report:
     params:
         code=code_digest("gspure.cli.report"),
         templates=TEMPLATE_DIGESTS,
-        figures=[*figure_files(), *scheme_figures()],
+        figures=get_finished([*figure_files(), *scheme_figures()]),
         provenance=lambda wildcards, input: [
             f"{path}.json"
             for path in [input.table, input.summary, input.matched, input.contest, input.survival, *input.artifacts]
@@ -34,6 +38,8 @@ rule write_report:
     message:
         "Writing the report"
     shell:
-        "python -m gspure report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q} {input.hidden:q}"
-        " --matched {input.matched:q} --contest {input.contest:q} --survival {input.survival:q}"
-        " --provenance {params.provenance:q} --out {output.page:q} > {log:q} 2>&1"
+        job(
+            "report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q} {input.hidden:q}"
+            " --matched {input.matched:q} --contest {input.contest:q} --survival {input.survival:q}"
+            " --provenance {params.provenance:q} --out {output.page:q}"
+        )

@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from gspure.attacks import find_attack
-from gspure.configuration import resolved, validated
+from gspure.workflow.configuration import resolved, validated
 from tests.attack_cases import evidence
 from tests.documentation import ROOT
 from tests.models import blobs

@@ -15,13 +15,13 @@ from gspure.attacks import attacks
 from gspure.cli.options import ENERGIES, SPLITS
 from gspure.cli.train import add_arguments
 from gspure.clustering.selection import SELECTIONS
-from gspure.configuration import resolved, validated
 from gspure.errors import InputError
 from gspure.features import PARTS
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.planted import STAGES
 from gspure.schemes.registry import schemes
 from gspure.weights import REDUCTIONS
+from gspure.workflow.configuration import resolved, validated
 
 ROOT = Path(__file__).parents[1]
 SCHEMA_FILE = ROOT / "schemas" / "config.schema.yaml"

@@ -7,9 +7,9 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.configuration import resolved, validated
-from gspure.decisions import METHOD, STAGES, decisions, factors_of, origin, sweeps
 from gspure.evaluation.paper import read_cells
+from gspure.workflow.configuration import resolved, validated
+from gspure.workflow.decisions import METHOD, STAGES, decisions, factors_of, origin, sweeps
 from tests.documentation import ROOT
 
 SUITED = {"tau_c": 3.0, "tau_n": 2.0}

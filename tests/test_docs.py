@@ -13,7 +13,7 @@ import gspure
 from gspure import constants
 from gspure.attacks import Evidence, attacks
 from gspure.attacks.registry import BUILT_IN
-from gspure.configuration import resolved, validated
+from gspure.workflow.configuration import resolved, validated
 from tests.documentation import PAGES, ROOT, blocks, edges, install_example, workflow_edges
 from tests.models import blobs
 

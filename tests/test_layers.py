@@ -12,7 +12,7 @@ import gspure
 PACKAGE = Path(gspure.__file__).parent
 TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sorted(PACKAGE.rglob("*.py"))}
 
-# A part imports from its own layer and from those above it. `sources` to `decisions` serve the Snakefile.
+# A part imports from its own layer and from those above it.
 LAYERS = (
     {"constants", "errors", "artifacts", "failures", "progress", "plugins"},
     {"model", "cameras", "images", "datasets"},
@@ -28,7 +28,7 @@ LAYERS = (
     {"attacks"},
     {"figures"},
     {"report"},
-    {"sources", "configuration", "decisions"},
+    {"workflow"},
     {"cli"},
 )
 DEPTH = {part: depth for depth, layer in enumerate(LAYERS) for part in layer}

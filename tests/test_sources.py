@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gspure import sources
 from gspure.cli import STAGES
-from gspure.sources import code_digest
+from gspure.workflow import sources
+from gspure.workflow.sources import code_digest
 
 MODULES = {
     "__init__": "from gspure.unrelated import number\n",

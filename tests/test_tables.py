@@ -14,7 +14,7 @@ from gspure.evaluation.comparison import RENDER, read_metrics, write_metrics
 from gspure.evaluation.outcomes import collect
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.summary import summarize
-from gspure.failures import mark_failed
+from gspure.failures import Failure, status_of
 from gspure.report.tables import model_table, results_markdown
 from tests.contest_cases import measured
 
@@ -184,10 +184,19 @@ def test_an_attack_that_did_not_reach_what_is_read_is_marked(tmp_path: Path) -> 
     assert [o.reached for o in read_results(tmp_path / "t.csv")] == [o.reached for o in outcomes]
 
 
-def test_what_failed_is_told_with_its_reason_instead_of_numbers(tmp_path: Path) -> None:
+def failed_job(tmp_path: Path, metrics: list[Path], reason: str) -> Path:
+    """The status of a job without which there are no such metrics."""
+    log = str(tmp_path / "attack.log")
+    Failure("attack_model", reason, log, "run.log", [str(tmp_path / "kept.npy"), *map(str, metrics)]).write()
+    return status_of(log)
+
+
+def test_a_failed_variant_has_its_reason_instead_of_numbers(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
-    mark_failed([path for path in metrics if "noise" in str(path)], "no colour: a, b", own=False)
-    outcomes = collect(metrics, verdicts=judged(metrics))
+    noise = [path for path in metrics if "noise" in str(path)]
+    status = failed_job(tmp_path, noise, "no colour: a, b")
+    finished = [path for path in metrics if path not in noise]
+    outcomes = collect(finished, verdicts=judged(finished), failures=[status])
     failed = next(o for o in outcomes if o.variant == "gaussian_noise")
     assert not failed.targets
     assert np.isnan(failed.score)
@@ -224,9 +233,9 @@ def test_views_beside_the_path_are_averaged_on_their_own(tmp_path: Path) -> None
 
 def test_a_table_of_nothing_but_failures_is_refused(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
-    mark_failed(metrics, "no room", own=False)
+    status = failed_job(tmp_path, metrics, "no room")
     with pytest.raises(InputError, match="expected metrics of some variant, found no room"):
-        collect(metrics)
+        collect([], failures=[status])
 
 
 def test_repetitions_of_a_scene_are_told_apart_and_averaged_within_it(tmp_path: Path) -> None:

@@ -269,41 +269,12 @@ def test_a_stage_deleted_by_hand_is_named_and_restored(project):
     removed = next(project.folder.glob("stages/vanilla/bot/contributions/view_5.*.npy"))
     content = removed.read_bytes()
     removed.unlink()
-    assert removed.name in project.run(OMEGA, "--forcerun", "accumulate_weights")
-    assert json.loads((project.folder / f"{OMEGA}.failed").read_text())["failures"] == 1
+    assert removed.name in project.run(OMEGA, "--forcerun", "accumulate_weights", status=1)
+    assert not (project.folder / OMEGA).exists()
     before = project.stages()
     project.run(OMEGA, "--forcerun", "measure_contributions")
     assert computed(before, project.stages()) == ["view_5"]
     assert removed.read_bytes() == content
-
-
-def test_a_model_that_cannot_be_read_stops_its_own_cells_alone_and_is_tried_again(tmp_path, started):
-    project = started.copy(tmp_path / "project")
-    (project.folder / "broken.ply").write_bytes((good := (project.folder / "bot.ply").read_bytes())[:-7])
-    broken = {"model": "broken.ply", "cameras": "views.json"}
-    project.configure({**CONFIG, "assets": {**CONFIG["assets"], "broken": broken}})
-    printed = project.run("results/report.html", "results/vanilla/broken/gspure/public/point_cloud.ply")
-    assert "gspure contributions: broken.ply: " in printed
-    with (project.folder / TABLE).open() as table:
-        rows = {(row["scene"], row["variant"]): row for row in csv.DictReader(table)}
-    assert {name for name, row in rows.items() if row["failure"]} == {("broken", v) for v in CONFIG["variants"]}
-    assert float(rows["bot", "gspure"]["psnr"]) > 0
-    page = (project.folder / "results" / "report.html").read_text()
-    assert all("broken.ply: " in text for text in (rows["broken", "gspure"]["failure"], page))
-    assert "broken.ply" in project.run("purified", status=1)
-
-    again = rules_run(project.run("purified", status=1))
-    assert again["render_target"] == 0
-    assert again["measure_contributions"] == 1
-    (project.folder / "broken.ply").write_bytes(good)
-    assert rules_run(project.run("purified"))["attack_model"] == 1
-    assert "Nothing to be done" in project.run(OMEGA.replace("bot", "broken"))
-
-
-def test_nothing_but_failures_is_no_report(tmp_path, started):
-    project = started.copy(tmp_path / "project")
-    (project.folder / "bot.ply").write_text("no model")
-    assert "metrics of some variant" in project.run(status=1)
 
 
 def test_the_renders_are_the_views_to_evaluate_and_some_beside_the_path(finished):

@@ -7,8 +7,6 @@ from statistics import mean
 import pytest
 
 from gspure.evaluation.controls import CONTROLS
-from gspure.model import write_model
-from tests.models import blobs
 from tests.test_workflow import Project, checkout, planned, rules_run  # noqa: F401
 
 pytestmark = pytest.mark.workflow
@@ -32,7 +30,7 @@ CONFIG = {
 def finished(tmp_path_factory, checkout):  # noqa: F811
     project = Project(tmp_path_factory.mktemp("schemes"), checkout)
     project.configure(CONFIG)
-    project.run(TABLE)
+    project.run(TABLE, status=1)  # degree_9 fails
     return project
 
 
@@ -96,7 +94,7 @@ def test_a_pair_is_repeated_with_other_seeds_of_training_and_attacks(finished, t
     printed = project.run(TABLE, "--dry-run", "--printshellcmds")
     jobs = planned(printed)
     assert (jobs["embed_message"], jobs["embed_nothing"], jobs.get("make_pair", 0)) == (2, 2, 0)
-    repeated = [line for line in printed.splitlines() if "raised@1" in line and " -- " in line]
+    repeated = [line for line in printed.splitlines() if "raised@1" in line and "python -m gspure" in line]
     trained = next(line for line in repeated if "embed splats_in_splats results/pairs/raised --seed 1" in line)
     assert "--out results/splats_in_splats/raised@1" in trained
     assert any("attack rigid_transform" in line and "--seed 1" in line for line in repeated)
@@ -112,7 +110,7 @@ def test_a_pair_is_repeated_with_other_seeds_of_training_and_attacks(finished, t
 def test_nothing_runs_twice_and_a_setting_of_a_pair_concerns_that_pair_alone(finished, tmp_path):
     project = finished.copy(tmp_path / "project")
     again = planned(project.run(TABLE, "--dry-run"))
-    assert again["attack_model"] == len(CONFIG["pairs"])  # that which failed is tried again
+    assert again["attack_model"] == len(CONFIG["pairs"])  # those that failed are tried again
     assert not again.keys() & {"make_pair", "embed_message", "embed_nothing", "measure_contributions", "span_tree"}
     edited = {**CONFIG, "pairs": {**CONFIG["pairs"], "front": {**CONFIG["pairs"]["front"], "seed": 1}}}
     project.configure(edited)
@@ -135,22 +133,3 @@ def test_a_message_of_photographs_is_trained_and_moved(checkout, tmp_path):  # n
     ran = rules_run(project.run("results/pairs/photos/cameras.json"))
     assert ran == {"train_message": 1, "make_pair": 1}
     assert len(list(Path(tmp_path / "results/pairs/photos/message").glob("*.png"))) == len(ring())
-
-
-def test_a_scheme_that_cannot_be_trained_here_is_told_and_the_others_are_evaluated(checkout, tmp_path):  # noqa: F811
-    (tmp_path / "absent").mkdir()
-    (tmp_path / "absent" / "torch.py").write_text(
-        "raise ModuleNotFoundError(\"No module named 'torch'\", name='torch')\n"
-    )
-    write_model(tmp_path / "bot.ply", blobs(200, sh_degree=0))
-    project = Project(tmp_path, checkout, packages=(tmp_path / "absent",))
-    assets = {"bot": {"model": "bot.ply", "cameras": "orbit", "generated": {"count": 9, "width": 32, "height": 24}}}
-    settings = {name: CONFIG[name] for name in ("method", "variants")}
-    project.configure({"assets": assets, "pairs": {"pair": SMALL}, "schemes": {"gs_hider": {}}, **settings})
-    assert "torch: package: expected PyTorch" in project.run(TABLE)
-    with (project.folder / TABLE).open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    failures = {row["failure"] for row in rows if row["scheme"] == "gs_hider" and row["variant"] in CONFIG["variants"]}
-    assert len(failures) == 1
-    assert "pip install gspure[torch]" in failures.pop()
-    assert all(row["psnr"] for row in rows if (row["scheme"], row["variant"]) == ("vanilla", "gspure"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Self
 
 import numpy as np
@@ -110,11 +110,14 @@ class Attack:
         ``function(model, rng, [evidence, ...], *, setting=default, ...) -> Attacked``: pure and deterministic. It
         names the evidence that it needs (fields of `Evidence`, or ``columns``); its keyword-only parameters are its
         settings.
+    packages : mapping of str to str
+        Optional packages that it imports, each with what pip is to install for it.
 
     """
 
     name: str
     function: Callable[..., Attacked]
+    packages: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def needs(self) -> frozenset[str]:

@@ -9,13 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, Rng, named, require
+from gspure.attacks.attack import Attack, Attacked, Rng, require
 from gspure.errors import InputError
 from gspure.model.gaussians import COLOUR, Gaussians
 from gspure.opencl.morton import morton_order
 from gspure.schemes.asset import Columns
 
 CODEC: Final = "compressed_ply"
+PACKAGES: Final = {"gsply": "gspure[compression]"}
 
 
 def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = CODEC) -> Attacked:
@@ -40,9 +41,9 @@ def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = C
     try:
         import gsply
     except ImportError as error:
-        expected = "the package gsply"
+        hint = f"pip install {PACKAGES['gsply']}"
         raise InputError(
-            "attack compression", "gsply", expected=expected, found=str(error), hint="pip install gspure[compression]"
+            "attack compression", "gsply", expected="the package gsply", found=str(error), hint=hint
         ) from None
     order = morton_order(model.means).astype(np.intp)
     sorted_model = Attacked.copied(model, order).model
@@ -86,4 +87,4 @@ def _spz(gsply: Any, parts: Any) -> Any:
 _ROUND_TRIPS: Final[dict[str, Callable[[Any, Any], Any]]] = {"compressed_ply": _compressed_ply, "spz": _spz}
 
 
-ATTACKS = named(compression)
+ATTACKS = (Attack("compression", compression, PACKAGES),)

@@ -50,7 +50,6 @@ STAGES = (
     "figures",
     "report",
     "stages",
-    "attempt",
 )
 COMMANDS = MAIN_COMMANDS + STAGES
 

@@ -45,24 +45,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write the page, without the artifacts that failed."""
+    """Write the page."""
     from gspure.evaluation.contest import read_contest
     from gspure.evaluation.matched import read_matched
     from gspure.evaluation.results import read_results
     from gspure.evaluation.survival import read_survival
-    from gspure.failures import made
     from gspure.report.page import write_report
 
     write_report(
         args.out,
         args.title,
         read_results(args.table),
-        figures=made(args.figures),
-        diagnoses=made(args.diagnosis),
+        figures=args.figures,
+        diagnoses=args.diagnosis,
         matched=read_matched(args.matched) if args.matched else [],
         survivals=read_survival(args.survival) if args.survival else [],
         contests=read_contest(args.contest) if args.contest else [],
         sources=[file for file in (args.table, args.survival, args.contest, args.matched) if file],
-        provenance=[record for record in args.provenance if made([record.with_suffix("")])],
+        provenance=args.provenance,
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, self-contained")

@@ -18,7 +18,7 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument(
-        "--metrics", type=Path, nargs="+", required=True, metavar="CSV", help="files SCHEME/SCENE/VARIANT/metrics.csv"
+        "--metrics", type=Path, nargs="*", required=True, metavar="CSV", help="files SCHEME/SCENE/VARIANT/metrics.csv"
     )
     parser.add_argument(
         "--kept",
@@ -44,6 +44,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="JSON",
         help="verdict.json of `gspure attack`, below SCHEME/SCENE/VARIANT",
     )
+    parser.add_argument(
+        "--failures",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="JSON",
+        help="statuses of failed jobs of the workflow: variants that have no metrics because of them",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per variant and target")
     parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="the same as readable tables")
     parser.add_argument("--summary", type=Path, metavar="CSV", help="means over scenes, with intervals")
@@ -58,9 +66,9 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.summary import summarize, write_summary
     from gspure.report.tables import results_markdown, summary_latex
 
-    outcomes = collect(args.metrics, args.kept, args.truth, args.verdicts)
+    outcomes = collect(args.metrics, args.kept, args.truth, args.verdicts, args.failures)
     write_results(args.out, outcomes)
-    files = (*args.metrics, *args.kept, *args.truth, *args.verdicts)
+    files = (*args.metrics, *args.kept, *args.truth, *args.verdicts, *args.failures)
     write_provenance(args.out, inputs={path.as_posix(): path for path in files}, settings={})
     write_text(args.markdown, results_markdown(outcomes))
     if args.summary:

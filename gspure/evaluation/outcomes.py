@@ -17,7 +17,7 @@ from gspure.evaluation.comparison import TRUTH, ViewMetrics, means, off_path, on
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.recall import recall
-from gspure.failures import note_of
+from gspure.failures import read_failure
 
 REFERENCE: Final = "watermarked"
 """The unattacked variant: drops are relative to it."""
@@ -51,7 +51,7 @@ class Outcome:
     """For each extraction of the message, whether the attack changed anything that it reads; empty if unknown."""
 
     failure: str = ""
-    """Why there are no metrics."""
+    """Why there are no metrics; empty if there are."""
 
     off_path: Mapping[str, ViewMetrics] = field(default_factory=dict)
     """The means of `targets` over views off the camera path; empty if there are none."""
@@ -122,6 +122,7 @@ def collect(
     kept: Sequence[Path] = (),
     truth: Sequence[Path] = (),
     verdicts: Sequence[Path] = (),
+    failures: Sequence[Path] = (),
 ) -> list[Outcome]:
     """Gather the outcomes of all variants.
 
@@ -129,13 +130,16 @@ def collect(
     ----------
     metrics : sequence of Path
         Files ``.../{scheme}/{scene}/{variant}/metrics.csv``. Scenes that end in ``@1``, ``@2``, ... are repetitions
-        with other random seeds. A job that failed has left a note in place of the file.
+        with other random seeds.
     kept : sequence of Path
         Masks ``.npy`` bool [K], true where a variant kept the row, anywhere below the variant's folder.
     truth : sequence of Path
         Masks ``.npy`` bool [K], true where a row belongs to the message, anywhere below ``{scheme}/{scene}``.
     verdicts : sequence of Path
         Files ``verdict.json`` of `gspure attack`, anywhere below the variant's folder.
+    failures : sequence of Path
+        Statuses of failed jobs (`gspure.failures`): a variant whose ``metrics.csv`` is missing because of one has
+        failed for its reason.
 
     Returns
     -------
@@ -148,9 +152,11 @@ def collect(
         If a file cannot be read, two masks of one model have different lengths, or every variant failed.
 
     """
-    outcomes = [_outcome(path, kept, truth, verdicts) for path in metrics]
-    if outcomes and all(outcome.failure for outcome in outcomes):
-        raise InputError(metrics[0], "metrics", expected="metrics of some variant", found=outcomes[0].failure)
+    failed = _failed(failures)
+    if not metrics:
+        reason = failed[0].failure if failed else "nothing"
+        raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
+    outcomes = [*(_outcome(path, kept, truth, verdicts) for path in metrics), *failed]
     outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != REFERENCE))
     return with_references(outcomes)
 
@@ -173,13 +179,26 @@ def by_model(outcomes: Iterable[Outcome]) -> list[tuple[tuple[str, str], list[Ou
     return [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.asset))]
 
 
+def _failed(statuses: Sequence[Path]) -> list[Outcome]:
+    """Return the variants without metrics; of several reasons, the first."""
+    reasons: dict[Path, str] = {}
+    for failure in map(read_failure, statuses):
+        for path in map(Path, failure.missing):
+            if path.name == "metrics.csv":
+                reasons.setdefault(path, failure.reason)
+    return [replace(_empty(path), failure=reason) for path, reason in reasons.items()]
+
+
+def _empty(path: Path) -> Outcome:
+    """Return the outcome of a file of metrics, without any number."""
+    scheme, asset, variant = path.resolve().parts[-4:-1]
+    scene, _, seed = asset.partition("@")
+    return Outcome(scheme, scene, variant, {}, {}, seed=int(seed) if seed.isdecimal() else 0)
+
+
 def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: Sequence[Path]) -> Outcome:
     folder = path.resolve().parent
-    scheme, asset, variant = folder.parts[-3:]
-    scene, _, seed = asset.partition("@")
-    outcome = Outcome(scheme, scene, variant, {}, {}, seed=int(seed) if seed.isdecimal() else 0)
-    if failure := note_of(path).reason:
-        return replace(outcome, failure=failure)
+    outcome = _empty(path)
     rows = read_metrics(path)
     targets = {mean.target: mean for mean in means(on_path(rows))}
     views = {target: sum(row.target == target for row in on_path(rows)) for target in targets}

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from gspure.errors import InputError
+from gspure.schemes.scheme import PYTORCH
 
 try:
     import torch
 except ImportError as error:
-    hint = "pip install gspure[torch]"
+    hint = f"pip install {PYTORCH['torch']}"
     raise InputError("torch", "package", expected="PyTorch", found=str(error), hint=hint) from None
 
 __all__ = ["single_threaded", "torch"]

@@ -6,7 +6,7 @@ import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -26,6 +26,9 @@ MESSAGE: Final = "message"
 
 REQUIRED: Final = frozenset({"iterations", "message_weight"})
 """Settings that every scheme has: the length of its training, and the message's share in its loss (0 hides nothing)."""
+
+PYTORCH: Final = {"torch": "gspure[torch]"}
+"""The package that schemes with networks import."""
 
 
 class Key(ABC):
@@ -74,6 +77,8 @@ class Scheme:
     signature : tuple of str
         Columns by which a public file is recognized as this scheme's; empty where it looks like vanilla 3DGS, and
         commands need ``--scheme``.
+    packages : mapping of str to str
+        Optional packages that it imports, each with what pip is to install for it.
 
     """
 
@@ -85,6 +90,7 @@ class Scheme:
     tau_c: float = TAU_C
     tau_n: float = TAU_N
     signature: tuple[str, ...] = ()
+    packages: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def settings(self) -> dict[str, Setting]:

@@ -20,7 +20,6 @@ from gspure.artifacts import load_array, read_json, replacing, save_array, write
 from gspure.cameras import read_cameras, read_points, write_cameras
 from gspure.cameras.photographs import photograph_size
 from gspure.clustering import Clusters, read_clusters, read_tree, select, spanning_tree, write_clusters
-from gspure.configuration import resolved, validated
 from gspure.contributions import Stage, read_index, read_stage, write_index
 from gspure.datasets import Archive, extract
 from gspure.errors import InputError

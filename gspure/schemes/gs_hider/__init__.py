@@ -3,8 +3,16 @@
 from gspure.schemes.gs_hider.asset import FeatureAsset
 from gspure.schemes.gs_hider.embedding import embed
 from gspure.schemes.gs_hider.key import DecoderKey
-from gspure.schemes.scheme import MESSAGE, Scheme
+from gspure.schemes.scheme import MESSAGE, PYTORCH, Scheme
 
 CARRIER = ("x", "y", "z", "semantic_*", "opacity", "scale_*", "rot_*")
 
-SCHEME = Scheme("gs_hider", embed, FeatureAsset.read, DecoderKey.read, {MESSAGE: CARRIER}, signature=("semantic_0",))
+SCHEME = Scheme(
+    "gs_hider",
+    embed,
+    FeatureAsset.read,
+    DecoderKey.read,
+    {MESSAGE: CARRIER},
+    signature=("semantic_0",),
+    packages=PYTORCH,
+)

@@ -1,7 +1,7 @@
 """SecureGS (Zhang et al. 2025) over Scaffold-GS: public anchors, of which private networks make other Gaussians."""
 
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
-from gspure.schemes.scheme import MESSAGE, Scheme
+from gspure.schemes.scheme import MESSAGE, PYTORCH, Scheme
 from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.embedding import embed
 from gspure.schemes.secure_gs.key import HiddenKey
@@ -18,4 +18,5 @@ SCHEME = Scheme(
     tau_c=ANCHOR_TAU_C,
     tau_n=ANCHOR_TAU_N,
     signature=("f_anchor_feat_0", "f_offset_0"),
+    packages=PYTORCH,
 )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from gspure.artifacts import digest
 
-_PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).parents[1]
 
 
 def code_digest(*modules: str) -> str:

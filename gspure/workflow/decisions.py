@@ -60,7 +60,7 @@ def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
     Parameters
     ----------
     variants : mapping
-        Settings by variant, each with its attack (`gspure.configuration.resolved`).
+        Settings by variant, each with its attack (`gspure.workflow.configuration.resolved`).
     among : mapping
         The scheme's decisions.
 

@@ -1,0 +1,88 @@
+# A failed job has no results, and neither has any job that needs them. Tables and report are then made of the finished
+# cells, by Snakemake in a second process, and name the missing ones with the reason.
+
+import atexit
+import subprocess
+import sys
+
+from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
+
+from gspure.failures import Failure, failures_below, reason_in, status_of, summary
+
+# In that process: the failures of the run that it follows. If a figure fails in it, a third one leaves that out, too.
+RUNS = list(filter(None, os.environ.get("GSPURE_FAILED_RUNS", "").split(os.pathsep)))
+FAILURES = [failure for failure in failures_below(Path("results/logs")) if failure.run in RUNS]
+MISSING = {path for failure in FAILURES for path in failure.missing}
+
+
+def get_finished(paths):
+    """The results that are not missing because of a failed job."""
+    return [path for path in paths if not {path, os.path.dirname(path)} & MISSING]
+
+
+def get_summaries():
+    """The jobs that make do with finished cells: the tables, and all that is made of them."""
+    tables = [job for job in workflow.dag.jobs if job.rule.name == "tabulate_metrics"]
+    return set(workflow.dag.bfs(workflow.dag.depending, *tables))
+
+
+def get_jobs(failed):
+    """The jobs of a failed group of jobs, or the one failed job."""
+    return set(failed.jobs if failed.is_group() else [failed])
+
+
+def record_failures(run):
+    """Write a status for every job of this run that failed, and delete those of jobs that succeeded."""
+    for job in workflow.dag.finished_jobs:
+        for path in job.log:
+            status_of(path).unlink(missing_ok=True)
+    return [record_failure(get_jobs(failed), run) for failed in workflow.scheduler.failed]
+
+
+def record_failure(jobs, run):
+    """Write and return the status of a failed job, or of the one that a group of jobs ended with."""
+    last = max(jobs, key=lambda job: os.path.getmtime(job.log[0]) if os.path.exists(job.log[0]) else 0)
+    unmade = jobs | set(workflow.dag.bfs(workflow.dag.depending, *jobs)) - get_summaries()
+    missing = sorted(str(path) for job in unmade for path in job.output)
+    reason = reason_in(Path(last.log[0]), last.rule.name)
+    failure = Failure(last.rule.name, reason, str(last.log[0]), run, missing)
+    failure.write()
+    return failure
+
+
+def summarize(run):
+    """Make tables and report of the finished cells."""
+    failed = set().union(*map(get_jobs, workflow.scheduler.failed))
+    waiting = {job for job in get_summaries() - failed if job.output and not workflow.dag.finished(job)}
+    last = [job for job in waiting if not waiting & workflow.dag.depending[job].keys()]
+    if not (targets := [path for job in last for path in job.output]):
+        return
+    local = ExecutorPluginRegistry().get_plugin("local").common_settings
+    settings = shlex.split(workflow.spawned_job_args_factory.general_args(local))
+    settings.remove("--no-hooks")
+    command = [sys.executable, "-m", "snakemake", *targets, "--snakefile", workflow.main_snakefile, *settings]
+    command += ["--cores", "all", "--keep-going", "--show-failed-logs", "--quiet", "host", "reason"]
+    runs = os.pathsep.join([*RUNS, run])
+    subprocess.run(command, env={**os.environ, "GSPURE_FAILED_RUNS": runs}, check=False)
+
+
+def print_failures(failures):
+    """Say which jobs failed and why, and how to try them again."""
+    count = f"{len(failures)} jobs" if len(failures) > 1 else "1 job"
+    lines = [f"gspure: {count} failed", *(f"  {line}" for line in summary(failures))]
+    if not RUNS:
+        lines.append(f"To try again: {shlex.join(['snakemake', *sys.argv[1:]])}")
+    print(*lines, sep="\n", file=sys.stderr)
+
+
+onsuccess:
+    record_failures(log[0])
+
+
+onerror:
+    failures = record_failures(log[0])
+    stopped = workflow.scheduler.running or workflow.scheduler.open_jobs
+    if workflow.execution_settings.keep_going and not stopped and len(RUNS) < 2:
+        summarize(log[0])
+    if failures:
+        atexit.register(print_failures, failures)  # after Snakemake's own last words

@@ -1,0 +1,24 @@
+# What the jobs that are to run need of this machine, checked before the first of them starts.
+
+from gspure.workflow.requirements import require_packages
+
+
+def check_requirements():
+    """Check optional packages, and the OpenCL device unless jobs run on other machines."""
+    jobs = list(workflow.dag.needrun_jobs())
+    for scheme in {job.wildcards.scheme for job in jobs if job.rule.name in ("embed_message", "embed_nothing")}:
+        require_packages(WATERMARKS[scheme].packages, f"scheme {scheme}")
+    for attack in {attack_of(job.wildcards).name for job in jobs if job.rule.name == "attack_model"}:
+        require_packages(find_attack(attack).packages, f"attack {attack}")
+    if workflow.local_exec and any("opencl_device" in job.resources.keys() for job in jobs):
+        from gspure.opencl.device import choose_device
+
+        choose_device(config["device"])
+
+
+onstart:
+    try:
+        check_requirements()
+    except InputError as error:
+        print(f"gspure: {error}", file=sys.stderr)
+        sys.exit(2)

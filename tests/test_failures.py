@@ -1,0 +1,62 @@
+"""Statuses of failed jobs: reasons from logs, files, and the command that lists them."""
+
+import pytest
+
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.failures import Failure, failures_below, read_failure, reason_in, status_of, summary
+
+REFUSAL = "gspure attack: attack crop: fraction: expected 0 to 1, found 7"
+
+
+def failure(log="results/logs/a.log", reason=REFUSAL):
+    return Failure("attack_model", reason, log, "run.log", ["results/a.npy"])
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (f"reading\n{REFUSAL}\nexit status 2\n", REFUSAL),
+        ("Traceback ...\nZeroDivisionError: division by zero\n\nexit status 1\n", "attack_model: ZeroDivisionError"),
+        ("reading\nexit status 137\n", "attack_model: ended by SIGKILL, possibly out of memory"),
+        ("reading\nexit status 139\n", "attack_model: ended by SIGSEGV"),
+        ("exit status 3\n", "attack_model: exit status 3"),
+        ("reading\n", "attack_model: stopped without an exit status"),
+        ("", "attack_model: stopped without an exit status"),
+        (None, "attack_model: stopped without an exit status"),
+    ],
+)
+def test_the_reason_of_a_failure_is_in_its_log(tmp_path, text, reason):
+    if text is not None:
+        (tmp_path / "attack.log").write_text(text)
+    found = reason_in(tmp_path / "attack.log", "attack_model")
+    assert found.startswith(reason)
+    assert "\n" not in found
+
+
+def test_a_status_lies_beside_its_log_and_is_read_back(tmp_path):
+    log = str(tmp_path / "logs" / "a" / "attack.log")
+    failure(log).write()
+    assert status_of(log) == tmp_path / "logs" / "a" / "attack.failed.json"
+    assert read_failure(status_of(log)) == failure(log)
+    assert failures_below(tmp_path) == [failure(log)]
+
+
+@pytest.mark.parametrize("content", ["[]", "{}", "no JSON", '{"rule": 1}'])
+def test_other_json_is_no_status(tmp_path, content):
+    (tmp_path / "a.failed.json").write_text(content)
+    with pytest.raises(InputError, match=r"a\.failed\.json: file: expected"):
+        failures_below(tmp_path)
+
+
+def test_failures_for_the_same_reason_are_one_line():
+    one, two, other = failure("a.log"), failure("b.log"), failure("c.log", "no room")
+    assert summary([one, other, two]) == [f"{REFUSAL} (a.log and 1 more)", "no room (c.log)"]
+
+
+def test_the_command_lists_failures_and_its_status_tells_whether_there_are_any(tmp_path, capsys):
+    assert main(["failures", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == ""
+    failure(str(tmp_path / "attack.log")).write()
+    assert main(["failures", str(tmp_path)]) == 1
+    assert REFUSAL in capsys.readouterr().out
