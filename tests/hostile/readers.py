@@ -25,7 +25,7 @@ from gspure.datasets import Archive, extract
 from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics, write_metrics
 from gspure.evaluation.results import read_results, write_results
-from gspure.failures import mark_failed, note_of
+from gspure.failures import Failure, read_failure
 from gspure.images import read_image
 from gspure.model import Gaussians, read_model, require_finite, write_model
 from gspure.model.inria import saved_iterations, training_arguments
@@ -41,6 +41,7 @@ from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
+from gspure.workflow.configuration import resolved, validated
 from tests.anchor_cases import random_asset, random_key
 from tests.contest_cases import attacked, measured
 from tests.hostile.mutations import Rng, choose, zipped
@@ -374,13 +375,14 @@ def _read_clusters(folder: Path) -> None:
 def _records(folder: Path) -> None:
     save_array(folder / "omega.npy", np.ones(3, np.float32))
     write_provenance(folder / "omega.npy", inputs={"model": folder / "omega.npy"}, settings={"reduction": "sum"})
-    mark_failed([folder / "kept.npy"], "gspure attack: model.ply: file: expected a .ply, found nothing", own=True)
+    reason = "gspure attack: model.ply: file: expected a .ply, found nothing"
+    Failure("attack_model", reason, str(folder / "attack.log"), "run.log", ["kept.npy"]).write()
     write_json(folder / "verdict.json", {"reached": {"message": True, "message_oracle": False}})
 
 
 def _read_records(folder: Path) -> None:
-    note = note_of(folder / "kept.npy")
-    assert note.failures >= 0
+    failure = read_failure(folder / "attack.failed.json")
+    assert all(isinstance(text, str) for text in (failure.reason, failure.log, *failure.missing))
     for name in ("omega.npy.json", "verdict.json"):
         read_json(folder / name)
 
@@ -512,10 +514,10 @@ READERS = (
     ),
     Reader("clusters", _clusters, _read_clusters, {"clusters.npz": "npz"}),
     Reader(
-        "records and notes",
+        "records and statuses",
         _records,
         _read_records,
-        {"omega.npy.json": "json", "kept.npy.failed": "json", "verdict.json": "json"},
+        {"omega.npy.json": "json", "attack.failed.json": "json", "verdict.json": "json"},
     ),
     Reader("metrics.csv", _metrics, _read_metrics, {"metrics.csv": "text"}),
     Reader("results.csv", _table, lambda f: read_results(f / "results.csv"), {"results.csv": "text"}),
