@@ -10,10 +10,10 @@ import time
 import numpy as np
 import pytest
 import yaml
-from PIL import Image
 
 from gspure.artifacts import read_json
 from gspure.failures import failures_below
+from gspure.images import read_image
 from gspure.model import read_model
 from tests.test_workflow import CONFIG, OMEGA, SLOW_WRITES, TABLE, Project, checkout, planned, started  # noqa: F401
 
@@ -58,7 +58,7 @@ def test_the_report_names_every_reason(failed):
 
 def test_every_file_is_what_its_name_says(failed):
     files = [path for path in (failed[0].folder / "results").rglob("*") if path.is_file()]
-    readers = {".npy": np.load, ".npz": np.load, ".ply": read_model, ".png": Image.open, ".json": read_json}
+    readers = {".npy": np.load, ".ply": read_model, ".png": read_image, ".json": read_json}
     assert {path.suffix for path in files} >= readers.keys()
     for path in files:
         if path.suffix in readers:
