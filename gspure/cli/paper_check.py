@@ -1,10 +1,8 @@
-"""``gspure paper-check``: the paper's printed numbers against what follows from its own tables."""
+"""``gspure paper-check``: the paper's printed numbers against those that follow from its own tables."""
 
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,74 +10,100 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gspure.evaluation.paper import Cell, Check
+    from gspure.report.table import Table
 
-HELP = "compare the paper's printed numbers with what follows from its tables"
+HELP = "compare the paper's printed numbers with those that follow from its tables"
 EXAMPLES = """\
   gspure paper-check
   gspure paper-check --out paper.csv     # one row per number
 """
 
-HEADER = (
-    *("place", "words", "quantity", "scheme", "variant", "target", "relation", "printed"),
-    *("recomputed", "difference", "holds", "agrees_with"),
-)
+TEXTS = ("attack", "follows")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("--out", type=Path, metavar="CSV", help="write the numbers as a table too")
+    parser.add_argument("--out", type=Path, metavar="CSV", help="also write all checks to this table")
 
 
 def run(args: argparse.Namespace) -> None:
-    """Print every check, then what else does not fit."""
+    """Print every check, then the other inconsistencies."""
+    from gspure.artifacts import write_text
     from gspure.evaluation.paper import check_claims, find_oddities, read_cells
     from gspure.evaluation.paper.checks import ROUNDING
 
     cells = read_cells()
     checks = check_claims(cells)
+    for table in (_scores(checks, cells), _others(checks)):
+        print(f"{table.title}\n\n{table.markdown()}\n")
+    print("Other inconsistencies\n")
+    print("\n".join(f"- {sentence}" for sentence in find_oddities(cells)))
     failed = sum(not check.holds for check in checks)
-    print("Scores in dB: printed, recomputed from Table 1 with the 95 % interval over its scenes, difference")
-    print("\n".join(_score_line(check, cells) for check in checks if check.claim.quantity == "score"))
-    print("\nother numbers in dB: printed, recomputed from Table 1, difference")
-    print("\n".join(_line(check) for check in checks if check.claim.quantity != "score"))
-    print("\nnot as the text or the captions say")
-    print("\n".join(f"  {sentence}" for sentence in find_oddities(cells)))
     print(f"\n{failed} of {len(checks)} numbers do not follow from Table 1 within {ROUNDING} dB")
     if args.out:
-        _write(args.out, checks)
+        write_text(args.out, _all(checks).csv())
 
 
-def _score_line(check: Check, cells: Sequence[Cell]) -> str:
+def _scores(checks: Sequence[Check], cells: Sequence[Cell]) -> Table:
+    from gspure.evaluation.names import display_name
     from gspure.evaluation.paper import score_interval
+    from gspure.report.table import interval, plain, signed
 
-    interval = score_interval(cells, check.claim.scheme, check.claim.variant)
-    numbers = f"{check.claim.value:7.2f}  {interval!s:<23}{_rounded(check.difference):+6.2f}"
-    return f"  {check.claim.scheme:<18}{check.claim.variant:<17}{numbers}{_verdict(check)}"
-
-
-def _line(check: Check) -> str:
-    bound = "<" if check.claim.relation == "<" else " "
-    numbers = f"{bound}{check.claim.value:6.2f}  {check.recomputed:6.2f}  {_rounded(check.difference):+6.2f}"
-    return f"  {numbers}  {check.claim.place}: {check.claim.words}{_verdict(check)}"
-
-
-def _rounded(difference: float) -> float:
-    return round(difference, 2) + 0.0  # no -0.00
-
-
-def _verdict(check: Check) -> str:
-    if check.holds:
-        return ""
-    return f"  DIFFERS, agrees with {check.agrees_with}" if check.agrees_with else "  DIFFERS"
+    scores = [check for check in checks if check.claim.quantity == "score"]
+    recomputed = [interval(score_interval(cells, c.claim.scheme, c.claim.variant)) for c in scores]
+    rows = [
+        [
+            display_name(c.claim.scheme),
+            display_name(c.claim.variant),
+            plain(c.claim.value),
+            f"{mean}",
+            signed(c.difference),
+            _follows(c),
+        ]
+        for c, mean in zip(scores, recomputed, strict=True)
+    ]
+    columns = ["scheme", "attack", "printed", "recomputed", "difference", "follows"]
+    return _table("Scores in dB, recomputed from Table 1 with the 95% interval over its scenes", columns, rows)
 
 
-def _write(path: Path, checks: Sequence[Check]) -> None:
-    from gspure.artifacts import write_text
+def _others(checks: Sequence[Check]) -> Table:
+    from gspure.report.table import signed
 
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(HEADER)
+    others = [check for check in checks if check.claim.quantity != "score"]
+    rows = [
+        [
+            f"{c.claim.place}: {c.claim.words}",
+            f"{'< ' if c.claim.relation == '<' else ''}{c.claim.value:.2f}",
+            f"{c.recomputed:.2f}",
+            signed(c.difference),
+            _follows(c),
+        ]
+        for c in others
+    ]
+    columns = ["place", "printed", "recomputed", "difference", "follows"]
+    return _table("Other numbers in dB, recomputed from Table 1", columns, rows)
+
+
+def _all(checks: Sequence[Check]) -> Table:
+    columns = ["place", "words", "quantity", "scheme", "variant", "target", "relation", "printed"]
+    columns += ["recomputed", "difference", "holds", "agrees_with"]
+    rows = []
     for check in checks:
-        numbers = (f"{check.claim.value:.2f}", f"{check.recomputed:.4f}", f"{check.difference:.4f}")
-        table.writerow([*check.claim[:-1], *numbers, check.holds, check.agrees_with])
-    write_text(path, text.getvalue())
+        place, words, quantity, scheme, variant, target, relation, value = check.claim
+        numbers = (f"{value:.2f}", f"{check.recomputed:.4f}", f"{check.difference:.4f}")
+        origin = (place, words, quantity, scheme, variant, target, relation)
+        rows.append([*origin, *numbers, str(check.holds), check.agrees_with])
+    return _table("Printed numbers", columns, rows)
+
+
+def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    from gspure.report.table import Cell, Column, Row, Table
+
+    headings = [Column(name, text=name in TEXTS) for name in columns]
+    return Table(title, headings, [Row([Cell(text) for text in row]) for row in rows])
+
+
+def _follows(check: Check) -> str:
+    if check.holds:
+        return "yes"
+    return f"no, agrees with {check.agrees_with}" if check.agrees_with else "no"

@@ -51,6 +51,9 @@ class Column(NamedTuple):
     group: str = ""
     """A heading shared with neighbouring columns."""
 
+    text: bool = False
+    """Whether it holds words, aligned left, like the first column."""
+
     @property
     def full_title(self) -> str:
         """The title as it is without a second line of headings."""
@@ -93,15 +96,20 @@ class Table:
         lines += [[_markdown_cell(cell) for cell in row.cells] for row in self.rows]
         lines = [[text.replace("|", r"\|") for text in line] for line in lines]
         widths = [max(3, *map(len, texts)) for texts in zip(*lines, strict=True)]
-        first, *others = widths
-        rule = ["-" * first, *("-" * (width - 1) + ":" for width in others)]
-        padded = [[line[0].ljust(first), *map(str.rjust, line[1:], others)] for line in (lines[0], rule, *lines[1:])]
+        lines.insert(
+            1,
+            ["-" * width if left else "-" * (width - 1) + ":" for width, left in zip(widths, self._left, strict=True)],
+        )
+        aligned = [str.ljust if left else str.rjust for left in self._left]
+        padded = [
+            [align(text, width) for align, text, width in zip(aligned, line, widths, strict=True)] for line in lines
+        ]
         return "\n".join(f"| {' | '.join(line)} |" for line in padded)
 
     def latex(self) -> str:
         """Return a booktabs ``tabular``, below its note as a comment."""
         lines = ["% Needs \\usepackage{booktabs}.", *(f"% {line}" for line in self.note.splitlines())]
-        lines += [r"\begin{tabular}{l" + "r" * (len(self.columns) - 1) + "}", r"\toprule"]
+        lines += [r"\begin{tabular}{" + "".join("l" if left else "r" for left in self._left) + "}", r"\toprule"]
         lines.append(_latex_row(column.full_title for column in self.columns))
         for i, row in enumerate(self.rows):
             lines += [r"\midrule"] * (row.begins or not i) + [_latex_row(map(str, row.cells))]
@@ -111,6 +119,11 @@ class Table:
         """Return rows below their titles as CSV."""
         rows = ([str(cell) for cell in row.cells] for row in self.rows)
         return csv_text([column.full_title for column in self.columns], rows)
+
+    @property
+    def _left(self) -> list[bool]:
+        """Whether each column is aligned left."""
+        return [column.text or not i for i, column in enumerate(self.columns)]
 
 
 def markdown_document(sections: Mapping[str, Sequence[Table]]) -> str:
@@ -156,7 +169,7 @@ def plain(value: float) -> str:
 
 def signed(value: float) -> str:
     """Return a difference with its sign; – if it is unknown or infinite."""
-    return f"{value:+.2f}".replace("-", "−") if isfinite(value) else UNKNOWN
+    return f"{value:+.2f}".replace("-0.00", "+0.00").replace("-", "−") if isfinite(value) else UNKNOWN
 
 
 def _html_row(cells: Iterable[str], kind: str = "") -> str:

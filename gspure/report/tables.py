@@ -88,9 +88,9 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     columns = [
         Column("variant"),
         *(Column(m.title, display_name(target)) for target in targets for m in METRICS.values()),
-        *(Column(display_name(target), "PSNR off path") for target in off_path),
-        *(Column(name.removesuffix("_share")) for name in shares),
         *(Column(display_name(target), "Score") for target in extractions),
+        *(Column(name.removesuffix("_share")) for name in shares),
+        *(Column(display_name(target), "PSNR off path") for target in off_path),
     ]
     rows = []
     for o in measured:
@@ -100,9 +100,9 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
         cells = [
             Cell(display_name(o.variant)),
             *(cell for target in targets for cell in _metrics(o, target)),
-            *(metric(o.off_path[target].psnr) if target in o.off_path else Cell() for target in off_path),
-            *(share(getattr(o, name)) for name in shares),
             *scores,
+            *(share(getattr(o, name)) for name in shares),
+            *(metric(o.off_path[target].psnr) if target in o.off_path else Cell() for target in off_path),
         ]
         rows.append(Row(cells, "control" if o.is_control else "best" if is_best else ""))
     missed = any("†" in cell.text for row in rows for cell in row.cells)
@@ -180,7 +180,8 @@ def matched_table(matched: Sequence[Matched]) -> Table:
 
 def summary_table(rows: Sequence[Summary]) -> Table:
     """Return the means over scenes, with what the paper prints for its own scenes."""
-    columns = [Column(title) for title in ("Scheme", "Attack", "Scenes", "Scene", "Message", "Score", "Score [paper]")]
+    numbers = ("Scenes", "Scene", "Message", "Score", "Score [paper]")
+    columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, numbers)]
     body = []
     for scheme, group in groupby(rows, key=lambda row: row.scheme):
         for i, row in enumerate(group):

@@ -1,7 +1,7 @@
-"""The paper's printed numbers (Huang et al. 2026), as data: to stand beside our own, and to be recomputed.
+"""The paper's printed numbers (Huang et al. 2026) as data: references beside our own results, and input of a check.
 
-``cells.csv`` holds every cell of Tables 1 to 3 with the row and the column it is printed in, ``claims.csv`` the numbers
-of the running text that follow from them. Fig. 5 prints curves without numbers. They are references, never targets.
+``cells.csv`` holds every cell of Tables 1 to 3 with its printed row and column, ``claims.csv`` the numbers of the text
+that follow from them. Fig. 5 prints curves without numbers. The numbers are references, never targets.
 """
 
 from gspure.evaluation.paper.cells import Cell, read_cells

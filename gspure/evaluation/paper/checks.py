@@ -1,18 +1,17 @@
-"""Printed numbers against what follows from the cells of Table 1."""
+"""Printed numbers against the values that follow from the cells of Table 1."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from gspure.evaluation.outcomes import REFERENCE
-from gspure.evaluation.paper.cells import ATTACKS, PSNR, SCHEMES, SCORE, TARGETS, Cell, read_rows
+from gspure.evaluation.outcomes import GSPURE, REFERENCE
+from gspure.evaluation.paper.cells import ATTACKS, DATA, PSNR, SCHEMES, SCORE, TARGETS, Cell
 from gspure.evaluation.paper.quantities import QUANTITIES, Means, ablations, printed_scores, table_1
+from gspure.evaluation.records import read_records
 
 ROUNDING: Final = 0.02
-"""Ours, dB: a Score of four means that were rounded to 0.01 each can be off by this much."""
-
-OURS: Final = "gspure"
+"""Ours, dB: the error of a Score of four means that are rounded to 0.01 each."""
 
 
 class Claim(NamedTuple):
@@ -28,23 +27,23 @@ class Claim(NamedTuple):
     """One of `gspure.evaluation.paper.quantities.QUANTITIES`."""
 
     scheme: str
-    """Empty where the paper speaks of all schemes: then the largest value counts."""
+    """Empty if the paper refers to all schemes; then the largest value counts."""
 
     variant: str
     target: str
     relation: str
-    """``=``, or ``<`` where the paper gives a bound."""
+    """``=``, or ``<`` if the paper gives a bound."""
 
     value: float
 
 
 class Check(NamedTuple):
-    """A claim and what Table 1 says."""
+    """A claim, and the value that follows from Table 1."""
 
     claim: Claim
     recomputed: float
     agrees_with: str
-    """If it does not hold: from what else the printed number follows, empty if from nothing known."""
+    """If it does not hold: another source that the printed number follows from; empty if none is known."""
 
     @property
     def difference(self) -> float:
@@ -67,21 +66,16 @@ def read_claims(cells: Sequence[Cell]) -> list[Claim]:
     repeated = [
         Claim(f"Table {c.table}", f"{c.row}, {c.column}", PSNR, c.scheme, c.variant, c.target, "=", c.value)
         for c in cells
-        if c.table > 1 and c.metric == PSNR and c.variant == OURS
+        if c.table > 1 and c.metric == PSNR and c.variant == GSPURE
     ]
-    return [*scores, *repeated, *map(_claim, read_rows("claims.csv"))]
+    return [*scores, *repeated, *read_records(DATA / "claims.csv", Claim)]
 
 
 def check_claims(cells: Sequence[Cell]) -> list[Check]:
     """Return every claim with its recomputed value."""
     means = table_1(cells)
-    found = [Check(claim, _recompute(claim, means), "") for claim in read_claims(cells)]
-    return [check if check.holds else check._replace(agrees_with=_agreement(check.claim, cells)) for check in found]
-
-
-def _claim(printed: dict[str, str]) -> Claim:
-    place, words, quantity, scheme, variant, target, relation, value = printed.values()
-    return Claim(place, words, quantity, scheme, variant, target, relation, float(value))
+    checks = [Check(claim, _recompute(claim, means), "") for claim in read_claims(cells)]
+    return [check if check.holds else check._replace(agrees_with=_agreement(check.claim, cells)) for check in checks]
 
 
 def _recompute(claim: Claim, means: Means) -> float:
@@ -96,7 +90,7 @@ def _agreement(claim: Claim, cells: Sequence[Cell]) -> str:
 
 
 def _other_sources(claim: Claim, cells: Sequence[Cell]) -> Iterator[tuple[str, float]]:
-    """Yield where else the printed number may come from, and what it would be then."""
+    """Yield other sources of a printed number, with the value that follows from each."""
     means = table_1(cells)
     if claim.place not in {"Table 2", "Table 3"}:
         yield "GSPure's means in Tables 2 and 3", _recompute(claim, {**means, **ablations(cells)})

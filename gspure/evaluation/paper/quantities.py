@@ -1,4 +1,4 @@
-"""What the paper derives from its tables, derived again."""
+"""The quantities that the paper derives from its tables, recomputed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def table_1(cells: Sequence[Cell]) -> dict[tuple[str, str, str], float]:
 
 
 def ablations(cells: Sequence[Cell]) -> dict[tuple[str, str, str], float]:
-    """Return the means of Tables 2 and 3, which print GSPure's a second time."""
+    """Return the means of Tables 2 and 3, which repeat those of GSPure."""
     return {(c.scheme, c.variant, c.target): c.value for c in cells if c.table > 1 and c.metric == PSNR}
 
 
@@ -43,22 +43,22 @@ def psnr(means: Means, scheme: str, variant: str, target: str) -> float:
 
 
 def drop(means: Means, scheme: str, variant: str, target: str) -> float:
-    """Return how far a mean PSNR lies below that of the unattacked model, dB."""
+    """Return the drop of a mean PSNR from that of the unattacked model, dB."""
     return means[scheme, REFERENCE, target] - means[scheme, variant, target]
 
 
 def score(means: Means, scheme: str, variant: str, _target: str = "") -> float:
-    r"""Return the Score, :math:`\Delta PSNR_{message} - \Delta PSNR_{scene}`: of the means, as well as their mean."""
+    r"""Return :math:`\Delta PSNR_{message} - \Delta PSNR_{scene}`; the Score of the means is the mean of the Scores."""
     return drop(means, scheme, variant, MESSAGE) - drop(means, scheme, variant, SCENE)
 
 
 def lead(means: Means, scheme: str, variant: str, target: str) -> float:
-    """Return by how much a mean PSNR lies below the lowest of the other attacks, dB."""
+    """Return how far a mean PSNR lies below the lowest of the other attacks, dB."""
     return min(means[scheme, other, target] for other in ATTACKS if other != variant) - means[scheme, variant, target]
 
 
 def score_lead(means: Means, scheme: str, variant: str, _target: str = "") -> float:
-    """Return by how much a Score lies above the highest of the other attacks, dB."""
+    """Return how far a Score lies above the highest of the other attacks, dB."""
     return score(means, scheme, variant) - max(score(means, scheme, other) for other in ATTACKS if other != variant)
 
 
@@ -72,7 +72,7 @@ QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
 
 
 def score_interval(cells: Sequence[Cell], scheme: str, variant: str) -> Interval:
-    """Return the mean Score of Table 1 with its interval over the nine scenes, of which the paper prints none."""
+    """Return the mean Score of Table 1 with its interval over the nine scenes, which the paper does not print."""
     before, after = ({t: by_scene(cells, scheme, v, t) for t in TARGETS} for v in (REFERENCE, variant))
     drops = {t: {scene: before[t][scene] - after[t][scene] for scene in after[t]} for t in TARGETS}
     return mean_interval([[drops[MESSAGE][scene] - drops[SCENE][scene]] for scene in drops[SCENE]])

@@ -1,0 +1,37 @@
+"""The numbers of all tables on a fixed benchmark: no rearrangement of the code may change a digit."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from gspure.evaluation.contest import contest, write_contest
+from gspure.evaluation.matched import match, write_matched
+from gspure.evaluation.results import write_results
+from gspure.evaluation.summary import summarize, write_summary
+from gspure.evaluation.survival import survival, write_survival
+from tests.contest_cases import benchmark
+
+SWEEPS = {"gspure": ["gspure", "tau_2"], "pruning": ["weak", "strong"]}
+
+CELLS = {  # SHA-256 of all rows below the header, as of version 0.1.0
+    "contest.csv": "f86b9a9a62c98402",
+    "matched.csv": "b2cbe6b22e7b87fd",
+    "results.csv": "7cd195a2a67616c9",
+    "summary.csv": "e56c22dc5f78cfcd",
+    "survival.csv": "d09b7403ca265f8c",
+}
+
+
+def test_the_cells_of_all_tables_are_those_of_the_first_version(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    variants = ("gspure", "tau_2", "weak", "strong", "gof")
+    drops = {f"s{i}": {name: tuple(rng.uniform(0, 20, 2).round(3).tolist()) for name in variants} for i in range(7)}
+    outcomes = benchmark(drops, seeds=2)
+    write_results(tmp_path / "results.csv", outcomes)
+    write_summary(tmp_path / "summary.csv", summarize(outcomes))
+    write_matched(tmp_path / "matched.csv", match(outcomes, SWEEPS))
+    write_contest(tmp_path / "contest.csv", contest(outcomes, SWEEPS))
+    write_survival(tmp_path / "survival.csv", survival(outcomes))
+    tables = {path.name: path.read_text().partition("\n")[2].encode() for path in tmp_path.iterdir()}
+    assert {name: hashlib.sha256(cells).hexdigest()[:16] for name, cells in tables.items()} == CELLS
