@@ -13,7 +13,7 @@ from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, means, pair_images, read_metrics, write_metrics
 from gspure.evaluation.metrics import gaussian_window, psnr, ssim
-from gspure.evaluation.recall import adjusted_rand_index, recall
+from gspure.evaluation.recall import recall
 from gspure.images import read_image, write_image
 from tests.contest_cases import measured
 
@@ -219,18 +219,3 @@ def test_precision_of_nothing_pruned_is_unknown() -> None:
 def test_masks_of_different_models_are_refused() -> None:
     with pytest.raises(InputError, match=r"length: expected \[3\], found \[4\]"):
         recall(np.zeros(3, bool), np.zeros(4, bool))
-
-
-@settings(deadline=None)  # scikit-learn is imported on the first example
-@given(st.integers(0, 60).flatmap(lambda n: st.tuples(*[hnp.arrays(np.int32, n, elements=st.integers(-1, 4))] * 2)))
-def test_adjusted_rand_index_is_that_of_scikit_learn(labels: tuple[np.ndarray, np.ndarray]) -> None:
-    from sklearn.metrics import adjusted_rand_score
-
-    assert adjusted_rand_index(*labels) == pytest.approx(adjusted_rand_score(*labels), abs=1e-12)
-
-
-def test_adjusted_rand_index_ignores_names_and_is_zero_on_average_for_random_groups() -> None:
-    rng = np.random.default_rng(0)
-    assert adjusted_rand_index(np.array([0, 0, 1, -1]), np.array([5, 5, 2, 0])) == 1.0
-    random = [adjusted_rand_index(rng.integers(0, 5, 200), rng.integers(0, 5, 200)) for _ in range(200)]
-    assert abs(np.mean(random)) < 0.005

@@ -49,19 +49,13 @@ def _scores(checks: Sequence[Check], cells: Sequence[Cell]) -> Table:
     from gspure.evaluation.paper import score_interval
     from gspure.report.table import interval, plain, signed
 
-    scores = [check for check in checks if check.claim.quantity == "score"]
-    recomputed = [interval(score_interval(cells, c.claim.scheme, c.claim.variant)) for c in scores]
-    rows = [
-        [
-            display_name(c.claim.scheme),
-            display_name(c.claim.variant),
-            plain(c.claim.value),
-            f"{mean}",
-            signed(c.difference),
-            _follows(c),
-        ]
-        for c, mean in zip(scores, recomputed, strict=True)
-    ]
+    rows = []
+    for check in checks:
+        claim = check.claim
+        if claim.quantity == "score":
+            names = [display_name(claim.scheme), display_name(claim.variant)]
+            recomputed = interval(score_interval(cells, claim.scheme, claim.variant))
+            rows.append([*names, plain(claim.value), str(recomputed), signed(check.difference), _follows(check)])
     columns = ["scheme", "attack", "printed", "recomputed", "difference", "follows"]
     return _table("Scores in dB, recomputed from Table 1 with the 95% interval over its scenes", columns, rows)
 

@@ -1,1 +1,1 @@
-"""Evaluation: image metrics, agreement with a known truth, and tables."""
+"""Evaluation: image metrics, survival of the message, comparison of attacks, as records in CSV files."""

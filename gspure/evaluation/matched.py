@@ -15,7 +15,6 @@ from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import (
     MATCHED_DAMAGES,
     Interval,
-    NotReached,
     by_scene,
     matched_message_drop,
     mean_interval,
@@ -92,7 +91,7 @@ def drop_within(points: Sequence[Drops], damage: float) -> tuple[float, bool]:
     """
     scene, message = np.array([UNATTACKED, *points]).T
     drop = matched_message_drop(scene, message, damage)
-    return (float(message.max()), drop is NotReached.TOO_GENTLE) if isinstance(drop, NotReached) else (drop, False)
+    return (float(message.max()), True) if drop is None else (drop, False)
 
 
 def write_matched(path: Path, rows: Iterable[Matched]) -> None:

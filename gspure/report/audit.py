@@ -130,8 +130,8 @@ def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests:
 
 
 def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival], contests: Sequence[Contest]) -> Audit:
-    own = {variant: row for (extraction, variant), row in left.items() if extraction == MESSAGE}
-    attacks = sorted((row for row in own.values() if row.variant != REFERENCE), key=_damage)
+    by_variant = {variant: row for (extraction, variant), row in left.items() if extraction == MESSAGE}
+    attacks = sorted((row for row in by_variant.values() if row.variant != REFERENCE), key=_damage)
     judged = [row for row in attacks if row.present and row.reached is not False]
     cells = {(o.scene, o.seed) for o in outcomes if not o.failure}
     scenes = {scene for scene, _ in cells}
@@ -141,13 +141,13 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         scenes=len(scenes),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.asset for o in outcomes}),
-        verdict="judged" if judged else _why_not_judged(outcomes, own),
+        verdict="judged" if judged else _why_not_judged(outcomes, by_variant),
         attacks=judged or attacks,
-        before=own.get(REFERENCE),
-        gspure=own.get(GSPURE),
+        before=by_variant.get(REFERENCE),
+        gspure=by_variant.get(GSPURE),
         other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != MESSAGE],
         not_reached=[row for row in attacks if row.reached is False],
-        scene_psnr=[] if own else _scene_psnr(outcomes),
+        scene_psnr=[] if by_variant else _scene_psnr(outcomes),
         against_photographs=all(o.against_truth for o in outcomes),
         off_path=_off_path([o for o in outcomes if o.variant == GSPURE]),
         random={c.quantity: c.difference for c in as_run if c.rival == RANDOM},
@@ -156,18 +156,18 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
     )
 
 
-def _why_not_judged(outcomes: Sequence[Outcome], own: Mapping[str, Survival]) -> Verdict:
+def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Survival]) -> Verdict:
     if all(o.failure for o in outcomes):
         return "failed"
     if not any(MESSAGE in o.targets for o in outcomes):
         return "no key"
-    if not own:
+    if not by_variant:
         return "no controls"
-    if REFERENCE not in own:
+    if REFERENCE not in by_variant:
         return "no reference"
-    if not any(row.above_floor for row in own.values()):
+    if not any(row.above_floor for row in by_variant.values()):
         return "no controls"
-    return "not touched" if any(row.present for row in own.values()) else "not present"
+    return "not touched" if any(row.present for row in by_variant.values()) else "not present"
 
 
 def _rivals(contests: Sequence[Contest]) -> Rivals | None:
@@ -193,7 +193,7 @@ def _rivals(contests: Sequence[Contest]) -> Rivals | None:
 
 
 def _off_path(gspure: Sequence[Outcome]) -> OffPath | None:
-    """Return what GSPure removes as seen from views on which its decision does not rest."""
+    """Return what GSPure removes as seen off the camera path; its decision rests on views on the path."""
     sides = (gspure, [o.seen_off_path() for o in gspure])
     on, off = ([_drop(side, target) for target in (MESSAGE, SCENE)] for side in sides)
     drops = [drop for drop in (*off, *on) if drop]

@@ -96,20 +96,15 @@ class Table:
         lines += [[_markdown_cell(cell) for cell in row.cells] for row in self.rows]
         lines = [[text.replace("|", r"\|") for text in line] for line in lines]
         widths = [max(3, *map(len, texts)) for texts in zip(*lines, strict=True)]
-        lines.insert(
-            1,
-            ["-" * width if left else "-" * (width - 1) + ":" for width, left in zip(widths, self._left, strict=True)],
-        )
-        aligned = [str.ljust if left else str.rjust for left in self._left]
-        padded = [
-            [align(text, width) for align, text, width in zip(aligned, line, widths, strict=True)] for line in lines
-        ]
+        signs = [f"<{width}" if words else f">{width}" for width, words in zip(widths, self._words, strict=True)]
+        rule = ["-" * (width - 1) + "-:"[not words] for width, words in zip(widths, self._words, strict=True)]
+        padded = [map(format, line, signs) for line in (lines[0], rule, *lines[1:])]
         return "\n".join(f"| {' | '.join(line)} |" for line in padded)
 
     def latex(self) -> str:
         """Return a booktabs ``tabular``, below its note as a comment."""
         lines = ["% Needs \\usepackage{booktabs}.", *(f"% {line}" for line in self.note.splitlines())]
-        lines += [r"\begin{tabular}{" + "".join("l" if left else "r" for left in self._left) + "}", r"\toprule"]
+        lines += [r"\begin{tabular}{" + "".join("l" if words else "r" for words in self._words) + "}", r"\toprule"]
         lines.append(_latex_row(column.full_title for column in self.columns))
         for i, row in enumerate(self.rows):
             lines += [r"\midrule"] * (row.begins or not i) + [_latex_row(map(str, row.cells))]
@@ -121,8 +116,8 @@ class Table:
         return csv_text([column.full_title for column in self.columns], rows)
 
     @property
-    def _left(self) -> list[bool]:
-        """Whether each column is aligned left."""
+    def _words(self) -> list[bool]:
+        """Whether each column holds words."""
         return [column.text or not i for i, column in enumerate(self.columns)]
 
 

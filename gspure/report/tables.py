@@ -67,12 +67,12 @@ def scheme_tables(
         (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
         (matched_table, matched),
     ]
-    own = [(kind, [row for row in rows if row.scheme == scheme]) for kind, rows in kinds]
-    extractions = ordered({row.extraction for _, rows in own for row in rows})
+    of_scheme = [(kind, [row for row in rows if row.scheme == scheme]) for kind, rows in kinds]
+    extractions = ordered({row.extraction for _, rows in of_scheme for row in rows})
     return [
         kind(chosen)
         for extraction in extractions
-        for kind, rows in own
+        for kind, rows in of_scheme
         if (chosen := [row for row in rows if row.extraction == extraction])
     ]
 
@@ -179,7 +179,7 @@ def matched_table(matched: Sequence[Matched]) -> Table:
 
 
 def summary_table(rows: Sequence[Summary]) -> Table:
-    """Return the means over scenes, with what the paper prints for its own scenes."""
+    """Return the means over scenes, with what the paper prints for its of_scheme scenes."""
     numbers = ("Scenes", "Scene", "Message", "Score", "Score [paper]")
     columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, numbers)]
     body = []

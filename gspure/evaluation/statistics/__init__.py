@@ -1,7 +1,7 @@
-"""How sure a number is: intervals over scenes and seeds, paired tests, detectability, comparison at equal damage.
+"""Statistics: intervals over scenes and seeds, paired tests, detectability, comparison at equal damage.
 
-The scene is the unit everywhere. Views of a scene and seeds of one embedding have it in common and are no independent
-evidence, so they are averaged within scenes, resampled within scenes, and change their signs together.
+The scene is the unit everywhere. Views of a scene and seeds of one embedding share the scene and are not independent,
+so they are averaged within scenes, resampled within scenes, and change their signs together.
 """
 
 from gspure.evaluation.statistics.cells import Cells, by_scene, differences
@@ -10,9 +10,7 @@ from gspure.evaluation.statistics.intervals import LEVEL, Interval, known_interv
 from gspure.evaluation.statistics.significance import PairedTest, holm, paired_test
 from gspure.evaluation.statistics.tradeoff import (
     MATCHED_DAMAGES,
-    NotReached,
     matched_message_drop,
-    matched_score,
     pareto_front,
 )
 
@@ -22,7 +20,6 @@ __all__ = [
     "Cells",
     "Detectability",
     "Interval",
-    "NotReached",
     "PairedTest",
     "by_scene",
     "detectability",
@@ -30,7 +27,6 @@ __all__ = [
     "holm",
     "known_interval",
     "matched_message_drop",
-    "matched_score",
     "mean_interval",
     "paired_test",
     "pareto_front",

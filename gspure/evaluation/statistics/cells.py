@@ -1,4 +1,4 @@
-"""Results by scene and seed, brought into the shape of the statistics: one array per scene, of its seeds."""
+"""Numbers by scene and seed, grouped as the statistics take them: one array of seeds per scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Groups = list[NDArray[np.float64]]
 
 
 def by_scene(cells: Cells) -> Groups:
-    """Return the cells as one array per scene, of all its seeds; scenes and seeds in sorted order."""
+    """Return one array per scene with the values of its seeds; scenes and seeds in sorted order."""
     scenes: dict[str, list[float]] = {}
     for scene, seed in sorted(cells):
         scenes.setdefault(scene, []).append(cells[scene, seed])
@@ -24,14 +24,12 @@ def by_scene(cells: Cells) -> Groups:
 
 
 def differences(a: Cells, b: Cells) -> Groups:
-    """Return ``a - b`` in every cell that both have, as one array per scene."""
+    """Return ``a - b`` for the cells of both, as one array per scene."""
     return by_scene({cell: a[cell] - b[cell] for cell in a.keys() & b.keys()})
 
 
 def checked(values: Sequence[ArrayLike]) -> Groups:
-    """Return the values in an order that does not depend on how scenes and seeds were listed.
-
-    Equal data then gives equal bits, whatever the resampling draws.
+    """Return the values in a canonical order, so that equal data gives equal bits in any order of scenes and seeds.
 
     Raises
     ------

@@ -1,11 +1,11 @@
-r"""Whether what an extractor shows after an attack can still be told from what it shows where there is no message.
+r"""Detectability: how well the extracted message separates attacked models from negative controls.
 
-The statistic is any number that is higher the more of the message is there, as the PSNR of the extracted message. The
-area under its ROC curve is the probability that an attacked asset exceeds a negative control,
+The statistic is any number that grows with what is left of the message, such as the PSNR of the extracted message. The
+area under its ROC curve (AUC) is the probability that an attacked model exceeds a negative control,
 
 .. math:: \theta = P(X > Y) + \tfrac{1}{2} P(X = Y)
 
-(Mann and Whitney 1947; Hanley and McNeil 1982): 1 if the two never mix, 1/2 if the attack left nothing to detect.
+(Mann and Whitney 1947; Hanley and McNeil 1982): 1 if the two never overlap, 1/2 if nothing is left to detect.
 """
 
 from __future__ import annotations
@@ -26,13 +26,14 @@ class Detectability(NamedTuple):
     auc: float
     low: float
     high: float
-
     assets: int
+    """Number of attacked models."""
+
     controls: int
 
 
 def detectability(assets: ArrayLike, controls: ArrayLike) -> Detectability:
-    r"""Return how well a statistic tells attacked assets from negative controls.
+    r"""Return how well a statistic separates attacked models from negative controls.
 
     The interval holds every :math:`\theta` that the data does not reject, by the variance of Hanley and McNeil with
     both counts replaced by their mean,
@@ -41,20 +42,20 @@ def detectability(assets: ArrayLike, controls: ArrayLike) -> Detectability:
         \frac{\theta (1 - \theta)}{mn} \left[ 1 + N \frac{1 - \theta}{2 - \theta} + N \frac{\theta}{1 + \theta} \right],
         \quad N = \frac{m + n}{2} - 1
 
-    (Newcombe 2006, method 5). So it does not shrink to a point when all assets exceed all controls, as Wald
-    intervals do: three against three leave it at 0.50 to 1.
+    (Newcombe 2006, method 5). Unlike a Wald interval, it does not shrink to a point if every model exceeds every
+    control: for three against three it is 0.50 to 1.
 
     Parameters
     ----------
     assets : array [m]
-        One value per attacked asset, of which each is independent of the others: not one per view.
+        One value per attacked model; values must be independent, so not one per view.
     controls : array [n]
-        One value per control: wrong keys, clean models, foreign models. Infinities are fine.
+        One value per control. Infinities are permitted.
 
     Raises
     ------
     InputError
-        If one of the two is empty or holds NaN.
+        If one of them is empty or holds NaN.
 
     """
     x, y = _numbers("assets", assets), _numbers("controls", controls)
@@ -75,7 +76,7 @@ def _low(auc: float, m: int, n: int) -> float:
         spread = 1 + pairs * (1 - theta) / (2 - theta) + pairs * theta / (1 + theta)
         return auc - theta - z * math.sqrt(theta * (1 - theta) * spread / (m * n))
 
-    highest = min(auc, 1 - 1e-12)  # at 1 the variance is 0, a root that says nothing
+    highest = min(auc, 1 - 1e-12)  # at 1 the variance is 0: a spurious root
     return float(brentq(excess, 0.0, highest)) if auc > 0 else 0.0
 
 

@@ -1,18 +1,18 @@
 r"""Bootstrap intervals of a mean over scenes and seeds.
 
 Scenes are drawn with replacement, then seeds within each drawn scene (Efron and Tibshirani 1993, §8; Davison and
-Hinkley 1997, §3.8). The second draw counts the spread between seeds twice, which errs on the wide side.
+Hinkley 1997, §3.8). The second draw counts the spread between seeds twice, so the intervals are slightly too wide.
 
-The plain percentile interval is too narrow for few scenes. So its tails are those of the expanded percentile interval
-(Hesterberg 2015),
+The plain percentile interval is too narrow for few scenes. The tails are therefore those of the expanded percentile
+interval (Hesterberg 2015),
 
 .. math:: \frac{\alpha'}{2} = \Phi\left(-\sqrt{\frac{n}{n-1}}\, t_{1-\alpha/2,\, n-1}\right),
 
-which for normal data amounts to Student's interval.
+which for normal data is close to Student's interval.
 
-No resampling helps where there is next to nothing to resample. The smallest and the largest of :math:`n` independent
-scenes enclose the median of all scenes with probability :math:`1 - 2^{1-n}`, whatever their distribution; below six
-scenes that is less than 95 %, and then this range is given for what it is.
+With very few scenes there is too little to resample. The smallest and the largest of :math:`n` independent scenes
+enclose the median of all scenes with probability :math:`1 - 2^{1-n}`, whatever their distribution. Below six scenes that
+is less than 95 %; the range is then returned with that probability.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from numpy.typing import ArrayLike
 from gspure.evaluation.statistics.cells import Cells, Groups, by_scene, checked
 
 LEVEL: Final = 0.95
-"""Nominal probability that an interval covers what it estimates."""
+"""Nominal coverage of an interval."""
 
 RESAMPLES: Final = 10_000
-"""Ours. The tails of six scenes then still hold some 20 resamples."""
+"""Ours. The tails of six scenes then hold some 20 resamples."""
 
 SEED: Final = 0
 
 
 class Interval(NamedTuple):
-    """A mean, and where it would lie had other scenes and seeds been drawn."""
+    """A mean with its interval over scenes and seeds."""
 
     mean: float
-    """The mean of the scenes' means: each scene counts the same, however many seeds it has."""
+    """The mean of the scenes' means: every scene counts the same, whatever its number of seeds."""
 
     low: float
     high: float
 
     level: float
-    """`LEVEL` for a bootstrap interval; less for a range of few scenes, and 0 for a single one."""
+    """`LEVEL` for a bootstrap interval; lower for a range of few scenes, and 0 for a single one."""
 
     scenes: int
 
@@ -54,13 +54,6 @@ class Interval(NamedTuple):
         """Whether all of the interval has one sign; below six scenes, whether all scenes have it."""
         return self.low > 0 or self.high < 0
 
-    def __str__(self) -> str:
-        if self.level >= LEVEL:
-            return f"{self.mean:.2f} [{self.low:.2f}, {self.high:.2f}]"
-        if self.scenes == 1:
-            return f"{self.mean:.2f} (one scene)"
-        return f"{self.mean:.2f} ({self.scenes} scenes: {self.low:.2f} to {self.high:.2f})"
-
 
 def mean_interval(values: Sequence[ArrayLike]) -> Interval:
     """Return the mean over scenes with its interval.
@@ -68,18 +61,18 @@ def mean_interval(values: Sequence[ArrayLike]) -> Interval:
     Parameters
     ----------
     values : sequence of array [seeds]
-        For every scene the values of its seeds; scenes may have different numbers of seeds.
+        The values of the seeds of every scene; scenes may have different numbers of seeds.
 
     Returns
     -------
     Interval
         From six scenes on, the expanded percentile interval at `LEVEL`. With fewer, the range of the scenes' means,
-        with the probability at which that encloses the median scene: 75 % for three, 94 % for five.
+        with the probability that it encloses the median scene: 75 % for three, 94 % for five.
 
     Raises
     ------
     InputError
-        If there is nothing to average, or a value is not finite.
+        If there is no value, or one is not finite.
 
     """
     groups = checked(values)
@@ -93,7 +86,7 @@ def mean_interval(values: Sequence[ArrayLike]) -> Interval:
 
 
 def known_interval(cells: Cells) -> Interval | None:
-    """Return the mean over scenes of the finite numbers, with its interval; None if there are none."""
+    """Return the mean over scenes of the finite values with its interval; None if there are none."""
     known = by_scene({cell: value for cell, value in cells.items() if math.isfinite(value)})
     return mean_interval(known) if known else None
 

@@ -1,8 +1,8 @@
-r"""Whether one attack does better than another: a paired test over scenes, and its correction for many of them.
+r"""Paired tests of two attacks over scenes, and the correction for many of them.
 
-Under the null hypothesis that the two attacks are exchangeable, every scene's difference might as well have had the
-other sign (Fisher 1935; Efron and Tibshirani 1993, §15). Seeds of one scene share that scene, so they change their sign
-together: flipping them one by one would take repetition for evidence.
+Under the null hypothesis that the two attacks are exchangeable, the difference in each scene has either sign with equal
+probability (Fisher 1935; Efron and Tibshirani 1993, §15). Seeds of one scene share that scene, so they change their
+sign together; flipping them one by one would count repetitions as evidence.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from gspure.errors import InputError
 from gspure.evaluation.statistics.cells import checked
 
 DRAWS: Final = 2**16
-"""Ours. Up to 16 scenes these are all possible signs; of more scenes as many are drawn."""
+"""Ours. Up to 16 scenes this is every combination of signs; for more scenes, as many are drawn."""
 
 SEED: Final = 0
 
@@ -29,10 +29,10 @@ class PairedTest(NamedTuple):
     """The mean of the scenes' mean differences."""
 
     p: float
-    """Two-sided: how often signs at random give a mean at least as far from 0."""
+    """Two-sided: share of random signs whose mean is at least as far from 0."""
 
     smallest_p: float
-    """What `p` could at best have been: with few scenes no difference is significant, however large."""
+    """The smallest `p` possible: with few scenes no difference is significant, however large."""
 
     scenes: int
 
@@ -43,19 +43,18 @@ def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
     Parameters
     ----------
     differences : sequence of array [seeds]
-        For every scene, what one attack has over the other in the same seeds
-        (`gspure.evaluation.statistics.differences`).
+        One attack minus the other, in the same seeds of every scene (`gspure.evaluation.statistics.differences`).
 
     Returns
     -------
     PairedTest
-        `p` is exact up to 16 scenes. Beyond it is estimated, and the observed signs count as one of the draws, so that
-        it is never 0 (Phipson and Smyth 2010).
+        `p` is exact up to 16 scenes. For more it is estimated; the observed signs count as one of the draws, so `p` is
+        never 0 (Phipson and Smyth 2010).
 
     Raises
     ------
     InputError
-        If there is nothing to compare, or a value is not finite.
+        If there is no value, or one is not finite.
 
     """
     means = np.array([group.mean() for group in checked(differences)])
@@ -67,18 +66,18 @@ def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
 def _sign_flip_p(means: NDArray[np.float64]) -> float:
     from scipy.stats import permutation_test
 
-    if len(means) == 1:  # scipy asks for two; of a single one, both signs are as far from 0
+    if len(means) == 1:  # scipy requires two; a single one is as far from 0 with either sign
         return 1.0
     flips = {"permutation_type": "samples", "n_resamples": DRAWS, "random_state": np.random.default_rng(SEED)}
     return float(permutation_test((means,), np.mean, vectorized=True, batch=4096, **flips).pvalue)
 
 
 def holm(p: ArrayLike) -> NDArray[np.float64]:
-    r"""Return p-values adjusted for a family of tests: the chance of any false rejection in it stays below the level.
+    r"""Return p-values corrected for a family of tests, so that the level bounds the chance of any false rejection.
 
     .. math:: \tilde p_{(i)} = \max_{j \le i} \min\left(1, (m - j + 1)\, p_{(j)}\right)
 
-    (Holm 1979.) It needs no assumption on how the tests depend on each other.
+    (Holm 1979.) It assumes nothing about the dependence of the tests.
 
     Parameters
     ----------
