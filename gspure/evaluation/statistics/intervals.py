@@ -11,7 +11,7 @@ interval (Hesterberg 2015),
 which for normal data is close to Student's interval.
 
 With very few scenes there is too little to resample. The smallest and the largest of :math:`n` independent scenes
-enclose the median of all scenes with probability :math:`1 - 2^{1-n}`, whatever their distribution. Below six scenes that
+enclose the median of all scenes with probability :math:`1 - 2^{1-n}`, whatever the distribution. Below six scenes that
 is less than 95 %; the range is then returned with that probability.
 """
 
