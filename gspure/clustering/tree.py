@@ -66,7 +66,7 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     others = np.flatnonzero(~is_first)
     pairs = np.concatenate([firsts[ends], np.column_stack([firsts[piles[others]], others])])
     distances = np.append(distances, core_distances[piles[others]])
-    order = np.lexsort([pairs[:, 1], pairs[:, 0], distances])
+    order = np.lexsort((pairs @ np.array([len(points), 1]), distances))
     return np.column_stack([np.sort(rows[pairs[order]], axis=1), distances[order]])
 
 

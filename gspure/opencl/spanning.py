@@ -67,7 +67,7 @@ class _Search:
         self._least_lengths = engine.uploaded(self.core)
 
     def edges(self, component: Indices, components: int) -> tuple[Indices, Indices, Floats]:
-        """Return (points, partners, squared lengths): the shortest edge that leaves each component, in their order."""
+        """Return (points, partners, squared lengths) of the shortest edge that leaves each component."""
         engine = self._engine
         cl.enqueue_copy(engine.queue, self._component, component)
         self._run(
@@ -92,9 +92,10 @@ class _Search:
         partners = engine.read(self._partners, (self.count,), np.uint32)
         shortest = engine.read(found, (components,), np.float32)
         points = np.flatnonzero(lengths <= shortest[component]).astype(np.uint32)
-        points = points[np.lexsort([points, lengths[points], component[points]])]
-        points = points[np.diff(component[points], prepend=-1) > 0]
-        return points, partners[points], lengths[points]
+        points = points[np.argsort(lengths[points], kind="stable")][::-1]
+        first = np.empty(components, np.uint32)
+        first[component[points]] = points  # the last one written stays: the shortest, the first of equals
+        return first, partners[first], lengths[first]
 
     @property
     def _shape(self) -> tuple[np.uint32, np.uint32]:
@@ -132,26 +133,48 @@ def minimum_spanning_tree(
     core_distances : array [U]
 
     """
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.sparse.csgraph import minimum_spanning_tree as least_forest
-
     search = _Search(engine, points, copies, min_samples)
     component, components = np.arange(search.count, dtype=np.uint32), search.count
     ends: list[Indices] = []
     squares: list[Floats] = []
     while components > 1:
         near, far, lengths = search.edges(component, components)
-        pairs = np.sort(np.column_stack([component[near], component[far]]), axis=1)
-        by_length = np.lexsort((near, lengths))
-        _, firsts = np.unique(pairs[by_length] @ np.array([components, 1], np.uint64), return_index=True)
-        kept = by_length[firsts]
-        forest = least_forest(csr_array((firsts + 1.0, pairs[kept].T), shape=(components, components)))
-        kept = by_length[forest.data.astype(np.intp) - 1]
+        kept, components, labels = _join(component[far], lengths)
         ends.append(np.column_stack([near[kept], far[kept]]))
         squares.append(lengths[kept])
-        components, labels = connected_components(forest, directed=False)
         component = labels.astype(np.uint32)[component]
     core = np.empty(search.count)
     core[search.order] = search.core
     return np.sort(search.order[np.concatenate(ends)], axis=1), np.sqrt(np.concatenate(squares)), np.sqrt(core)
+
+
+def _join(targets: Indices, lengths: Floats) -> tuple[NDArray[np.intp], int, NDArray[np.int32]]:
+    """Join each component to its target, without cycles.
+
+    Two components that are each other's target need one edge. Longer cycles are of edges of equal length, one of which
+    is left out.
+
+    Returns
+    -------
+    kept : array, int
+        The components whose edges are taken.
+    joined : int
+        How many components there are now.
+    labels : array, int
+        The new component of each old one.
+
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.sparse.csgraph import minimum_spanning_tree as least_forest
+
+    count = len(targets)
+    components = np.arange(count)
+    kept = np.flatnonzero((targets[targets] != components) | (components < targets))
+    graph = csr_array((np.ones(len(kept)), (kept, targets[kept])), shape=(count, count))
+    joined, labels = connected_components(graph, directed=False)
+    if len(kept) > count - joined:
+        kept = kept[np.argsort(lengths[kept], kind="stable")]
+        ranks = csr_array((np.arange(1.0, len(kept) + 1), (kept, targets[kept])), shape=(count, count))
+        kept = kept[least_forest(ranks).data.astype(np.intp) - 1]
+    return kept, joined, labels
