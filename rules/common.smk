@@ -10,6 +10,7 @@ from gspure.evaluation.controls import CONTROLS
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
 from gspure.schemes.registry import find_scheme
+from gspure.workflow.options import column_options, options, setting_options
 from gspure.workflow.sources import code_digest
 
 KERNELS = kernel_digest()
@@ -59,17 +60,3 @@ def job(command):
     """The shell command of a rule: a command of gspure with its log, which tells the exit status if it fails."""
     logged = f"POCL_MAX_PTHREAD_COUNT={{threads}} python -m gspure {command} > {{log:q}} 2>&1"
     return f"{logged} || {{{{ status=$?; echo exit status $status >> {{log:q}}; exit $status; }}}}"
-
-
-def options(settings, *names):
-    """Command-line options for some of `settings`: `--tau-c 4.0 --tau-n 4.0`; none for one that is null."""
-    words = []
-    for name in names:
-        if (value := settings[name]) is not None:
-            words += [f"--{name.replace('_', '-')}", *(value if isinstance(value, list) else [value])]
-    return shlex.join(map(str, words))
-
-
-def column_options(folders):
-    """Folders of images by title, as options of a figure's columns."""
-    return shlex.join(word for title, folder in folders.items() for word in ("--column", f"{title}={folder}"))

@@ -3,7 +3,7 @@
 
 rule make_pair:
     input:
-        pair_files,
+        get_pair_files,
     output:
         cameras="results/pairs/{scene}/cameras.json",
         points="results/pairs/{scene}/points3D.ply",
@@ -22,17 +22,16 @@ rule make_pair:
         kernels=KERNELS,
         code=code_digest("gspure.cli.pair"),
         folder="results/pairs/{scene}",
-        sources=pair_sources,
-        options=pair_options,
+        arguments=get_pair_arguments,
     message:
         "Making the views of pair {wildcards.scene}"
     shell:
-        job("pair {params.sources} {params.options} --out {params.folder:q}")
+        job("pair {params.arguments} --out {params.folder:q}")
 
 
 rule train_message:
     input:
-        data=message_files,
+        data=get_message_files,
     output:
         model=directory("results/messages/{message}"),
     log:

@@ -1,22 +1,18 @@
-from gspure.artifacts import digest
 from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
-from gspure.training.dataset import POINT_FILES
+from gspure.workflow.captures import camera_files, capture_files
+from gspure.workflow.pairs import (
+    is_photographed,
+    other_pair,
+    pair_arguments,
+    pair_files,
+    pair_of,
+    repetition_of,
+    trained_message,
+)
 
-CAMERA_FILES = ["cameras.bin", "images.bin", "cameras.txt", "images.txt"]
-CAMERA_FILES += ["cameras.json", "transforms.json", "transforms_train.json"]
 EXTRACTIONS = {name: scheme.extractions for name, scheme in WATERMARKS.items()}
 TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}
 TARGETS |= {name: ["scene", *extractions] for name, extractions in EXTRACTIONS.items()}
-
-
-def pair_of(scene):
-    """The name of an asset's pair: raised, of raised@1."""
-    return scene.partition("@")[0]
-
-
-def repetition(wildcards):
-    """What an asset's repetition adds to all seeds: 1, of raised@1."""
-    return int(wildcards.scene.partition("@")[2] or 0)
 
 
 def pair_inputs(wildcards):
@@ -32,79 +28,35 @@ def public_model(wildcards):
     return SCHEMES[wildcards.scheme][wildcards.scene].get("model", made)
 
 
-def files_of(source, names):
-    """The files of these names in a folder or its COLMAP model; a file stands for itself."""
-    if not Path(source).is_dir():
-        return [source]
-    paths = [os.path.join(source, place, name) for place in ("", "sparse/0", "sparse") for name in names]
-    return [path for path in paths if os.path.exists(path)]
-
-
-def training_files(wildcards):
+def get_training_files(wildcards):
     """What a model is trained from: cameras, points, and the photographs that the cameras name."""
     asset = config["assets"][wildcards.scene]
-    return photograph_files(asset["train"], asset["photographs"])
+    return capture_files(asset["train"], asset["photographs"])
 
 
-def photograph_files(source, photographs):
-    """The files of a capture: cameras, points and photographs."""
-    folder = source if Path(source).is_dir() else os.path.dirname(source) or "."
-    points = files_of(folder, ["points3D.bin", "points3D.txt", *POINT_FILES])
-    return [*files_of(source, CAMERA_FILES), *points, *photographs]
-
-
-def training_options(wildcards):
+def get_training_options(wildcards):
     """The settings of training."""
     settings = config["assets"][wildcards.scene]["training"]
     return options(settings, *settings)
 
 
-def pair_files(wildcards):
-    """What a pair is made from: nothing if it is ray-traced, else photographs and the message's model."""
-    pair = config["pairs"][wildcards.scene]
-    if not photographed(pair):
-        return []
-    return [*photograph_files(pair["scene"], pair["photographs"]), message_model(pair)]
+def get_pair_files(wildcards):
+    """What a pair is made from."""
+    return pair_files(config["pairs"][wildcards.scene])
 
 
-def photographed(pair):
-    """Whether a pair is made from photographs."""
-    return "photographs" in pair
-
-
-def message_model(pair):
-    """The model of a photographed pair's message: the user's, or the one that is trained here for all who hide it."""
-    return f"results/messages/{trained_message(pair)}" if "message_photographs" in pair else pair["message"]
-
-
-def trained_message(pair):
-    """The name of a message's model: that of its folder, and a digest of all that it is trained with."""
-    settings = [str(pair[name]) for name in ("message", "iterations", "resolution", "seed")]
-    return f"{Path(pair['message']).stem}-{digest(*settings)[:8]}"
-
-
-def pair_sources(wildcards):
-    """The scene and the message of a pair, as its command takes them."""
-    pair = config["pairs"][wildcards.scene]
-    return shlex.join([pair["scene"], message_model(pair)])
-
-
-def pair_options(wildcards):
-    """The settings of a pair that apply to it."""
-    pair = config["pairs"][wildcards.scene]
-    if photographed(pair):
-        return options(pair, "resolution", "seed")
-    traced = {**pair, "off_path": config["views"]["off_path"]}
-    return options(traced, "placement", "views", "width", "height", "off_path", "seed")
+def get_pair_arguments(wildcards):
+    """The scene, the message and the settings of a pair."""
+    return pair_arguments(config["pairs"][wildcards.scene], config["views"]["off_path"])
 
 
 MESSAGES = {trained_message(pair): pair for pair in config["pairs"].values() if "message_photographs" in pair}
 
 
-def message_files(wildcards):
+def get_message_files(wildcards):
     """What the model of a message is trained from."""
     pair = MESSAGES[wildcards.message]
-    return photograph_files(pair["message"], pair["message_photographs"])
+    return capture_files(pair["message"], pair["message_photographs"])
 
 
 def embedding_code(wildcards):
@@ -115,9 +67,8 @@ def embedding_code(wildcards):
 def embedding_options(wildcards):
     """The seed and the settings of a scheme's training."""
     settings = dict(config["schemes"][wildcards.scheme])
-    seed = settings.pop("seed") + repetition(wildcards)
-    assigned = [word for name, value in settings.items() for word in ("--set", f"{name}={value}")]
-    return shlex.join(["--seed", str(seed), *assigned])
+    seed = settings.pop("seed") + repetition_of(wildcards.scene)
+    return f"--seed {seed} {setting_options(settings)}"
 
 
 def camera_source(wildcards):
@@ -127,12 +78,12 @@ def camera_source(wildcards):
     return config["assets"][wildcards.scene].get("cameras", f"results/vanilla/{wildcards.scene}/trained/cameras.json")
 
 
-def camera_files(wildcards):
+def get_camera_files(wildcards):
     """What the views of an asset are made from; nothing if they are generated."""
     source = camera_source(wildcards)
     if wildcards.scheme in WATERMARKS:
         return [source]
-    return [] if source in GENERATED else files_of(source, CAMERA_FILES)
+    return [] if source in GENERATED else camera_files(source)
 
 
 def camera_options(wildcards, input):
@@ -162,21 +113,21 @@ def attack_options(wildcards, input):
     """The evidence, the seed and the settings of a variant; `tau`, if not set, is tau_n of its decision."""
     own = VARIANTS[wildcards.variant]
     given = {name: path for name, path in input.items() if name in attack_of(wildcards).needs}
-    given["seed"] = own["seed"] + repetition(wildcards)
+    given["seed"] = own["seed"] + repetition_of(wildcards.scene)
     settings = {name: value for name, value in own.items() if name in attack_of(wildcards).settings}
     if "tau" in attack_of(wildcards).settings:
         settings.setdefault("tau", settings_of(wildcards)["tau_n"])
     if wildcards.scheme in WATERMARKS:
         given["scheme"] = wildcards.scheme
-    assigned = [word for name, value in settings.items() for word in ("--set", f"{name}={value}")]
-    return f"{options(given, *given)} {shlex.join(assigned)}"
+    return f"{options(given, *given)} {setting_options(settings)}"
 
 
 def model_of(wildcards):
     """The model that a variant or a control shows."""
     folder = f"results/{wildcards.scheme}/{wildcards.scene}"
     if wildcards.variant == OTHER_SCENE:
-        return f"results/{wildcards.scheme}/{other_pair(pair_of(wildcards.scene))}/public/point_cloud.ply"
+        other = other_pair(config["pairs"], pair_of(wildcards.scene))
+        return f"results/{wildcards.scheme}/{other}/public/point_cloud.ply"
     if wildcards.variant == WRONG_KEY:
         return f"{folder}/public/point_cloud.ply"
     if wildcards.scheme == "planted" and wildcards.target == "message":
@@ -193,7 +144,7 @@ def world_of(wildcards):
 def off_path(wildcards):
     """The views beside the path: of all models but those of photographed pairs, whose truth is not known there."""
     own = SCHEMES[wildcards.scheme][wildcards.scene]
-    if not config["views"]["off_path"] or (wildcards.scheme in WATERMARKS and photographed(own)):
+    if not config["views"]["off_path"] or (wildcards.scheme in WATERMARKS and is_photographed(own)):
         return {}
     return {"off_path": f"results/{wildcards.scheme}/{wildcards.scene}/off_path.json"}
 
@@ -210,17 +161,11 @@ def extraction_options(wildcards):
     return f"--scheme {wildcards.scheme} --extraction {wildcards.target}{stranger}"
 
 
-def other_pair(pair):
-    """The first pair with another message than this one's; none if there is no such pair."""
-    pairs = config["pairs"]
-    return next((name for name, own in pairs.items() if own["message"] != pairs[pair]["message"]), None)
-
-
 def controls(scheme, scene):
     """The negative controls of a model; another scene's model takes a pair with another message."""
     if scheme not in WATERMARKS:
         return []
-    return [control for control in CONTROLS if control != OTHER_SCENE or other_pair(pair_of(scene))]
+    return [control for control in CONTROLS if control != OTHER_SCENE or other_pair(config["pairs"], pair_of(scene))]
 
 
 def targets(wildcards):

@@ -49,7 +49,7 @@ rule step_off_path:
 
 rule prepare_cameras:
     input:
-        cameras=camera_files,
+        cameras=get_camera_files,
         model=public_model,
     output:
         cameras="results/{scheme}/{scene}/cameras.json",

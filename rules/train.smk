@@ -3,7 +3,7 @@
 
 rule train_model:
     input:
-        data=training_files,
+        data=get_training_files,
     output:
         model="results/vanilla/{scene}/public/point_cloud.ply",
         cameras="results/vanilla/{scene}/trained/cameras.json",
@@ -21,7 +21,7 @@ rule train_model:
         code=code_digest("gspure.cli.train"),
         data=lambda wildcards: config["assets"][wildcards.scene]["train"],
         folder="results/vanilla/{scene}/trained",
-        options=training_options,
+        options=get_training_options,
     message:
         "Training a model of {wildcards.scene}"
     shell:

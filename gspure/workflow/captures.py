@@ -1,0 +1,39 @@
+"""Files of a capture: Snakemake has to know them, so that an edit of any makes its results stale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from gspure.training.dataset import POINT_FILES
+
+CAMERA_FILES: Final = (
+    "cameras.bin",
+    "images.bin",
+    "cameras.txt",
+    "images.txt",
+    "cameras.json",
+    "transforms.json",
+    "transforms_train.json",
+)
+"""Names of the files that cameras are read from, of all formats."""
+
+
+def camera_files(source: str) -> list[str]:
+    """Return the files of the cameras of `source`, a folder or a file of cameras."""
+    return _files(source, CAMERA_FILES)
+
+
+def capture_files(source: str, photographs: Sequence[str]) -> list[str]:
+    """Return the files of the cameras and points of `source`, a folder or a file of cameras, and its photographs."""
+    folder = Path(source) if Path(source).is_dir() else Path(source).parent
+    return [*camera_files(source), *_files(str(folder), ["points3D.bin", "points3D.txt", *POINT_FILES]), *photographs]
+
+
+def _files(source: str, names: Sequence[str]) -> list[str]:
+    """Return the files of these names in a folder or its COLMAP model; a file stands for itself."""
+    if not Path(source).is_dir():
+        return [source]
+    paths = [Path(source, place, name) for place in ("", "sparse/0", "sparse") for name in names]
+    return [str(path) for path in paths if path.exists()]

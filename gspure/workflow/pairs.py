@@ -1,0 +1,70 @@
+"""Pairs of a scene and a message, as the resolved configuration describes them: the files and options of their jobs."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from gspure.artifacts import digest
+from gspure.workflow.captures import capture_files
+from gspure.workflow.options import options
+
+Pair = Mapping[str, Any]
+
+
+def pair_of(scene: str) -> str:
+    """Return the pair of an asset: ``raised``, of ``raised@1``."""
+    return scene.partition("@")[0]
+
+
+def repetition_of(scene: str) -> int:
+    """Return what the repetition of an asset adds to all random seeds: 1, of ``raised@1``."""
+    return int(scene.partition("@")[2] or 0)
+
+
+def is_photographed(pair: Pair) -> bool:
+    """Return whether a pair is made from photographs, rather than ray-traced."""
+    return "photographs" in pair
+
+
+def message_model(pair: Pair) -> str:
+    """Return the model of a photographed pair's message: the user's, or the one trained for all pairs that hide it."""
+    return f"results/messages/{trained_message(pair)}" if "message_photographs" in pair else str(pair["message"])
+
+
+def trained_message(pair: Pair) -> str:
+    """Return the name of a message's trained model: that of its folder and a digest of its training settings."""
+    settings = [str(pair[name]) for name in ("message", "iterations", "resolution", "seed")]
+    return f"{Path(pair['message']).stem}-{digest(*settings)[:8]}"
+
+
+def pair_files(pair: Pair) -> list[str]:
+    """Return what a pair is made from: nothing if it is ray-traced, else photographs and the model of the message."""
+    if not is_photographed(pair):
+        return []
+    return [*capture_files(pair["scene"], pair["photographs"]), message_model(pair)]
+
+
+def pair_arguments(pair: Pair, off_path: int) -> str:
+    """Return the arguments of `gspure pair`: scene, message, and the settings that apply.
+
+    Parameters
+    ----------
+    pair : mapping
+        An entry of ``pairs``.
+    off_path : int
+        Number of views off the camera path, of ray-traced pairs.
+
+    """
+    sources = shlex.join([pair["scene"], message_model(pair)])
+    if is_photographed(pair):
+        return f"{sources} {options(pair, 'resolution', 'seed')}"
+    settings = ("placement", "views", "width", "height", "off_path", "seed")
+    return f"{sources} {options({**pair, 'off_path': off_path}, *settings)}"
+
+
+def other_pair(pairs: Mapping[str, Pair], name: str) -> str | None:
+    """Return the first pair with another message than pair `name`; None if there is no such pair."""
+    return next((other for other, pair in pairs.items() if pair["message"] != pairs[name]["message"]), None)

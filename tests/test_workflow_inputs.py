@@ -1,0 +1,90 @@
+"""Files and options of jobs, from the resolved configuration."""
+
+import shlex
+
+import pytest
+
+from gspure.workflow.captures import camera_files, capture_files
+from gspure.workflow.options import column_options, options, setting_options
+from gspure.workflow.pairs import (
+    message_model,
+    other_pair,
+    pair_arguments,
+    pair_files,
+    pair_of,
+    repetition_of,
+    trained_message,
+)
+
+TRACED = {"scene": "room", "message": "vault", "placement": "raised", "views": 9, "width": 32, "height": 24, "seed": 1}
+PHOTOGRAPHED = {
+    "scene": "garden",
+    "message": "captures/playroom",
+    "photographs": ["garden/images/a.png"],
+    "message_photographs": ["captures/playroom/images/b.png"],
+    "resolution": "320px",
+    "iterations": 20,
+    "seed": 0,
+}
+
+
+@pytest.fixture
+def garden(tmp_path, monkeypatch):
+    """A COLMAP project."""
+    monkeypatch.chdir(tmp_path)
+    (model := tmp_path / "garden" / "sparse" / "0").mkdir(parents=True)
+    for name in ("cameras.bin", "images.bin", "points3D.bin", "unrelated.bin"):
+        (model / name).touch()
+    return ["garden/sparse/0/cameras.bin", "garden/sparse/0/images.bin"]
+
+
+def test_options_are_quoted_and_a_null_setting_has_none():
+    settings = {"tau_c": 4.0, "cluster_on": ["position", "weight"], "tau_n": None, "model": "my model.ply"}
+    assert options(settings, *settings) == "--tau-c 4.0 --cluster-on position weight --model 'my model.ply'"
+    assert shlex.split(setting_options({"codec": "a b", "n": 1})) == ["--set", "codec=a b", "--set", "n=1"]
+    assert column_options({"gspure": "x/renders"}) == "--column gspure=x/renders"
+
+
+def test_a_capture_is_its_cameras_points_and_photographs(garden):
+    assert camera_files("garden") == garden
+    assert capture_files("garden", ["a.png"]) == [*garden, "garden/sparse/0/points3D.bin", "a.png"]
+
+
+def test_a_file_of_cameras_stands_for_itself_and_has_points_beside_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "points3D.ply").touch()
+    assert camera_files("transforms.json") == ["transforms.json"]
+    assert capture_files("transforms.json", []) == ["transforms.json", "points3D.ply"]
+
+
+def test_an_asset_is_a_pair_and_a_repetition():
+    assert (pair_of("raised@2"), repetition_of("raised@2")) == ("raised", 2)
+    assert (pair_of("raised"), repetition_of("raised")) == ("raised", 0)
+
+
+def test_a_ray_traced_pair_is_made_from_no_files():
+    assert pair_files(TRACED) == []
+    expected = "room vault --placement raised --views 9 --width 32 --height 24 --off-path 4 --seed 1"
+    assert pair_arguments(TRACED, off_path=4) == expected
+
+
+def test_a_photographed_pair_is_made_from_its_capture_and_the_model_of_its_message(garden):
+    model = f"results/messages/{trained_message(PHOTOGRAPHED)}"
+    assert model.startswith("results/messages/playroom-")
+    files = pair_files(PHOTOGRAPHED)
+    assert files[-1] == message_model(PHOTOGRAPHED) == model
+    assert {*garden, *PHOTOGRAPHED["photographs"]} < {*files}
+    assert pair_arguments(PHOTOGRAPHED, off_path=4) == f"garden {model} --resolution 320px --seed 0"
+
+
+def test_a_message_is_trained_once_for_all_pairs_with_the_same_settings():
+    assert trained_message({**PHOTOGRAPHED, "scene": "other"}) == trained_message(PHOTOGRAPHED)
+    assert trained_message({**PHOTOGRAPHED, "seed": 1}) != trained_message(PHOTOGRAPHED)
+    given = {name: value for name, value in PHOTOGRAPHED.items() if name != "message_photographs"}
+    assert message_model({**given, "message": "hidden.ply"}) == "hidden.ply"
+
+
+def test_another_scene_hides_another_message():
+    pairs = {"a": TRACED, "b": TRACED, "c": PHOTOGRAPHED}
+    assert other_pair(pairs, "a") == "c"
+    assert other_pair({"a": TRACED, "b": TRACED}, "a") is None
