@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from gspure.artifacts import file_digest
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, contest, read_contest, write_contest
+from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest, contest
+from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.evaluation.survival import survival
-from gspure.report.tables import contest_markdown, rivals_table, survival_table
+from gspure.report.tables import rivals_table, schemes_markdown, survival_table
 from tests.contest_cases import attacked, benchmark, outcome
 
 SCENES = benchmark(
@@ -123,21 +124,21 @@ def test_every_extraction_is_a_family_of_its_own() -> None:
 
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     rows = contest(SCENES, {"theirs": ["weaker", "better"]})
-    write_contest(tmp_path / "contest.csv", rows)
-    read = read_contest(tmp_path / "contest.csv")
-    write_contest(tmp_path / "again.csv", read)
+    write_records(tmp_path / "contest.csv", Contest, rows)
+    read = read_records(tmp_path / "contest.csv", Contest)
+    write_records(tmp_path / "again.csv", Contest, read)
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "contest.csv").read_bytes()
-    assert contest_markdown(survival(SCENES), read) == contest_markdown(survival(SCENES), rows)
+    assert schemes_markdown(survival(SCENES), read) == schemes_markdown(survival(SCENES), rows)
 
 
 @pytest.mark.parametrize(
     "content", ["", "a,b\n1,2\n", "HEADERsis,message,x\n", "HEADERs,m,x,score,,a" + ",1" * 8 + "\n"]
 )
 def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
-    write_contest(tmp_path / "t.csv", [])
+    write_records(tmp_path / "t.csv", Contest, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):
-        read_contest(tmp_path / "t.csv")
+        read_records(tmp_path / "t.csv", Contest)
 
 
 def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path) -> None:
@@ -168,12 +169,12 @@ def test_the_tables_hold_survival_and_differences() -> None:
     }
     assert str(rivals["better"][1]).startswith("−2.50 [")
     assert str(rivals["better"][-1]) == "0.094 (≥ 0.094)"
-    assert contest_markdown([], []).startswith("No model with a message")
+    assert schemes_markdown().startswith("No model with a message")
 
 
 def test_with_one_scene_the_tables_have_no_p_and_no_detectability() -> None:
     one = [o for o in SCENES if o.scene == "s0"]
-    text = contest_markdown(survival(one), contest(one, {}))
+    text = schemes_markdown(survival(one), contest(one, {}))
     assert "detectability" not in text.lower()
     assert "| p" not in text
     assert "one scene" in text

@@ -7,11 +7,12 @@ import pytest
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.matched import match, read_matched, write_matched
+from gspure.evaluation.matched import Matched, match
 from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
-from gspure.report.tables import matched_markdown, matched_table
+from gspure.report.tables import matched_table, schemes_markdown
 from tests.contest_cases import BEFORE, measured
 
 SWEEPS = {"ours": ["weak", "strong"], "theirs": ["other", "absent"]}
@@ -79,7 +80,7 @@ def test_the_table_marks_the_largest_drop_at_each_damage() -> None:
     table = matched_table(match(TWO, SWEEPS))
     assert [column.title for column in table.columns[2:]] == ["0.3 dB", "0.7 dB", "1.5 dB", "2 dB"]
     assert {str(row.cells[0]): sum(cell.best for cell in row.cells) for row in table.rows} == {"ours": 4, "theirs": 0}
-    assert matched_markdown([]).startswith("No model with a message")
+    assert schemes_markdown().startswith("No model with a message")
 
 
 def test_the_command_writes_both_tables(tmp_path: Path) -> None:
@@ -92,22 +93,22 @@ def test_the_command_writes_both_tables(tmp_path: Path) -> None:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 2 * len(MATCHED_DAMAGES)
     assert list(rows[3].values()) == ["sis", "message", "ours", "2", "2", "11.5", "8", "15", "0.5", "2", "1"]
-    assert files["matched.md"].read_text() == matched_markdown(match(TWO, SWEEPS))
+    assert files["matched.md"].read_text() == schemes_markdown(matched=match(TWO, SWEEPS))
 
 
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     rows = match(TWO, SWEEPS)
-    write_matched(tmp_path / "matched.csv", rows)
-    read = read_matched(tmp_path / "matched.csv")
-    assert matched_markdown(read) == matched_markdown(rows)
+    write_records(tmp_path / "matched.csv", Matched, rows)
+    read = read_records(tmp_path / "matched.csv", Matched)
+    assert schemes_markdown(matched=read) == schemes_markdown(matched=rows)
 
 
 @pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,ours,2\n", "HEADERsis,m,o,2,x,1,1,1,0,1,0\n"])
 def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
-    write_matched(tmp_path / "t.csv", [])
+    write_records(tmp_path / "t.csv", Matched, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):
-        read_matched(tmp_path / "t.csv")
+        read_records(tmp_path / "t.csv", Matched)
 
 
 def test_a_sweep_without_variants_is_refused(capsys) -> None:

@@ -9,8 +9,10 @@ import pytest
 from gspure.cli import main
 from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import Interval
+from gspure.evaluation.survival import survival
 from gspure.figures.factors import Point, curve, write_factor_curves
 from gspure.figures.tradeoff import places, write_tradeoff
+from tests.contest_cases import BEFORE, benchmark
 from tests.test_matched import outcomes
 from tests.test_plots import drawn  # noqa: F401
 
@@ -87,7 +89,8 @@ def test_the_commands_write_a_figure_with_its_caption(table: Path) -> None:
     assert main(["figures", "tradeoff", *common, str(folder / "tradeoff.png")]) == 0
     captions = [json.loads(path.read_text())["settings"]["caption"] for path in sorted(folder.glob("*.json"))]
     assert "τ_n = 4 or τ_c = 4 (ring: both). Mean over 2 scenes and their range." in captions[0]
-    assert "3 of them are beaten by no other in both" in captions[1]
+    assert "the 3 on the Pareto front" in captions[1]
+    assert "floor" not in captions[1]  # there are no controls
 
 
 @pytest.mark.parametrize(
@@ -103,3 +106,15 @@ def test_what_the_table_lacks_is_told_in_one_line(table: Path, capsys, words: li
     error = capsys.readouterr().err
     assert told in error
     assert error.count("\n") == 1
+
+
+def test_the_dashed_line_is_the_floor_that_survival_is_judged_by(tmp_path: Path, drawn) -> None:  # noqa: F811
+    outcomes = benchmark({scene: {"gspure": (1.0, 18.0)} for scene in ("room", "vault")})
+    write_results(tmp_path / "results.csv", outcomes)
+    words = ["--table", str(tmp_path / "results.csv"), "--scheme", "sis", "--out", str(tmp_path / "tradeoff.png")]
+    assert main(["figures", "tradeoff", *words]) == 0
+    (dashed,) = (line for line in drawn[0].axes[0].lines if line.get_linestyle() == "--")
+    gspure = next(row for row in survival(outcomes) if row.variant == "gspure")
+    assert gspure.above_floor.mean == BEFORE["message"] - 18.0 - dashed.get_ydata()[0]
+    note = json.loads((tmp_path / "tradeoff.png.json").read_text())
+    assert "floor" in note["settings"]["caption"]

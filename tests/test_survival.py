@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.errors import InputError
+from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import detectability
-from gspure.evaluation.survival import MARGIN, floor, read_survival, survival, write_survival
+from gspure.evaluation.survival import MARGIN, Survival, floor, survival
 from tests.contest_cases import BEFORE, CONTROLS, attacked, benchmark, outcome
 
 FOUR = benchmark({f"s{i}": {"gone": (2.0, 20.0), "left": (1.0, 5.0), "half": (1.0, 5.0 * i)} for i in range(4)})
@@ -133,16 +134,16 @@ def test_taking_more_from_the_message_never_makes_it_survive_more(drops, more) -
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     outcomes = [*FOUR, *(outcome("odd", s, targets={"message": math.inf}, reached={"message": True}) for s in ("s0",))]
     rows = survival([*outcomes, outcome("gspure", scheme="bare", targets={"message": 9.0})])
-    write_survival(tmp_path / "survival.csv", rows)
-    read = read_survival(tmp_path / "survival.csv")
+    write_records(tmp_path / "survival.csv", Survival, rows)
+    read = read_records(tmp_path / "survival.csv", Survival)
     assert [row.survives for row in read] == [row.survives for row in rows]
-    write_survival(tmp_path / "again.csv", read)
+    write_records(tmp_path / "again.csv", Survival, read)
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "survival.csv").read_bytes()
 
 
 @pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,x\n"])
 def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
-    write_survival(tmp_path / "t.csv", [])
+    write_records(tmp_path / "t.csv", Survival, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):
-        read_survival(tmp_path / "t.csv")
+        read_records(tmp_path / "t.csv", Survival)

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gspure.evaluation.contest import contest, write_contest
-from gspure.evaluation.matched import match, write_matched
+from gspure.evaluation.contest import Contest, contest
+from gspure.evaluation.matched import Matched, match
+from gspure.evaluation.records import write_records
 from gspure.evaluation.results import write_results
-from gspure.evaluation.summary import summarize, write_summary
-from gspure.evaluation.survival import survival, write_survival
+from gspure.evaluation.summary import Summary, summarize
+from gspure.evaluation.survival import Survival, survival
 from tests.contest_cases import benchmark
 
 SWEEPS = {"gspure": ["gspure", "tau_2"], "pruning": ["weak", "strong"]}
@@ -29,9 +30,9 @@ def test_the_cells_of_all_tables_are_those_of_the_first_version(tmp_path: Path) 
     drops = {f"s{i}": {name: tuple(rng.uniform(0, 20, 2).round(3).tolist()) for name in variants} for i in range(7)}
     outcomes = benchmark(drops, seeds=2)
     write_results(tmp_path / "results.csv", outcomes)
-    write_summary(tmp_path / "summary.csv", summarize(outcomes))
-    write_matched(tmp_path / "matched.csv", match(outcomes, SWEEPS))
-    write_contest(tmp_path / "contest.csv", contest(outcomes, SWEEPS))
-    write_survival(tmp_path / "survival.csv", survival(outcomes))
+    write_records(tmp_path / "summary.csv", Summary, summarize(outcomes))
+    write_records(tmp_path / "matched.csv", Matched, match(outcomes, SWEEPS))
+    write_records(tmp_path / "contest.csv", Contest, contest(outcomes, SWEEPS))
+    write_records(tmp_path / "survival.csv", Survival, survival(outcomes))
     tables = {path.name: path.read_text().partition("\n")[2].encode() for path in tmp_path.iterdir()}
     assert {name: hashlib.sha256(cells).hexdigest()[:16] for name, cells in tables.items()} == CELLS

@@ -34,15 +34,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
-    from gspure.evaluation.contest import contest, write_contest
+    from gspure.evaluation.contest import Contest, contest
+    from gspure.evaluation.records import write_records
     from gspure.evaluation.results import read_results
-    from gspure.evaluation.survival import survival, write_survival
-    from gspure.report.tables import contest_markdown
+    from gspure.evaluation.survival import Survival, survival
+    from gspure.report.tables import schemes_markdown
 
     outcomes, sweeps = read_results(args.table), dict(args.sweep)
     contests, survivals = contest(outcomes, sweeps), survival(outcomes)
-    write_contest(args.out, contests)
-    write_survival(args.survival, survivals)
-    write_text(args.markdown, contest_markdown(survivals, contests))
+    write_records(args.out, Contest, contests)
+    write_records(args.survival, Survival, survivals)
+    write_text(args.markdown, schemes_markdown(survivals, contests))
     for path in (args.out, args.survival):
         write_provenance(path, inputs={"table": args.table}, settings={"sweeps": sweeps})

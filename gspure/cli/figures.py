@@ -132,7 +132,7 @@ def _draw_outcomes(args: argparse.Namespace) -> None:
     against = "photographs" if all(o.against_truth for o in outcomes) else "what the unattacked model shows"
     caption = f"PSNR of every variant against {against}, mean over the views"
     if any(not math.isnan(o.score) for o in outcomes):
-        caption += ", and its Score: what the message lost less what the scene lost, in dB"
+        caption += ", and its Score: drop of the message minus drop of the scene, in dB"
     _note({args.out: caption + "."}, {"table": args.table}, {"asset": args.asset})
 
 

@@ -101,11 +101,11 @@ def _draw_attacks(args: argparse.Namespace) -> None:
         columns.append(_variant(title, own, outcome))
         files |= {f"{title} {target}": path for target, path in own.items()}
     write_lineup(args.out, targets, columns)
-    caption = f"View {view}, that of {len(views)} whose {judged} has the median PSNR before any attack, with its PSNR."
+    caption = f"View {view} after every attack, with its PSNR: of {len(views)} views, that of median {judged} PSNR before attacks."
     if any(column.unreached for column in columns):
-        caption += " † The attack did not reach what this extraction reads."
+        caption += " † The attack changed nothing that this extraction reads."
     if len(shown) < sum(not o.is_control for o in outcomes):
-        caption += " Of attacks at several strengths, the one with the highest Score; of GSPure its own."
+        caption += " Attacks with several strengths are shown at the highest Score, GSPure at its default."
     _note(args.out, caption, {"table": args.table, **files})
 
 

@@ -25,12 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
-    from gspure.evaluation.matched import match, write_matched
+    from gspure.evaluation.matched import Matched, match
+    from gspure.evaluation.records import write_records
     from gspure.evaluation.results import read_results
-    from gspure.report.tables import matched_markdown
+    from gspure.report.tables import schemes_markdown
 
     sweeps = dict(args.sweep)
     rows = match(read_results(args.table), sweeps)
-    write_matched(args.out, rows)
-    write_text(args.markdown, matched_markdown(rows))
+    write_records(args.out, Matched, rows)
+    write_text(args.markdown, schemes_markdown(matched=rows))
     write_provenance(args.out, inputs={"table": args.table}, settings={"sweeps": sweeps})

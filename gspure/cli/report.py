@@ -46,10 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the page."""
-    from gspure.evaluation.contest import read_contest
-    from gspure.evaluation.matched import read_matched
+    from gspure.evaluation.contest import Contest
+    from gspure.evaluation.matched import Matched
+    from gspure.evaluation.records import read_records
     from gspure.evaluation.results import read_results
-    from gspure.evaluation.survival import read_survival
+    from gspure.evaluation.survival import Survival
     from gspure.report.page import write_report
 
     write_report(
@@ -58,9 +59,9 @@ def run(args: argparse.Namespace) -> None:
         read_results(args.table),
         figures=args.figures,
         diagnoses=args.diagnosis,
-        matched=read_matched(args.matched) if args.matched else [],
-        survivals=read_survival(args.survival) if args.survival else [],
-        contests=read_contest(args.contest) if args.contest else [],
+        matched=read_records(args.matched, Matched) if args.matched else [],
+        survivals=read_records(args.survival, Survival) if args.survival else [],
+        contests=read_records(args.contest, Contest) if args.contest else [],
         sources=[file for file in (args.table, args.survival, args.contest, args.matched) if file],
         provenance=args.provenance,
     )

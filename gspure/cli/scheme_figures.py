@@ -90,10 +90,12 @@ def _draw_tradeoff(args: argparse.Namespace) -> None:
     mean_floor = known_interval(floor(outcomes))
     front = write_tradeoff(args.out, outcomes, mean_floor.mean if mean_floor else None)
     caption = (
-        "Every variant by what it costs the scene and what it leaves of the message, means over the scenes. "
-        f"{len(front)} of them are beaten by no other in both: the Pareto front. Vertical lines: the damages at which "
-        "attacks are compared."
+        "What every variant costs the scene and what it leaves of the message, mean over the scenes. No other variant "
+        f"is better in both than the {len(front)} on the Pareto front. Vertical lines: scene drops at which attacks are "
+        "compared."
     )
+    if mean_floor:
+        caption += " Dashed line: the floor, the highest negative control that holds no message."
     _note(args, caption, {})
 
 

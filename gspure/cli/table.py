@@ -62,8 +62,9 @@ def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.outcomes import collect
+    from gspure.evaluation.records import write_records
     from gspure.evaluation.results import write_results
-    from gspure.evaluation.summary import summarize, write_summary
+    from gspure.evaluation.summary import Summary, summarize
     from gspure.report.tables import results_markdown, summary_latex
 
     outcomes = collect(args.metrics, args.kept, args.truth, args.verdicts, args.failures)
@@ -72,7 +73,7 @@ def run(args: argparse.Namespace) -> None:
     write_provenance(args.out, inputs={path.as_posix(): path for path in files}, settings={})
     write_text(args.markdown, results_markdown(outcomes))
     if args.summary:
-        write_summary(args.summary, summarize(outcomes))
+        write_records(args.summary, Summary, summarize(outcomes))
         write_provenance(args.summary, inputs={"table": args.out}, settings={})
     if args.latex:
         write_text(args.latex, summary_latex(summarize(outcomes)))

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import Drops, Sweeps, completed, drop_within
 from gspure.evaluation.outcomes import GSPURE, REFERENCE, SCENE, Outcome, ordered
-from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import (
     MATCHED_DAMAGES,
     Cells,
@@ -91,16 +89,6 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
                 cells = _at_equal_damage(drops, completed(sweeps, drops), damage)
                 rows += _against(cells, scheme, extraction, MESSAGE_DROP, damage)
     return rows
-
-
-def write_contest(path: Path, rows: Iterable[Contest]) -> None:
-    """Write one CSV row per rival, quantity and damage; unknown numbers are empty."""
-    write_records(path, Contest, rows)
-
-
-def read_contest(path: Path) -> list[Contest]:
-    """Read what `write_contest` has written, or raise `InputError`."""
-    return read_records(path, Contest)
 
 
 def _drops(attacks: Sequence[Outcome], extraction: str) -> DropsByVariant:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
-from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gspure.evaluation.outcomes import REFERENCE, SCENE, Outcome, ordered
-from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import (
     MATCHED_DAMAGES,
     Interval,
@@ -92,16 +90,6 @@ def drop_within(points: Sequence[Drops], damage: float) -> tuple[float, bool]:
     scene, message = np.array([UNATTACKED, *points]).T
     drop = matched_message_drop(scene, message, damage)
     return (float(message.max()), True) if drop is None else (drop, False)
-
-
-def write_matched(path: Path, rows: Iterable[Matched]) -> None:
-    """Write one CSV row per sweep and damage."""
-    write_records(path, Matched, rows)
-
-
-def read_matched(path: Path) -> list[Matched]:
-    """Read what `write_matched` has written, or raise `InputError`."""
-    return read_records(path, Matched)
 
 
 def _curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int], list[Drops]]:

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
-from pathlib import Path
 from typing import NamedTuple
 
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
 from gspure.evaluation.paper import read_cells
 from gspure.evaluation.paper.cells import TARGETS
 from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
-from gspure.evaluation.records import write_records
 from gspure.evaluation.statistics import Interval, known_interval
 
 
 class Summary(NamedTuple):
-    """One variant of one scheme over all scenes; None where no scene has the number."""
+    """One variant of one scheme over all scenes; None where no scene has the number.
+
+    The level of an interval is 0.95, or lower if so few scenes are known that the bounds are their smallest and largest
+    values.
+    """
 
     scheme: str
     variant: str
@@ -64,15 +66,6 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
                 means = (*_means(scenes, extraction), *_means(off_path, extraction))
                 rows.append(Summary(scheme, variant, extraction, *means, *printed))
     return rows
-
-
-def write_summary(path: Path, rows: Iterable[Summary]) -> None:
-    """Write one CSV row per summary; unknown numbers are empty.
-
-    ``level`` is 0.95 for a bootstrap interval over scenes; it is lower if there are so few scenes that ``low`` and
-    ``high`` are their smallest and largest values.
-    """
-    write_records(path, Summary, rows)
 
 
 def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[Interval | None, Interval | None, Interval | None]:

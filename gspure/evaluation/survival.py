@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from numpy.typing import ArrayLike
 
 from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
 from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome, ordered
-from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import (
     Cells,
     Detectability,
@@ -92,16 +90,6 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
 def floor(outcomes: Iterable[Outcome], extraction: str = MESSAGE) -> Cells:
     """Return the floor of every scene and seed: the highest PSNR among its controls that hold no message, dB."""
     return _highest(_psnr(outcomes, extraction))
-
-
-def write_survival(path: Path, rows: Iterable[Survival]) -> None:
-    """Write one CSV row per variant; unknown numbers are empty."""
-    write_records(path, Survival, rows)
-
-
-def read_survival(path: Path) -> list[Survival]:
-    """Read what `write_survival` has written, or raise `InputError`."""
-    return read_records(path, Survival)
 
 
 def _psnr(outcomes: Iterable[Outcome], extraction: str) -> dict[str, dict[tuple[str, int], float]]:

@@ -41,15 +41,13 @@ def results_markdown(outcomes: Sequence[Outcome]) -> str:
     return "\n".join([document, *(f"{sentence}\n" for sentence in failures(outcomes))])
 
 
-def matched_markdown(rows: Sequence[Matched]) -> str:
-    """Return one table per scheme and extraction."""
-    return _by_scheme((scheme, [matched_table(group)]) for (scheme, _), group in _by_extraction(rows))
-
-
-def contest_markdown(survivals: Sequence[Survival], contests: Sequence[Contest]) -> str:
-    """Return up to three tables per scheme and extraction."""
-    schemes = dict.fromkeys(row.scheme for row in survivals)
-    return _by_scheme((scheme, scheme_tables(scheme, survivals, contests)) for scheme in schemes)
+def schemes_markdown(
+    survivals: Sequence[Survival] = (), contests: Sequence[Contest] = (), matched: Sequence[Matched] = ()
+) -> str:
+    """Return the tables of every scheme over all of its scenes."""
+    schemes = dict.fromkeys([*(row.scheme for row in survivals), *(row.scheme for row in matched)])
+    tables = {display_name(scheme): scheme_tables(scheme, survivals, contests, matched) for scheme in schemes}
+    return markdown_document(tables) if tables else "No model with a message was attacked.\n"
 
 
 def summary_latex(rows: Sequence[Summary]) -> str:
@@ -223,18 +221,6 @@ def _detectability(row: Survival) -> Cell:
 
 def _at_least(cell: Cell, gentle: int) -> Cell:
     return cell._replace(text=f"≥ {cell.text}") if gentle else cell
-
-
-def _by_extraction(rows: Iterable[Matched]) -> Iterator[tuple[tuple[str, str], list[Matched]]]:
-    for key, group in groupby(rows, key=lambda row: (row.scheme, row.extraction)):
-        yield key, list(group)
-
-
-def _by_scheme(tables: Iterable[tuple[str, Sequence[Table]]]) -> str:
-    sections: dict[str, list[Table]] = {}
-    for scheme, group in tables:
-        sections.setdefault(display_name(scheme), []).extend(group)
-    return markdown_document(sections) if sections else "No model with a message was attacked.\n"
 
 
 def _scenes(intervals: Iterable[Interval | None]) -> int:
