@@ -108,7 +108,7 @@ def test_the_command_shows_what_is_in_the_table(results: Path) -> None:
     note = json.loads((results / "attacks.png.json").read_text())
     shown = {f"{name} {target}" for name in ("truth", "watermarked", "noise") for target in ("scene", "message")}
     assert note["inputs"].keys() == {"table", *shown}
-    assert note["settings"]["caption"].startswith("View b, that of 3")
+    assert note["settings"]["caption"].startswith("View b ")
     assert "†" in note["settings"]["caption"]
     assert main(command(results, "watermarked", "noise")) == 0, "without a truth"
 

@@ -101,7 +101,7 @@ def _draw_attacks(args: argparse.Namespace) -> None:
         columns.append(_variant(title, own, outcome))
         files |= {f"{title} {target}": path for target, path in own.items()}
     write_lineup(args.out, targets, columns)
-    caption = f"View {view} after every attack, with its PSNR: of {len(views)} views, that of median {judged} PSNR before attacks."
+    caption = f"View {view} after every attack: of {len(views)}, the one whose {judged} has the median PSNR unattacked."
     if any(column.unreached for column in columns):
         caption += " † The attack changed nothing that this extraction reads."
     if len(shown) < sum(not o.is_control for o in outcomes):

@@ -91,8 +91,8 @@ def _draw_tradeoff(args: argparse.Namespace) -> None:
     front = write_tradeoff(args.out, outcomes, mean_floor.mean if mean_floor else None)
     caption = (
         "What every variant costs the scene and what it leaves of the message, mean over the scenes. No other variant "
-        f"is better in both than the {len(front)} on the Pareto front. Vertical lines: scene drops at which attacks are "
-        "compared."
+        f"is better in both than the {len(front)} on the Pareto front. Vertical lines: scene drops at which attacks "
+        "are compared."
     )
     if mean_floor:
         caption += " Dashed line: the floor, the highest negative control that holds no message."

@@ -121,11 +121,11 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
                 color=_COLOURS[target],
             )
             axes.bar_label(bars, [_decibels(value) for value in values], padding=1.5, fontsize=5.5)
-        beside: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "va": "center", "ha": "right"}
-        if any(np.isfinite(o.score) for o in shown):
-            axes.text(1.24, -0.9, "Score", **beside)
-        for row, outcome in zip(rows, shown, strict=True):
-            axes.text(1.24, float(row), _signed(outcome.score), **beside)
+        scores = [(-0.9, "Score")] if any(np.isfinite(o.score) for o in shown) else []
+        scores += [(float(row), _signed(o.score)) for row, o in zip(rows, shown, strict=True)]
+        for row, text in scores:
+            place: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
+            axes.annotate(text, (1, row), (30, 0), va="center", ha="right", **place)
         axes.set_yticks(rows, [display_name(o.variant) for o in shown])
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
