@@ -70,6 +70,15 @@ model.statistics()
 model.replace(model.state())
 """
 
+CLUSTER = """
+from gspure.clustering import select, spanning_tree
+from gspure.opencl.device import devices_meant
+from tests.test_clustering import with_ties
+device = devices_meant("oclgrind")[0]
+tree = spanning_tree(with_ties(1, 300), 5, device=device)
+assert select(tree, 10, "leaf", device=device).max() > 0
+"""
+
 WRITE = """
 import numpy as np
 import pyopencl as cl
@@ -127,6 +136,10 @@ def test_the_simulator_reports_races_and_invalid_accesses(simulate):
 
 def test_the_kernels_have_no_race_and_no_invalid_access(simulate, style, energy):
     assert simulate(RENDER.format(style=style, energy=energy)) == ""
+
+
+def test_the_kernels_of_clustering_have_no_race_and_no_invalid_access(simulate):
+    assert simulate(CLUSTER) == ""
 
 
 @pytest.mark.parametrize("program", [POINTS, GRADIENTS, TRAIN], ids=["points", "gradients", "training"])
