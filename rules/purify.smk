@@ -58,7 +58,9 @@ rule span_tree:
         "results/benchmarks/{scheme}/{scene}{decision}/tree.tsv"
     conda:
         "../envs/gspure.yaml"
+    threads: THREADS
     params:
+        kernels=KERNELS,
         code=code_digest("gspure.cli.tree"),
         options=method_options("cluster_on", "min_samples"),
     message:
@@ -79,6 +81,7 @@ rule select_clusters:
     conda:
         "../envs/gspure.yaml"
     params:
+        kernels=KERNELS,
         code=code_digest("gspure.cli.cluster"),
         options=method_options("min_cluster_size", "selection", "max_cluster_share"),
     message:
