@@ -8,6 +8,7 @@ from PIL import Image
 
 from gspure.cameras import read_cameras
 from gspure.cameras.nerfstudio import parse
+from gspure.cameras.photographs import missing_photographs
 from gspure.errors import InputError
 from tests.camera_cases import numbers, project, quats, rotation_from
 
@@ -36,6 +37,12 @@ def test_intrinsics_of_a_frame_win_over_those_of_the_file(tmp_path):
     first, second = read_cameras(written(tmp_path, {**SHARED, "frames": frames}))
     assert (first.K[0, 0], first.width) == (300, 320)
     assert (second.K[0, 0], second.width) == (500, 640)
+
+
+def test_a_photograph_with_too_long_a_name_is_missing(tmp_path):
+    path = written(tmp_path, {**SHARED, "frames": [FRAME | {"file_path": f"images/{'x' * 5000}.png"}]})
+    (camera,) = cameras = read_cameras(path)
+    assert missing_photographs(cameras) == [str(camera.image)]
 
 
 @given(quats, numbers(-5, 5), numbers(-5, 5), numbers(0.1, 5))

@@ -23,7 +23,7 @@ import numpy as np
 from gspure.cameras.camera import Camera, Float64, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, view_name
-from gspure.cameras.photographs import photograph_size
+from gspure.cameras.photographs import is_present, photograph_size
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
@@ -49,7 +49,7 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     entries = [Entry(source, e.where, {**shared, **e.values}) for e in entries]
     names = [view_name(e, "file_path") for e in entries]
     images = [_image(e, source.parent) for e in entries]
-    existing = next((image for image in images if image.is_file()), None)
+    existing = next((image for image in images if is_present(image)), None)
     return distinct([_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)], source)
 
 
@@ -60,7 +60,7 @@ def _image(entry: Entry, folder: Path) -> Path:
 
 def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:
     _refuse_distortion(entry)
-    measured = image if image.is_file() else existing or image
+    measured = image if is_present(image) else existing or image
     width, height = (entry.pixels("w"), entry.pixels("h")) if "w" in entry else photograph_size(measured)
     fx = _focal(entry, "x", width)
     fy = _focal(entry, "y", height) if "fl_y" in entry or "camera_angle_y" in entry else fx

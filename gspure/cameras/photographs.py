@@ -23,6 +23,14 @@ def photograph_size(path: Path) -> tuple[int, int]:
         return image.size
 
 
+def is_present(image: Path) -> bool:
+    """Return whether a file that a camera file names exists; one whose name is too long for the disk does not."""
+    try:
+        return image.is_file()
+    except OSError:
+        return False
+
+
 def photograph(camera: Camera) -> Path:
     """Return the file of a view's photograph, or raise `InputError` if the view names none."""
     if camera.image is None:
@@ -33,7 +41,7 @@ def photograph(camera: Camera) -> Path:
 def missing_photographs(cameras: Sequence[Camera]) -> list[str]:
     """Return the files of photographs that do not exist, by view; the view itself where it names no photograph."""
     images = [(camera.name, camera.image) for camera in cameras]
-    return [str(image or f"view {name}") for name, image in images if image is None or not image.is_file()]
+    return [str(image or f"view {name}") for name, image in images if image is None or not is_present(image)]
 
 
 def require_present(cameras: Sequence[Camera], source: Path | str, hint: str | None = None) -> None:
