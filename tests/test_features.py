@@ -66,6 +66,7 @@ def test_one_gaussian_has_zero_features() -> None:
 def test_parts_are_columns_in_their_own_order_whatever_that_of_asking() -> None:
     found = np.arange(10.0).reshape(2, 5)
     assert take(found, ["weight", "position"]).tolist() == [[0, 1, 2, 4], [5, 6, 7, 9]]
+    assert take(found, ["opacity"]).tolist() == [[3], [8]]
     assert take(found, PARTS).tolist() == found.tolist()
 
 

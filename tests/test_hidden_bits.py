@@ -29,7 +29,8 @@ def test_a_hidden_colour_comes_back_as_exactly_as_its_bits_allow(pair, shift):
     shown, hidden = pair
     found = extract(embed(shown, hidden, shift), shift)
     bits = room(shown.shape[1], shift)[::-1]  # hidden coefficient j lies in slot n - 1 - j
-    assert (np.abs(found - hidden) <= 2.0 ** -(bits - 9) * np.abs(hidden) + 2.0**-120).all()
+    half_step = 2.0 ** -(bits - 8)  # sign and exponent take 9 bits; what is extracted lies in the middle
+    assert (np.abs(found - hidden) <= half_step * np.abs(hidden) + 2.0**-120).all()
 
 
 @given(colours, shifts)
@@ -61,6 +62,21 @@ def test_nonsense_becomes_finite_and_bounded():
     found = extract(words.view(np.float32), SHIFT)
     assert np.isfinite(found).all()
     assert np.abs(found).max() == LARGEST
+
+
+def test_a_hidden_word_that_is_no_number_becomes_zero():
+    shown, hidden = np.zeros((1, 4, 3), np.float32), np.full((1, 4, 3), np.nan, np.float32)
+    assert extract(embed(shown, hidden)).tolist() == np.zeros((1, 4, 3)).tolist()
+
+
+def test_the_shift_is_the_papers_and_its_range_the_widest_that_works():
+    assert (SHIFT, LARGEST) == (17, 8)
+    twos, ones = np.full((1, 16, 3), 2, np.float32), np.ones((1, 16, 3), np.float32)
+    fewest, most = SHIFT_RANGE
+    assert (np.abs(extract(embed(ones, twos, fewest), fewest) - 2) <= 1).all()
+    assert (np.abs(extract(embed(ones, twos, fewest - 1), fewest - 1) - 2) > 1).any()  # an exponent lost a bit
+    assert (embed(ones, twos, most) >= 1).all()
+    assert (embed(ones, twos, most + 1) < 1).any()  # an exponent was overwritten
 
 
 def test_bits_survive_a_file_and_not_a_scaling(tmp_path):

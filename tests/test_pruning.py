@@ -20,6 +20,7 @@ FACTORS = st.floats(0.1, 100)
 
 def test_equation_of_the_mean_weight() -> None:
     assert mean_weight(np.array([1.0, 2.0, 6.0])) == 3.0
+    assert mean_weight(np.zeros(0)) == 0.0
 
 
 def test_equation_of_cluster_weights() -> None:
