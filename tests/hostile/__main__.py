@@ -11,16 +11,20 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
+from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 
 from gspure.progress import say
 from tests.hostile.contract import Violation, Watch, prepared, run_case, torment
 from tests.hostile.journal import Journal, Record
+from tests.hostile.project import finished, jobs, rules
 from tests.hostile.readers import BY_NAME, READERS
 
 MEMORY_FOLDER = Path("/dev/shm")  # noqa: S108 -- files that live for a millisecond stay out of the disk's way
+FOLDER = Path("build/torture")
 CHUNK = 1000
+WORKFLOW = ("kills", "limits", "damage", "together")
 
 
 def main() -> int:
@@ -29,9 +33,13 @@ def main() -> int:
     readers = parts.add_parser("readers", help="damage the files that readers read")
     readers.add_argument("--only", nargs="*", default=list(BY_NAME), metavar="READER")
     readers.add_argument("--cases", type=int, default=20_000, help="per reader (default: %(default)s)")
-    readers.add_argument("--folder", type=Path, default=Path("build/torture"), help="takes the records")
+    readers.add_argument("--folder", type=Path, default=FOLDER, help="takes the records")
     readers.add_argument("--jobs", type=int, default=os.cpu_count())
     readers.set_defaults(run=damage_files)
+    workflow = parts.add_parser("workflow", help="kill, starve and damage the jobs of every rule of the workflow")
+    workflow.add_argument("--only", nargs="*", choices=WORKFLOW, default=WORKFLOW)
+    workflow.add_argument("--folder", type=Path, default=FOLDER)
+    workflow.set_defaults(run=torture_workflow)
     replay = parts.add_parser("replay", help="run one case of a reader again, in this process")
     replay.add_argument("reader", choices=BY_NAME)
     replay.add_argument("case", type=int)
@@ -63,7 +71,10 @@ def damage_files(args: argparse.Namespace) -> bool:
 
 def _chunk(journal: Journal, chunk: tuple[str, int, int]) -> Record:
     name, start, stop = chunk
-    return journal.record(f"{name}.{start}.{stop}", lambda: _tormented(name, start, stop))
+    try:
+        return journal.record(f"{name}.{start}.{stop}", _tormented, name, start, stop)
+    except Exception as error:  # noqa: BLE001 -- named, and raised again
+        raise RuntimeError(f"{name}: {error!r}") from None  # not every exception survives the way between processes
 
 
 def _tormented(name: str, start: int, stop: int) -> Record:
@@ -80,6 +91,22 @@ def _summary(found: list[Violation]) -> Iterator[str]:
         case = f"case {v.case} ({v.mutation} of {v.target})"
         yield f"{count:6} {v.reader}: {v.kind} {v.place}, {case}: {v.detail[:160]!r}"
     yield f"{len(found)} violations"
+
+
+def torture_workflow(args: argparse.Namespace) -> bool:
+    """Run the workflow once, then its jobs under all kinds of trouble."""
+    reference = finished(args.folder.resolve() / "project")
+    if missing := rules() - {job.rule for job in jobs(reference)}:
+        raise SystemExit(f"the project runs no job of {', '.join(sorted(missing))}")
+    faults = 0
+    with tempfile.TemporaryDirectory() as scratch:
+        for part in args.only:
+            run = import_module(f"tests.hostile.{part}").run
+            for record in run(Journal(args.folder / part), reference, Path(scratch).resolve()):
+                faults += len(record["faults"])
+                told = "; ".join(record["faults"])[:300] or "as it should"
+                say(f"{part}: {record.get('rule') or record['case']}: {told}")
+    return bool(faults)
 
 
 def run_again(args: argparse.Namespace) -> None:

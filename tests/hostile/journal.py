@@ -19,13 +19,13 @@ class Journal:
 
     folder: Path
 
-    def record(self, name: str, make: Callable[[], Record]) -> Record:
+    def record(self, name: str, make: Callable[..., Record], *arguments: Any) -> Record:
         """Return the record of a case; it is made unless it is there."""
         path = self.folder / f"{name.replace('/', '_').replace(' ', '_')}.json"
         if path.is_file():
             found: Record = json.loads(path.read_text(encoding="utf-8"))
             return found
-        found = make()
+        found = make(*arguments)
         write_json(path, found)
         return found
 

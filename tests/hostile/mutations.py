@@ -267,7 +267,7 @@ def json_value(content: bytes, rng: Rng) -> bytes:
     """One value of the tree becomes another, is dropped, doubled, or takes the place of all."""
     try:
         tree = json.loads(content)
-    except ValueError:
+    except (ValueError, RecursionError):
         return flip(content, rng)
     places: list[tuple] = []
     _collect(tree, places)
@@ -362,7 +362,9 @@ def npy_header(content: bytes, rng: Rng) -> bytes:
     header, body = content[10 : 10 + size], content[10 + size :]
     try:
         fields = ast.literal_eval(header.decode("latin-1").strip())
-    except (ValueError, SyntaxError):
+    except (ValueError, SyntaxError, RecursionError, MemoryError):
+        fields = {}
+    if not isinstance(fields, dict):
         fields = {}
     match int(rng.integers(6)):
         case 0:

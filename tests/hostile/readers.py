@@ -15,11 +15,13 @@ import numpy as np
 import pytest
 import yaml
 from PIL import Image
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from gspure.artifacts import load_array, read_json, replacing, save_array, write_json, write_provenance
 from gspure.cameras import read_cameras, read_points, write_cameras
 from gspure.cameras.photographs import photograph_size
-from gspure.clustering import Clusters, read_clusters, read_tree, select, spanning_tree, write_clusters
+from gspure.clustering import Clusters, read_clusters, read_tree, write_clusters
 from gspure.contributions import Stage, read_index, read_stage, write_index
 from gspure.datasets import Archive, extract
 from gspure.errors import InputError
@@ -200,7 +202,7 @@ def _point_ply(folder: Path) -> None:
 IMAGES = {
     "rgb.png": "RGB",
     "rgba.png": "RGBA",
-    "palette.gif": "P",
+    "palette.png": "P",
     "photo.jpg": "RGB",
     "photo.tif": "RGB",
     "photo.webp": "RGB",
@@ -309,7 +311,7 @@ def _configuration(folder: Path) -> None:
 def _read_configuration(folder: Path) -> None:
     path = folder / "config.yaml"
     try:
-        config = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)
+        config = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # told by Snakemake
         raise InputError(path, "file", expected="YAML", found=type(error).__name__) from None
     if not isinstance(config, dict):
@@ -355,9 +357,25 @@ def _read_array(name: str, dtype: Any, shape: tuple[int | None, ...], folder: Pa
     return array
 
 
+def _read_verified(folder: Path) -> None:
+    """Whatever is damaged, the array or its record, nothing but the array that was written is returned."""
+    array = load_array(folder / "omega.npy", dtype=np.float32, shape=(ROWS,))
+    assert array.tobytes() == np.arange(ROWS, dtype=np.float32).tobytes()
+
+
+def _path(rng: Rng) -> np.ndarray:
+    """A spanning tree of 40 points: each hangs on the one before."""
+    places = np.arange(39.0)
+    return np.column_stack([places, places + 1, np.sort(rng.random(39))])
+
+
 def _read_tree(folder: Path) -> None:
-    labels = select(read_tree(folder / "tree.npy"), 5)
-    assert labels.min(initial=-1) >= -1
+    tree = read_tree(folder / "tree.npy")
+    count, (a, b, distances) = len(tree) + 1, tree.T
+    graph = coo_array((np.ones(len(tree)), (a.astype(np.intp), b.astype(np.intp))), (count, count))
+    assert connected_components(graph)[0] == 1
+    assert ((a < b) & (distances >= 0)).all()
+    assert (np.diff(distances) >= 0).all()
 
 
 def _clusters(folder: Path) -> None:
@@ -495,6 +513,12 @@ READERS = (
         {"omega.npy": "npy"},
     ),
     Reader(
+        "weights with a checksum",
+        lambda f: save_array(f / "omega.npy", np.arange(ROWS, dtype=np.float32), checksum=True),
+        _read_verified,
+        {"omega.npy": "npy", "omega.npy.json": "json"},
+    ),
+    Reader(
         "features",
         _array("features.npy", lambda rng: rng.normal(size=(ROWS, 5))),
         partial(_read_array, "features.npy", np.float64, (None, 5)),
@@ -508,7 +532,7 @@ READERS = (
     ),
     Reader(
         "spanning tree",
-        _array("tree.npy", lambda rng: spanning_tree(rng.normal(size=(40, 5)), 3)),
+        _array("tree.npy", _path),
         _read_tree,
         {"tree.npy": "npy"},
     ),

@@ -1,0 +1,135 @@
+"""Jobs of every rule on a full disk and under a file-size limit; and jobs on the device with too little memory.
+
+A job that lacks room ends with one line that says so, leaves nothing half-written, and makes the same bytes once there
+is room.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+from tests.hostile.journal import Journal, Record
+from tests.hostile.kills import copied, difference, made_by, remove, told
+from tests.hostile.project import Job, contents, ended, one_per_rule
+
+HUNGRY = ("embed_message", "measure_contributions")
+"""Rules that are run with less and less memory."""
+
+SHARES = (0.3, 0.5, 0.7, 0.8, 0.9, 0.97)
+"""Of the address space that a job takes when there is enough."""
+
+
+def run(journal: Journal, reference: Path, scratch: Path) -> Iterator[Record]:
+    """Run a job of every rule without room on disk, and some without memory; one record for each case."""
+    cases: list[tuple[str, Job, Callable[[str, Job, Path, Path], Record]]] = []
+    for job in one_per_rule(reference):
+        cases += [("file size", job, too_large), *([("full disk", job, too_full)] if os.geteuid() == 0 else [])]
+        if job.rule in HUNGRY:
+            cases += [(f"memory {share}", job, too_little) for share in SHARES]
+    for kind, job, case in cases:
+        yield journal.record(f"{job.rule}.{kind}", case, kind, job, reference, scratch)
+
+
+def too_large(kind: str, job: Job, reference: Path, scratch: Path) -> Record:
+    """No file may be larger than half of the largest that the job makes."""
+    folder, sizes = prepared(job, reference, scratch)
+    limit = max(sizes) // 2
+    return judged(kind, job, folder, reference, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
+
+
+def too_full(kind: str, job: Job, reference: Path, scratch: Path) -> Record:
+    """The disk has room for half of what the job makes."""
+    template, sizes = prepared(job, reference, scratch)
+    used = sum(path.stat().st_size + 4096 for path in template.rglob("*"))
+    folder = scratch / "disk"
+    folder.mkdir(exist_ok=True)
+    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={used + sum(sizes) // 2}", "tmpfs", folder], check=True)
+    try:
+        shutil.copytree(template, folder / "project")
+        filler = folder / "filler"
+        room = os.statvfs(folder).f_bavail * os.statvfs(folder).f_frsize
+        filler.write_bytes(bytes(max(0, room - sum(sizes) // 2)))
+        return judged(kind, job, folder / "project", reference, None, lambda: grown(folder, filler))
+    finally:
+        subprocess.run(["umount", folder], check=True)
+
+
+def grown(disk: Path, filler: Path) -> None:
+    """Make room again."""
+    filler.unlink()
+    subprocess.run(["mount", "-o", "remount,size=2g", disk], check=True)
+
+
+def too_little(kind: str, job: Job, reference: Path, scratch: Path) -> Record:
+    """The job's address space is limited to a share of what it takes."""
+    folder, _ = prepared(job, reference, scratch)
+    needed = address_space(job, folder)
+    remove(folder, [name for name in contents(reference) if made_by(job, name)])
+    limit = int(float(kind.split()[1]) * needed)
+    return judged(kind, job, folder, reference, lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
+
+
+def address_space(job: Job, folder: Path) -> int:
+    """Return the smallest limit, within 64 MiB, under which Python starts the job and it ends well."""
+    low, high = 0, 16 << 30
+    while high - low > 512 << 20:
+        middle = (low + high) // 2
+        done = ended(job.command, folder, partial(resource.setrlimit, resource.RLIMIT_AS, (middle, middle)))
+        low, high = (low, middle) if _made(job, folder) and not done.status else (middle, high)
+    return high
+
+
+def _made(job: Job, folder: Path) -> bool:
+    made = all((folder / output).exists() for output in job.outputs)
+    remove(folder, [name for name in contents(folder) if made_by(job, name)])
+    return made
+
+
+def prepared(job: Job, reference: Path, scratch: Path) -> tuple[Path, list[int]]:
+    """Return a copy of the project without what the job makes, and the sizes of what it makes."""
+    folder = copied(reference, scratch)
+    products = [name for name in contents(folder) if made_by(job, name)]
+    sizes = [(folder / name).stat().st_size for name in products]
+    remove(folder, products)
+    return folder, sizes
+
+
+def judged(
+    kind: str,
+    job: Job,
+    folder: Path,
+    reference: Path,
+    limits: Callable[[], None] | None,
+    then: Callable[[], None] | None = None,
+) -> Record:
+    """Run a job under limits, and again without them; tell what is wrong with either."""
+    expected = contents(reference)
+    (folder / job.log).unlink(missing_ok=True)
+    done = ended(job.command, folder, limits)
+    faults = [f"half-written: {name}" for name, digest in contents(folder).items() if expected.get(name) != digest]
+    said = done.printed + ((folder / job.log).read_text(errors="replace") if (folder / job.log).is_file() else "")
+    whole = not difference(contents(folder), expected)
+    if "Traceback" in said:
+        faults.append(f"a traceback: {said[-300:]!r}")
+    if not whole and not done.status:
+        faults.append("ends with status 0")
+    if then:
+        then()
+    again = ended(job.command, folder)
+    if again.status:
+        faults.append(f"second run ends with status {again.status}: {told(job, folder)}")
+    faults += [f"differs: {name}" for name in difference(contents(folder), expected)]
+    return {
+        "rule": job.rule,
+        "kind": kind,
+        "refused": not whole,
+        "status": done.status,
+        "said": said[-300:],
+        "faults": faults,
+    }

@@ -1,0 +1,237 @@
+"""Mutation testing of the numerical core: one small change to the source at a time, which some test must notice.
+
+A process has numpy, pytest and the like imported; for every mutant it forks, and the child imports the changed module
+in place of the file and runs the tests of that module up to the first failure.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import copy
+import importlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from importlib.abc import Loader, MetaPathFinder
+from importlib.util import spec_from_loader
+from pathlib import Path
+from typing import NamedTuple
+
+from gspure.progress import say
+from tests.hostile.journal import Journal, Record
+
+ROOT = Path(__file__).parents[2]
+_FRAME = ("test_renderer", "test_kernels_binning", "test_kernels_ordering", "test_kernels_projection")
+CORE = {
+    "gspure.weights": ("test_weights",),
+    "gspure.features": ("test_features",),
+    "gspure.pruning": ("test_pruning",),
+    "gspure.evaluation.metrics": ("test_metrics",),
+    "gspure.schemes.splats_in_splats.bits": ("test_hidden_bits",),
+    "gspure.opencl.binning": _FRAME,
+    "gspure.opencl.ordering": _FRAME,
+    "gspure.opencl.projection": _FRAME,
+    "gspure.opencl.blending": _FRAME,
+    "gspure.opencl.storage": _FRAME,
+    "gspure.renderer": (*_FRAME, "test_opacity_field", "test_gradients"),
+}
+"""Modules, and the tests that must notice a change, those first that fail soonest."""
+
+_OPERATORS = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult,
+    ast.Mod: ast.Mult,
+    ast.Pow: ast.Mult,
+    ast.BitAnd: ast.BitOr,
+    ast.BitOr: ast.BitAnd,
+    ast.BitXor: ast.BitAnd,
+    ast.LShift: ast.RShift,
+    ast.RShift: ast.LShift,
+    ast.And: ast.Or,
+    ast.Or: ast.And,
+    ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt,
+    ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+}
+_NAMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all", "all": "any"}
+_NAMES |= {
+    "floor": "ceil",
+    "ceil": "floor",
+    "zeros": "ones",
+    "ones": "zeros",
+    "argmin": "argmax",
+    "sum": "max",
+    "mean": "max",
+}
+IGNORED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # some packages are imported before pytest is ready
+TIMES = 6
+"""A mutant under which the tests take so many times as long as without it is noticed too: it does not end."""
+
+
+class Mutant(NamedTuple):
+    line: int
+    change: str
+    tree: ast.Module
+
+
+def mutants(source: str) -> Iterator[Mutant]:
+    """Yield every change, one at a time; texts, annotations and what is raised are left alone."""
+    tree = ast.parse(source)
+    places = [node for node in _walk(tree) if list(_changes(node))]
+    for number, node in enumerate(places):
+        for which, (what, _) in enumerate(_changes(node)):
+            changed = copy.deepcopy(tree)
+            twin = [each for each in _walk(changed) if list(_changes(each))][number]
+            list(_changes(twin))[which][1]()
+            yield Mutant(node.lineno, what, ast.fix_missing_locations(changed))
+
+
+def _walk(node: ast.AST) -> Iterator[ast.AST]:
+    for name, value in ast.iter_fields(node):
+        if name in {"annotation", "returns", "decorator_list"} or isinstance(value, ast.Raise | ast.JoinedStr):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if isinstance(child, ast.AST) and not isinstance(
+                child, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom
+            ):
+                if hasattr(child, "lineno"):
+                    yield child
+                yield from _walk(child)
+
+
+def _changes(node: ast.AST) -> list[tuple[str, object]]:
+    """What may be changed in a node: a description, and a function that does it."""
+    found = []
+    if isinstance(node, ast.BinOp | ast.AugAssign | ast.BoolOp) and type(node.op) in _OPERATORS:
+        other = _OPERATORS[type(node.op)]
+        found.append((f"{type(node.op).__name__} -> {other.__name__}", lambda: setattr(node, "op", other())))
+    if isinstance(node, ast.Compare) and type(node.ops[0]) in _OPERATORS:
+        others = _OPERATORS[type(node.ops[0])]
+        found.append((f"{type(node.ops[0]).__name__} -> {others.__name__}", lambda: node.ops.__setitem__(0, others())))
+    if isinstance(node, ast.UnaryOp):
+        found.append((f"no {type(node.op).__name__}", lambda: _become(node, node.operand)))
+    if isinstance(node, ast.Constant) and type(node.value) in {int, float, bool}:
+        value = not node.value if isinstance(node.value, bool) else node.value + 1
+        found.append((f"{node.value} -> {value}", lambda: setattr(node, "value", value)))
+    if isinstance(node, ast.Attribute) and node.attr in _NAMES:
+        found.append((f"{node.attr} -> {_NAMES[node.attr]}", lambda: setattr(node, "attr", _NAMES[node.attr])))
+    if isinstance(node, ast.If | ast.IfExp | ast.While):
+        found.append(("negated", lambda: setattr(node, "test", ast.UnaryOp(ast.Not(), node.test))))
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
+        found.append(("call removed", lambda: setattr(node, "value", ast.Constant(None))))
+    return found
+
+
+def _become(node: ast.UnaryOp, operand: ast.expr) -> None:
+    """Take the place of a node: its operator becomes the one that changes nothing, or a double negation."""
+    if isinstance(node.op, ast.Not | ast.Invert):
+        node.operand = ast.UnaryOp(node.op, operand)
+    else:
+        node.op = ast.UAdd()
+
+
+class _Changed(MetaPathFinder, Loader):
+    """Imports one module from a syntax tree."""
+
+    def __init__(self, name: str, tree: ast.Module, file: Path) -> None:
+        self.name, self.tree, self.file = name, tree, file
+
+    def find_spec(self, name, path=None, target=None):
+        return spec_from_loader(name, self, origin=str(self.file)) if name == self.name else None
+
+    def exec_module(self, module):
+        module.__file__ = str(self.file)
+        exec(compile(self.tree, str(self.file), "exec"), module.__dict__)  # noqa: S102
+
+
+def main() -> None:
+    """Test all mutants of the core's modules; show the score of each, and what survived."""
+    parser = argparse.ArgumentParser(prog="python -m tests.hostile.mutants", description=main.__doc__)
+    parser.add_argument("--only", nargs="*", default=list(CORE), metavar="MODULE")
+    parser.add_argument("--folder", type=Path, default=Path("build/torture"), help="takes the records")
+    args = parser.parse_args()
+    for name in (
+        "numpy",
+        "scipy.special",
+        "scipy.spatial.transform",
+        "pytest",
+        "hypothesis",
+        "pyopencl",
+        "hypothesis.extra.numpy",
+    ):
+        importlib.import_module(name)
+    journal = Journal(args.folder / "mutants")
+    for name in args.only:
+        record = journal.record(name, tested, name, CORE[name])
+        noticed = record["mutants"] - len(record["survivors"])
+        say(f"{name}: {noticed} of {record['mutants']} ({noticed / record['mutants']:.0%})")
+        for survivor in record["survivors"]:
+            say(f"    {survivor['line']}: {survivor['change']}: {survivor['source']}")
+
+
+def tested(module: str, tests: tuple[str, ...]) -> Record:
+    """Run the tests of a module on each of its mutants."""
+    if module in sys.modules:
+        raise RuntimeError(f"{module} was imported before it was changed")
+    file = ROOT / f"{module.replace('.', '/')}.py"
+    source = file.read_text()
+    begun = time.monotonic()
+    if _status(module, ast.parse(source), file, tests, 600):
+        raise RuntimeError(f"the tests of {module} fail")
+    patience = 10 + TIMES * (time.monotonic() - begun)
+    survivors, count = [], 0
+    for mutant in mutants(source):
+        count += 1
+        if not _status(module, mutant.tree, file, tests, patience):
+            line = source.splitlines()[mutant.line - 1].strip()
+            survivors.append({"line": mutant.line, "change": mutant.change, "source": line})
+    return {"module": module, "mutants": count, "survivors": survivors}
+
+
+def _status(module: str, tree: ast.Module, file: Path, tests: tuple[str, ...], patience: float) -> int:
+    """Return 0 if the tests pass."""
+    child = os.fork()
+    if not child:
+        _tests_in_child(module, tree, file, tests)
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return status
+        time.sleep(0.02)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return -1
+
+
+def _tests_in_child(module: str, tree: ast.Module, file: Path, tests: tuple[str, ...]) -> None:
+    import pytest
+
+    status = 70
+    try:
+        quiet = os.open(os.environ.get("HOSTILE_OUTPUT", os.devnull), os.O_WRONLY | os.O_CREAT)
+        os.dup2(quiet, 1)
+        os.dup2(quiet, 2)
+        os.chdir(ROOT)
+        sys.meta_path.insert(0, _Changed(module, tree, file))
+        paths = [f"tests/{name}.py" for name in tests]
+        status = int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *IGNORED, *paths]))
+    finally:
+        os._exit(min(status, 100))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,169 @@
+"""A small project in which every rule of the workflow has run, and its jobs one by one."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from gspure.artifacts import digest
+from tests.training_cases import colmap_project, ring
+
+ROOT = Path(__file__).parents[2]
+KEPT = ("results", "stages")
+UNTIMED = {"logs", "benchmarks"}
+"""Folders of results that differ from run to run: what jobs said and how long they took."""
+
+TARGETS = {"all", "purified"}
+"""Rules that only ask for files."""
+
+_SMALL = {"views": 9, "width": 48, "height": 36}
+CONFIG = {
+    "assets": {"desk": {"train": "photos", "training": {"iterations": 60}}},
+    "planted": {"room": {"gaussians": 600, **_SMALL}},
+    "pairs": {"hung": {"scene": "photos", "message": "hidden", "resolution": "native", "iterations": 40}},
+    "schemes": {"splats_in_splats": {"iterations": 60, "max_gaussians": 400}},
+    "views": {"parts": 2},
+    "method": {"min_samples": 3, "min_cluster_size": 5},
+    "decisions": {"bolder": {"tau_n": 2.0}},
+    "variants": {
+        "watermarked": {},
+        "gspure": {},
+        "bolder": {"attack": "gspure", "decision": "bolder"},
+        "gof": {},
+        "random_matched": {},
+    },
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run of a rule: its shell command, the files that it takes and makes, and its log."""
+
+    rule: str
+    command: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    log: str
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended."""
+
+    status: int
+    printed: str
+    seconds: float
+
+
+def rules() -> set[str]:
+    """All rules of the workflow that make something."""
+    files = [ROOT / "Snakefile", *(ROOT / "rules").glob("*.smk")]
+    return {name for file in files for name in re.findall(r"^rule (\w+):", file.read_text(), re.MULTILINE)} - TARGETS
+
+
+def build(folder: Path) -> None:
+    """Write the user's files of a project."""
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (40, 3))
+    for name in ("photos", "hidden"):
+        colmap_project(folder / name, ring(), points)
+    (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG))
+
+
+def environment(**more: str) -> dict[str, str]:
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+    return {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), **more}
+
+
+def ended(command: list[str] | str, folder: Path, limits=None, **more: str) -> Ended:
+    """Run a command in a session of its own."""
+    begun = time.monotonic()
+    done = subprocess.run(
+        ["bash", "-c", command] if isinstance(command, str) else command,
+        cwd=folder,
+        env=environment(**more),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+        preexec_fn=limits,
+        check=False,
+    )
+    return Ended(done.returncode, done.stdout.decode(errors="replace"), time.monotonic() - begun)
+
+
+def snakemake(folder: Path, *arguments: str) -> Ended:
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--configfile", "config.yaml"]
+    return ended([*command, "--cores", "2", *arguments], folder)
+
+
+def finished(folder: Path) -> Path:
+    """Return a folder in which the whole workflow has run; it is made once."""
+    if not (folder / "results" / "report.html").is_file():
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        build(folder)
+        done = snakemake(folder)
+        if done.status:
+            raise RuntimeError(done.printed[-3000:])
+    return folder
+
+
+def jobs(folder: Path) -> list[Job]:
+    """Return the jobs that ran in a project, as Snakemake keeps them."""
+    outputs: dict[str, list[str]] = {}
+    records = {}
+    for file in sorted((folder / ".snakemake" / "metadata").rglob("*")):
+        if file.is_file():
+            record = json.loads(file.read_text())
+            output = _decoded(file.relative_to(folder / ".snakemake" / "metadata"))
+            outputs.setdefault(record["shellcmd"], []).append(output)
+            records[record["shellcmd"]] = record
+    return sorted(
+        (
+            Job(
+                r["rule"],
+                command,
+                tuple(_relative(p, folder) for p in r["input"]),
+                tuple(outputs[command]),
+                r["log"][0],
+            )
+            for command, r in records.items()
+        ),
+        key=lambda job: (job.rule, job.command),
+    )
+
+
+def one_per_rule(folder: Path) -> list[Job]:
+    """Return the longest command of every rule."""
+    return list({job.rule: job for job in sorted(jobs(folder), key=lambda job: len(job.command))}.values())
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Digests of all that a project has made, wherever it lies; hidden files, which killed jobs leave, are left out."""
+    files = (path for name in KEPT for path in sorted((folder / name).rglob("*")) if path.is_file())
+    relative = {path: path.relative_to(folder) for path in files}
+    return {
+        str(name): digest(path.read_bytes().replace(str(folder).encode(), b""))
+        for path, name in relative.items()
+        if not UNTIMED & set(name.parts) and not any(part.startswith(".") for part in name.parts)
+    }
+
+
+def _relative(path: str, folder: Path) -> str:
+    return os.path.relpath(folder / path, folder)
+
+
+def _decoded(name: Path) -> str:
+    from base64 import urlsafe_b64decode
+
+    text = "".join(part.removeprefix("@") for part in name.parts)
+    return urlsafe_b64decode(text + "=" * (-len(text) % 4)).decode()
