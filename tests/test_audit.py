@@ -139,7 +139,7 @@ def test_one_scene_is_not_called_reliable_or_unreliable_in_any_sentence() -> Non
     text = " ".join([verdict, *points.values()])
     for phrase in ("reliabl", "scenes", "every scene", "AUC", "evidence of", "significan", "interval"):
         assert phrase not in text, phrase
-    assert points["Evidence"] == "1 scene, 1 random seed per scene."
+    assert points["Evidence"] == "1 scene, 1 random seed."
 
 
 def test_below_the_floor_a_high_auc_is_reconciled_with_the_loss() -> None:

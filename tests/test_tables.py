@@ -10,11 +10,13 @@ import pytest
 from gspure.artifacts import write_json
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import RENDER, read_metrics, write_metrics
+from gspure.evaluation.comparison import RENDER, compare, pair_images, read_metrics, write_metrics
+from gspure.evaluation.metrics import METRICS, Metric
 from gspure.evaluation.outcomes import collect
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.summary import summarize
 from gspure.failures import Failure, status_of
+from gspure.images import write_image
 from gspure.report.tables import model_table, results_markdown
 from tests.contest_cases import measured
 
@@ -273,3 +275,20 @@ def test_controls_have_no_score_and_other_extractions_one_of_their_own(tmp_path:
     cells = shown([*outcomes.values()])
     assert (cells["GSPure"]["Score message"], cells["GSPure"]["Score message (oracle)"]) == ("+12.00", "+7.00")
     assert cells["wrong key"]["Score message"] == "–"
+
+
+def test_a_new_metric_is_a_column_of_every_file_and_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def mean_error(a, b) -> float:
+        return float(np.mean(np.abs(a - b)))
+
+    monkeypatch.setitem(METRICS, "mae", Metric(mean_error, "MAE", "", 3, ".6f"))
+    for name, brightness in (("truth", 0.2), ("watermarked", 0.2), ("gspure", 0.6)):
+        write_image(tmp_path / name / "scene" / "1.png", np.full((16, 16, 3), brightness))
+    for name in ("watermarked", "gspure"):
+        pairs, _ = pair_images(tmp_path / "truth", tmp_path / name)
+        write_metrics(tmp_path / "vanilla" / "room" / name / "metrics.csv", map(compare, pairs))
+    outcomes = collect(sorted(tmp_path.rglob("metrics.csv")))
+    write_results(tmp_path / "results.csv", outcomes)
+    row = list(csv.DictReader((tmp_path / "results.csv").read_text().splitlines()))[1]
+    assert (row["mae"], row["mae_drop"]) == ("0.4", "-0.4")
+    assert shown(read_results(tmp_path / "results.csv"))["GSPure"]["scene MAE"] == "0.400"
