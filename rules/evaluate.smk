@@ -1,5 +1,5 @@
 # What a variant shows is compared with photographs of scene and message, and where none are known, with what the
-# watermarked model shows.
+# unattacked model shows.
 
 
 ruleorder: extract_message > render_target

@@ -175,8 +175,8 @@ def targets(wildcards):
 
 
 def renders(wildcards):
-    """The folders of images of a variant; a baseline covers the views of the watermarked model."""
-    variant = "watermarked" if wildcards.variant in BASELINES else wildcards.variant
+    """The folders of images of a variant; a baseline covers the views of the unattacked model."""
+    variant = "unattacked" if wildcards.variant in BASELINES else wildcards.variant
     folder = f"results/{wildcards.scheme}/{wildcards.scene}/{variant}/renders"
     return [f"{folder}/{target}" for target in targets(wildcards)]
 
@@ -187,7 +187,7 @@ def references(wildcards):
         return expand("results/planted/{scene}/truth/{target}", target=TARGETS["planted"], scene=wildcards.scene)
     if wildcards.scheme in WATERMARKS:
         return [pair_inputs(wildcards)[target] for target in ("scene", "message")]
-    return expand("results/vanilla/{scene}/watermarked/renders/scene", scene=wildcards.scene)
+    return expand("results/vanilla/{scene}/unattacked/renders/scene", scene=wildcards.scene)
 
 
 def comparison_options(wildcards):
@@ -202,7 +202,7 @@ def shown_folders(wildcards):
     folder = f"results/{wildcards.scheme}/{wildcards.scene}"
     truths = {"planted": f"{folder}/truth"} | dict.fromkeys(WATERMARKS, f"results/pairs/{pair_of(wildcards.scene)}")
     truth = {"truth": truths[wildcards.scheme]} if wildcards.scheme in truths else {}
-    others = sorted(VARIANTS, key=lambda variant: variant != "watermarked")
+    others = sorted(VARIANTS, key=lambda variant: variant != "unattacked")
     return truth | {variant: f"{folder}/{variant}/renders" for variant in others}
 
 
@@ -210,7 +210,7 @@ def panel_columns(wildcards):
     """The folders of images beside each other in a panel, by title: the reference, then before and after."""
     shown = shown_folders(wildcards)
     targets = {"truth": wildcards.target.partition("_")[0]}
-    titles = [title for title in ("truth", "watermarked", "gspure") if title in shown]
+    titles = [title for title in ("truth", "unattacked", "gspure") if title in shown]
     return {title: f"{shown[title]}/{targets.get(title, wildcards.target)}" for title in titles}
 
 

@@ -34,7 +34,7 @@ def benchmark(drops: Mapping[str, Mapping[str, tuple[float, float]]], seeds: int
     for scene, variants in drops.items():
         for seed in range(seeds):
             cell = (scene, seed)
-            outcomes += [attacked("watermarked", 0.0, 0.0, *cell, **known)]
+            outcomes += [attacked("unattacked", 0.0, 0.0, *cell, **known)]
             outcomes += [attacked(name, a, b + seed / 10, *cell, **known) for name, (a, b) in variants.items()]
             outcomes += [outcome(name, *cell, targets={"message": psnr}, **known) for name, psnr in CONTROLS.items()]
     return outcomes

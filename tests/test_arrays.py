@@ -202,7 +202,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-WRITING = ["features --model model.ply --weights w.npy", "attack watermarked --model model.ply"]
+WRITING = ["features --model model.ply --weights w.npy", "attack unattacked --model model.ply"]
 
 
 @pytest.mark.parametrize("command", WRITING)

@@ -15,7 +15,7 @@ from tests.attack_cases import changed, public
 
 COUNT = 40
 PRUNING = {
-    *("watermarked", "gspure", "random_pruning", "lowest_weight", "lowest_opacity", "plain_weight", "plain_opacity"),
+    *("unattacked", "gspure", "random_pruning", "lowest_weight", "lowest_opacity", "plain_weight", "plain_opacity"),
     *("random_matched", "lowest_weight_matched", "lowest_opacity_matched", "crop", "gof", "opacity_weight"),
 }
 RANDOM = {
@@ -83,7 +83,7 @@ def test_other_attacks_keep_every_row_and_change_something(name: str) -> None:
     assert attacked.model.table.tobytes() != model().table.tobytes()
 
 
-@pytest.mark.parametrize("name", sorted(set(HERE) - {"watermarked"}))
+@pytest.mark.parametrize("name", sorted(set(HERE) - {"unattacked"}))
 def test_attacked_models_carry_one_line_of_provenance(name: str) -> None:
     attack = find_attack(name)
     (comment,) = attack.apply(model(), evidence(), seed=5).model.comments
@@ -92,9 +92,9 @@ def test_attacked_models_carry_one_line_of_provenance(name: str) -> None:
     assert all(f"{setting}={value}" in comment for setting, value in attack.settings.items())
 
 
-def test_watermarked_is_the_model_itself() -> None:
+def test_unattacked_is_the_model_itself() -> None:
     given_model = model()
-    attacked = find_attack("watermarked").apply(given_model, Evidence())
+    attacked = find_attack("unattacked").apply(given_model, Evidence())
     assert attacked.model is given_model
     assert not attacked.prune_mask.any()
 
@@ -169,7 +169,7 @@ def test_a_model_without_colour_is_refused_by_attacks_on_colour() -> None:
     [
         ("random_pruning", {"fraction": 1.5}, "fraction: expected 0 to 1, found 1.5"),
         ("random_pruning", {"ratio": 0.5}, "setting: expected one of fraction, found ratio"),
-        ("watermarked", {"ratio": 0.5}, "setting: expected one of none"),
+        ("unattacked", {"ratio": 0.5}, "setting: expected one of none"),
         ("feature_scaling", {"factor": float("nan")}, "factor: expected a number of at least 0"),
         ("feature_scaling", {"attributes": "color"}, "attributes: expected one or more of colour,base_colour,opacity"),
         ("gaussian_noise", {"sigma": -1.0}, "sigma: expected a number of at least 0"),
@@ -206,7 +206,7 @@ def test_an_attack_that_miscounts_its_rows_is_refused(rows: list[int], count: in
 
 
 def test_unknown_attack_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"expected one of watermarked, plain_weight, .*, found 'prune'"):
+    with pytest.raises(InputError, match=r"expected one of unattacked, plain_weight, .*, found 'prune'"):
         find_attack("prune")
 
 
@@ -267,7 +267,7 @@ def test_command_applies_settings_in_the_type_of_their_defaults(tmp_path: Path) 
         ),
         (["random_pruning", "--set", "part=0.5"], "setting: expected one of fraction, found part"),
         (["plain_weight"], "weights: expected an array, found nothing"),
-        (["nothing"], "attack: name: expected one of watermarked"),
+        (["nothing"], "attack: name: expected one of unattacked"),
         (
             ["plain_weight", "--weights", "absent.npy"],
             "absent.npy: file: expected a .npy array, found no such file",

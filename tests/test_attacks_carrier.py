@@ -24,7 +24,7 @@ def reaches(name: str, model: Gaussians, carrier: tuple[str, ...], **settings) -
 @pytest.mark.parametrize(
     ("name", "settings", "bits", "places"),
     [
-        ("watermarked", {}, False, False),
+        ("unattacked", {}, False, False),
         ("feature_scaling", {}, True, False),
         ("feature_scaling", {"factor": 1.0}, False, False),
         ("gaussian_noise", {}, True, False),
@@ -71,4 +71,4 @@ def test_a_lost_column_is_enough() -> None:
 
 def test_a_carrier_that_the_model_does_not_have_is_refused() -> None:
     with pytest.raises(InputError, match=r"carrier: semantic_\*: expected columns of the public model, found none"):
-        reaches("watermarked", blobs(COUNT), BLEND)
+        reaches("unattacked", blobs(COUNT), BLEND)

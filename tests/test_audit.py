@@ -110,8 +110,8 @@ def test_a_message_that_was_not_present_cannot_be_lost() -> None:
 
 
 def test_without_the_unattacked_model_nothing_is_judged() -> None:
-    outcomes = [o for o in of_scenes(2, gspure=(0.5, 20.0)) if o.variant != "watermarked"]
-    outcomes.append(outcome("watermarked", "s0", failure="gspure extract: out of memory"))
+    outcomes = [o for o in of_scenes(2, gspure=(0.5, 20.0)) if o.variant != "unattacked"]
+    outcomes.append(outcome("unattacked", "s0", failure="gspure extract: out of memory"))
     assert audit_of(outcomes).verdict == "no reference"
     assert told(outcomes)[1]["Failed"].startswith("Unattacked, on 1 of 2 models")
 
@@ -199,13 +199,13 @@ def test_attacks_that_changed_nothing_that_is_read_are_not_judged() -> None:
 def test_failures_are_listed_with_reason_and_models() -> None:
     outcomes = [*of_scenes(2, gspure=(0.5, 20.0)), outcome("gof", "s0", failure="gspure attack: out of memory")]
     assert told(outcomes)[1]["Failed"] == "GOF, on 1 of 2 models: gspure attack: out of memory"
-    everything = [outcome(name, failure="no PyTorch") for name in ("watermarked", "gspure")]
+    everything = [outcome(name, failure="no PyTorch") for name in ("unattacked", "gspure")]
     assert audit_of(everything).verdict == "failed"
     assert list(told(everything)[1]) == ["Failed"]
 
 
 def test_without_key_the_scene_alone_is_reported() -> None:
-    psnr = {"watermarked": math.inf, "gspure": 35.52, "gof": 30.0}
+    psnr = {"unattacked": math.inf, "gspure": 35.52, "gof": 30.0}
     outcomes = [
         Outcome("vanilla", "chair", name, {"scene": measured("scene", value, reference=RENDER)}, {"scene": 3})
         for name, value in psnr.items()

@@ -67,7 +67,7 @@ def test_naming_a_model_and_its_cameras_is_enough():
     config = filled(ASSET)
     assert config["assets"]["bot"].items() >= BOT.items()
     assert config["planted"] == {}
-    assert {"watermarked", "gspure"} <= config["variants"].keys()
+    assert {"unattacked", "gspure"} <= config["variants"].keys()
 
 
 def test_defaults_of_the_method_are_the_constants_of_the_code():
@@ -148,7 +148,7 @@ def test_the_configuration_handed_in_is_left_alone():
         ({"method": {"tau_n": 0}}, "method.tau_n: expected more than 0, found 0"),
         ({"assets": {"bot": {**BOT, "scale": "half"}}}, "assets.bot.scale: .* found 'half'"),
         ({"views": {"parts": 1.5}}, "views.parts: expected type integer, found 1.5"),
-        ({"variants": {"gspure": {}}}, "variants.watermarked: expected an entry, found nothing"),
+        ({"variants": {"gspure": {}}}, "variants.unattacked: expected an entry, found nothing"),
         ({"planted": {"room": {"views": 1}}}, "planted.room.views: expected at least 2, found 1"),
         ({"method": None}, "method: expected type object, found None"),
         ({"decisions": {"gentle": {"tau": 2}}}, "decisions.gentle.tau: expected one of cluster_on, .* unknown key"),
@@ -168,10 +168,10 @@ def test_a_wrong_setting_is_refused_in_one_line_that_names_it(config, line):
 
 def test_a_variant_is_an_attack_of_the_same_name_unless_it_names_one():
     config = filled(
-        {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {}, "half": {"attack": "random_pruning"}}}
+        {"planted": {"room": {}}, "variants": {"unattacked": {}, "gspure": {}, "half": {"attack": "random_pruning"}}}
     )
     attacks_of = {name: variant["attack"] for name, variant in resolved(config, "mine.yaml")["variants"].items()}
-    assert attacks_of == {"watermarked": "watermarked", "gspure": "gspure", "half": "random_pruning"}
+    assert attacks_of == {"unattacked": "unattacked", "gspure": "gspure", "half": "random_pruning"}
 
 
 def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_path):
@@ -210,34 +210,34 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         ({"assets": {"bot": {"train": ".", "model": __file__}}}, "assets.bot.model: expected nothing beside train"),
         ({"assets": {"bot": {"train": ".", "cameras": "orbit"}}}, "assets.bot.cameras: expected nothing beside train"),
         (
-            {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {}, "random_pruning": {"share": 1}}},
+            {"planted": {"room": {}}, "variants": {"unattacked": {}, "gspure": {}, "random_pruning": {"share": 1}}},
             "variants.random_pruning.share: expected one of fraction, found an unknown key",
         ),
         (
             {
                 "planted": {"room": {}},
-                "variants": {"watermarked": {}, "gspure": {}, "random_pruning": {"fraction": "x"}},
+                "variants": {"unattacked": {}, "gspure": {}, "random_pruning": {"fraction": "x"}},
             },
             "variants.random_pruning.fraction: expected a number, found 'x'",
         ),
         (
-            {"planted": {"room": {}}, "variants": {"watermarked": {"sigma": 1}, "gspure": {}}},
-            "variants.watermarked.sigma: expected one of no settings, found an unknown key",
+            {"planted": {"room": {}}, "variants": {"unattacked": {"sigma": 1}, "gspure": {}}},
+            "variants.unattacked.sigma: expected one of no settings, found an unknown key",
         ),
         (
-            {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {"decision": "gentle"}}},
+            {"planted": {"room": {}}, "variants": {"unattacked": {}, "gspure": {"decision": "gentle"}}},
             "variants.gspure.decision: expected one of no decisions, found 'gentle'",
         ),
         (
             {
                 "planted": {"room": {}},
                 "decisions": {"gentle": {}},
-                "variants": {"watermarked": {}, "gspure": {}, "reorder": {"decision": "gentle"}},
+                "variants": {"unattacked": {}, "gspure": {}, "reorder": {"decision": "gentle"}},
             },
             "variants.reorder.decision: expected nothing, since reorder goes by no decision, found 'gentle'",
         ),
         (
-            {"planted": {"room": {}}, "variants": {"watermarked": {}, "gspure": {}, "gspur": {}}},
+            {"planted": {"room": {}}, "variants": {"unattacked": {}, "gspure": {}, "gspur": {}}},
             "variants.gspur: expected one of .*plain_weight.*, found 'gspur'",
         ),
     ],

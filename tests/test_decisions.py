@@ -95,7 +95,7 @@ def test_the_ablations_have_the_names_under_which_the_paper_s_cells_are_kept():
 
 def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else():
     variants = {
-        "watermarked": {},
+        "unattacked": {},
         "gspure": {},
         "gentle": {"attack": "gspure", "decision": "gentle"},
         "leaf": {"attack": "gspure", "decision": "leaf"},
@@ -119,7 +119,7 @@ def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else():
 
 def test_weights_by_another_energy_are_another_sweep():
     variants = {
-        "watermarked": {},
+        "unattacked": {},
         "gspure": {},
         "plain_weight": {},
         "ewa": {"attack": "plain_weight", "decision": "ewa"},

@@ -34,9 +34,9 @@ def names(outcomes):
 
 
 def test_of_an_attack_at_several_strengths_the_highest_score_is_shown():
-    outcomes = [outcome("watermarked"), outcome("weak", 29, 28), outcome("fit", 28, 10), outcome("strong", 5, 5)]
+    outcomes = [outcome("unattacked"), outcome("weak", 29, 28), outcome("fit", 28, 10), outcome("strong", 5, 5)]
     sweeps = {"pruning": ["weak", "fit", "strong", "elsewhere"], "other": ["nowhere"]}
-    assert names(chosen(outcomes, sweeps)) == ["watermarked", "fit"]
+    assert names(chosen(outcomes, sweeps)) == ["unattacked", "fit"]
     assert names(chosen(outcomes, {})) == names(outcomes)
 
 
@@ -86,13 +86,13 @@ def test_many_columns_go_on_below_and_keep_their_size(tmp_path):
 
 @pytest.fixture
 def results(tmp_path):
-    outcomes = [outcome("watermarked"), outcome("noise", reached={"message": False})]
+    outcomes = [outcome("unattacked"), outcome("noise", reached={"message": False})]
     outcomes += [Outcome("planted", "room", "gof", {}, {}, failure="no memory")]
     write_results(tmp_path / "results.csv", outcomes)
     for target in ("scene", "message"):
         for i, view in enumerate("abc"):
             write_image(tmp_path / "truth" / target / f"{view}.png", PHOTOGRAPH)
-            for variant in ("watermarked", "noise"):
+            for variant in ("unattacked", "noise"):
                 write_image(tmp_path / variant / target / f"{view}.png", PHOTOGRAPH + np.float32(0.1 * (i + 1)))
     return tmp_path
 
@@ -104,15 +104,15 @@ def command(folder, *titles):
 
 
 def test_the_command_shows_what_is_in_the_table(results: Path) -> None:
-    assert main(command(results, "truth", "watermarked", "noise", "gof")) == 0
+    assert main(command(results, "truth", "unattacked", "noise", "gof")) == 0
     note = json.loads((results / "attacks.png.json").read_text())
-    shown = {f"{name} {target}" for name in ("truth", "watermarked", "noise") for target in ("scene", "message")}
+    shown = {f"{name} {target}" for name in ("truth", "unattacked", "noise") for target in ("scene", "message")}
     assert note["inputs"].keys() == {"table", *shown}
     assert note["settings"]["caption"].startswith("View b ")
     assert "†" in note["settings"]["caption"]
-    assert main(command(results, "watermarked", "noise")) == 0, "without a truth"
+    assert main(command(results, "unattacked", "noise")) == 0, "without a truth"
 
 
 def test_without_the_unattacked_model_there_is_nothing_to_compare(results: Path, capsys) -> None:
     assert main(command(results, "truth", "noise")) == 2
-    assert "expected watermarked of planted/room" in capsys.readouterr().err
+    assert "expected unattacked of planted/room" in capsys.readouterr().err

@@ -22,7 +22,7 @@ def outcomes(**drops: dict[str, tuple[float, float]]) -> list[Outcome]:
     """Variants with what they take from scene and message, by scene."""
     found = []
     for scene, variants in drops.items():
-        for variant, (of_scene, of_message) in {"watermarked": (0.0, 0.0), **variants}.items():
+        for variant, (of_scene, of_message) in {"unattacked": (0.0, 0.0), **variants}.items():
             after = {"scene": BEFORE["scene"] - of_scene, "message": BEFORE["message"] - of_message}
             targets = {name: measured(name, psnr) for name, psnr in after.items()}
             reference = {name: measured(name, psnr) for name, psnr in BEFORE.items()}

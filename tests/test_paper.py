@@ -17,7 +17,7 @@ from gspure.evaluation.paper import Claim, check_claims, find_oddities, read_cel
 from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS
 from gspure.evaluation.paper.quantities import ablations, drop, lead, score, score_lead, table_1
 
-ROWS = ("watermarked", *ATTACKS)
+ROWS = ("unattacked", *ATTACKS)
 CELLS = read_cells()
 CHECKS = check_claims(CELLS)
 NINE = {"bicycle", "bonsai", "room", "flowers", "treehill", "garden", "stump", "counter", "kitchen"}
@@ -94,7 +94,7 @@ def test_scores_follow_from_the_cells_but_for_two():
 
 def test_the_recomputed_score_is_the_mean_over_scenes_of_message_drop_minus_scene_drop():
     value = {(c.variant, c.scene, c.target): c.value for c in of_table(1) if c.scheme == "splats_in_splats"}
-    lost = {(s, t): value["watermarked", s, t] - value["gspure", s, t] for s in NINE for t in TARGETS}
+    lost = {(s, t): value["unattacked", s, t] - value["gspure", s, t] for s in NINE for t in TARGETS}
     by_hand = np.mean([lost[s, "message"] - lost[s, "scene"] for s in NINE])
     assert score(table_1(CELLS), "splats_in_splats", "gspure") == pytest.approx(by_hand)
     found = check_of("Table 1", "gspure", "splats_in_splats")
@@ -108,7 +108,7 @@ def test_the_recomputed_score_is_the_mean_over_scenes_of_message_drop_minus_scen
 MEANS = {
     ("toy", variant, target): psnr
     for variant, pair in {
-        "watermarked": (30.0, 25.0),
+        "unattacked": (30.0, 25.0),
         "random_pruning": (28.0, 24.0),
         "feature_scaling": (20.0, 25.0),
         "gaussian_noise": (29.0, 23.0),

@@ -68,7 +68,7 @@ def texts(figure) -> list[str]:
 
 
 def test_outcomes_show_both_targets_and_the_score(tmp_path: Path, drawn) -> None:
-    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("watermarked", 30, 30), outcome("gspure", 29, 12.5)])
+    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("unattacked", 30, 30), outcome("gspure", 29, 12.5)])
     bars = [[bar.get_width() for bar in container] for container in drawn[0].axes[0].containers]
     assert bars == [[30, 29], [30, 12.5]]
     assert {"+0.00", "+16.50", "Score"} <= set(texts(drawn[0]))
@@ -76,7 +76,7 @@ def test_outcomes_show_both_targets_and_the_score(tmp_path: Path, drawn) -> None
 
 
 def test_outcomes_without_a_key_show_the_scene_alone(tmp_path: Path, drawn) -> None:
-    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("watermarked", np.inf), outcome("gspure", 29)])
+    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("unattacked", np.inf), outcome("gspure", 29)])
     assert len(drawn[0].axes[0].containers) == 1
     assert "identical" in texts(drawn[0])
     assert "Score" not in texts(drawn[0])
@@ -100,13 +100,13 @@ def test_names_from_files_are_no_formulas(tmp_path: Path, drawn) -> None:
     images = {name: {NAME: np.zeros((8, 10, 3), np.float32)} for name in ("truth", NAME)}
     panels.write_panels(tmp_path / "panels.png", images, [NAME], difference=False)
     assert drawn[0].axes[0].get_xlabel() == NAME
-    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("watermarked", 30, 30), outcome(NAME, 29, 12.5)])
+    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("unattacked", 30, 30), outcome(NAME, 29, 12.5)])
     lineup.write_lineup(
         tmp_path / "lineup.png",
         ["scene"],
         [lineup.Column("truth", {"scene": images["truth"][NAME]}), lineup.Column(NAME, {}, failure=NAME)],
     )
-    tradeoff.write_tradeoff(tmp_path / "tradeoff.png", [outcome("watermarked", 30, 30), outcome(NAME, 29, 12.5)])
+    tradeoff.write_tradeoff(tmp_path / "tradeoff.png", [outcome("unattacked", 30, 30), outcome(NAME, 29, 12.5)])
     assert not any(
         text.get_parse_math() for figure in drawn for text in figure.findobj(Text) if "$5" in text.get_text()
     )
@@ -149,7 +149,7 @@ def test_a_histogram_survives_weights_that_should_not_be(tmp_path: Path, drawn, 
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, 1e300, -1e300, 0.0])
 def test_charts_survive_extreme_outcomes(tmp_path: Path, value: float) -> None:
-    ordinary = [outcome("watermarked", 30, 30), outcome("gspure", 29, 12.5)]
+    ordinary = [outcome("unattacked", 30, 30), outcome("gspure", 29, 12.5)]
     for extreme in (outcome("other", value, 30), outcome("other", 29, value), outcome("other", value, value)):
         plots.write_outcomes(tmp_path / "outcomes.png", [*ordinary, extreme])
         tradeoff.write_tradeoff(tmp_path / "tradeoff.png", [*ordinary, extreme])

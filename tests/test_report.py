@@ -71,12 +71,12 @@ def of_one_model(*outcomes: Outcome) -> list[Outcome]:
 
 
 PLANTED = of_one_model(
-    variant("watermarked", 30.0, 25.0, pruned_share=0.0, recall=0.0),
+    variant("unattacked", 30.0, 25.0, pruned_share=0.0, recall=0.0),
     variant("gspure", 29.0, 9.0, pruned_share=0.4, precision=0.875, recall=0.95),
     variant("random_pruning", 20.0, 22.0, pruned_share=0.25, precision=0.4, recall=0.25),
 )
 VANILLA = of_one_model(
-    variant("watermarked", math.inf, asset=("vanilla", "chair")),
+    variant("unattacked", math.inf, asset=("vanilla", "chair")),
     variant("gspure", 35.5, asset=("vanilla", "chair"), pruned_share=0.3),
 )
 
@@ -232,7 +232,7 @@ names = st.text("abc_", min_size=1, max_size=3)
 @given(st.dictionaries(names, st.tuples(numbers, unsure, unsure, unsure, unsure), min_size=1, max_size=4))
 def test_a_table_read_back_is_what_was_written(tmp_path_factory, variants) -> None:
     written = of_one_model(
-        variant("watermarked", 30.0, 25.0),
+        variant("unattacked", 30.0, 25.0),
         *(
             variant(f"attack_{name}", scene, message, pruned_share=pruned, precision=precision, recall=recall)
             for name, (scene, message, pruned, precision, recall) in variants.items()
@@ -272,9 +272,7 @@ def test_the_command_writes_the_page(tmp_path: Path, figures: list[Path], capsys
 
 
 def test_a_sentence_names_the_first_attacks_of_many(tmp_path: Path) -> None:
-    many = of_one_model(
-        variant("watermarked", 30.0, 25.0), *(variant(f"attack_{i}", 30.0, 24.0 - i) for i in range(12))
-    )
+    many = of_one_model(variant("unattacked", 30.0, 25.0), *(variant(f"attack_{i}", 30.0, 24.0 - i) for i in range(12)))
     write_report(tmp_path / "report.html", "Title", many)
     text = Page(tmp_path / "report.html").text
     assert "attack 11 +12.00, attack 10 +11.00" in text

@@ -47,7 +47,7 @@ def test_curves_show_means_and_bands_by_target_and_factor(tmp_path: Path, drawn)
 def test_variants_lie_at_their_means_and_those_that_do_the_same_lie_together() -> None:
     found = {place.variants: place[:2] for place in places(TWO)}
     assert found == {
-        ("watermarked",): (0.0, 28.0),
+        ("unattacked",): (0.0, 28.0),
         ("gspure",): (1.0, 12.0),
         ("harsh", "same"): (2.5, 10.0),
         ("random",): (4.5, 27.0),
@@ -56,12 +56,12 @@ def test_variants_lie_at_their_means_and_those_that_do_the_same_lie_together() -
 
 def test_a_variant_that_lacks_a_scene_is_left_out() -> None:
     fewer = [o for o in TWO if (o.scene, o.variant) != ("vault", "harsh")]
-    assert {name for place in places(fewer) for name in place.variants} == {"watermarked", "gspure", "same", "random"}
+    assert {name for place in places(fewer) for name in place.variants} == {"unattacked", "gspure", "same", "random"}
 
 
 def test_the_front_is_numbered_and_named(tmp_path: Path, drawn) -> None:  # noqa: F811
     front = write_tradeoff(tmp_path / "tradeoff.png", TWO)
-    assert [place.variants[0] for place in front] == ["watermarked", "gspure", "harsh"]
+    assert [place.variants[0] for place in front] == ["unattacked", "gspure", "harsh"]
     axes = drawn[0].axes[0]
     *numbers, key = [text.get_text() for text in axes.texts]
     assert numbers == ["1", "2", "3"]

@@ -103,7 +103,7 @@ def test_brackets_are_intervals_and_parentheses_ranges(outcomes):
 
 
 def test_the_command_writes_both(tmp_path):
-    for variant, (scene, message) in {"watermarked": (30.0, 25.0), "gspure": (29.0, 10.0)}.items():
+    for variant, (scene, message) in {"unattacked": (30.0, 25.0), "gspure": (29.0, 10.0)}.items():
         rows = [measured("scene", scene, view="1"), measured("message", message, view="1")]
         write_metrics(tmp_path / "a" / "b" / variant / "metrics.csv", rows)
     files = [f"--{name}={tmp_path / name}" for name in ("out", "markdown", "summary", "latex")]

@@ -24,7 +24,7 @@ def by_variant(outcomes, extraction="message"):
 def test_a_message_survives_where_it_stands_out_from_the_highest_control_of_its_scene() -> None:
     rows = by_variant(FOUR)
     assert {name: row.survives for name, row in rows.items()} == {
-        "watermarked": True,
+        "unattacked": True,
         "gone": False,
         "left": True,
         "half": True,

@@ -34,5 +34,6 @@ def test_the_cells_of_all_tables_are_those_of_the_first_version(tmp_path: Path) 
     write_records(tmp_path / "matched.csv", Matched, match(outcomes, SWEEPS))
     write_records(tmp_path / "contest.csv", Contest, contest(outcomes, SWEEPS))
     write_records(tmp_path / "survival.csv", Survival, survival(outcomes))
-    tables = {path.name: path.read_text().partition("\n")[2].encode() for path in tmp_path.iterdir()}
-    assert {name: hashlib.sha256(cells).hexdigest()[:16] for name, cells in tables.items()} == CELLS
+    tables = {path.name: path.read_text().partition("\n")[2] for path in tmp_path.iterdir()}
+    named_as_then = {name: cells.replace("unattacked", "watermarked").encode() for name, cells in tables.items()}
+    assert {name: hashlib.sha256(cells).hexdigest()[:16] for name, cells in named_as_then.items()} == CELLS

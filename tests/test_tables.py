@@ -21,7 +21,7 @@ from gspure.report.tables import model_table, results_markdown
 from tests.contest_cases import measured
 
 ROWS = {  # scene PSNR, message PSNR of two views
-    "watermarked": ((30.0, 26.0), (25.0, 23.0)),
+    "unattacked": ((30.0, 26.0), (25.0, 23.0)),
     "gspure": ((29.0, 25.0), (11.0, 9.0)),
     "gaussian_noise": ((27.0, 23.0), (24.0, 22.0)),
 }
@@ -37,7 +37,7 @@ def shown(outcomes) -> dict[str, dict[str, str]]:
 def results(tmp_path: Path, scene: str = "room") -> tuple[list[Path], list[Path], Path]:
     folder = tmp_path / "planted" / scene
     truth = np.array([True, True, False, False, False])
-    kept = {"watermarked": [1, 1, 1, 1, 1], "gspure": [0, 1, 0, 1, 1], "gaussian_noise": [1, 1, 1, 1, 1]}
+    kept = {"unattacked": [1, 1, 1, 1, 1], "gspure": [0, 1, 0, 1, 1], "gaussian_noise": [1, 1, 1, 1, 1]}
     metrics, masks = [], []
     for variant, (scene_psnr, message_psnr) in reversed(ROWS.items()):
         rows = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate(scene_psnr)]
@@ -55,12 +55,12 @@ def results(tmp_path: Path, scene: str = "room") -> tuple[list[Path], list[Path]
 def test_equation_of_the_score_is_message_drop_minus_scene_drop(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     scores = {outcome.variant: outcome.score for outcome in collect(metrics)}
-    assert scores == {"watermarked": 0.0, "gspure": 14.0 - 1.0, "gaussian_noise": 1.0 - 3.0}
+    assert scores == {"unattacked": 0.0, "gspure": 14.0 - 1.0, "gaussian_noise": 1.0 - 3.0}
 
 
 def test_reference_comes_first_then_the_order_given(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
-    assert [outcome.variant for outcome in collect(metrics)] == ["watermarked", "gaussian_noise", "gspure"]
+    assert [outcome.variant for outcome in collect(metrics)] == ["unattacked", "gaussian_noise", "gspure"]
 
 
 def test_precision_and_recall_come_from_the_masks_below_the_same_folders(tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_without_reference_variant_there_is_no_score(tmp_path: Path) -> None:
 
 
 def compared_with_renders(tmp_path: Path) -> list[Path]:
-    for variant, value in (("watermarked", np.inf), ("gspure", np.inf), ("gaussian_noise", 30.0)):
+    for variant, value in (("unattacked", np.inf), ("gspure", np.inf), ("gaussian_noise", 30.0)):
         rows = [measured("scene", value, 1.0, RENDER, "1")]
         write_metrics(tmp_path / "vanilla" / "own" / variant / "metrics.csv", rows)
     return sorted(tmp_path.rglob("metrics.csv"))
@@ -260,7 +260,7 @@ def test_what_is_no_verdict_is_refused(tmp_path: Path) -> None:
 
 def test_controls_have_no_score_and_other_extractions_one_of_their_own(tmp_path: Path) -> None:
     for variant, (scene, message, oracle) in {
-        "watermarked": (30, 25, 28),
+        "unattacked": (30, 25, 28),
         "gspure": (29, 12, 20),
         "wrong_key": (30, 9, 9),
     }.items():
@@ -282,9 +282,9 @@ def test_a_new_metric_is_a_column_of_every_file_and_table(tmp_path: Path, monkey
         return float(np.mean(np.abs(a - b)))
 
     monkeypatch.setitem(METRICS, "mae", Metric(mean_error, "MAE", "", 3, ".6f"))
-    for name, brightness in (("truth", 0.2), ("watermarked", 0.2), ("gspure", 0.6)):
+    for name, brightness in (("truth", 0.2), ("unattacked", 0.2), ("gspure", 0.6)):
         write_image(tmp_path / name / "scene" / "1.png", np.full((16, 16, 3), brightness))
-    for name in ("watermarked", "gspure"):
+    for name in ("unattacked", "gspure"):
         pairs, _ = pair_images(tmp_path / "truth", tmp_path / name)
         write_metrics(tmp_path / "vanilla" / "room" / name / "metrics.csv", map(compare, pairs))
     outcomes = collect(sorted(tmp_path.rglob("metrics.csv")))

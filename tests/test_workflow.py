@@ -35,7 +35,7 @@ TABLE = "results/tables/results.csv"
 CONFIG = {
     "assets": {"bot": {"model": "bot.ply", "cameras": "views.json"}},
     "method": {"min_samples": 3, "min_cluster_size": 5},
-    "variants": {"watermarked": {}, "gspure": {}, "random_matched": {}},
+    "variants": {"unattacked": {}, "gspure": {}, "random_matched": {}},
 }
 SLOW_WRITES = (
     "import os, time\nreplace = os.replace\nos.replace = lambda *a, **k: (time.sleep(0.2), replace(*a, **k))[1]\n"
@@ -192,7 +192,7 @@ AFTER_PRUNING = {
     "compare_renders": 2,
     "tabulate_metrics": 1,
 }
-"""Of the three variants, the watermarked one does not depend on the pruning."""
+"""Of the three variants, the unattacked one does not depend on the pruning."""
 
 
 def test_tau_changed_only_pruning_and_after(project):
@@ -288,7 +288,7 @@ def test_a_model_of_ones_own_is_compared_with_its_own_renders(finished):
     with (finished.folder / TABLE).open() as table:
         rows = {row["variant"]: row for row in csv.DictReader(table)}
     assert {row["reference"] for row in rows.values()} == {"render"}
-    assert rows["watermarked"]["psnr"] == "inf"
+    assert rows["unattacked"]["psnr"] == "inf"
     assert float(rows["gspure"]["psnr"]) < 100
 
 

@@ -16,7 +16,7 @@ DECISIONS = {
     "ewa": {"energy": "ewa"},
 }
 VARIANTS = {
-    "watermarked": {},
+    "unattacked": {},
     "gspure": {},
     "plain_weight": {},
     **{name: {"attack": "gspure", "decision": name} for name in DECISIONS},

@@ -14,7 +14,7 @@ CONFIG = {
     "pairs": {"raised": {"views": 9, "width": 32, "height": 24}},
     "schemes": {"faint_splats": {"iterations": 40, "max_gaussians": 400}},
     "method": {"min_samples": 3, "min_cluster_size": 5},
-    "variants": {"watermarked": {}, "gspure": {}, "faint_pruning": {}},
+    "variants": {"unattacked": {}, "gspure": {}, "faint_pruning": {}},
     "threads": 1,
 }
 
@@ -36,7 +36,7 @@ def test_an_attack_and_a_scheme_of_a_package_are_in_the_tables_and_on_the_page(f
     rows = {(row["variant"], row["target"]): row for row in table}
     attacked = rows["faint_pruning", "scene"]
     assert float(attacked["pruned_share"]) == pytest.approx(0.25, abs=0.01)
-    assert attacked["psnr"] != rows["watermarked", "scene"]["psnr"]
+    assert attacked["psnr"] != rows["unattacked", "scene"]["psnr"]
     assert rows["faint_pruning", "message"]["reached"] == "true"
     note = json.loads((finished.folder / "results/faint_splats/raised/figures/attacks.png.json").read_text())
     assert "faint_pruning message" in note["inputs"]

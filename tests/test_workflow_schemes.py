@@ -18,7 +18,7 @@ CONFIG = {
     "schemes": {"splats_in_splats": {"iterations": 60, "max_gaussians": 600}},
     "method": {"min_samples": 3, "min_cluster_size": 5},
     "variants": {
-        "watermarked": {},
+        "unattacked": {},
         "gspure": {},
         "rigid_transform": {},
         "degree_9": {"attack": "sh_truncation", "degree": 9},
@@ -65,12 +65,12 @@ def test_variants_and_controls_are_in_the_table_with_every_extraction(rows):
 
 
 def test_a_message_stands_out_from_its_controls(rows):
-    shown = {name: float(numbers(rows, name)["message_oracle"]["psnr"]) for name in ("watermarked", *CONTROLS)}
-    assert shown["watermarked"] > max(shown[name] for name in CONTROLS) + 2
+    shown = {name: float(numbers(rows, name)["message_oracle"]["psnr"]) for name in ("unattacked", *CONTROLS)}
+    assert shown["unattacked"] > max(shown[name] for name in CONTROLS) + 2
 
 
 def test_a_model_that_was_moved_is_looked_at_from_views_that_moved_along(rows):
-    before, after = (float(numbers(rows, name)["scene"]["psnr"]) for name in ("watermarked", "rigid_transform"))
+    before, after = (float(numbers(rows, name)["scene"]["psnr"]) for name in ("unattacked", "rigid_transform"))
     assert after == pytest.approx(before, abs=0.5)
 
 
@@ -81,7 +81,7 @@ def test_an_attack_that_refuses_is_told_and_stops_nothing(rows):
 
 
 def test_what_an_attack_reached_is_told(rows):
-    assert {t: row["reached"] for t, row in numbers(rows, "watermarked").items() if t != "scene"} == {
+    assert {t: row["reached"] for t, row in numbers(rows, "unattacked").items() if t != "scene"} == {
         "message": "false",
         "message_oracle": "false",
     }
@@ -99,7 +99,7 @@ def test_a_pair_is_repeated_with_other_seeds_of_training_and_attacks(finished, t
     assert "--out results/splats_in_splats/raised@1" in trained
     assert any("attack rigid_transform" in line and "--seed 1" in line for line in repeated)
 
-    metrics = [f"results/splats_in_splats/{asset}/watermarked/metrics.csv" for asset in ("raised", "raised@1")]
+    metrics = [f"results/splats_in_splats/{asset}/unattacked/metrics.csv" for asset in ("raised", "raised@1")]
     assert rules_run(project.run(metrics[1]))["embed_message"] == 1
     first, second = (scene_psnr(project.folder / path) for path in metrics)
     assert first != second

@@ -10,7 +10,7 @@ python=$root/.venv/bin/python
 for target in scene message; do
   PYTHONPATH=$root "$python" -m gspure figures panels --rows 1 --out "$here/$target.png" \
     --column "photograph=../../pairs/room/$target" \
-    --column "watermarked=watermarked/renders/$target" \
+    --column "unattacked=unattacked/renders/$target" \
     --column "after GSPure=gspure/renders/$target" \
     --column "as many removed at random=random_matched/renders/$target"
   rm "$here/$target.png.json"

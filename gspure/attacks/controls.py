@@ -11,7 +11,7 @@ from gspure.model.gaussians import Gaussians
 from gspure.pruning import plain_prune_mask
 
 
-def watermarked(model: Gaussians, _rng: Rng) -> Attacked:
+def unattacked(model: Gaussians, _rng: Rng) -> Attacked:
     """Return the model itself, byte for byte."""
     return Attacked(model, np.arange(len(model)), len(model))
 
@@ -41,4 +41,4 @@ def lowest_opacity_matched(model: Gaussians, _rng: Rng, opacities: Float32, prun
     return Attacked.without(model, lowest_mask(opacities, int(prune_mask.sum())))
 
 
-ATTACKS = named(watermarked, plain_weight, plain_opacity, random_matched, lowest_weight_matched, lowest_opacity_matched)
+ATTACKS = named(unattacked, plain_weight, plain_opacity, random_matched, lowest_weight_matched, lowest_opacity_matched)

@@ -21,7 +21,7 @@ EXAMPLES = """\
       --prune-mask prune_mask.npy --cameras cameras.json --out figures
   gspure figures panels --column before=before --column after=after --difference --out figures/views.png
   gspure figures attacks --table results.csv --asset planted/room --column truth=truth \\
-      --column watermarked=watermarked/renders --column gspure=gspure/renders --out attacks.png
+      --column unattacked=unattacked/renders --column gspure=gspure/renders --out attacks.png
   gspure figures outcomes --table results.csv --asset planted/room --out figures/outcomes.png
   gspure figures sweep --table results.csv --scheme planted --point gspure=4,4 --point tau_n_1=1,4 --out sweep.png
   gspure figures tradeoff --table results.csv --scheme planted --out tradeoff.png

@@ -74,7 +74,7 @@ def _draw_panels(args: argparse.Namespace) -> None:
 
 
 def _draw_attacks(args: argparse.Namespace) -> None:
-    from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, ordered
+    from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, ordered
     from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, typical, write_lineup
     from gspure.images import read_image
@@ -82,13 +82,13 @@ def _draw_attacks(args: argparse.Namespace) -> None:
     folders = dict(args.column)
     outcomes = [o for o in read_results(args.table) if f"{o.scheme}/{o.asset}" == args.asset and o.variant in folders]
     targets = ordered({target for outcome in outcomes for target in outcome.targets})
-    if not targets or REFERENCE not in folders:
+    if not targets or UNATTACKED not in folders:
         raise InputError(
-            args.table, "variant", expected=f"{REFERENCE} of {args.asset}, among the columns", found="none"
+            args.table, "variant", expected=f"{UNATTACKED} of {args.asset}, among the columns", found="none"
         )
     judged = MESSAGE if MESSAGE in targets else SCENE
     reference = next(iter(folders))
-    places = [_place(folders[name], judged) for name in (reference, REFERENCE)]
+    places = [_place(folders[name], judged) for name in (reference, UNATTACKED)]
     views = _common_views(places)
     view = typical(*({name: read_image(place / f"{name}.png") for name in views} for place in places))
 
@@ -110,12 +110,12 @@ def _draw_attacks(args: argparse.Namespace) -> None:
 
 
 def _variant(title: str, files: dict[str, Path], outcome: Outcome | None) -> Column:
-    from gspure.evaluation.outcomes import REFERENCE
+    from gspure.evaluation.outcomes import UNATTACKED
     from gspure.figures.lineup import Column
     from gspure.images import read_image
 
     images = {target: read_image(path) for target, path in files.items()}
-    if outcome is None or outcome.variant == REFERENCE:
+    if outcome is None or outcome.variant == UNATTACKED:
         return Column(title, images)
     unreached = frozenset(target for target, reached in outcome.reached.items() if not reached)
     return Column(title, images, unreached, outcome.failure)

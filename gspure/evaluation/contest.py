@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import Drops, Sweeps, completed, drop_within
-from gspure.evaluation.outcomes import GSPURE, REFERENCE, SCENE, Outcome, ordered
+from gspure.evaluation.outcomes import GSPURE, SCENE, UNATTACKED, Outcome, ordered
 from gspure.evaluation.statistics import (
     MATCHED_DAMAGES,
     Cells,
@@ -79,7 +79,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     rows: list[Contest] = []
     other_strengths = {*sweeps.get(GSPURE, ())} - {GSPURE}
     for scheme in dict.fromkeys(o.scheme for o in outcomes):
-        attacks = [o for o in outcomes if o.scheme == scheme and o.variant != REFERENCE and not o.is_control]
+        attacks = [o for o in outcomes if o.scheme == scheme and o.variant != UNATTACKED and not o.is_control]
         for extraction in ordered({target for o in attacks for target in o.messages}):
             drops = _drops(attacks, extraction)
             as_run = {name: cells for name, cells in drops.items() if name not in other_strengths}

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.outcomes import REFERENCE, SCENE, Outcome, ordered
+from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, ordered
 from gspure.evaluation.statistics import (
     MATCHED_DAMAGES,
     Interval,
@@ -24,7 +24,7 @@ Sweeps = Mapping[str, Sequence[str]]
 Drops = tuple[float, float]
 """Drop of the scene's and of the message's PSNR, dB."""
 
-UNATTACKED: Final[Drops] = (0.0, 0.0)
+NO_DROPS: Final[Drops] = (0.0, 0.0)
 """A point of every sweep, since every attack can be weakened to none."""
 
 
@@ -60,7 +60,7 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
 
     """
     rows = []
-    sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != REFERENCE and not o.is_control))
+    sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
     for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
         of_scheme = list(group)
         for extraction in ordered({target for o in of_scheme for target in o.messages}):
@@ -87,7 +87,7 @@ def drop_within(points: Sequence[Drops], damage: float) -> tuple[float, bool]:
     `points` are the drops of one model, by strength. If all strengths are gentler, the largest drop of the message
     counts.
     """
-    scene, message = np.array([UNATTACKED, *points]).T
+    scene, message = np.array([NO_DROPS, *points]).T
     drop = matched_message_drop(scene, message, damage)
     return (float(message.max()), True) if drop is None else (drop, False)
 

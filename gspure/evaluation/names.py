@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 _NAMES: Final = {
-    "watermarked": "unattacked",  # the variant bears a mark only if its scheme hides one
     "clean": "clean model",
     "other_scene": "other scene's model",
     "black": "black image",

@@ -19,8 +19,8 @@ from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.recall import recall
 from gspure.failures import read_failure
 
-REFERENCE: Final = "watermarked"
-"""The unattacked variant: drops are relative to it."""
+UNATTACKED: Final = "unattacked"
+"""The variant without an attack: drops are relative to it."""
 
 GSPURE: Final = "gspure"
 """The variant of the paper's attack, and the name of the sweep over its pruning factors."""
@@ -45,7 +45,7 @@ class Outcome:
     precision: float = math.nan
     recall: float = math.nan
     reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
-    """The same means for the variant `REFERENCE`."""
+    """The same means for the variant `UNATTACKED`."""
 
     reached: Mapping[str, bool] = field(default_factory=dict)
     """For each extraction of the message, whether the attack changed anything that it reads; empty if unknown."""
@@ -57,7 +57,7 @@ class Outcome:
     """The means of `targets` over views off the camera path; empty if there are none."""
 
     off_path_reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
-    """The same means for the variant `REFERENCE`."""
+    """The same means for the variant `UNATTACKED`."""
 
     seed: int = 0
     """Number of the repetition on the same scene, each with its own random seeds."""
@@ -144,7 +144,7 @@ def collect(
     Returns
     -------
     list of Outcome
-        Sorted by scheme and scene; within each, the variant `REFERENCE` first, then the order given.
+        Sorted by scheme and scene; within each, the variant `UNATTACKED` first, then the order given.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def collect(
         reason = failed[0].failure if failed else "nothing"
         raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
     outcomes = [*(_outcome(path, kept, truth, verdicts) for path in metrics), *failed]
-    outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != REFERENCE))
+    outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != UNATTACKED))
     return with_references(outcomes)
 
 
@@ -165,7 +165,7 @@ def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
     """Return outcomes, sorted by model, with the metrics of their unattacked model as reference."""
     complete: list[Outcome] = []
     for _, variants in by_model(outcomes):
-        unattacked = next((o for o in variants if o.variant == REFERENCE), None)
+        unattacked = next((o for o in variants if o.variant == UNATTACKED), None)
         if unattacked:
             before, off_path_before = unattacked.targets, unattacked.off_path
             complete += [replace(o, reference=before, off_path_reference=off_path_before) for o in variants]

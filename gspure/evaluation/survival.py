@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from numpy.typing import ArrayLike
 
 from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
-from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE, Outcome, ordered
+from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, ordered
 from gspure.evaluation.statistics import (
     Cells,
     Detectability,
@@ -112,7 +112,7 @@ def _highest(psnr: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
 def _survival(attacked: Sequence[Outcome], extraction: str, psnr: Mapping[str, Cells]) -> Survival:
     first = attacked[0]
     after, scene_floor = psnr.get(first.variant, {}), _highest(psnr)
-    present_before = _present(psnr.get(REFERENCE, {}), scene_floor)
+    present_before = _present(psnr.get(UNATTACKED, {}), scene_floor)
     reached = [o.reached[extraction] for o in attacked if extraction in o.reached]
     kinds = [kind for kind in MESSAGE_FREE if after and kind in psnr]
     auc = {kind: detectability(_scene_means(after), _scene_means(psnr[kind])) for kind in kinds}

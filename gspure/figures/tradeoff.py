@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from gspure.evaluation.names import display_name
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, REFERENCE, SCENE, Outcome
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
 from gspure.evaluation.statistics import MATCHED_DAMAGES, pareto_front
 from gspure.figures import style
 
@@ -72,7 +72,7 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
         line = [(place.damage, place.residual) for place in front]
         axes.step(*zip(*line, strict=True), where="post", color=style.INK, linewidth=0.8)
         axes.plot(*zip(*line, strict=True), "o", color=style.INK, markersize=3.2, label="Pareto front")
-        for name, marker in ((REFERENCE, "s"), (GSPURE, "D")):
+        for name, marker in ((UNATTACKED, "s"), (GSPURE, "D")):
             for place in (place for place in found if name in place.variants):
                 colour = style.PRUNED if name == GSPURE else style.SCENE
                 axes.plot(*place[:2], marker, color=colour, markersize=4.4, label=display_name(name), linestyle="none")

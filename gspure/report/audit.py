@@ -11,7 +11,7 @@ from math import inf, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.contest import SCORE, Contest
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, REFERENCE, SCENE, Outcome
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
 from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, known_interval
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival
@@ -131,7 +131,7 @@ def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests:
 
 def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival], contests: Sequence[Contest]) -> Audit:
     by_variant = {variant: row for (extraction, variant), row in left.items() if extraction == MESSAGE}
-    attacks = sorted((row for row in by_variant.values() if row.variant != REFERENCE), key=_damage)
+    attacks = sorted((row for row in by_variant.values() if row.variant != UNATTACKED), key=_damage)
     judged = [row for row in attacks if row.present and row.reached is not False]
     cells = {(o.scene, o.seed) for o in outcomes if not o.failure}
     scenes = {scene for scene, _ in cells}
@@ -143,7 +143,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         models=len({o.asset for o in outcomes}),
         verdict="judged" if judged else _why_not_judged(outcomes, by_variant),
         attacks=judged or attacks,
-        before=by_variant.get(REFERENCE),
+        before=by_variant.get(UNATTACKED),
         gspure=by_variant.get(GSPURE),
         other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != MESSAGE],
         not_reached=[row for row in attacks if row.reached is False],
@@ -163,7 +163,7 @@ def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Surviv
         return "no key"
     if not by_variant:
         return "no controls"
-    if REFERENCE not in by_variant:
+    if UNATTACKED not in by_variant:
         return "no reference"
     if not any(row.above_floor for row in by_variant.values()):
         return "no controls"
@@ -205,7 +205,7 @@ def _drop(outcomes: Sequence[Outcome], target: str) -> Interval | None:
 
 
 def _scene_psnr(outcomes: Sequence[Outcome]) -> list[tuple[Summary, Interval]]:
-    rows = [(row, row.scene) for row in summarize(outcomes) if row.variant != REFERENCE and row.scene]
+    rows = [(row, row.scene) for row in summarize(outcomes) if row.variant != UNATTACKED and row.scene]
     return sorted(rows, key=lambda pair: -pair[1].mean)
 
 

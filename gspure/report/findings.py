@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final, NamedTuple
 
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, REFERENCE, SCENE, Outcome
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
 
 PLANTED: Final = "planted"
 
@@ -57,7 +57,7 @@ class Limits:
 
 def findings(outcomes: Sequence[Outcome]) -> Findings:
     """Return what happened to one model, from all of its variants."""
-    attacks = [o for o in outcomes if o.variant != REFERENCE and not o.is_control and not o.failure]
+    attacks = [o for o in outcomes if o.variant != UNATTACKED and not o.is_control and not o.failure]
     gspure = next((o for o in attacks if o.variant == GSPURE), None)
     shown = [o for o in outcomes if MESSAGE in o.targets]
     return Findings(

@@ -11,7 +11,7 @@ from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.matched import Matched
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name, model_name
-from gspure.evaluation.outcomes import MESSAGE, REFERENCE, Outcome, by_model, ordered
+from gspure.evaluation.outcomes import MESSAGE, UNATTACKED, Outcome, by_model, ordered
 from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import MARGIN, Survival
@@ -118,7 +118,7 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
         columns += [Column("detectability")] * (scenes > 1)
     rows = []
     for row in attacks:
-        name = display_name(row.variant) + (" †" if row.reached is False and row.variant != REFERENCE else "")
+        name = display_name(row.variant) + (" †" if row.reached is False and row.variant != UNATTACKED else "")
         cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop)]
         if has_floor:
             cells.append(Cell(f"{row.survived} of {row.present}") if row.present else Cell())
@@ -208,7 +208,7 @@ def _metrics(o: Outcome, target: str) -> Iterator[Cell]:
         cell = metric(o.targets[target].values[name], name)
         drop = o.psnr_drop(target)
         if name == "psnr":
-            missed = o.variant != REFERENCE and not o.reached.get(target, True)
+            missed = o.variant != UNATTACKED and not o.reached.get(target, True)
             changed = isfinite(drop) and drop != 0
             cell = Cell(cell.text + " †" * missed, f"({signed(-drop)})" if changed else "")
         yield cell

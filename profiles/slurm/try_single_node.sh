@@ -89,7 +89,7 @@ cd "$folder/project"
 cat > config.yaml << CONFIG
 planted: {room: {gaussians: 600, views: 9, width: 48, height: 36}}
 method: {min_samples: 3, min_cluster_size: 5}
-variants: {watermarked: {}, gspure: {}, random_matched: {}}
+variants: {unattacked: {}, gspure: {}, random_matched: {}}
 threads: 2
 CONFIG
 PYTHONPATH="$root${PYTHONPATH:+:$PYTHONPATH}" "$python" -m snakemake --snakefile "$root/Snakefile" \

@@ -303,7 +303,7 @@ def _configuration(folder: Path) -> None:
         "planted": {"room": {"gaussians": 600, "views": 9}},
         "method": {"min_samples": 3, "tau_n": 2.5},
         "decisions": {"finer": {"min_samples": 5}},
-        "variants": {"watermarked": {}, "gspure": {}, "half": {"attack": "random_pruning", "fraction": 0.5, "seed": 1}},
+        "variants": {"unattacked": {}, "gspure": {}, "half": {"attack": "random_pruning", "fraction": 0.5, "seed": 1}},
     }
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
 
@@ -416,9 +416,7 @@ def _read_metrics(folder: Path) -> None:
 
 
 def _table(folder: Path) -> None:
-    outcomes = [
-        attacked(name, float(i), 10.0 * i, scheme="planted") for i, name in enumerate(("watermarked", "gspure"))
-    ]
+    outcomes = [attacked(name, float(i), 10.0 * i, scheme="planted") for i, name in enumerate(("unattacked", "gspure"))]
     write_results(folder / "results.csv", outcomes)
 
 

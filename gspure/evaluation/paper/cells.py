@@ -30,7 +30,7 @@ class Cell(NamedTuple):
 
     scheme: str
     variant: str
-    """An attack, ``watermarked``, or a configuration of the ablation such as ``opacity_weight``."""
+    """An attack, ``unattacked``, or a configuration of the ablation such as ``opacity_weight``."""
 
     scene: str
     target: str

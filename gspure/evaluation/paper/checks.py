@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from gspure.evaluation.outcomes import GSPURE, REFERENCE
+from gspure.evaluation.outcomes import GSPURE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, DATA, PSNR, SCHEMES, SCORE, TARGETS, Cell
 from gspure.evaluation.paper.quantities import QUANTITIES, Means, ablations, printed_scores, table_1
 from gspure.evaluation.records import read_records
@@ -61,7 +61,7 @@ def read_claims(cells: Sequence[Cell]) -> list[Claim]:
     scores = [
         Claim(f"Table {c.table}", c.row, SCORE, c.scheme, c.variant, "", "=", c.value)
         for c in cells
-        if c.metric == SCORE and c.variant != REFERENCE
+        if c.metric == SCORE and c.variant != UNATTACKED
     ]
     repeated = [
         Claim(f"Table {c.table}", f"{c.row}, {c.column}", PSNR, c.scheme, c.variant, c.target, "=", c.value)

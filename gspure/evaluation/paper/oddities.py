@@ -7,7 +7,7 @@ from itertools import combinations
 from typing import Final
 
 from gspure.evaluation.names import display_name
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, REFERENCE
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS, Cell
 from gspure.evaluation.paper.quantities import by_scene
 
@@ -32,7 +32,7 @@ def raised_messages(cells: Sequence[Cell]) -> Iterator[str]:
     """Yield attacks that improve the message in every scene: they did not change what the extraction reads."""
     for scheme in SCHEMES:
         for attack in ATTACKS:
-            before, after = by_scene(cells, scheme, REFERENCE, MESSAGE), by_scene(cells, scheme, attack, MESSAGE)
+            before, after = by_scene(cells, scheme, UNATTACKED, MESSAGE), by_scene(cells, scheme, attack, MESSAGE)
             gains = [after[scene] - before[scene] for scene in before]
             if min(gains) > 0:
                 text = f"{display_name(attack)} raises the message's PSNR in all {len(gains)} scenes"
@@ -44,7 +44,7 @@ def largest_drops(cells: Sequence[Cell]) -> Iterator[str]:
     for scheme in SCHEMES:
         for target in TARGETS:
             after = by_scene(cells, scheme, GSPURE, target)
-            drops = {scene: psnr - after[scene] for scene, psnr in by_scene(cells, scheme, REFERENCE, target).items()}
+            drops = {scene: psnr - after[scene] for scene, psnr in by_scene(cells, scheme, UNATTACKED, target).items()}
             scene = max(drops, key=drops.__getitem__)
             text = f"{display_name(GSPURE)} lowers the {target}'s PSNR by up to {drops[scene]:.2f} dB ({scene})"
             yield f"{_where(scheme)}: {text}"
@@ -89,7 +89,7 @@ def _coincidences(cells: Sequence[Cell]) -> Iterator[tuple[str, str, tuple[str, 
     """Yield scheme, target and two variants with the scenes in which both have the same PSNR."""
     for scheme in SCHEMES:
         for target in TARGETS:
-            for pair in combinations((REFERENCE, *ATTACKS), 2):
+            for pair in combinations((UNATTACKED, *ATTACKS), 2):
                 first, second = (by_scene(cells, scheme, variant, target) for variant in pair)
                 if scenes := [scene for scene in first if first[scene] == second[scene]]:
                     yield scheme, target, pair, scenes
@@ -107,7 +107,7 @@ def _columns(cells: Sequence[Cell]) -> list[list[Cell]]:
     """Return the cells of attacks by column and scheme: those that bold type compares."""
     columns: dict[tuple[int, str, str], list[Cell]] = {}
     for cell in cells:
-        if cell.variant != REFERENCE:
+        if cell.variant != UNATTACKED:
             columns.setdefault((cell.table, cell.scheme, cell.column), []).append(cell)
     return list(columns.values())
 

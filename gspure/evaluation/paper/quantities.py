@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.evaluation.outcomes import MESSAGE, REFERENCE, SCENE
+from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, PSNR, SCORE, TARGETS, Cell
 from gspure.evaluation.statistics import Interval, mean_interval
 
@@ -44,7 +44,7 @@ def psnr(means: Means, scheme: str, variant: str, target: str) -> float:
 
 def drop(means: Means, scheme: str, variant: str, target: str) -> float:
     """Return the drop of a mean PSNR from that of the unattacked model, dB."""
-    return means[scheme, REFERENCE, target] - means[scheme, variant, target]
+    return means[scheme, UNATTACKED, target] - means[scheme, variant, target]
 
 
 def score(means: Means, scheme: str, variant: str, _target: str = "") -> float:
@@ -73,6 +73,6 @@ QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
 
 def score_interval(cells: Sequence[Cell], scheme: str, variant: str) -> Interval:
     """Return the mean Score of Table 1 with its interval over the nine scenes, which the paper does not print."""
-    before, after = ({t: by_scene(cells, scheme, v, t) for t in TARGETS} for v in (REFERENCE, variant))
+    before, after = ({t: by_scene(cells, scheme, v, t) for t in TARGETS} for v in (UNATTACKED, variant))
     drops = {t: {scene: before[t][scene] - after[t][scene] for scene in after[t]} for t in TARGETS}
     return mean_interval([[drops[MESSAGE][scene] - drops[SCENE][scene]] for scene in drops[SCENE]])
