@@ -36,7 +36,7 @@ CONFIG = {
     "method": {"min_samples": 3, "min_cluster_size": 5},
     "decisions": {"bolder": {"tau_n": 2.0}},
     "variants": {
-        "watermarked": {},
+        "unattacked": {},
         "gspure": {},
         "bolder": {"attack": "gspure", "decision": "bolder"},
         "gof": {},
