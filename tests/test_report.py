@@ -221,6 +221,10 @@ def test_what_is_no_provenance_is_refused(tmp_path: Path) -> None:
 def test_nothing_measured_makes_a_page_too(tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", "Title", [])
     assert "Title" in Page(tmp_path / "report.html").text
+    write_report(tmp_path / "failed.html", "Title", [Outcome("s", "room", "gspure", {}, {}, failure="no memory")])
+    text = Page(tmp_path / "failed.html").text
+    assert "Nothing was measured" in text
+    assert "no memory" in text
 
 
 numbers = st.floats(-99, 99).map(lambda x: float(f"{x:.6g}"))

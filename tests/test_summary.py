@@ -13,7 +13,7 @@ from gspure.evaluation.comparison import write_metrics
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.records import write_records
 from gspure.evaluation.summary import Summary, summarize
-from gspure.report.tables import summary_latex
+from gspure.report.tables import summary_table
 from tests.contest_cases import measured
 
 REFERENCE = {"scene": 30.0, "message": 25.0}
@@ -74,7 +74,7 @@ def test_scenes_that_do_not_know_a_number_are_not_counted():
 def test_every_extraction_of_the_message_has_a_row():
     rows = summarize([outcome("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)])
     assert [(row.extraction, row.message.mean) for row in rows] == [("message", 9.0), ("message_oracle", 12.0)]
-    assert "GSPure, message (oracle) & 1 & 29.00 & 12.00" in summary_latex(rows)
+    assert "GSPure, message (oracle) & 1 & 29.00 & 12.00" in summary_table(rows).latex()
 
 
 def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):
@@ -86,13 +86,13 @@ def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):
 
 
 def latex_rows(outcomes):
-    lines = summary_latex(summarize(outcomes)).splitlines()
+    lines = summary_table(summarize(outcomes)).latex().splitlines()
     return [line for line in lines if line.endswith(r"\\") and not line.startswith("Scheme")]
 
 
 def test_the_latex_table_has_one_block_per_scheme(outcomes):
     assert [row.split(" & ")[0].strip() for row in latex_rows(outcomes)] == ["my scheme", "", "Splats in Splats"]
-    assert summary_latex(summarize(outcomes)).count(r"\midrule") == 2
+    assert summary_table(summarize(outcomes)).latex().count(r"\midrule") == 2
 
 
 def test_brackets_are_intervals_and_parentheses_ranges(outcomes):

@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.records import write_records
     from gspure.evaluation.results import write_results
     from gspure.evaluation.summary import Summary, summarize
-    from gspure.report.tables import results_markdown, summary_latex
+    from gspure.report.tables import results_markdown, summary_table
 
     outcomes = collect(args.metrics, args.kept, args.truth, args.verdicts, args.failures)
     write_results(args.out, outcomes)
@@ -76,4 +76,4 @@ def run(args: argparse.Namespace) -> None:
         write_records(args.summary, Summary, summarize(outcomes))
         write_provenance(args.summary, inputs={"table": args.out}, settings={})
     if args.latex:
-        write_text(args.latex, summary_latex(summarize(outcomes)))
+        write_text(args.latex, summary_table(summarize(outcomes)).latex())

@@ -134,7 +134,7 @@ def collect(
     kept : sequence of Path
         Masks ``.npy`` bool [K], true where a variant kept the row, anywhere below the variant's folder.
     truth : sequence of Path
-        Masks ``.npy`` bool [K], true where a row belongs to the message, anywhere below ``{scheme}/{scene}``.
+        Masks ``.npy`` bool [K], true where a row carries the message, anywhere below ``{scheme}/{scene}``.
     verdicts : sequence of Path
         Files ``verdict.json`` of `gspure attack`, anywhere below the variant's folder.
     failures : sequence of Path

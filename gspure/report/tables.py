@@ -36,7 +36,7 @@ PERMITTED: Final = [Column(f"{damage:g} dB", "scene drop of") for damage in MATC
 
 
 def results_markdown(outcomes: Sequence[Outcome]) -> str:
-    """Return one table per model, with the reasons of what failed."""
+    """Return one table per model, and the reason of every failure."""
     document = markdown_document({model_name(*key): [model_table(group)] for key, group in by_model(outcomes)})
     return "\n".join([document, *(f"{sentence}\n" for sentence in failures(outcomes))])
 
@@ -48,11 +48,6 @@ def schemes_markdown(
     schemes = dict.fromkeys([*(row.scheme for row in survivals), *(row.scheme for row in matched)])
     tables = {display_name(scheme): scheme_tables(scheme, survivals, contests, matched) for scheme in schemes}
     return markdown_document(tables) if tables else "No model with a message was attacked.\n"
-
-
-def summary_latex(rows: Sequence[Summary]) -> str:
-    """Return the means over scenes as a LaTeX table, one block per scheme."""
-    return summary_table(rows).latex()
 
 
 def scheme_tables(
@@ -105,7 +100,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
         rows.append(Row(cells, "control" if o.is_control else "best" if is_best else ""))
     missed = any("†" in cell.text for row in rows for cell in row.cells)
     note = say(NOTES, "model", measured, off_path, extractions, shares, missed)
-    return Table("PSNR, SSIM and Score of every variant", columns, rows, note)
+    return Table("Metrics of every variant", columns, rows, note)
 
 
 def survival_table(attacks: Sequence[Survival]) -> Table:
