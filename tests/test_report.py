@@ -121,10 +121,10 @@ def test_the_page_is_the_same_bytes_again(tmp_path: Path, figures: list[Path]) -
 
 
 def test_the_findings_of_a_model_are_its_changes_pruning_and_ranking(tmp_path: Path) -> None:
-    found = findings(PLANTED)
-    assert (found.attacks, found.views, found.has_message, found.against_photographs) == (2, 3, True, True)
-    assert [tuple(change) for change in found.changes] == [("scene", 30.0, 29.0), ("message", 25.0, 9.0)]
-    assert [o.variant for o in found.ranked] == ["gspure", "random_pruning"]
+    facts = findings(PLANTED)
+    assert (facts.attacks, facts.views, facts.has_message, facts.against_photographs) == (2, 3, True, True)
+    assert [tuple(change) for change in facts.changes] == [("scene", 30.0, 29.0), ("message", 25.0, 9.0)]
+    assert [o.variant for o in facts.ranked] == ["gspure", "random_pruning"]
     write_report(tmp_path / "report.html", "Title", PLANTED)
     text = Page(tmp_path / "report.html").text
     for fact in ("40.0%", "87.5%", "95.0%", "from 25.00 to 9.00 dB", "from 30.00 to 29.00 dB", "GSPure +15.00"):

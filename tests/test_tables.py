@@ -221,7 +221,7 @@ def test_views_beside_the_path_are_averaged_on_their_own(tmp_path: Path) -> None
     outcomes = collect(metrics)
     ours = next(o for o in outcomes if o.variant == "gspure")
     assert (ours.targets["message"].psnr, ours.off_path["message"].psnr) == (10.0, 6.0)
-    assert (ours.views["message"], ours.score, ours.seen_off_path().score) == (2, 13.0, 13.0)
+    assert (ours.views["message"], ours.score, ours.off_path_outcome().score) == (2, 13.0, 13.0)
     assert shown(outcomes)["GSPure"]["PSNR off path message"] == "6.00"
     write_results(tmp_path / "t.csv", outcomes)
     assert [o.off_path for o in read_results(tmp_path / "t.csv")] == [o.off_path for o in outcomes]

@@ -102,7 +102,7 @@ class Outcome:
         """
         return math.nan if self.is_control else self.psnr_drop(target) - self.psnr_drop(SCENE)
 
-    def seen_off_path(self) -> Outcome:
+    def off_path_outcome(self) -> Outcome:
         """Return this variant with the metrics of views off the camera path."""
         return replace(self, targets=self.off_path, reference=self.off_path_reference)
 

@@ -61,10 +61,10 @@ def read_results(path: Path) -> list[Outcome]:
 def _rows(o: Outcome) -> Iterator[Result]:
     if o.failure:
         yield Result(o.scheme, o.scene, o.seed, o.variant, failure=o.failure)
-    off = o.seen_off_path()
+    off = o.off_path_outcome()
     for target in ordered(o.targets):
         mean, extraction = o.targets[target], target if target in o.messages else MESSAGE
-        seen_off = target in off.targets
+        is_measured = target in off.targets
         yield Result(
             o.scheme,
             o.scene,
@@ -80,9 +80,9 @@ def _rows(o: Outcome) -> Iterator[Result]:
             o.pruned_share,
             o.precision,
             o.recall,
-            off_path=off.targets[target].values if seen_off else {},
+            off_path=off.targets[target].values if is_measured else {},
             off_path_psnr_drop=off.psnr_drop(target),
-            off_path_score=off.score_of(extraction) if seen_off else math.nan,
+            off_path_score=off.score_of(extraction) if is_measured else math.nan,
         )
 
 

@@ -59,7 +59,7 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
         extractions = ordered({target for o in of_scheme for target in o.messages}) or [MESSAGE]
         for variant in dict.fromkeys(o.variant for o in of_scheme):
             scenes = [o for o in of_scheme if o.variant == variant]
-            off_path = [o.seen_off_path() for o in scenes]
+            off_path = [o.off_path_outcome() for o in scenes]
             printed = [psnr.get((scheme, variant, target), math.nan) for target in TARGETS]
             printed.append(scores.get((scheme, variant), math.nan))
             for extraction in extractions:

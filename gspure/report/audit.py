@@ -194,7 +194,7 @@ def _rivals(contests: Sequence[Contest]) -> Rivals | None:
 
 def _off_path(gspure: Sequence[Outcome]) -> OffPath | None:
     """Return what GSPure removes as seen off the camera path; its decision rests on views on the path."""
-    sides = (gspure, [o.seen_off_path() for o in gspure])
+    sides = (gspure, [o.off_path_outcome() for o in gspure])
     on, off = ([_drop(side, target) for target in (MESSAGE, SCENE)] for side in sides)
     drops = [drop for drop in (*off, *on) if drop]
     return OffPath(*drops) if len(drops) == len(OffPath._fields) else None
