@@ -6,6 +6,7 @@ Each group of planted rows tries another way: numbers that overflow, that hide t
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gspure.cameras import Camera, intrinsics
 from gspure.model import Gaussians
@@ -13,6 +14,9 @@ from tests.models import gaussians, joined
 
 WALL, HIDDEN = 300, 100
 NEEDLES = ((1e-6, 1e-6, 1e6), (1e-6, 1e-6, 1e2))
+FLAKE = (1.4e-9, 0.156, 0.196)
+"""Flat, as Gaussians of real surfaces are, so not suspicious. Seen along its plane, it made large numbers cancel."""
+
 NOT_FINITE = {"x": np.nan, "opacity": np.inf, "scale_1": np.nan, "rot_2": -np.inf, "f_dc_0": np.nan, "scale_0": 1e3}
 """Column and value of one row each; a scale of exp(1000) is not finite either."""
 
@@ -37,12 +41,30 @@ def views(count: int = 9) -> list[Camera]:
     return cameras
 
 
+def grazing(scales: tuple[float, float, float], view: Camera, count: int, seed: int) -> Gaussians:
+    """Gaussians that rays of pixels meet almost along their third axis, and almost at right angles to their first."""
+    rng = np.random.default_rng(seed)
+    means, quats = [], []
+    for _ in range(count):
+        pixel = [*(rng.integers(8, 32, 2) + 0.5), 1.0]
+        ray = np.linalg.solve(view.K, pixel)
+        ray /= np.linalg.norm(ray)
+        across = np.cross(ray, rng.normal(size=3))
+        across /= np.linalg.norm(across)
+        means.append(view.centre + ray * rng.uniform(2, 4) + across * 10 ** rng.uniform(-9, -3))
+        x, y, z, w = Rotation.from_matrix(np.stack([across, np.cross(ray, across), ray], axis=1)).as_quat()
+        quats.append([w, x, y, z])
+    return gaussians(means=means, quats=quats, scales=scales, opacities=0.6)
+
+
 def planted() -> tuple[Gaussians, dict[str, list[int]]]:
     """The scene with planted rows behind its own, and the rows that each reason should name."""
     rng = np.random.default_rng(1)
     groups = {
         "needle": gaussians(means=[[0, 0, 3.5], [0.3, 0.2, 3.6]], scales=NEEDLES, quats=[[1, 0.2, 0.1, 0]] * 2),
         "veil": gaussians(means=rng.normal([0, 0, 3], 0.1, (3, 3)), scales=[50, 40, 30], opacities=0.02),
+        "grazing": grazing(NEEDLES[0], views()[4], 40, 2),
+        "flake": grazing(FLAKE, views()[4], 60, 3),
         "far": gaussians(means=[[1e30, 0, 4], [0, -3e38, 4]], scales=0.1),
         "pile": gaussians(means=np.tile([0.2, -0.2, 3.8], (40, 1)), scales=rng.uniform(0.05, 0.1, (40, 3))),
         "non_finite": gaussians(means=rng.normal([0, 0, 3.5], 0.1, (len(NOT_FINITE), 3)), scales=0.1),
@@ -55,5 +77,7 @@ def planted() -> tuple[Gaussians, dict[str, list[int]]]:
     for name, group in groups.items():
         rows[name] = list(range(start, start + len(group)))
         start += len(group)
-    rows["oversized"] = [rows["needle"][0], rows["needle"][1], *rows.pop("veil")]
+    del rows["flake"]
+    rows["needle"] += rows.pop("grazing")
+    rows["oversized"] = sorted([*rows["needle"], *rows.pop("veil")])
     return joined(scene, *groups.values()), rows

@@ -14,6 +14,7 @@ from gspure.method import purify as method
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import drawable
 from gspure.model.suspicious import PILE, lines, suspicious_rows
+from gspure.renderer import Renderer
 from tests.anti_audit import HIDDEN, NOT_FINITE, WALL, honest, planted, views
 from tests.models import blobs, gaussians, joined
 
@@ -110,6 +111,16 @@ def test_purify_goes_on_and_names_them(folder: Path, capsys) -> None:
     assert {path.name for path in (folder / "out" / "figures").glob("*.png")} == {
         f"{name}.png" for name in ("before_after", "clusters", "ranks", "kept", "weights")
     }
+
+
+def test_no_planted_row_contributes_more_than_there_is() -> None:
+    model = drawable(planted()[0], "model")
+    renderer = Renderer(model, energy="ray")
+    for view in views():
+        sums = renderer.contributions(view)["sum"]
+        assert np.isfinite(sums).all()
+        assert (sums >= 0).all()
+        assert sums.sum(dtype=np.float64) <= view.width * view.height * (1 + 1e-5)
 
 
 def test_info_names_them(folder: Path, capsys) -> None:
