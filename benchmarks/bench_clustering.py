@@ -9,9 +9,9 @@ import pytest
 from findings import Findings
 from timing import Measure
 
-from gspure.clustering import SELECTIONS, reference, select, spanning_tree
 from gspure.constants import MIN_SAMPLES
-from gspure.features import features
+from gspure.method.clustering import SELECTIONS, reference, select, spanning_tree
+from gspure.method.features import features
 
 
 def scene(count: int) -> np.ndarray:

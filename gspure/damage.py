@@ -10,8 +10,8 @@ from typing import Final
 
 from gspure.artifacts import verify
 from gspure.artifacts.checksums import record_file
-from gspure.contributions import is_index, read_index, read_stage
 from gspure.errors import InputError
+from gspure.method.contributions import is_index, read_index, read_stage
 
 RESULTS: Final = Path("results")
 """Where the workflow keeps what it makes; files elsewhere are the user's."""

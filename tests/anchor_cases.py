@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gspure.schemes.secure_gs.anchors import Anchors, table_of
-from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.files import PRIVATE, PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.networks import fresh
+from gspure.schemes.secure_gs.public_model import AnchorModel
 
 
 def random_anchors(count=40, k=4, feat_dim=8, seed=0) -> Anchors:
@@ -39,20 +39,20 @@ def feature_bank(hidden, rng):
     return {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
 
 
-def random_asset(count=40, k=4, feat_dim=8, seed=0, *, bank=False) -> AnchorAsset:
+def random_public(count=40, k=4, feat_dim=8, seed=0, *, bank=False) -> AnchorModel:
     rng = np.random.default_rng(seed + 100)
     networks = fresh(PUBLIC, feat_dim, k, rng)
     if bank:
         networks["feature_bank"] = feature_bank(feat_dim, rng)
-    return AnchorAsset(table_of(random_anchors(count, k, feat_dim, seed)), networks)
+    return AnchorModel(table_of(random_anchors(count, k, feat_dim, seed)), networks)
 
 
 def random_key(k=4, feat_dim=8, seed=0) -> HiddenKey:
     return HiddenKey(fresh(PRIVATE, feat_dim, k, np.random.default_rng(seed + 200)))
 
 
-def closed(asset: AnchorAsset) -> AnchorAsset:
+def closed(public: AnchorModel) -> AnchorModel:
     """The same model, its opacity network so that no Gaussian is ever active."""
-    opacity = {name: np.zeros_like(array) for name, array in asset.networks["opacity"].items()}
+    opacity = {name: np.zeros_like(array) for name, array in public.networks["opacity"].items()}
     opacity["2.bias"] = np.full_like(opacity["2.bias"], -1)
-    return AnchorAsset(asset.units, {**asset.networks, "opacity": opacity})
+    return AnchorModel(public.model, {**public.networks, "opacity": opacity})

@@ -5,9 +5,9 @@ from hypothesis import settings
 
 from gspure.attacks import Evidence
 from gspure.model import Gaussians
-from gspure.schemes.asset import Asset
-from gspure.schemes.gs_hider.asset import FeatureAsset
-from gspure.schemes.secure_gs.asset import AnchorAsset
+from gspure.public_model import PublicModel
+from gspure.schemes.gs_hider.public_model import FeatureModel
+from gspure.schemes.secure_gs.public_model import AnchorModel
 from tests.models import blobs
 
 
@@ -23,24 +23,24 @@ def anchors(count: int, seed: int = 0) -> Gaussians:
     return model.with_columns({"opacity": np.full(count, -2.1972246, np.float32)})
 
 
-class FeatureRows(Asset):
+class FeatureRows(PublicModel):
     """The rows of a GS-Hider model, without its decoder."""
 
-    attributes = FeatureAsset.attributes
+    attributes = FeatureModel.attributes
 
 
-class AnchorRows(Asset):
+class AnchorRows(PublicModel):
     """The rows of a Scaffold-GS model, without its networks."""
 
-    attributes = AnchorAsset.attributes
+    attributes = AnchorModel.attributes
     rows_are_gaussians = False
 
 
-def public(model: Gaussians) -> Asset:
+def public(model: Gaussians) -> PublicModel:
     """Return a public model of the kind that the columns of `model` say."""
     if model.columns_named("f_anchor_feat_"):
         return AnchorRows(model)
-    return FeatureRows(model) if model.columns_named("semantic_") else Asset(model)
+    return FeatureRows(model) if model.columns_named("semantic_") else PublicModel(model)
 
 
 unhurried = settings(max_examples=40, deadline=None)  # a busy machine is no failure

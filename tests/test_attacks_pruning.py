@@ -11,7 +11,7 @@ from gspure.artifacts import save_array
 from gspure.attacks import Evidence, find_attack
 from gspure.cli import main
 from gspure.model import read_model, write_model
-from tests.anchor_cases import random_asset
+from tests.anchor_cases import random_public
 from tests.attack_cases import KINDS, evidence, unhurried
 from tests.models import blobs
 
@@ -110,7 +110,7 @@ def test_the_command_takes_the_opacities_that_gaussians_store(tmp_path: Path) ->
 
 
 def test_the_command_wants_opacities_for_anchors_and_takes_those_given(tmp_path: Path, capsys) -> None:
-    random_asset(COUNT).write(tmp_path / "model.ply")
+    random_public(COUNT).write(tmp_path / "model.ply")
     given_files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "attacked" / "model.ply")]
     assert main(["attack", "lowest_opacity", *given_files]) == 2
     assert "attack lowest_opacity: opacities: expected an array, found nothing" in capsys.readouterr().err

@@ -15,8 +15,8 @@ import pytest
 from gspure.artifacts import save_array
 from gspure.cameras import write_cameras
 from gspure.cli import main
-from gspure.clustering import Clusters, write_clusters
 from gspure.images import write_image
+from gspure.method.clustering import Clusters, write_clusters
 from gspure.model import Gaussians, read_model, write_model
 from tests.models import blobs, camera
 

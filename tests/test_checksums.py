@@ -23,10 +23,10 @@ from gspure.artifacts import (
 )
 from gspure.artifacts.checksums import file_checksum
 from gspure.cameras import read_cameras, write_cameras
-from gspure.contributions import read_index, write_index
 from gspure.errors import InputError
 from gspure.evaluation import metrics
 from gspure.evaluation.comparison import ViewMetrics, read_metrics, write_metrics
+from gspure.method.contributions import read_index, write_index
 from gspure.model import read_model, write_model
 from gspure.model.points import read_point_ply, write_point_ply
 from tests.models import blobs, camera

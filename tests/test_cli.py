@@ -15,8 +15,8 @@ from gspure import cli
 from gspure.cameras import read_cameras, split, write_cameras
 from gspure.cli import COMMANDS, MAIN_COMMANDS, STAGES, main
 from gspure.cli.contributions import _part
-from gspure.contributions import read_index, read_stage
 from gspure.images import read_image
+from gspure.method.contributions import read_index, read_stage
 from gspure.model import read_model, write_model
 from gspure.renderer import Renderer
 from tests.models import blobs, camera

@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.metrics import adjusted_rand_score
 
-from gspure.clustering import (
+from gspure.errors import InputError
+from gspure.method.clustering import (
     SELECTIONS,
     coincident_points,
     diagnose,
     select,
     spanning_tree,
 )
-from gspure.errors import InputError
 
 
 def heavy_tailed(seed: int, count: int, columns: int = 5) -> np.ndarray:
@@ -108,7 +108,7 @@ def test_tree_equals_that_of_hdbscans_own_core_distances(min_samples: int) -> No
 def test_tree_and_clusters_equal_those_of_hdbscans_tree(selection: str, monkeypatch: pytest.MonkeyPatch) -> None:
     points = with_ties(12, 20_000)
     ours = spanning_tree(points, 10)
-    monkeypatch.setattr("gspure.clustering.tree._MOST_NEIGHBOURS", 0)
+    monkeypatch.setattr("gspure.method.clustering.tree._MOST_NEIGHBOURS", 0)
     theirs = spanning_tree(points, 10)
     np.testing.assert_allclose(ours[:, 2], theirs[:, 2], rtol=1e-14)
     theirs[:, 2] = ours[:, 2]  # equal but for the last bit, which decides what ties

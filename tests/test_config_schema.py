@@ -14,13 +14,13 @@ from gspure import constants
 from gspure.attacks import attacks
 from gspure.cli.options import ENERGIES, SPLITS
 from gspure.cli.train import add_arguments
-from gspure.clustering.selection import SELECTIONS
 from gspure.errors import InputError
-from gspure.features import PARTS
+from gspure.method.clustering.selection import SELECTIONS
+from gspure.method.features import PARTS
+from gspure.method.weights import REDUCTIONS
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.planted import STAGES
 from gspure.schemes.registry import schemes
-from gspure.weights import REDUCTIONS
 from gspure.workflow.configuration import resolved, validated
 
 ROOT = Path(__file__).parents[1]

@@ -10,26 +10,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure import contributions
+from gspure import public_model
 from gspure.artifacts import save_array, write_provenance
 from gspure.cameras import Camera, orbit_cameras
 from gspure.cameras.camera import intrinsics
-from gspure.contributions import (
+from gspure.errors import InputError
+from gspure.method import contributions
+from gspure.method.contributions import (
     Stage,
     contribute,
     contribution_key,
-    geometry_digest,
     read_index,
     read_stage,
     remove_unlisted,
     require_valid,
     write_index,
 )
-from gspure.errors import InputError
 from gspure.model import Gaussians
+from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION, Renderer
-from gspure.schemes import asset
-from gspure.schemes.asset import Asset
 from tests.models import blobs
 
 
@@ -55,7 +54,7 @@ class CountingRenderer:
 @pytest.fixture
 def renderer(monkeypatch):
     counting = CountingRenderer()
-    monkeypatch.setattr(asset, "Renderer", counting)
+    monkeypatch.setattr(public_model, "Renderer", counting)
     return counting
 
 
@@ -81,33 +80,33 @@ def moved(camera, by=1e-9):
 
 
 def test_every_view_is_computed_once(tmp_path, renderer):
-    first = contribute(Asset(small_model()), views(), tmp_path)
-    again = contribute(Asset(small_model()), views(), tmp_path)
+    first = contribute(PublicModel(small_model()), views(), tmp_path)
+    again = contribute(PublicModel(small_model()), views(), tmp_path)
     assert again == first
     assert renderer.asked == [camera.name for camera in views()]
 
 
 def test_kernels_are_built_once_per_job_and_not_at_all_when_nothing_is_absent(tmp_path, renderer):
-    contribute(Asset(small_model()), views(), tmp_path)
+    contribute(PublicModel(small_model()), views(), tmp_path)
     assert renderer.built == 1
-    contribute(Asset(small_model()), views(), tmp_path)
+    contribute(PublicModel(small_model()), views(), tmp_path)
     assert renderer.built == 1
 
 
 def test_an_edited_camera_recomputes_its_view_alone(tmp_path, renderer):
     cameras = views()
-    contribute(Asset(small_model()), cameras, tmp_path)
+    contribute(PublicModel(small_model()), cameras, tmp_path)
     renderer.asked.clear()
-    contribute(Asset(small_model()), [cameras[0], moved(cameras[1]), *cameras[2:]], tmp_path)
+    contribute(PublicModel(small_model()), [cameras[0], moved(cameras[1]), *cameras[2:]], tmp_path)
     assert renderer.asked == ["view_1"]
 
 
 def test_a_camera_edited_back_recomputes_nothing(tmp_path, renderer):
     cameras = views()
-    contribute(Asset(small_model()), cameras, tmp_path)
-    contribute(Asset(small_model()), [moved(camera) for camera in cameras], tmp_path)
+    contribute(PublicModel(small_model()), cameras, tmp_path)
+    contribute(PublicModel(small_model()), [moved(camera) for camera in cameras], tmp_path)
     renderer.asked.clear()
-    contribute(Asset(small_model()), cameras, tmp_path)
+    contribute(PublicModel(small_model()), cameras, tmp_path)
     assert renderer.asked == []
 
 
@@ -130,12 +129,13 @@ def test_geometry_and_opacity_of_any_gaussian_are_in_the_key(column):
     model = small_model()
     edited = model.table[column].copy()
     edited[-1] = np.nextafter(edited[-1], np.float32(9))
-    assert geometry_digest(model.with_columns({column: edited})) != geometry_digest(model)
+    assert PublicModel(model.with_columns({column: edited})).geometry_digest() != PublicModel(model).geometry_digest()
 
 
 def test_colour_is_not_in_the_key():
     model = small_model()
-    assert geometry_digest(model.with_columns({"f_dc_0": np.zeros(len(model))})) == geometry_digest(model)
+    recoloured = PublicModel(model.with_columns({"f_dc_0": np.zeros(len(model))}))
+    assert recoloured.geometry_digest() == PublicModel(model).geometry_digest()
 
 
 def test_the_energy_the_device_and_the_rendering_code_are_in_the_key(monkeypatch):
@@ -147,34 +147,34 @@ def test_the_energy_the_device_and_the_rendering_code_are_in_the_key(monkeypatch
 
 
 def test_another_driver_or_kernel_style_computes_every_view_again(tmp_path, renderer, monkeypatch):
-    contribute(Asset(small_model()), views(), tmp_path)
+    contribute(PublicModel(small_model()), views(), tmp_path)
     renderer.asked.clear()
     monkeypatch.setattr(contributions, "device_digest", lambda device: "another driver")
-    contribute(Asset(small_model()), views(), tmp_path)
+    contribute(PublicModel(small_model()), views(), tmp_path)
     assert renderer.asked == [camera.name for camera in views()]
 
 
 def test_an_interrupted_job_keeps_its_finished_views_and_the_next_one_computes_the_rest(tmp_path, renderer):
     renderer.failing_view = "view_2"
     with pytest.raises(KeyboardInterrupt):
-        contribute(Asset(small_model()), views(), tmp_path)
+        contribute(PublicModel(small_model()), views(), tmp_path)
     assert sorted(path.name.split(".")[0] for path in tmp_path.glob("*.npy")) == ["view_0", "view_1"]
     renderer.failing_view = None
     renderer.asked.clear()
-    contribute(Asset(small_model()), views(), tmp_path)
+    contribute(PublicModel(small_model()), views(), tmp_path)
     assert renderer.asked == ["view_2", "view_3"]
 
 
 def test_a_model_with_nan_is_refused_before_anything_is_written(tmp_path, renderer):
     model = small_model()
     with pytest.raises(InputError, match="finite"):
-        contribute(Asset(model.with_columns({"y": np.full(len(model), np.nan)})), views(), tmp_path / "stages")
+        contribute(PublicModel(model.with_columns({"y": np.full(len(model), np.nan)})), views(), tmp_path / "stages")
     assert not (tmp_path / "stages").exists()
 
 
 def test_an_index_reads_back_after_the_project_was_moved(tmp_path, renderer):
     project = tmp_path / "project"
-    stages = contribute(Asset(small_model()), views(), project / "stages" / "room")
+    stages = contribute(PublicModel(small_model()), views(), project / "stages" / "room")
     write_index(project / "results" / "contributions" / "1.tsv", stages)
     project.rename(tmp_path / "moved")
     found = read_index(tmp_path / "moved" / "results" / "contributions" / "1.tsv")
@@ -224,7 +224,7 @@ class Stored:
     folder: Path
 
     def __post_init__(self):
-        self.stages = contribute(Asset(small_model()), views(), self.folder)
+        self.stages = contribute(PublicModel(small_model()), views(), self.folder)
         self.index = self.folder / "1.tsv"
         write_index(self.index, self.stages)
         write_provenance(self.index, inputs={}, settings={})
@@ -255,7 +255,7 @@ def test_a_damaged_stage_is_named_with_both_checksums_and_computed_again_alone(s
     with pytest.raises(InputError, match=rf"{path.name}: content: expected CRC-32 \w+, found \w+"):
         read_stage(path)
     renderer.asked.clear()
-    contribute(Asset(small_model()), views(), stored.folder)
+    contribute(PublicModel(small_model()), views(), stored.folder)
     assert renderer.asked == ["view_2"]
     assert path.read_bytes() == good
     read_stage(path)
@@ -264,7 +264,7 @@ def test_a_damaged_stage_is_named_with_both_checksums_and_computed_again_alone(s
 def test_a_stage_without_its_checksum_is_computed_again(stored, renderer):
     stored.stages[1].path.with_suffix(".npy.json").unlink()
     renderer.asked.clear()
-    contribute(Asset(small_model()), views(), stored.folder)
+    contribute(PublicModel(small_model()), views(), stored.folder)
     assert renderer.asked == ["view_1"]
 
 
@@ -318,8 +318,8 @@ def test_the_contributions_of_a_model_are_within_their_bounds(energy, style):
 
 
 def test_only_stages_that_no_index_lists_are_deleted(tmp_path, renderer):
-    stages = contribute(Asset(small_model()), views(4), tmp_path / "stages")
-    stale = contribute(Asset(small_model()), [moved(views(1)[0])], tmp_path / "stages")
+    stages = contribute(PublicModel(small_model()), views(4), tmp_path / "stages")
+    stale = contribute(PublicModel(small_model()), [moved(views(1)[0])], tmp_path / "stages")
     write_index(tmp_path / "1.tsv", stages[:2])
     write_index(tmp_path / "2.tsv", stages[2:])
     size = stale[0].path.stat().st_size

@@ -9,8 +9,8 @@ import pytest
 
 from gspure.artifacts import save_array, write_json, write_provenance
 from gspure.cli import main
-from gspure.contributions import Stage, write_index
 from gspure.damage import set_aside
+from gspure.method.contributions import Stage, write_index
 from gspure.renderer import CONTRIBUTION
 from tests.test_checksums import flipped
 

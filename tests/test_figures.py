@@ -11,9 +11,9 @@ from PIL import Image
 from gspure.artifacts import save_array
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
-from gspure.clustering.store import Clusters, write_clusters
 from gspure.figures import gallery, portrait, style
 from gspure.images import write_image
+from gspure.method.clustering.store import Clusters, write_clusters
 from gspure.model import write_model
 from tests.models import gaussians
 

@@ -9,8 +9,8 @@ from gspure.artifacts import digest  # noqa: E402
 from gspure.errors import InputError  # noqa: E402
 from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
 from gspure.opencl.device import choose_device  # noqa: E402
+from gspure.public_model import PublicModel  # noqa: E402
 from gspure.renderer import Renderer  # noqa: E402
-from gspure.schemes.asset import Asset  # noqa: E402
 from gspure.schemes.gs_hider import SCHEME  # noqa: E402
 from gspure.schemes.gs_hider.decoder import Decoder, noise_gain, untrained  # noqa: E402
 from gspure.schemes.gs_hider.field import Field  # noqa: E402
@@ -41,19 +41,19 @@ def quality(view, pair, which):
 
 
 def test_scene_and_message_are_learned_from_one_map(hidden, pair):
-    def qualities(asset, key):
-        return np.array([quality(asset.scene(), pair, 0), quality(key.message(asset, "message"), pair, 1)])
+    def qualities(public, key):
+        return np.array([quality(public.scene(), pair, 0), quality(key.message(public, "message"), pair, 1)])
 
-    asset, key = hidden
-    assert (qualities(asset, key) > qualities(*hide(SCHEME, pair, iterations=1)) + 3).all()
-    stranger = key.wrong(np.random.default_rng(0)).message(asset, "message")
-    assert quality(stranger, pair, 1) < quality(key.message(asset, "message"), pair, 1) - 3
+    public, key = hidden
+    assert (qualities(public, key) > qualities(*hide(SCHEME, pair, iterations=1)) + 3).all()
+    stranger = key.wrong(np.random.default_rng(0)).message(public, "message")
+    assert quality(stranger, pair, 1) < quality(key.message(public, "message"), pair, 1) - 3
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_does_not(pair):
     def digests(seed):
-        asset, key = hide(SCHEME, pair, seed=seed, iterations=4)
-        return digest(asset.units.table, asset.decoder.content, key.decoder.content)
+        public, key = hide(SCHEME, pair, seed=seed, iterations=4)
+        return digest(public.model.table, public.decoder.content, key.decoder.content)
 
     state = torch.get_rng_state()
     assert digests(0) == digests(0) != digests(1)
@@ -65,19 +65,19 @@ def test_bits_do_not_depend_on_how_many_threads_pytorch_has(pair):
         before = torch.get_num_threads()
         torch.set_num_threads(threads)
         try:
-            asset, key = hide(SCHEME, pair, iterations=3)
+            public, key = hide(SCHEME, pair, iterations=3)
             assert torch.get_num_threads() == threads
         finally:
             torch.set_num_threads(before)
-        return digest(asset.units.table, asset.decoder.content, key.decoder.content)
+        return digest(public.model.table, public.decoder.content, key.decoder.content)
 
     assert digests(1) == digests(2)
 
 
 def test_without_a_message_there_is_no_key(pair):
-    asset, key = hide(SCHEME, pair, iterations=2, message_weight=0)
+    public, key = hide(SCHEME, pair, iterations=2, message_weight=0)
     assert key is None
-    assert asset.scene()(pair.views[0]).shape == pair.scene[0].shape
+    assert public.scene()(pair.views[0]).shape == pair.scene[0].shape
 
 
 @pytest.mark.parametrize("setting", [{"iterations": 0}, {"message_weight": -0.1}, {"max_gaussians": 3}])
@@ -120,8 +120,8 @@ def test_features_follow_what_densification_does(pair):
 
 
 def test_the_columns_are_those_of_the_authors(hidden):
-    asset, _ = hidden
-    names = asset.units.table.dtype.names
+    public, _ = hidden
+    names = public.model.table.dtype.names
     assert len(names) == 30
     assert names[:7] == ("x", "y", "z", "nx", "ny", "nz", "opacity")
     assert names[14:] == FEATURES
@@ -132,27 +132,27 @@ def test_a_decoder_has_the_authors_number_of_parameters():
 
 
 def test_features_are_blended_after_their_sigmoid(hidden, pair):
-    asset, _ = hidden
+    public, _ = hidden
     camera = pair.views[0]
-    features = 1 / (1 + np.exp(-asset.units.columns(*FEATURES).astype(np.float64)))
-    expected = Renderer(asset.units).feature_map(camera, features.astype(np.float32), [0.25] * CHANNELS)
-    found = asset.feature_map(background=(0.25, 0.5, 0.75))(camera)
+    features = 1 / (1 + np.exp(-public.model.columns(*FEATURES).astype(np.float64)))
+    expected = Renderer(public.model).feature_map(camera, features.astype(np.float32), [0.25] * CHANNELS)
+    found = public.feature_map(background=(0.25, 0.5, 0.75))(camera)
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 def test_pruned_models_keep_their_decoder(hidden, pair):
-    asset, key = hidden
-    pruned = asset.prune(np.arange(len(asset.units)) % 2 == 0)
-    assert len(pruned.units) == len(asset.units) // 2
-    assert pruned.decoder is asset.decoder
-    assert not np.array_equal(pruned.scene()(pair.views[0]), asset.scene()(pair.views[0]))
-    assert key.gaussians(pruned, pair.views[0], "message")[0] is pruned.units
+    public, key = hidden
+    pruned = public.prune(np.arange(len(public.model)) % 2 == 0)
+    assert len(pruned.model) == len(public.model) // 2
+    assert pruned.decoder is public.decoder
+    assert not np.array_equal(pruned.scene()(pair.views[0]), public.scene()(pair.views[0]))
+    assert key.gaussians(pruned, pair.views[0], "message")[0] is pruned.model
 
 
 def test_a_message_is_looked_for_in_features_only(hidden):
-    asset, key = hidden
+    public, key = hidden
     with pytest.raises(InputError, match="features of GS-Hider"):
-        key.message(Asset(asset.units), "message")
+        key.message(PublicModel(public.model), "message")
 
 
 def test_the_loss_is_the_one_that_the_device_computes():

@@ -10,9 +10,9 @@ import pytest
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
 from gspure.schemes.gs_hider import SCHEME
-from gspure.schemes.gs_hider.asset import FeatureAsset
 from gspure.schemes.gs_hider.decoder_file import LARGEST, DecoderFile
 from gspure.schemes.gs_hider.layout import COLUMNS, MESSAGE, SCENE
+from gspure.schemes.gs_hider.public_model import FeatureModel
 
 NAME = "chkpnt7_net.pth"
 
@@ -69,9 +69,9 @@ def last_bias(decoder):
 def test_the_authors_layout_is_read(torch, tmp_path):
     folder = authors_layout(torch, tmp_path)
     cloud = folder / "point_cloud"
-    assert last_bias(SCHEME.read_asset(folder).decoder) == 200
-    assert last_bias(SCHEME.read_asset(cloud / "iteration_30").decoder) == 30
-    assert last_bias(SCHEME.read_asset(cloud / "iteration_30" / "point_cloud.ply").decoder) == 30
+    assert last_bias(SCHEME.read_public(folder).decoder) == 200
+    assert last_bias(SCHEME.read_public(cloud / "iteration_30").decoder) == 30
+    assert last_bias(SCHEME.read_public(cloud / "iteration_30" / "point_cloud.ply").decoder) == 30
     assert last_bias(SCHEME.read_key(folder).decoder) == 201
     assert last_bias(SCHEME.read_key(cloud / "iteration_30").decoder) == 31
 
@@ -93,11 +93,11 @@ def test_a_hand_made_decoder_computes_its_convolutions(torch, saved):
 
 
 def test_round_trips_are_exact(torch, saved, tmp_path):
-    asset = FeatureAsset(rows(), saved(state(torch)))
-    asset.write(tmp_path / "public" / "point_cloud.ply")
-    again = SCHEME.read_asset(tmp_path / "public")
-    np.testing.assert_array_equal(again.units.table, asset.units.table)
-    assert again.decoder.content == asset.decoder.content
+    public = FeatureModel(rows(), saved(state(torch)))
+    public.write(tmp_path / "public" / "point_cloud.ply")
+    again = SCHEME.read_public(tmp_path / "public")
+    np.testing.assert_array_equal(again.model.table, public.model.table)
+    assert again.decoder.content == public.decoder.content
     assert sorted(file.name for file in (tmp_path / "public").iterdir()) == [NAME, "point_cloud.ply"]
     written = DecoderFile.of(again.decoder.network, 7, SCENE)
     assert written.source.name == NAME
@@ -120,11 +120,11 @@ def test_a_key_is_written_and_read(torch, tmp_path):
 
 def test_a_model_without_its_decoder_can_be_attacked_not_seen(tmp_path):
     write_model(tmp_path / "lone.ply", rows())
-    asset = SCHEME.read_asset(tmp_path / "lone.ply")
-    assert not asset.visible
-    assert len(asset.prune(np.arange(5) < 2).units) == 3
+    public = SCHEME.read_public(tmp_path / "lone.ply")
+    assert not public.visible
+    assert len(public.prune(np.arange(5) < 2).model) == 3
     with pytest.raises(InputError, match=r"decoder: expected chkpntN_net\.pth"):
-        asset.scene()
+        public.scene()
     with pytest.raises(InputError, match=r"key: expected chkpntN_waternet\.pth"):
         SCHEME.read_key(tmp_path)
 
@@ -133,16 +133,16 @@ def test_a_model_without_its_decoder_can_be_attacked_not_seen(tmp_path):
 def test_other_rows_are_refused(tmp_path, columns):
     write_model(tmp_path / "model.ply", Gaussians(np.zeros(3, [(name, "<f4") for name in columns])))
     with pytest.raises(InputError, match="semantic_"):
-        SCHEME.read_asset(tmp_path / "model.ply")
+        SCHEME.read_public(tmp_path / "model.ply")
 
 
 def test_a_row_whose_features_are_not_finite_is_not_drawn(tmp_path):
     table = np.zeros(3, [(name, "<f4") for name in COLUMNS])
     table["semantic_3"][1] = np.nan
     write_model(tmp_path / "model.ply", Gaussians(table))
-    units = SCHEME.read_asset(tmp_path / "model.ply").units
-    assert units.opacities.tolist() == [0.5, 0, 0.5]
-    assert np.isfinite(units.table["semantic_3"]).all()
+    owners = SCHEME.read_public(tmp_path / "model.ply").model
+    assert owners.opacities.tolist() == [0.5, 0, 0.5]
+    assert np.isfinite(owners.table["semantic_3"]).all()
 
 
 @pytest.mark.parametrize(
@@ -233,8 +233,8 @@ def test_without_torch_models_are_attacked_and_images_say_what_to_install(monkey
     monkeypatch.setitem(sys.modules, "torch", None)
     for name in ("pytorch", "gs_hider.decoder", "gs_hider.branch", "gs_hider.loss", "gs_hider.training"):
         monkeypatch.delitem(sys.modules, f"gspure.schemes.{name}", raising=False)
-    asset = FeatureAsset(rows(), DecoderFile(tmp_path / NAME, b"any"))
-    asset.prune(np.arange(5) < 2).write(tmp_path / "pruned" / "point_cloud.ply")
-    assert SCHEME.read_asset(tmp_path / "pruned").decoder.content == b"any"
+    public = FeatureModel(rows(), DecoderFile(tmp_path / NAME, b"any"))
+    public.prune(np.arange(5) < 2).write(tmp_path / "pruned" / "point_cloud.ply")
+    assert SCHEME.read_public(tmp_path / "pruned").decoder.content == b"any"
     with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install gspure\[torch\]"):
-        asset.scene()
+        public.scene()

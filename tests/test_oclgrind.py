@@ -71,7 +71,7 @@ model.replace(model.state())
 """
 
 CLUSTER = """
-from gspure.clustering import select, spanning_tree
+from gspure.method.clustering import select, spanning_tree
 from gspure.opencl.device import devices_meant
 from tests.test_clustering import with_ties
 device = devices_meant("oclgrind")[0]

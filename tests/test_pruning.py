@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
-from gspure.pruning import cluster_weights, mean_weight, plain_prune_mask, prune_mask
+from gspure.method.pruning import cluster_weights, mean_weight, plain_prune_mask, prune_mask
 
 WEIGHTS = hnp.arrays(np.float32, 20, elements=st.floats(0, 1e6, width=32))
 LABELS = hnp.arrays(np.int32, 20, elements=st.integers(-1, 3)).map(

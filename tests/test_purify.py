@@ -10,11 +10,11 @@ from gspure.cameras import Camera, intrinsics, split, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics
+from gspure.method.pruning import prune_mask
 from gspure.method.purify import Purification, purify
+from gspure.method.weights import accumulate
 from gspure.model import Gaussians, read_model, write_model
-from gspure.pruning import prune_mask
 from gspure.renderer import Renderer
-from gspure.weights import accumulate
 
 WALL, HIDDEN = 300, 100
 CLOUDS = {"clusters", "ranks", "kept"}

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from gspure.features import features
+from gspure.method.features import features
+from gspure.method.weights import accumulate
 from gspure.model import Gaussians
+from gspure.public_model import merge_by_row
 from gspure.reference.projection import Splats, project
 from gspure.renderer import Renderer
-from gspure.schemes.asset import of_units
 from gspure.schemes.secure_gs.anchors import STORED_OPACITY, anchors_of, table_of
-from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.neural import neural
+from gspure.schemes.secure_gs.public_model import AnchorModel
 from gspure.schemes.secure_gs.visibility import visible_rows
-from gspure.weights import accumulate
-from tests.anchor_cases import closed, distant, feature_bank, random_anchors, random_asset
+from tests.anchor_cases import closed, distant, feature_bank, random_anchors, random_public
 from tests.models import blobs, camera, tilted_camera
 from tests.training_cases import ring
 
@@ -24,9 +24,9 @@ def sigmoid(x):
     return 1 / (1 + np.exp(-np.asarray(x, np.float64)))
 
 
-def by_hand(asset, view, row, i):
+def by_hand(public, view, row, i):
     """One Gaussian of one anchor, number by number: Scaffold-GS's formulas in float64."""
-    anchors, networks = asset.anchors, asset.networks
+    anchors, networks = public.anchors, public.networks
     away = anchors.positions[row].astype(np.float64) - view.centre
     distance = np.linalg.norm(away)
     direction = away / distance
@@ -62,13 +62,13 @@ def by_hand(asset, view, row, i):
 
 @pytest.mark.parametrize("kind", ["plain", "bank", "distance"])
 def test_neural_gaussians_are_those_of_the_formulas(kind):
-    asset, view = random_asset(bank=kind == "bank"), tilted_camera()
+    public, view = random_public(bank=kind == "bank"), tilted_camera()
     if kind == "distance":
-        asset = AnchorAsset(asset.units, distant(("opacity", "cov", "color"), 8, 4, np.random.default_rng(3)))
-    found, rows = asset.seen(view)
+        public = AnchorModel(public.model, distant(("opacity", "cov", "color"), 8, 4, np.random.default_rng(3)))
+    found, rows = public.seen(view)
     active = set()
     for place in range(len(rows) * 4):
-        expected = by_hand(asset, view, rows[place // 4], place % 4)
+        expected = by_hand(public, view, rows[place // 4], place % 4)
         if expected["opacities"] > 0:
             active.add(place)
             at = np.searchsorted(found.active, place)
@@ -79,10 +79,10 @@ def test_neural_gaussians_are_those_of_the_formulas(kind):
 
 
 def test_the_table_holds_the_active_gaussians_anchor_by_anchor():
-    asset, view = random_asset(), tilted_camera()
-    found, rows = asset.seen(view)
-    gaussians, units = asset.gaussians(view)
-    assert units.tolist() == rows[found.active // 4].tolist() == sorted(units)
+    public, view = random_public(), tilted_camera()
+    found, rows = public.seen(view)
+    gaussians, owners = public.gaussians(view)
+    assert owners.tolist() == rows[found.active // 4].tolist() == sorted(owners)
     np.testing.assert_allclose(gaussians.opacities, found.opacities, rtol=1e-5)
     np.testing.assert_allclose(gaussians.scales, found.scales, rtol=1e-5)
     np.testing.assert_allclose(gaussians.sh_coeffs[:, 0] * 0.28209479 + 0.5, found.colors, atol=1e-6)
@@ -120,91 +120,91 @@ def test_a_view_has_the_anchors_whose_squares_reach_its_tiles(view):
 
 
 def test_contributions_of_anchors_add_up_to_those_of_the_image(energy):
-    asset = random_asset()
+    public = random_public()
     for view in VIEWS:
-        records = asset.contributions(energy=energy)(view)
-        light = 1 - Renderer(asset.gaussians(view)[0], energy=energy).transmittance(view)
+        records = public.contributions(energy=energy)(view)
+        light = 1 - Renderer(public.gaussians(view)[0], energy=energy).transmittance(view)
         assert records["sum"].sum(dtype=np.float64) == pytest.approx(light.sum(dtype=np.float64), rel=1e-4)
         assert (np.diff(records["index"].astype(int)) > 0).all()
 
 
 def test_an_anchor_gets_the_sums_and_the_maximum_of_its_gaussians():
-    asset, view = random_asset(), VIEWS[0]
-    gaussians, units = asset.gaussians(view)
+    public, view = random_public(), VIEWS[0]
+    gaussians, owners = public.gaussians(view)
     each = Renderer(gaussians, energy="ray").contributions(view)
-    merged = asset.contributions()(view)
+    merged = public.contributions()(view)
     for record in merged:
-        own = each[units[each["index"]] == record["index"]]
+        own = each[owners[each["index"]] == record["index"]]
         assert record["pixels"] == own["pixels"].sum()
         assert record["max"] == own["max"].max()
         assert record["sum"] == pytest.approx(own["sum"].sum(dtype=np.float64), rel=1e-6)
-    assert of_units(each[:0], units).size == 0
+    assert merge_by_row(each[:0], owners).size == 0
 
 
 def test_pruning_anchors_removes_exactly_their_gaussians():
-    asset, view = random_asset(), VIEWS[1]
+    public, view = random_public(), VIEWS[1]
     pruned = np.random.default_rng(1).random(40) < 0.4
-    whole, units = asset.gaussians(view)
-    left, owners = asset.prune(pruned).gaussians(view)
-    assert np.flatnonzero(~pruned)[owners].tolist() == units[~pruned[units]].tolist()
+    whole, rows = public.gaussians(view)
+    left, owners = public.prune(pruned).gaussians(view)
+    assert np.flatnonzero(~pruned)[owners].tolist() == rows[~pruned[rows]].tolist()
     names = whole.table.dtype.names
-    np.testing.assert_allclose(left.columns(*names), whole.subset(~pruned[units]).columns(*names), rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(left.columns(*names), whole.subset(~pruned[rows]).columns(*names), rtol=1e-4, atol=1e-5)
 
 
 def test_the_constant_opacities_of_the_file_are_not_used():
-    asset, views = random_asset(), ring()
-    opacities = asset.opacities(views)
-    assert set(asset.units.columns("opacity").ravel()) == {STORED_OPACITY}
-    weights = accumulate(map(asset.contributions(), views), len(asset.units))
-    for alpha in (opacities, asset.units.opacities):
-        assert np.isfinite(features(asset.units.means, alpha, weights)).all()
+    public, views = random_public(), ring()
+    opacities = public.opacities(views)
+    assert set(public.model.columns("opacity").ravel()) == {STORED_OPACITY}
+    weights = accumulate(map(public.contributions(), views), len(public.model))
+    for alpha in (opacities, public.model.opacities):
+        assert np.isfinite(features(public.model.means, alpha, weights)).all()
     assert opacities.std() > 0
     assert (opacities >= 0).all()
     assert (opacities < 1).all()
 
 
 def test_opacities_are_means_over_the_views_that_have_an_anchor():
-    asset, views = random_asset(), VIEWS
-    found = [asset.seen(view) for view in views]
+    public, views = random_public(), VIEWS
+    found = [public.seen(view) for view in views]
     row = int(np.intersect1d(found[0][1], found[1][1])[0])
     each = [np.maximum(n.outputs[rows == row], 0).mean() for n, rows in found]
-    assert asset.opacities(views)[row] == pytest.approx(np.mean(each), rel=1e-5)
-    unseen = asset.with_units(asset.units.with_columns({"z": np.full(40, -5.0)}))
+    assert public.opacities(views)[row] == pytest.approx(np.mean(each), rel=1e-5)
+    unseen = public.with_model(public.model.with_columns({"z": np.full(40, -5.0)}))
     assert not unseen.opacities(views).any()
 
 
 @pytest.mark.parametrize("kept", ["anchors", "none"])
 def test_views_without_active_gaussians_show_the_background(kept):
-    asset = closed(random_asset())
+    public = closed(random_public())
     if kept == "none":
-        asset = random_asset().prune(np.ones(40, bool))
-    image = asset.scene(background=(0.1, 0.2, 0.3))(VIEWS[0])
+        public = random_public().prune(np.ones(40, bool))
+    image = public.scene(background=(0.1, 0.2, 0.3))(VIEWS[0])
     assert (image == np.array([0.1, 0.2, 0.3], np.float32)).all()
-    assert asset.contributions()(VIEWS[0]).size == 0
-    assert not asset.opacities(VIEWS).any()
+    assert public.contributions()(VIEWS[0]).size == 0
+    assert not public.opacities(VIEWS).any()
 
 
 def test_the_digest_follows_rows_and_networks():
-    asset = random_asset()
-    other = random_asset(seed=1)
+    public = random_public()
+    other = random_public(seed=1)
     digests = {
-        asset.geometry_digest(),
-        AnchorAsset(other.units, asset.networks).geometry_digest(),
-        AnchorAsset(asset.units, other.networks).geometry_digest(),
+        public.geometry_digest(),
+        AnchorModel(other.model, public.networks).geometry_digest(),
+        AnchorModel(public.model, other.networks).geometry_digest(),
     }
     assert len(digests) == 3
-    assert AnchorAsset(Gaussians(asset.units.table.copy()), asset.networks).geometry_digest() in digests
+    assert AnchorModel(Gaussians(public.model.table.copy()), public.networks).geometry_digest() in digests
 
 
 def test_numpy_and_torch_make_the_same_gaussians():
     torch = pytest.importorskip("torch")
-    asset = random_asset(bank=True)
-    anchors, view = asset.anchors, tilted_camera()
-    networks = {n: {p: torch.from_numpy(a) for p, a in net.items()} for n, net in asset.networks.items()}
+    public = random_public(bank=True)
+    anchors, view = public.anchors, tilted_camera()
+    networks = {n: {p: torch.from_numpy(a) for p, a in net.items()} for n, net in public.networks.items()}
     tensors = type(anchors)(*map(torch.from_numpy, vars(anchors).values()))
     centre = view.centre.astype(np.float32)
     here, there = (
-        neural(np, anchors, asset.networks, centre),
+        neural(np, anchors, public.networks, centre),
         neural(torch, tensors, networks, torch.from_numpy(centre)),
     )
     assert here.active.tolist() == there.active.tolist()
@@ -213,6 +213,6 @@ def test_numpy_and_torch_make_the_same_gaussians():
 
 
 def test_the_bank_of_features_matters():
-    asset, rng = random_asset(), np.random.default_rng(0)
-    banked = AnchorAsset(asset.units, {**asset.networks, "feature_bank": feature_bank(8, rng)})
-    assert not np.allclose(asset.scene()(VIEWS[0]), banked.scene()(VIEWS[0]), atol=1e-3)
+    public, rng = random_public(), np.random.default_rng(0)
+    banked = AnchorModel(public.model, {**public.networks, "feature_bank": feature_bank(8, rng)})
+    assert not np.allclose(public.scene()(VIEWS[0]), banked.scene()(VIEWS[0]), atol=1e-3)

@@ -10,10 +10,10 @@ import pytest
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
 from gspure.schemes.secure_gs.anchors import STORED_OPACITY
-from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.files import UNITED
+from gspure.schemes.secure_gs.public_model import AnchorModel
 from gspure.schemes.tensors import read_tensors, write_tensors
-from tests.anchor_cases import random_asset
+from tests.anchor_cases import random_public
 from tests.models import camera
 
 OFFICIAL = (
@@ -39,9 +39,9 @@ def official_table(count=5):
 
 
 def write_asset(folder, **settings):
-    asset = random_asset(**settings)
-    asset.write(folder / "point_cloud.ply")
-    return asset
+    public = random_public(**settings)
+    public.write(folder / "point_cloud.ply")
+    return public
 
 
 def rewritten(path, change):
@@ -77,13 +77,13 @@ def modules(networks):
 
 @pytest.mark.parametrize("bank", [False, True])
 def test_a_model_is_read_back_exactly(tmp_path, bank):
-    asset = write_asset(tmp_path, bank=bank)
+    public = write_asset(tmp_path, bank=bank)
     for path in (tmp_path, tmp_path / "point_cloud.ply"):
-        again = AnchorAsset.read(path)
-        assert again.units.table.tobytes() == asset.units.table.tobytes()
-        assert_same_networks(again.networks, asset.networks)
-        assert again.geometry_digest() == asset.geometry_digest()
-    assert (again.scene()(camera()) == asset.scene()(camera())).all()
+        again = AnchorModel.read(path)
+        assert again.model.table.tobytes() == public.model.table.tobytes()
+        assert_same_networks(again.networks, public.networks)
+        assert again.geometry_digest() == public.geometry_digest()
+    assert (again.scene()(camera()) == public.scene()(camera())).all()
 
 
 def test_the_same_networks_make_the_same_file(tmp_path):
@@ -94,35 +94,35 @@ def test_the_same_networks_make_the_same_file(tmp_path):
 
 def test_the_official_table_loads_with_offsets_by_coordinate(tmp_path):
     write_model(tmp_path / "point_cloud.ply", official_table())
-    write_tensors(tmp_path / UNITED, {f"{n}_mlp": net for n, net in random_asset(k=10, feat_dim=32).networks.items()})
-    asset = AnchorAsset.read(tmp_path)
-    assert (asset.anchors.k, asset.anchors.feat_dim) == (10, 32)
-    assert asset.anchors.offsets[2, 7].tolist() == [207, 217, 227]
-    assert sum(array.size for array in asset.networks["opacity"].values()) == 1482
-    assert sum(array.size for array in asset.networks["cov"].values()) == 3462
-    assert sum(array.size for array in asset.networks["color"].values()) == 2142
+    write_tensors(tmp_path / UNITED, {f"{n}_mlp": net for n, net in random_public(k=10, feat_dim=32).networks.items()})
+    public = AnchorModel.read(tmp_path)
+    assert (public.anchors.k, public.anchors.feat_dim) == (10, 32)
+    assert public.anchors.offsets[2, 7].tolist() == [207, 217, 227]
+    assert sum(array.size for array in public.networks["opacity"].values()) == 1482
+    assert sum(array.size for array in public.networks["cov"].values()) == 3462
+    assert sum(array.size for array in public.networks["color"].values()) == 2142
 
 
 @pytest.mark.parametrize("bank", [False, True])
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_networks_of_scaffold_gs_are_read(tmp_path, bank):
     torch = pytest.importorskip("torch")
-    asset = write_asset(tmp_path, bank=bank)
+    public = write_asset(tmp_path, bank=bank)
     (tmp_path / UNITED).unlink()
-    made = modules(asset.networks)
+    made = modules(public.networks)
     for name, module in made.items():
-        inputs = asset.networks[name]["0.weight"].shape[1]
+        inputs = public.networks[name]["0.weight"].shape[1]
         torch.jit.trace(module, torch.rand(1, inputs)).save(tmp_path / f"{name}_mlp.pt")
-    assert_same_networks(AnchorAsset.read(tmp_path).networks, asset.networks)
+    assert_same_networks(AnchorModel.read(tmp_path).networks, public.networks)
     torch.save({f"{name}_mlp": module.state_dict() for name, module in made.items()}, tmp_path / UNITED)
-    assert_same_networks(AnchorAsset.read(tmp_path).networks, asset.networks)
+    assert_same_networks(AnchorModel.read(tmp_path).networks, public.networks)
 
 
 def test_torch_reads_what_we_write(tmp_path):
     torch = pytest.importorskip("torch")
-    asset = write_asset(tmp_path, bank=True)
+    public = write_asset(tmp_path, bank=True)
     states = torch.load(tmp_path / UNITED, weights_only=True)
-    for name, module in modules(asset.networks).items():
+    for name, module in modules(public.networks).items():
         for parameter, tensor in states[f"{name}_mlp"].items():
             assert torch.equal(tensor, module.state_dict()[parameter])
         module.load_state_dict(states[f"{name}_mlp"])
@@ -157,7 +157,7 @@ def test_a_hostile_file_is_refused_and_nothing_is_executed(tmp_path, form):
         torch = pytest.importorskip("torch")
         torch.save({"opacity_mlp": Payload(trace)}, path, _use_new_zipfile_serialization=False)
     with pytest.raises(InputError, match=r"checkpoints\.pth: .*(nothing in it was executed|zip)"):
-        AnchorAsset.read(tmp_path)
+        AnchorModel.read(tmp_path)
     assert not trace.exists()
 
 
@@ -192,7 +192,7 @@ def test_a_damaged_archive_is_told_in_one_line(tmp_path, change):
     write_asset(tmp_path)
     rewritten(tmp_path / UNITED, change)
     with pytest.raises(InputError) as error:
-        AnchorAsset.read(tmp_path)
+        AnchorModel.read(tmp_path)
     assert "\n" not in str(error.value)
 
 
@@ -265,7 +265,7 @@ def test_members_that_unpack_to_more_are_refused(tmp_path):
         for name, content in members.items():
             archive.writestr(name, content)
     with pytest.raises(InputError, match="compressed"):
-        AnchorAsset.read(tmp_path)
+        AnchorModel.read(tmp_path)
 
 
 def test_a_tensor_that_claims_more_than_its_storage_is_refused(tmp_path):
@@ -299,10 +299,10 @@ def without(column):
     ],
 )
 def test_a_table_that_is_not_scaffolds_is_refused(tmp_path, change, message):
-    asset = write_asset(tmp_path)
-    write_model(tmp_path / "point_cloud.ply", change(asset.units))
+    public = write_asset(tmp_path)
+    write_model(tmp_path / "point_cloud.ply", change(public.model))
     with pytest.raises(InputError, match=message):
-        AnchorAsset.read(tmp_path)
+        AnchorModel.read(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -317,29 +317,29 @@ def test_a_table_that_is_not_scaffolds_is_refused(tmp_path, change, message):
     ],
 )
 def test_networks_that_do_not_fit_the_anchors_are_refused(tmp_path, changed, message):
-    asset = random_asset(bank=True)
-    networks = {n: net | (changed.get(n) or {}) for n, net in asset.networks.items() if changed.get(n, {}) is not None}
-    AnchorAsset(asset.units, networks).write(tmp_path / "point_cloud.ply")
+    public = random_public(bank=True)
+    networks = {n: net | (changed.get(n) or {}) for n, net in public.networks.items() if changed.get(n, {}) is not None}
+    AnchorModel(public.model, networks).write(tmp_path / "point_cloud.ply")
     with pytest.raises(InputError, match=message):
-        AnchorAsset.read(tmp_path)
+        AnchorModel.read(tmp_path)
 
 
 def test_a_bank_asks_for_features_that_it_can_divide(tmp_path):
     write_asset(tmp_path, feat_dim=6, bank=True)
     with pytest.raises(InputError, match="feature_bank: expected a multiple of 4 features, found 6"):
-        AnchorAsset.read(tmp_path)
+        AnchorModel.read(tmp_path)
 
 
 def test_appearance_embeddings_are_refused(tmp_path):
-    asset = write_asset(tmp_path)
-    states = {f"{name}_mlp": net for name, net in asset.networks.items()}
+    public = write_asset(tmp_path)
+    states = {f"{name}_mlp": net for name, net in public.networks.items()}
     write_tensors(tmp_path / UNITED, {**states, "appearance": {"embedding.weight": np.zeros((9, 32), np.float32)}})
     with pytest.raises(InputError, match="appearance: expected none, found an embedding per photograph"):
-        AnchorAsset.read(tmp_path)
+        AnchorModel.read(tmp_path)
 
 
 def test_a_model_without_its_networks_says_which_are_missing(tmp_path):
     write_asset(tmp_path)
     (tmp_path / UNITED).unlink()
     with pytest.raises(InputError, match=r"opacity_mlp\.pt: file: expected a network beside the .ply"):
-        AnchorAsset.read(tmp_path)
+        AnchorModel.read(tmp_path)

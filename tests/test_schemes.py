@@ -16,12 +16,12 @@ from gspure.cli import main
 from gspure.errors import InputError
 from gspure.images import read_image
 from gspure.model import Gaussians, read_model, write_model
+from gspure.public_model import PublicModel, merge_by_row
 from gspure.renderer import CONTRIBUTION
 from gspure.schemes import gs_hider, secure_gs, splats_in_splats
-from gspure.schemes.asset import Asset, of_units
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.pair import read_pair
-from gspure.schemes.registry import find_scheme, open_asset, schemes
+from gspure.schemes.registry import find_scheme, read_public_model, schemes
 from gspure.schemes.scheme import Scheme, hide
 from tests.documentation import blocks
 from tests.models import blobs
@@ -52,14 +52,14 @@ def embedded(request, pair_folder):
         pytest.importorskip("torch")
     scheme = example()[0] if request.param == "veil" else find_scheme(request.param)
     pair = read_pair(pair_folder)
-    asset, key = hide(scheme, pair, **SMALL[scheme.name])
-    return SimpleNamespace(scheme=scheme, pair=pair, asset=asset, key=key, settings=SMALL[scheme.name])
+    public, key = hide(scheme, pair, **SMALL[scheme.name])
+    return SimpleNamespace(scheme=scheme, pair=pair, public=public, key=key, settings=SMALL[scheme.name])
 
 
 def test_scene_and_message_are_pictures_of_any_view(embedded):
     camera = embedded.pair.dataset.test[0]
-    views = [embedded.asset.scene()]
-    views += [embedded.key.message(embedded.asset, extraction) for extraction in embedded.scheme.extractions]
+    views = [embedded.public.scene()]
+    views += [embedded.key.message(embedded.public, extraction) for extraction in embedded.scheme.extractions]
     for view in views:
         image = view(camera)
         assert image.shape == (camera.height, camera.width, 3)
@@ -69,16 +69,16 @@ def test_scene_and_message_are_pictures_of_any_view(embedded):
 
 
 def test_what_is_written_reads_back_to_the_same_pictures(embedded, tmp_path):
-    embedded.asset.write(tmp_path / "public" / "point_cloud.ply")
+    embedded.public.write(tmp_path / "public" / "point_cloud.ply")
     embedded.key.write(tmp_path / "key")
-    asset = embedded.scheme.read_asset(tmp_path / "public")
+    public = embedded.scheme.read_public(tmp_path / "public")
     key = embedded.scheme.read_key(tmp_path / "key")
     camera = embedded.pair.views[0]
-    assert asset.units.table.tobytes() == embedded.asset.units.table.tobytes()
-    assert asset.geometry_digest() == embedded.asset.geometry_digest()
-    assert asset.scene()(camera).tobytes() == embedded.asset.scene()(camera).tobytes()
+    assert public.model.table.tobytes() == embedded.public.model.table.tobytes()
+    assert public.geometry_digest() == embedded.public.geometry_digest()
+    assert public.scene()(camera).tobytes() == embedded.public.scene()(camera).tobytes()
     for extraction in embedded.scheme.extractions:
-        one, other = (k.message(a, extraction)(camera) for k, a in ((embedded.key, embedded.asset), (key, asset)))
+        one, other = (k.message(a, extraction)(camera) for k, a in ((embedded.key, embedded.public), (key, public)))
         assert one.tobytes() == other.tobytes()
 
 
@@ -86,15 +86,15 @@ def test_a_wrong_key_shows_something_else(embedded):
     camera = embedded.pair.views[0]
     strangers = [embedded.key.wrong(np.random.default_rng(seed)) for seed in (1, 1, 2)]
     extraction = next(iter(embedded.scheme.extractions))
-    right, *wrong = (k.message(embedded.asset, extraction)(camera) for k in (embedded.key, *strangers))
+    right, *wrong = (k.message(embedded.public, extraction)(camera) for k in (embedded.key, *strangers))
     assert wrong[0].tobytes() == wrong[1].tobytes()
     assert right.tobytes() not in {image.tobytes() for image in wrong}
 
 
 def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
-    pruned = np.random.default_rng(0).random(len(embedded.asset.units)) < 0.5
-    smaller = embedded.asset.prune(pruned)
-    assert smaller.units.table.tobytes() == embedded.asset.units.table[~pruned].tobytes()
+    pruned = np.random.default_rng(0).random(len(embedded.public.model)) < 0.5
+    smaller = embedded.public.prune(pruned)
+    assert smaller.model.table.tobytes() == embedded.public.model.table[~pruned].tobytes()
     camera = embedded.pair.views[0]
     assert np.isfinite(smaller.scene()(camera)).all()
     for extraction in embedded.scheme.extractions:
@@ -102,7 +102,7 @@ def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
 
 
 def test_a_model_without_units_shows_its_background(embedded):
-    empty = embedded.asset.prune(np.ones(len(embedded.asset.units), np.bool_))
+    empty = embedded.public.prune(np.ones(len(embedded.public.model), np.bool_))
     camera = embedded.pair.views[0]
     assert np.isfinite(empty.scene()(camera)).all()
     assert len(empty.contributions()(camera)) == 0
@@ -112,35 +112,35 @@ def test_contributions_of_units_add_up_to_those_of_their_gaussians(embedded, ene
     from gspure.renderer import Renderer
 
     camera = embedded.pair.views[1]
-    found = embedded.asset.contributions(energy=energy)(camera)
-    gaussians, units = embedded.asset.gaussians(camera)
+    found = embedded.public.contributions(energy=energy)(camera)
+    gaussians, owners = embedded.public.gaussians(camera)
     records = Renderer(gaussians, energy=energy).contributions(camera)
     assert found.dtype == CONTRIBUTION
     assert (np.diff(found["index"].astype(int)) > 0).all()
-    assert set(found["index"]) == set(units[records["index"]])
+    assert set(found["index"]) == set(owners[records["index"]])
     assert found["sum"].sum() == pytest.approx(records["sum"].sum(), rel=1e-4)
 
 
 def test_every_unit_has_an_opacity_to_cluster_by(embedded):
-    opacities = embedded.asset.opacities(embedded.pair.views)
-    assert opacities.shape == (len(embedded.asset.units),)
+    opacities = embedded.public.opacities(embedded.pair.views)
+    assert opacities.shape == (len(embedded.public.model),)
     assert opacities.dtype == np.float32
     assert ((opacities >= 0) & (opacities <= 1)).all()
     assert opacities.std() > 0
 
 
 def test_the_key_names_the_gaussians_of_the_message_and_their_units(embedded):
-    gaussians, units = embedded.key.gaussians(
-        embedded.asset, embedded.pair.views[0], next(iter(embedded.scheme.extractions))
+    gaussians, owners = embedded.key.gaussians(
+        embedded.public, embedded.pair.views[0], next(iter(embedded.scheme.extractions))
     )
-    assert units.shape == (len(gaussians),)
-    assert not len(units) or (units.min() >= 0 and units.max() < len(embedded.asset.units))
+    assert owners.shape == (len(gaussians),)
+    assert not len(owners) or (owners.min() >= 0 and owners.max() < len(embedded.public.model))
 
 
 def test_the_weight_of_the_message_is_shared_out_over_units(embedded):
     extraction = next(iter(embedded.scheme.extractions))
-    hidden = hidden_weights(embedded.asset, embedded.key, extraction, embedded.pair.views[:2], "ewa")
-    assert hidden.shape == (len(embedded.asset.units),)
+    hidden = hidden_weights(embedded.public, embedded.key, extraction, embedded.pair.views[:2], "ewa")
+    assert hidden.shape == (len(embedded.public.model),)
     assert 0 <= share_on_low(hidden[::-1], hidden, 4.0) <= 1
 
 
@@ -151,50 +151,50 @@ def test_all_that_is_hidden_may_lie_on_what_nobody_sees():
 
 
 def test_no_message_gives_the_clean_model_of_the_same_form_and_no_key(embedded):
-    asset, key = hide(embedded.scheme, embedded.pair, message_weight=0.0, **embedded.settings)
+    public, key = hide(embedded.scheme, embedded.pair, message_weight=0.0, **embedded.settings)
     assert key is None
-    assert type(asset) is type(embedded.asset)
-    assert asset.units.table.dtype == embedded.asset.units.table.dtype
+    assert type(public) is type(embedded.public)
+    assert public.model.table.dtype == embedded.public.model.table.dtype
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_one_others(embedded):
     again, *_ = hide(embedded.scheme, embedded.pair, **embedded.settings)
     other, *_ = hide(embedded.scheme, embedded.pair, seed=5, **embedded.settings)
-    assert again.units.table.tobytes() == embedded.asset.units.table.tobytes()
-    assert other.units.table.tobytes() != embedded.asset.units.table.tobytes()
+    assert again.model.table.tobytes() == embedded.public.model.table.tobytes()
+    assert other.model.table.tobytes() != embedded.public.model.table.tobytes()
 
 
 def test_the_example_is_as_short_as_the_guide_says():
     assert len(example()[1].strip().splitlines()) <= 60
 
 
-# --- units, registry, commands ----------------------------------------------------------------------------------------
+# --- rows, registry, commands -----------------------------------------------------------------------------------------
 
 
 def test_a_unit_has_the_sum_of_its_gaussians_and_their_largest_maximum():
     records = np.array([(0, 1.0, 0.5, 2), (2, 2.0, 0.9, 3), (3, 4.0, 0.1, 5)], CONTRIBUTION)
-    found = of_units(records, np.array([7, 7, 1, 7]))
+    found = merge_by_row(records, np.array([7, 7, 1, 7]))
     assert found.tolist() == [(1, 2.0, pytest.approx(0.9), 3), (7, 5.0, pytest.approx(0.5), 7)]
 
 
 def test_a_model_is_opened_by_what_its_columns_say(tmp_path):
     model = blobs(5, sh_degree=0)
     write_model(tmp_path / "point_cloud.ply", model)
-    assert type(open_asset(tmp_path)) is Asset
+    assert type(read_public_model(tmp_path)) is PublicModel
     table = np.zeros(5, [*model.table.dtype.descr, *((f"semantic_{i}", "<f4") for i in range(16))])
     for name in model.table.dtype.names:
         table[name] = model.table[name]
     write_model(tmp_path / "hider.ply", Gaussians(table))
-    assert type(open_asset(tmp_path / "hider.ply")) is gs_hider.FeatureAsset
+    assert type(read_public_model(tmp_path / "hider.ply")) is gs_hider.FeatureModel
 
 
-class Mirrored(Asset):
+class Mirrored(PublicModel):
     """Gaussians whose file holds -x: no command may take the stored rows for what is drawn."""
 
     rows_are_gaussians = False
 
     def _drawn(self):
-        return Asset(self.units.with_columns({"x": -self.units.table["x"]}))
+        return PublicModel(self.model.with_columns({"x": -self.model.table["x"]}))
 
     def gaussians(self, camera):
         return self._drawn().gaussians(camera)
@@ -279,7 +279,7 @@ def test_a_plug_in_is_found_by_its_entry_point(monkeypatch):
         ("nothing", "expected a gspure.schemes.Scheme, found str"),
         (splats_in_splats.SCHEME, "name: expected a name not in use, found 'splats_in_splats'"),
         (
-            Scheme("bare", lambda pair, seed, device: (None, None), Asset.read, Asset.read, {}),
+            Scheme("bare", lambda pair, seed, device: (None, None), PublicModel.read, PublicModel.read, {}),
             "settings: expected among others iterations, message_weight, found none",
         ),
     ],
@@ -321,9 +321,9 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
 def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_low(embedded, pair_folder, tmp_path):
     if embedded.scheme.name not in schemes():
         pytest.skip("no entry point offers the example of the guide here")
-    embedded.asset.write(tmp_path / "point_cloud.ply")
+    embedded.public.write(tmp_path / "point_cloud.ply")
     embedded.key.write(tmp_path / "key")
-    weights = np.arange(len(embedded.asset.units), dtype=np.float32)
+    weights = np.arange(len(embedded.public.model), dtype=np.float32)
     save_array(tmp_path / "omega.npy", weights)
     inputs = {"model": "point_cloud.ply", "key": "key", "weights": "omega.npy"}
     files = {**inputs, "out": "share.json", "hidden": "hidden.npy"}
@@ -333,7 +333,7 @@ def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_lo
     hidden = load_array(tmp_path / "hidden.npy", dtype=np.float32, shape=weights.shape)
     extraction = list(embedded.scheme.extractions)[-1]
     views = embedded.pair.views
-    expected = hidden_weights(embedded.asset, embedded.key, extraction, views, "ray", reduction="max")
+    expected = hidden_weights(embedded.public, embedded.key, extraction, views, "ray", reduction="max")
     assert hidden.tobytes() == expected.tobytes()
     assert read_json(tmp_path / "share.json") == {"hidden_low_share": share_on_low(weights, hidden, 4.0)}
 

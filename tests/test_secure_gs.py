@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from gspure.artifacts import save_arrays
 from gspure.errors import InputError
+from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
-from gspure.schemes.asset import Asset
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import REQUIRED, hide
 from gspure.schemes.secure_gs import SCHEME
@@ -22,7 +22,7 @@ from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidat
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.schedule import AnchorSchedule
 from gspure.schemes.secure_gs.statistics import Statistics, screen_norms
-from tests.anchor_cases import random_asset, random_key
+from tests.anchor_cases import random_key, random_public
 from tests.models import blobs, camera, tilted_camera
 
 VIEW = camera()
@@ -35,8 +35,8 @@ def test_a_key_is_read_back_exactly(tmp_path):
     for name, network in key.networks.items():
         for parameter, array in network.items():
             np.testing.assert_array_equal(again.networks[name][parameter], array)
-    asset = random_asset()
-    assert (again.message(asset, "message")(VIEW) == key.message(asset, "message")(VIEW)).all()
+    public = random_public()
+    assert (again.message(public, "message")(VIEW) == key.message(public, "message")(VIEW)).all()
 
 
 @pytest.mark.parametrize(
@@ -58,43 +58,43 @@ def test_a_key_that_does_not_fit_itself_is_refused(tmp_path, parameter, array, m
 
 def test_a_key_of_other_anchors_is_refused():
     with pytest.raises(InputError, match="expected 8 features and 4 Gaussians per anchor, found 8 and 3"):
-        random_key().gaussians(random_asset(k=3), VIEW, "message")
+        random_key().gaussians(random_public(k=3), VIEW, "message")
     with pytest.raises(InputError, match="expected anchors, found Gaussians"):
-        random_key().gaussians(Asset(blobs(3)), VIEW, "message")
+        random_key().gaussians(PublicModel(blobs(3)), VIEW, "message")
 
 
 def test_what_is_hidden_depends_on_no_public_offset_or_network():
-    asset, other, key = random_asset(), random_asset(seed=5), random_key()
-    offsets = {name: np.zeros(40) for name in asset.units.columns_named("f_offset_")}
-    changed = type(asset)(asset.units.with_columns(offsets), other.networks)
-    assert not np.allclose(changed.scene()(VIEW), asset.scene()(VIEW), atol=1e-3)
-    assert (key.message(changed, "message")(VIEW) == key.message(asset, "message")(VIEW)).all()
+    public, other, key = random_public(), random_public(seed=5), random_key()
+    offsets = {name: np.zeros(40) for name in public.model.columns_named("f_offset_")}
+    changed = type(public)(public.model.with_columns(offsets), other.networks)
+    assert not np.allclose(changed.scene()(VIEW), public.scene()(VIEW), atol=1e-3)
+    assert (key.message(changed, "message")(VIEW) == key.message(public, "message")(VIEW)).all()
 
 
 def test_the_hidden_gaussians_of_pruned_anchors_are_gone():
-    asset, key = random_asset(), random_key()
+    public, key = random_public(), random_key()
     pruned = np.random.default_rng(1).random(40) < 0.4
-    whole, units = key.gaussians(asset, VIEW, "message")
-    left, owners = key.gaussians(asset.prune(pruned), VIEW, "message")
-    assert np.flatnonzero(~pruned)[owners].tolist() == units[~pruned[units]].tolist()
-    np.testing.assert_allclose(left.means, whole.means[~pruned[units]], rtol=1e-4, atol=1e-5)
+    whole, rows = key.gaussians(public, VIEW, "message")
+    left, owners = key.gaussians(public.prune(pruned), VIEW, "message")
+    assert np.flatnonzero(~pruned)[owners].tolist() == rows[~pruned[rows]].tolist()
+    np.testing.assert_allclose(left.means, whole.means[~pruned[rows]], rtol=1e-4, atol=1e-5)
 
 
 def test_hidden_gaussians_move_with_the_view():
-    asset, key = random_asset(), random_key()
-    here, there = (key.gaussians(asset, view, "message") for view in (VIEW, tilted_camera()))
+    public, key = random_public(), random_key()
+    here, there = (key.gaussians(public, view, "message") for view in (VIEW, tilted_camera()))
     both = np.intersect1d(here[1], there[1])
-    places = [gaussians.means[units == both[0]].mean(axis=0) for gaussians, units in (here, there)]
+    places = [gaussians.means[owners == both[0]].mean(axis=0) for gaussians, owners in (here, there)]
     assert np.linalg.norm(places[0] - places[1]) > 1e-4
 
 
 def test_a_wrong_key_has_the_same_form_and_shows_something_else():
-    asset, key = random_asset(), random_key()
+    public, key = random_public(), random_key()
     wrong = key.wrong(np.random.default_rng(0))
     for name, network in key.networks.items():
         assert {p: a.shape for p, a in wrong.networks[name].items()} == {p: a.shape for p, a in network.items()}
         assert not np.array_equal(wrong.networks[name]["0.weight"], network["0.weight"])
-    assert not np.allclose(wrong.message(asset, "message")(VIEW), key.message(asset, "message")(VIEW), atol=1e-2)
+    assert not np.allclose(wrong.message(public, "message")(VIEW), key.message(public, "message")(VIEW), atol=1e-2)
 
 
 def test_gradients_on_the_screen_are_those_of_the_renderer():
@@ -181,8 +181,8 @@ def test_the_hidden_region_is_the_box_of_what_is_dense():
 
 
 def test_statistics_follow_the_anchors():
-    asset = random_asset()
-    found, rows = asset.seen(VIEW)
+    public = random_public()
+    found, rows = public.seen(VIEW)
     statistics = Statistics(40, 4)
     for _ in range(3):
         statistics.note(rows, found, np.full(len(found.active), 2, np.float32))
@@ -250,8 +250,8 @@ def test_without_torch_only_training_says_what_to_install(monkeypatch, pair_fold
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install gspure\[torch\]"):
         hide(SCHEME, pair)
-    asset, key = random_asset(), random_key()
-    asset.write(tmp_path / "point_cloud.ply")
+    public, key = random_public(), random_key()
+    public.write(tmp_path / "point_cloud.ply")
     key.write(tmp_path)
-    seen = SCHEME.read_key(tmp_path).message(SCHEME.read_asset(tmp_path), "message")(VIEW)
-    assert (seen == key.message(asset, "message")(VIEW)).all()
+    seen = SCHEME.read_key(tmp_path).message(SCHEME.read_public(tmp_path), "message")(VIEW)
+    assert (seen == key.message(public, "message")(VIEW)).all()

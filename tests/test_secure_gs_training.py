@@ -15,7 +15,7 @@ from gspure.opencl.device import choose_device  # noqa: E402
 from gspure.schemes.pytorch import single_threaded  # noqa: E402
 from gspure.schemes.secure_gs.learner import Learner  # noqa: E402
 from gspure.schemes.secure_gs.training import Training  # noqa: E402
-from tests.anchor_cases import random_asset, random_key  # noqa: E402
+from tests.anchor_cases import random_key, random_public  # noqa: E402
 from tests.models import camera  # noqa: E402
 
 SHORT = {"iterations": 80, "max_anchors": 600}
@@ -41,11 +41,11 @@ def mean_colour(photographs):
 
 
 def test_scene_and_message_are_learned_over_the_same_anchors(pair, embedded):
-    asset, key = embedded
-    scene, message = asset.scene(), key.message(asset, "message")
+    public, key = embedded
+    scene, message = public.scene(), key.message(public, "message")
     assert quality(scene, pair, pair.scene) > mean_colour(pair.scene) + 2
     assert quality(message, pair, pair.message) > mean_colour(pair.message) + 2
-    wrong = key.wrong(np.random.default_rng(0)).message(asset, "message")
+    wrong = key.wrong(np.random.default_rng(0)).message(public, "message")
     assert quality(wrong, pair, pair.message) < quality(message, pair, pair.message) - 2
 
 
@@ -57,8 +57,8 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not(tmp_path, pair, 
     torch.set_num_threads(threads)
     other = hide(SCHEME, pair, seed=4, **SHORT)
     written = []
-    for name, (asset, key) in (("first", embedded), ("again", again), ("other", other)):
-        asset.write(tmp_path / name / "point_cloud.ply")
+    for name, (public, key) in (("first", embedded), ("again", again), ("other", other)):
+        public.write(tmp_path / name / "point_cloud.ply")
         key.write(tmp_path / name)
         written.append([file.read_bytes() for file in sorted((tmp_path / name).iterdir())])
     assert len(written[0]) == 3
@@ -68,17 +68,17 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not(tmp_path, pair, 
 
 def test_the_published_table_cannot_be_told_from_scaffolds(pair, embedded):
     clean, key = hide(SCHEME, pair, message_weight=0, iterations=3, max_anchors=600)
-    asset, _ = embedded
+    public, _ = embedded
     assert key is None
-    assert asset.units.table.dtype == clean.units.table.dtype
-    assert asset.networks.keys() == clean.networks.keys()
-    assert len(set(asset.units.columns("opacity").ravel())) == 1
+    assert public.model.table.dtype == clean.model.table.dtype
+    assert public.networks.keys() == clean.networks.keys()
+    assert len(set(public.model.columns("opacity").ravel())) == 1
 
 
 def test_anchors_grow_within_their_limit_and_both_branches_ask_for_them(pair):
-    asset, key = random_asset(60), random_key()
+    public, key = random_public(60), random_key()
     run = Training(
-        *(pair, asset.anchors, 0.05, [asset.networks, key.networks], 400),
+        *(pair, public.anchors, 0.05, [public.networks, key.networks], 400),
         message_weight=0.5,
         density=2.0,
         max_anchors=100,
@@ -92,16 +92,16 @@ def test_anchors_grow_within_their_limit_and_both_branches_ask_for_them(pair):
 
 
 def test_learned_rows_and_their_moments_follow_the_anchors():
-    asset = random_asset()
+    public = random_public()
     photograph = np.zeros((47, 65, 3), np.float32)
-    learner = Learner(asset.anchors, [asset.networks], [[photograph]], choose_device())
+    learner = Learner(public.anchors, [public.networks], [[photograph]], choose_device())
     rates = dict.fromkeys(("offsets", "features", "log_scalings", "opacity", "cov", "color"), 1e-2)
-    rows = asset.seen(camera())[1]
+    rows = public.seen(camera())[1]
     learner.differentiate(0, camera(), rows, 0, 1.0)
     learner.step(rates)
     before = learner.anchors
     kept = np.array([rows[0], rows[3]])
-    none = Anchors(*(array[:1] for array in vars(random_asset(seed=9).anchors).values()))
+    none = Anchors(*(array[:1] for array in vars(random_public(seed=9).anchors).values()))
     learner.follow(kept, none)
     for name, array in vars(learner.anchors).items():
         np.testing.assert_array_equal(array[:2], getattr(before, name)[kept])
@@ -114,9 +114,9 @@ def test_learned_rows_and_their_moments_follow_the_anchors():
 
 
 def test_a_view_without_gaussians_still_has_a_loss():
-    asset = random_asset()
+    public = random_public()
     photograph = np.full((47, 65, 3), 0.5, np.float32)
-    learner = Learner(asset.anchors, [asset.networks], [[photograph]], choose_device())
+    learner = Learner(public.anchors, [public.networks], [[photograph]], choose_device())
     loss, found, gradients = learner.differentiate(0, camera(), np.empty(0, np.intp), 0, 1.0)
     assert np.isfinite(loss)
     assert len(found.active) == len(gradients) == 0

@@ -90,9 +90,9 @@ def test_stages_that_share_little_code_have_digests_of_their_own():
 
 def test_pruning_does_not_depend_on_the_renderer_and_contributions_do_not_depend_on_clustering():
     assert "gspure.renderer" in reached("gspure.cli.contributions")
-    assert "gspure.pruning" in reached("gspure.cli.prune")
-    assert not {"gspure.renderer", "gspure.contributions"} & reached("gspure.cli.prune")
-    assert not any(name.startswith("gspure.clustering") for name in reached("gspure.cli.contributions"))
+    assert "gspure.method.pruning" in reached("gspure.cli.prune")
+    assert not {"gspure.renderer", "gspure.method.contributions"} & reached("gspure.cli.prune")
+    assert not any(name.startswith("gspure.method.clustering") for name in reached("gspure.cli.contributions"))
 
 
 def reached(module):

@@ -7,12 +7,12 @@ from gspure.cameras import read_cameras, split
 from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
 from gspure.images import read_image
+from gspure.method.pruning import plain_prune_mask
+from gspure.method.weights import accumulate
 from gspure.model.signature import Signature
-from gspure.pruning import plain_prune_mask
 from gspure.schemes.pair import message_view, read_pair
 from gspure.schemes.scheme import hide
 from gspure.schemes.splats_in_splats import SCHEME
-from gspure.weights import accumulate
 
 SETTINGS = {"iterations": 300, "max_gaussians": 3000}
 LITERAL, ORACLE = SCHEME.extractions
@@ -29,7 +29,7 @@ def embedded(pair):
 
 
 @pytest.fixture(scope="module")
-def asset(embedded):
+def public(embedded):
     return embedded[0]
 
 
@@ -50,43 +50,43 @@ def quality(pair_folder):
     return measured
 
 
-def test_scene_and_message_can_both_be_seen(asset, key, quality, pair):
+def test_scene_and_message_can_both_be_seen(public, key, quality, pair):
     mean_colour = np.mean([psnr(image, np.full_like(image, image.mean())) for image in pair.message])
-    assert quality(asset.scene(), "scene") > 20
-    assert quality(key.message(asset, ORACLE)) > mean_colour + 6
-    assert quality(key.message(asset, LITERAL)) > mean_colour + 4
+    assert quality(public.scene(), "scene") > 20
+    assert quality(key.message(public, ORACLE)) > mean_colour + 6
+    assert quality(key.message(public, LITERAL)) > mean_colour + 4
 
 
-def test_the_message_costs_the_scene_little(asset, quality, pair):
+def test_the_message_costs_the_scene_little(public, quality, pair):
     clean, nothing = hide(SCHEME, pair, message_weight=0, **SETTINGS)
     assert nothing is None
-    assert quality(clean.scene(), "scene") - quality(asset.scene(), "scene") < 1.5
+    assert quality(clean.scene(), "scene") - quality(public.scene(), "scene") < 1.5
 
 
-def test_a_wrong_key_shows_less(asset, key, quality):
+def test_a_wrong_key_shows_less(public, key, quality):
     stranger = key.wrong(np.random.default_rng(1))
     for extraction in SCHEME.extractions:
-        right, wrong = quality(key.message(asset, extraction)), quality(stranger.message(asset, extraction))
+        right, wrong = quality(key.message(public, extraction)), quality(stranger.message(public, extraction))
         assert wrong < right - 3
 
 
-def test_the_public_file_is_a_vanilla_model_and_reads_back_exactly(asset, key, tmp_path):
-    asset.write(tmp_path / "public" / "point_cloud.ply")
+def test_the_public_file_is_a_vanilla_model_and_reads_back_exactly(public, key, tmp_path):
+    public.write(tmp_path / "public" / "point_cloud.ply")
     key.write(tmp_path / "key")
-    again, opened = SCHEME.read_asset(tmp_path / "public"), SCHEME.read_key(tmp_path / "key")
-    assert Signature.of(again.units.table.dtype.names) is Signature.VANILLA
-    assert again.units.table.tobytes() == asset.units.table.tobytes()
+    again, opened = SCHEME.read_public(tmp_path / "public"), SCHEME.read_key(tmp_path / "key")
+    assert Signature.of(again.model.table.dtype.names) is Signature.VANILLA
+    assert again.model.table.tobytes() == public.model.table.tobytes()
     for extraction in SCHEME.extractions:
-        one, other = (k._revealed(a, extraction)[0].table for k, a in ((key, asset), (opened, again)))
+        one, other = (k._revealed(a, extraction)[0].table for k, a in ((key, public), (opened, again)))
         assert one.tobytes() == other.tobytes()
 
 
-def test_the_message_is_read_from_what_survives_in_any_order(asset, key):
+def test_the_message_is_read_from_what_survives_in_any_order(public, key):
     rng = np.random.default_rng(0)
-    kept = rng.permutation(len(asset.units))[: len(asset.units) // 2]
-    attacked = asset.with_units(type(asset.units)(asset.units.table[kept]))
+    kept = rng.permutation(len(public.model))[: len(public.model) // 2]
+    attacked = public.with_model(type(public.model)(public.model.table[kept]))
     for extraction in SCHEME.extractions:
-        whole, rows = key._revealed(asset, extraction)
+        whole, rows = key._revealed(public, extraction)
         part, survivors = key._revealed(attacked, extraction)
         place = {row: i for i, row in enumerate(rows)}
         same = whole.table[[place[row] for row in kept[survivors]]]
@@ -95,32 +95,32 @@ def test_the_message_is_read_from_what_survives_in_any_order(asset, key):
                 assert part.table[name].tobytes() == same[name].tobytes()
 
 
-def test_noise_on_the_colours_ends_the_literal_message_and_not_the_oracle_one(asset, key, quality):
-    noisy = asset.units.sh_coeffs + np.random.default_rng(0).normal(0, 1e-3, asset.units.sh_coeffs.shape)
-    attacked = asset.with_units(asset.units.with_appearance(asset.units.table["opacity"], noisy.astype(np.float32)))
-    assert quality(key.message(attacked, LITERAL)) < quality(key.message(asset, LITERAL)) - 3
-    assert quality(key.message(attacked, ORACLE)) == quality(key.message(asset, ORACLE))
+def test_noise_on_the_colours_ends_the_literal_message_and_not_the_oracle_one(public, key, quality):
+    noisy = public.model.sh_coeffs + np.random.default_rng(0).normal(0, 1e-3, public.model.sh_coeffs.shape)
+    attacked = public.with_model(public.model.with_appearance(public.model.table["opacity"], noisy.astype(np.float32)))
+    assert quality(key.message(attacked, LITERAL)) < quality(key.message(public, LITERAL)) - 3
+    assert quality(key.message(attacked, ORACLE)) == quality(key.message(public, ORACLE))
 
 
-def test_lost_colours_are_read_as_nothing(asset, key, pair):
-    names = [name for name in asset.units.table.dtype.names if not name.startswith("f_rest_")]
-    flat = asset.with_units(type(asset.units)(asset.units.table[names].copy()))
+def test_lost_colours_are_read_as_nothing(public, key, pair):
+    names = [name for name in public.model.table.dtype.names if not name.startswith("f_rest_")]
+    flat = public.with_model(type(public.model)(public.model.table[names].copy()))
     view = key.message(flat, LITERAL)(pair.views[0])
     assert np.isfinite(view).all()
 
 
-def test_low_weights_carry_the_message(asset, key, quality, pair):
-    contributions = asset.contributions()
-    weights = accumulate([contributions(camera) for camera in pair.views], len(asset.units))
-    purified = asset.prune(plain_prune_mask(weights))
-    lost = quality(key.message(asset, ORACLE)) - quality(key.message(purified, ORACLE))
-    assert lost > 5 + quality(asset.scene(), "scene") - quality(purified.scene(), "scene")
+def test_low_weights_carry_the_message(public, key, quality, pair):
+    contributions = public.contributions()
+    weights = accumulate([contributions(camera) for camera in pair.views], len(public.model))
+    purified = public.prune(plain_prune_mask(weights))
+    lost = quality(key.message(public, ORACLE)) - quality(key.message(purified, ORACLE))
+    assert lost > 5 + quality(public.scene(), "scene") - quality(purified.scene(), "scene")
 
 
 def test_the_same_seed_gives_the_same_bits(pair):
     short = {"iterations": 60, "max_gaussians": 1500, "seed": 3}
     (one, key_one), (other, key_other) = (hide(SCHEME, pair, **short) for _ in range(2))
-    assert one.units.table.tobytes() == other.units.table.tobytes()
+    assert one.model.table.tobytes() == other.model.table.tobytes()
     assert key_one.hidden.table.tobytes() == key_other.hidden.table.tobytes()
     assert key_one.mapping.arrays()["kernel_0"].tobytes() == key_other.mapping.arrays()["kernel_0"].tobytes()
 

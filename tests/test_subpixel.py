@@ -5,11 +5,11 @@ import numpy as np
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.method.subpixel import subpixel_rows
+from gspure.method.weights import accumulate
 from gspure.model import write_model
 from gspure.reference.footprint import extents
 from gspure.reference.projection import project
 from gspure.renderer import Renderer
-from gspure.weights import accumulate
 from tests.models import camera, gaussians, joined, subpixel
 
 

@@ -11,9 +11,9 @@ from gspure.attacks import Evidence, find_attack
 from gspure.cameras.projection import points_shown
 from gspure.errors import InputError
 from gspure.model.mesh import Mesh, write_mesh_ply
+from gspure.public_model import PublicModel
 from gspure.reference.opacity_field import opacity_field
 from gspure.reference.projection import rotation_matrices
-from gspure.schemes.asset import Asset
 from gspure.surface.axes import principal_axes
 from gspure.surface.depths import UNSEEN, depth_distances
 from gspure.surface.distance import face_points, mesh_distances
@@ -21,7 +21,7 @@ from gspure.surface.filter import filter_sizes, filtered
 from gspure.surface.marching import march
 from gspure.surface.meshing import extract_mesh
 from gspure.surface.tetrahedra import box_points
-from tests.anchor_cases import random_asset
+from tests.anchor_cases import random_public
 from tests.models import blobs, camera, gaussians, tilted_camera
 from tests.surface_cases import DEVIATION, RADIUS, around, ball, populated
 
@@ -195,7 +195,7 @@ def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
     if method == "mesh":
         distances = mesh_distances(smoothed, extract_mesh(smoothed, views))
     else:
-        distances = depth_distances(Asset(model), views)
+        distances = depth_distances(PublicModel(model), views)
     kept = ~find_attack("gof").apply(model, Evidence(surface=distances)).prune_mask
     shares = [kept[part == i].mean() for i in range(4)]
     assert shares[0] > 0.97
@@ -204,25 +204,25 @@ def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
 
 def test_what_no_view_shows_is_as_far_as_can_be(views):
     model = gaussians(means=[[0, 0, 0], [9, 9, 9]], scales=0.2, opacities=0.9)
-    distances = depth_distances(Asset(model), views)
+    distances = depth_distances(PublicModel(model), views)
     assert distances[0] < 0.01  # the median depth is that of the centre
     assert distances[1] == UNSEEN
 
 
 def test_a_row_without_rotation_is_nowhere(views):
     model = gaussians(means=[[0, 0, 0], [0, 0, 0]], scales=0.2, quats=[[0, 0, 0, 0], [1, 0, 0, 0]], opacities=0.9)
-    assert depth_distances(Asset(model), views).tolist()[0] == UNSEEN
+    assert depth_distances(PublicModel(model), views).tolist()[0] == UNSEEN
     assert extract_mesh(model, views).faces.size
 
 
 def test_an_anchor_is_as_near_as_the_nearest_of_its_gaussians():
-    asset, cameras = random_asset(), [camera(), tilted_camera()]
-    distances = depth_distances(asset, cameras)
-    assert distances.shape == (len(asset.units),)
-    nearest = np.full(len(asset.units), UNSEEN)
+    public, cameras = random_public(), [camera(), tilted_camera()]
+    distances = depth_distances(public, cameras)
+    assert distances.shape == (len(public.model),)
+    nearest = np.full(len(public.model), UNSEEN)
     for view in cameras:
-        gaussians_, rows = asset.gaussians(view)
-        alone = depth_distances(Asset(gaussians_), [view])
+        gaussians_, rows = public.gaussians(view)
+        alone = depth_distances(PublicModel(gaussians_), [view])
         np.minimum.at(nearest, rows, alone)
     np.testing.assert_array_equal(distances, nearest)
     assert 0 < (distances < 3).sum() < len(distances)

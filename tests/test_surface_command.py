@@ -6,7 +6,7 @@ from plyfile import PlyData
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.model import write_model
-from tests.anchor_cases import random_asset
+from tests.anchor_cases import random_public
 from tests.models import camera, tilted_camera
 from tests.surface_cases import around, ball, populated
 
@@ -40,7 +40,7 @@ def test_the_command_takes_depths_on_demand_and_then_makes_no_mesh(tmp_path, cap
 
 
 def test_anchors_get_depths_and_no_mesh(tmp_path, capsys):
-    asset = random_asset()
+    asset = random_public()
     asset.write(tmp_path / "model.ply")
     write_cameras(tmp_path / "cameras.json", [camera(name="a"), tilted_camera(name="b")])
     where = ["--model", tmp_path / "model.ply", "--cameras", tmp_path / "cameras.json", "--out", tmp_path / "out.npy"]

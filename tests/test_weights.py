@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
-from gspure.weights import REDUCTIONS, accumulate, view_weights
+from gspure.method.weights import REDUCTIONS, accumulate, view_weights
 
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
 

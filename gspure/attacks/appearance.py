@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gspure.attacks.attack import Attacked, Rng, named, require, require_nonnegative, select_columns
 from gspure.model.activations import logit
 from gspure.model.gaussians import Gaussians
-from gspure.schemes.asset import ATTRIBUTES, Columns
+from gspure.public_model import ATTRIBUTES, Columns
 
 Float32 = NDArray[np.float32]
 

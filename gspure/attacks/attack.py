@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gspure import __version__
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
-from gspure.schemes.asset import Asset, Columns
+from gspure.public_model import Columns, PublicModel
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
@@ -48,7 +48,7 @@ class Evidence:
 
 EVIDENCE: Final = frozenset(field.name for field in fields(Evidence))
 COLUMNS: Final = "columns"
-"""The parameter of attacks on attributes: the columns that the scheme declares for each (`Asset.columns`)."""
+"""The parameter of attacks on attributes: the columns that the scheme declares for each (`PublicModel.columns`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,12 +138,14 @@ class Attack:
     def _signature(self) -> list[inspect.Parameter]:
         return list(inspect.signature(self.function).parameters.values())
 
-    def apply(self, public: Asset | Gaussians, evidence: Evidence, *, seed: int = 0, **settings: Setting) -> Attacked:
+    def apply(
+        self, public: PublicModel | Gaussians, evidence: Evidence, *, seed: int = 0, **settings: Setting
+    ) -> Attacked:
         """Attack a public model; a comment line of the attacked model names attack, settings and seed.
 
         Parameters
         ----------
-        public : Asset or Gaussians
+        public : PublicModel or Gaussians
             The public model; bare Gaussians are vanilla 3DGS.
         evidence : Evidence
             At least what the attack needs.
@@ -163,11 +165,11 @@ class Attack:
             known = ", ".join(self.settings) or "none (it has no settings)"
             raise InputError(f"attack {self.name}", "setting", expected=f"one of {known}", found=name)
         require(self.name, "seed", seed, "at least 0", fits=seed >= 0)
-        asset = public if isinstance(public, Asset) else Asset(public)
-        model = asset.units
+        public = public if isinstance(public, PublicModel) else PublicModel(public)
+        model = public.model
         given: dict[str, Any] = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
         if COLUMNS in self.parameters:
-            given[COLUMNS] = asset.columns
+            given[COLUMNS] = public.columns
         attacked = self.function(model, np.random.default_rng(seed), **given, **settings)
         self._check_rows(attacked, len(model))
         if attacked.model is model:

@@ -13,7 +13,7 @@ from gspure.attacks.attack import Attack, Attacked, Rng, require
 from gspure.errors import InputError
 from gspure.model.gaussians import COLOUR, Gaussians
 from gspure.opencl.morton import morton_order
-from gspure.schemes.asset import Columns
+from gspure.public_model import Columns
 
 CODEC: Final = "compressed_ply"
 PACKAGES: Final = {"gsply": "gspure[compression]"}

@@ -7,8 +7,8 @@ import numpy as np
 from gspure.attacks.attack import Attacked, Float32, Mask, Rng, named
 from gspure.attacks.pruning import lowest_mask, random_mask
 from gspure.constants import TAU_N
+from gspure.method.pruning import plain_prune_mask
 from gspure.model.gaussians import Gaussians
-from gspure.pruning import plain_prune_mask
 
 
 def unattacked(model: Gaussians, _rng: Rng) -> Attacked:

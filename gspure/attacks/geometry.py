@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gspure.attacks.attack import Attacked, Rng, named, require, require_attribute, require_fraction
 from gspure.attacks.sh_rotation import rotate_sh
 from gspure.model.gaussians import Gaussians
-from gspure.schemes.asset import Columns
+from gspure.public_model import Columns
 
 Float64 = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from gspure.attacks.attack import Attacked, Rng, named, require_attribute, requi
 from gspure.attacks.geometry import radius
 from gspure.model.activations import logit
 from gspure.model.gaussians import Gaussians
-from gspure.schemes.asset import Columns
+from gspure.public_model import Columns
 
 SIGMA: Final = 0.1
 """Standard deviation of attribute noise, in units of the stored values. Ours: the paper names none."""

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from gspure.attacks.attack import Attacked, Float32, Mask, Rng, named, require_fraction, require_nonnegative
 from gspure.constants import TAU_N
+from gspure.method.pruning import plain_prune_mask
 from gspure.model.gaussians import Gaussians
-from gspure.pruning import plain_prune_mask
 
 FRACTION: Final = 0.25
 """Fraction of the rows to remove. Ours: the paper says "a certain ratio"."""
@@ -20,7 +20,7 @@ TOLERANCE: Final = 3.0
 
 
 def gspure(model: Gaussians, _rng: Rng, prune_mask: Mask) -> Attacked:
-    """Remove the rows that GSPure decided on (`gspure.pruning.prune_mask`)."""
+    """Remove the rows that GSPure decided on (`gspure.method.pruning.prune_mask`)."""
     return Attacked.without(model, prune_mask)
 
 

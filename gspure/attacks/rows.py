@@ -18,7 +18,7 @@ from gspure.attacks.attack import Attacked, Rng, named, require_attribute, requi
 from gspure.attacks.geometry import radius
 from gspure.model.activations import logit
 from gspure.model.gaussians import Gaussians
-from gspure.schemes.asset import Columns
+from gspure.public_model import Columns
 
 CLONED: Final = 0.25
 """Fraction of the rows to clone. Ours."""

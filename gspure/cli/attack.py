@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_scheme, read_asset
+from gspure.cli.options import add_scheme, read_public
 
 HELP = "attack a model: remove Gaussians, change what they store, move them; and controls"
 EXAMPLES = """\
@@ -63,14 +63,14 @@ def run(args: argparse.Namespace) -> None:
 
     attack = find_attack(args.name)
     settings = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
-    asset = read_asset(args)
-    model = asset.units
+    public = read_public(args)
+    model = public.model
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}
-    stored = {"opacities": model.opacities} if asset.rows_are_gaussians else {}
-    attacked = attack.apply(asset, Evidence(**stored | loaded), seed=args.seed, **settings)
-    asset.with_units(attacked.model).write(args.out)
+    stored = {"opacities": model.opacities} if public.rows_are_gaussians else {}
+    attacked = attack.apply(public, Evidence(**stored | loaded), seed=args.seed, **settings)
+    public.with_model(attacked.model).write(args.out)
     made = [path for path in (args.out, args.kept, args.world, args.verdict) if path]
     if args.kept:
         save_array(args.kept, ~attacked.prune_mask)

@@ -24,9 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Select and write the clusters."""
     from gspure.artifacts import write_provenance
-    from gspure.clustering.selection import select
-    from gspure.clustering.store import Clusters, read_tree, write_clusters
-    from gspure.clustering.tree import coincident_points
+    from gspure.method.clustering.selection import select
+    from gspure.method.clustering.store import Clusters, read_tree, write_clusters
+    from gspure.method.clustering.tree import coincident_points
 
     tree = read_tree(args.tree)
     settings = {name: getattr(args, name) for name in ("min_cluster_size", "selection", "max_cluster_share")}
@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> None:
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
     """Add ``--min-cluster-size``, ``--selection`` and ``--max-cluster-share``."""
-    from gspure.clustering.selection import SELECTIONS
+    from gspure.method.clustering.selection import SELECTIONS
 
     parser.add_argument(
         "--min-cluster-size",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_asset, read_device, read_views
+from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
 
 HELP = "compute what every Gaussian contributes to each view (stored per view)"
 EXAMPLES = """\
@@ -32,17 +32,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Compute the absent views of this part, then write its index."""
     from gspure.artifacts import write_provenance
-    from gspure.contributions import contribute, write_index
+    from gspure.method.contributions import contribute, write_index
     from gspure.model import read_model
     from gspure.model.suspicious import lines, suspicious_rows
     from gspure.progress import say
 
     part, parts = args.part
     views = read_views(args)[part - 1 :: parts]
-    asset = read_asset(args)
-    for line in lines(suspicious_rows(read_model(args.model)), len(asset.units)):
+    public = read_public(args)
+    for line in lines(suspicious_rows(read_model(args.model)), len(public.model)):
         say(line)
-    stages = contribute(asset, views, args.stages, device=read_device(args), energy=args.energy)
+    stages = contribute(public, views, args.stages, device=read_device(args), energy=args.energy)
     write_index(args.index, stages)
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
     write_provenance(args.index, inputs={"model": args.model, "cameras": args.cameras}, settings=settings)

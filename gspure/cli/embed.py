@@ -48,13 +48,13 @@ def run(args: argparse.Namespace) -> None:
     pair = read_pair(args.pair)
     say(f"{len(pair.views)} views, {len(pair.points[0])} points")
     began = time.monotonic()
-    asset, key = hide(scheme, pair, seed=args.seed, device=read_device(args), **settings)
+    public, key = hide(scheme, pair, seed=args.seed, device=read_device(args), **settings)
     model = args.out / "public" / "point_cloud.ply"
-    asset.write(model)
+    public.write(model)
     if key is not None:
         key.write(args.out / "key")
     used = {"scheme": scheme.name, "seed": args.seed, **scheme.settings, **settings}
     halves = [*model.parent.iterdir(), *((args.out / "key").iterdir() if key is not None else ())]
     for path in sorted(path for path in halves if path.suffix != ".json"):
         write_provenance(path, inputs={"cameras": args.pair / "cameras.json"}, settings=used)
-    say(f"embedded in {time.monotonic() - began:.0f} s: {len(asset.units)} rows in {model}")
+    say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {model}")

@@ -44,13 +44,13 @@ def run(args: argparse.Namespace) -> None:
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
-    asset, key = scheme.read_asset(args.model), scheme.read_key(args.key)
+    public, key = scheme.read_public(args.model), scheme.read_key(args.key)
     extraction = args.extraction or next(iter(scheme.extractions))
     if extraction not in scheme.extractions:
         expected = f"one of {', '.join(scheme.extractions)}"
         raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(extraction))
     if args.wrong_key is not None:
         key = key.wrong(np.random.default_rng(args.wrong_key))
-    view = key.message(asset, extraction, read_device(args))
+    view = key.message(public, extraction, read_device(args))
     for camera in track(views, "extract"):
         write_image(args.out / f"{camera.name}.png", view(camera))

@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> None:
     import numpy as np
 
     from gspure.artifacts import load_array, save_array, write_provenance
-    from gspure.features import features
+    from gspure.method.features import features
     from gspure.model.finite import drawable
     from gspure.model.ply import read_ply
 

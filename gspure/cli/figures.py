@@ -82,8 +82,8 @@ def _draw_model(args: argparse.Namespace) -> None:
 
     from gspure.artifacts import load_array
     from gspure.cameras import read_cameras
-    from gspure.clustering.store import read_clusters
     from gspure.figures.gallery import Evidence, draw
+    from gspure.method.clustering.store import read_clusters
     from gspure.model import read_model
     from gspure.model.finite import drawable
     from gspure.model.signature import Signature

@@ -47,10 +47,10 @@ def run(args: argparse.Namespace) -> None:
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
-    asset, key = scheme.read_asset(args.model), scheme.read_key(args.key)
-    weights = load_array(args.weights, dtype=np.float32, shape=(len(asset.units),))
+    public, key = scheme.read_public(args.model), scheme.read_key(args.key)
+    weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),))
     extraction = list(scheme.extractions)[-1]  # the most complete one
-    hidden = hidden_weights(asset, key, extraction, views, args.energy, read_device(args), args.reduction)
+    hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau)
     inputs = {"model": args.model, "cameras": args.cameras, "weights": args.weights}
     settings = {"scheme": scheme.name, "tau": args.tau, "energy": args.energy, "reduction": args.reduction}

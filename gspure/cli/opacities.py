@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_scheme, add_views, read_asset, read_views
+from gspure.cli.options import add_scheme, add_views, read_public, read_views
 
 HELP = "write the opacity of every row; an anchor's is the mean over its Gaussians and the views"
 EXAMPLES = """\
@@ -25,6 +25,6 @@ def run(args: argparse.Namespace) -> None:
     """Compute and write the opacities."""
     from gspure.artifacts import save_array, write_provenance
 
-    asset = read_asset(args)
-    save_array(args.out, asset.opacities(read_views(args)))
+    public = read_public(args)
+    save_array(args.out, public.opacities(read_views(args)))
     write_provenance(args.out, inputs={"model": args.model, "cameras": args.cameras}, settings={"split": args.split})

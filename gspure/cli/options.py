@@ -12,7 +12,7 @@ from gspure.errors import InputError
 if TYPE_CHECKING:
     from gspure.cameras import Camera
     from gspure.opencl.device import Device
-    from gspure.schemes.asset import Asset
+    from gspure.public_model import PublicModel
 
 Setting = float | int | str
 SPLITS = ("train", "test", "all")
@@ -40,17 +40,17 @@ def read_device(args: argparse.Namespace) -> Device:
 
 
 def add_scheme(parser: argparse.ArgumentParser) -> None:
-    """Add ``--scheme``, for `read_asset`."""
+    """Add ``--scheme``, for `read_public`."""
     parser.add_argument(
         "--scheme", metavar="NAME", help="the model's watermarking scheme (default: recognized by the model's columns)"
     )
 
 
-def read_asset(args: argparse.Namespace) -> Asset:
+def read_public(args: argparse.Namespace) -> PublicModel:
     """Read the public model that ``model`` and ``--scheme`` name; rows that cannot be drawn are invisible in it."""
-    from gspure.schemes.registry import open_asset
+    from gspure.schemes.registry import read_public_model
 
-    return open_asset(args.model, args.scheme).drawable(args.model)
+    return read_public_model(args.model, args.scheme).drawable(args.model)
 
 
 def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> None:

@@ -33,9 +33,9 @@ def run(args: argparse.Namespace) -> None:
     import numpy as np
 
     from gspure.artifacts import load_array, save_array, write_json, write_provenance
-    from gspure.clustering.diagnosis import diagnose
-    from gspure.clustering.store import read_clusters
-    from gspure.pruning import prune_mask
+    from gspure.method.clustering.diagnosis import diagnose
+    from gspure.method.clustering.store import read_clusters
+    from gspure.method.pruning import prune_mask
 
     labels, coincident = read_clusters(args.clusters)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gspure.method.purify import Purification
     from gspure.model import Gaussians
     from gspure.opencl.device import Device
-    from gspure.schemes.asset import Asset
+    from gspure.public_model import PublicModel
 
 HELP = "run GSPure on one model: purified model, weights, clusters, metrics and figures"
 EXAMPLES = """\
@@ -73,29 +73,29 @@ def run(args: argparse.Namespace) -> None:
     from gspure.model.signature import Signature
     from gspure.opencl.device import choose_device
     from gspure.progress import say
-    from gspure.schemes.registry import open_asset
+    from gspure.schemes.registry import read_public_model
 
-    asset = open_asset(args.model)
+    public = read_public_model(args.model)
     suspects = suspicious.suspicious_rows(read_model(args.model))
-    asset = asset.drawable(args.model)
-    model = asset.units
+    public = public.drawable(args.model)
+    model = public.model
     _choose_factors(args, model)
     cameras = _cameras(args.cameras, model)
     train, test = split(cameras)
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
     with filling(args.out) as folder:
-        found = purify(asset, train or test, device=device, energy=args.energy, **settings)
-        purified = asset.with_units(found.model)
+        found = purify(public, train or test, device=device, energy=args.energy, **settings)
+        purified = public.with_model(found.model)
         _write(folder, purified, found, suspicious.to_json(suspects))
     print("\n".join([*found.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
     gaussian_rays = args.energy == "ray" and Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
     if gaussian_rays and (small := subpixel_rows(model, found.weights, train or test)):
         print(small.line(len(model), cameras[0].width))
     print(f"results in {args.out}")
-    if asset.visible:
+    if public.visible:
         with filling(args.out) as folder:
-            rows = _compare(folder, (asset, purified), test, device, trained_background(args.model))
+            rows = _compare(folder, (public, purified), test, device, trained_background(args.model))
         print("\n".join(rows))
         _draw_views(args.out, test)
     else:
@@ -126,7 +126,7 @@ def _cameras(source: str, model: Gaussians) -> list[Camera]:
     return scaled(read_cameras(Path(source)), TRAINING_RULE)
 
 
-def _write(folder: Path, purified: Asset, found: Purification, suspects: dict[str, list[int]]) -> None:
+def _write(folder: Path, purified: PublicModel, found: Purification, suspects: dict[str, list[int]]) -> None:
     from gspure.artifacts import save_array, write_json
 
     purified.write(folder / "purified.ply")
@@ -137,7 +137,7 @@ def _write(folder: Path, purified: Asset, found: Purification, suspects: dict[st
 
 
 def _compare(
-    folder: Path, assets: Sequence[Asset], views: Sequence[Camera], device: Device, background: Sequence[float]
+    folder: Path, assets: Sequence[PublicModel], views: Sequence[Camera], device: Device, background: Sequence[float]
 ) -> list[str]:
     """Render the views before and after, and compare the images as written; return the metrics as text."""
     from gspure.evaluation.comparison import Pair, as_text, compare, write_metrics
@@ -145,8 +145,8 @@ def _compare(
     from gspure.progress import track
 
     files = _renders(folder)
-    for title, asset in zip(files, assets, strict=True):
-        scene = asset.scene(device, background)
+    for title, public in zip(files, assets, strict=True):
+        scene = public.scene(device, background)
         for camera in track(views, f"render {title}"):
             write_image(files[title] / f"{camera.name}.png", scene(camera))
     names = [f"{camera.name}.png" for camera in views]

@@ -12,9 +12,9 @@ from gspure.cli.options import (
     add_off_path,
     add_scheme,
     add_views,
-    read_asset,
     read_background,
     read_device,
+    read_public,
     read_views,
 )
 
@@ -48,8 +48,8 @@ def run(args: argparse.Namespace) -> None:
 
     background = read_background(args, "render", args.model)
     views = read_views(args)
-    asset = read_asset(args)
-    scene = asset.scene(read_device(args), background, args.energy)
+    public = read_public(args)
+    scene = public.scene(read_device(args), background, args.energy)
     for camera in track(views, "render"):
         image = scene(camera)
         write_image(args.out / f"{camera.name}.png", image)

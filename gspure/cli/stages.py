@@ -61,7 +61,7 @@ def _verify(folders: list[Path]) -> int:
 
 
 def _prune(stages: Path, results: Path) -> int:
-    from gspure.contributions import is_index, remove_unlisted
+    from gspure.method.contributions import is_index, remove_unlisted
 
     indices = sorted(path for path in results.rglob("*.tsv") if is_index(path))
     if not indices:

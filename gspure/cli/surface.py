@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import add_device, add_scheme, add_views, read_asset, read_device, read_views
+from gspure.cli.options import add_device, add_scheme, add_views, read_device, read_public, read_views
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from gspure.cameras import Camera
     from gspure.opencl.device import Device
-    from gspure.schemes.asset import Asset
+    from gspure.public_model import PublicModel
 
     Float32 = NDArray[np.float32]
 
@@ -54,12 +54,12 @@ def run(args: argparse.Namespace) -> None:
     from gspure.errors import InputError
     from gspure.surface.depths import depth_distances
 
-    asset = read_asset(args)
-    method = args.method or _default_method(asset)
+    public = read_public(args)
+    method = args.method or _default_method(public)
     if method == "depth" and args.mesh:
         raise InputError(args.model, "--mesh", expected="method mesh", found="method depth, which makes none")
     views, device = read_views(args), read_device(args)
-    distances = _from_mesh(args, asset, views, device) if method == "mesh" else depth_distances(asset, views, device)
+    distances = _from_mesh(args, public, views, device) if method == "mesh" else depth_distances(public, views, device)
     save_array(args.out, distances)
     inputs = {"model": args.model, "cameras": args.cameras}
     write_provenance(args.out, inputs=inputs, settings={"split": args.split, "method": method})
@@ -67,13 +67,13 @@ def run(args: argparse.Namespace) -> None:
     print(f"method {method}: {near} of {len(distances)} rows within {TOLERANCE:g} scales of the surface")
 
 
-def _default_method(asset: Asset) -> str:
+def _default_method(public: PublicModel) -> str:
     from gspure.surface.meshing import opaque
 
-    return "mesh" if asset.rows_are_gaussians and opaque(asset.units).sum() <= MOST_OPAQUE else "depth"
+    return "mesh" if public.rows_are_gaussians and opaque(public.model).sum() <= MOST_OPAQUE else "depth"
 
 
-def _from_mesh(args: argparse.Namespace, asset: Asset, views: Sequence[Camera], device: Device) -> Float32:
+def _from_mesh(args: argparse.Namespace, public: PublicModel, views: Sequence[Camera], device: Device) -> Float32:
     """Return the distances from the mesh; write the mesh if asked to."""
     from gspure.errors import InputError
     from gspure.model.mesh import write_mesh_ply
@@ -81,10 +81,10 @@ def _from_mesh(args: argparse.Namespace, asset: Asset, views: Sequence[Camera], 
     from gspure.surface.filter import filtered
     from gspure.surface.meshing import extract_mesh
 
-    if not asset.rows_are_gaussians:
+    if not public.rows_are_gaussians:
         hint = "every view has other Gaussians; method depth takes them view by view"
         raise InputError(args.model, "rows", expected="Gaussians, for a mesh", found="anchors", hint=hint)
-    model = asset.units
+    model = public.model
     smoothed = filtered(model, views)
     mesh = extract_mesh(smoothed, views, device)
     if args.mesh:

@@ -17,7 +17,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    from gspure.features import PARTS
+    from gspure.method.features import PARTS
 
     parser.add_argument("--features", type=Path, required=True, metavar="NPY", help="of `gspure features`")
     parser.add_argument(
@@ -37,8 +37,8 @@ def run(args: argparse.Namespace) -> None:
     import numpy as np
 
     from gspure.artifacts import load_array, save_array, write_provenance
-    from gspure.clustering.tree import spanning_tree
-    from gspure.features import COLUMNS, take
+    from gspure.method.clustering.tree import spanning_tree
+    from gspure.method.features import COLUMNS, take
 
     features = load_array(args.features, dtype=np.float64, shape=(None, len(COLUMNS)))
     save_array(args.out, spanning_tree(take(features, args.cluster_on), args.min_samples))

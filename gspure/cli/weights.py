@@ -25,9 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Read the stages of all parts in the order of their views, and average them."""
     from gspure.artifacts import save_array, write_provenance
-    from gspure.contributions import read_index, read_stage
+    from gspure.method.contributions import read_index, read_stage
+    from gspure.method.weights import accumulate
     from gspure.model.ply import read_ply
-    from gspure.weights import accumulate
 
     stages = read_index(*args.index)
     weights = accumulate((read_stage(stage.path) for stage in stages), len(read_ply(args.model)), args.reduction)
@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> None:
 
 def add_reduction(parser: argparse.ArgumentParser) -> None:
     """Add ``--reduction``."""
-    from gspure.weights import REDUCTIONS
+    from gspure.method.weights import REDUCTIONS
 
     parser.add_argument(
         "--reduction",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL
 from gspure.figures import style
-from gspure.pruning import cluster_weights
+from gspure.method.pruning import cluster_weights
 
 _STEPS = 256  # of a scale
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
 from gspure.figures import style
-from gspure.pruning import mean_weight
+from gspure.method.pruning import mean_weight
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure import __version__, pruning
+from gspure import __version__
 from gspure.cameras.camera import Camera
-from gspure.clustering import Diagnosis, Selection, coincident_points, diagnose, select, spanning_tree
-from gspure.clustering.selection import Labels
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
-from gspure.features import features
+from gspure.method import pruning
+from gspure.method.clustering import Diagnosis, Selection, coincident_points, diagnose, select, spanning_tree
+from gspure.method.clustering.selection import Labels
+from gspure.method.features import features
+from gspure.method.pruning import Mask
+from gspure.method.weights import Reduction, accumulate
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say, track
-from gspure.pruning import Mask
-from gspure.schemes.asset import Asset
-from gspure.weights import Reduction, accumulate
+from gspure.public_model import PublicModel
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device
@@ -56,7 +57,7 @@ class Purification:
 
 
 def purify(
-    model: Gaussians | Asset,
+    model: Gaussians | PublicModel,
     cameras: Sequence[Camera],
     *,
     device: Device | None = None,
@@ -73,9 +74,8 @@ def purify(
 
     Parameters
     ----------
-    model : Gaussians or Asset
-        The public model; of a scheme whose rows are no Gaussians, or whose colours are no spherical harmonics, the
-        asset that `gspure.schemes.registry.open_asset` reads.
+    model : Gaussians or PublicModel
+        The public model; with a scheme of its own, as read by `gspure.schemes.registry.read_public_model`.
     cameras : sequence of Camera
         The N views whose contributions count; they are taken in the order of their names.
     device : Device, optional
@@ -85,7 +85,7 @@ def purify(
     reduction : {"sum", "max", "mean_touched"}
         How the pixels of a view become one number.
     min_samples, min_cluster_size, selection, max_cluster_share
-        See `gspure.clustering`.
+        See `gspure.method.clustering`.
     tau_c, tau_n : float
         Cluster and noise pruning factors.
 
@@ -105,23 +105,23 @@ def purify(
         pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)
         return labels, pruned, diagnose(labels, weights, tau_c, tau_n, coincident_points(tree))
 
-    asset = model if isinstance(model, Asset) else Asset(model)
-    asset = asset.drawable("model")
-    units = asset.units
+    public = model if isinstance(model, PublicModel) else PublicModel(model)
+    public = public.drawable("model")
+    rows = public.model
     # Each stage refuses settings that are out of range: one unseen Gaussian goes through all of them ahead of the rest.
     unseen = accumulate([np.zeros(0, CONTRIBUTION)], 1, reduction)
     decide(np.zeros((1, 3)), unseen, unseen)
 
     device = device or choose_device()
-    say(f"{len(units)} Gaussians, {len(cameras)} views, on {device}")
+    say(f"{len(rows)} Gaussians, {len(cameras)} views, on {device}")
     views = sorted(cameras, key=lambda camera: camera.name)
-    stages = map(asset.contributions(device, energy), track(views, "contributions"))
-    weights = accumulate(stages, len(units), reduction)
-    say(f"clustering {len(units)} Gaussians")
-    labels, pruned, diagnosis = decide(units.means, asset.opacities(views), weights)
+    stages = map(public.contributions(device, energy), track(views, "contributions"))
+    weights = accumulate(stages, len(rows), reduction)
+    say(f"clustering {len(rows)} Gaussians")
+    labels, pruned, diagnosis = decide(rows.means, public.opacities(views), weights)
     said = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
     return Purification(
-        units.subset(~pruned).with_comment(f"gspure {__version__} purified {said} selection={selection}"),
+        rows.subset(~pruned).with_comment(f"gspure {__version__} purified {said} selection={selection}"),
         weights,
         labels,
         pruned,

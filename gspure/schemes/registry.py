@@ -7,8 +7,8 @@ from pathlib import Path
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
 from gspure.plugins import registered
+from gspure.public_model import PublicModel
 from gspure.schemes import gs_hider, secure_gs, splats_in_splats
-from gspure.schemes.asset import Asset
 from gspure.schemes.scheme import REQUIRED, Scheme
 
 BUILT_IN = (splats_in_splats.SCHEME, gs_hider.SCHEME, secure_gs.SCHEME)
@@ -35,15 +35,15 @@ def find_scheme(name: str) -> Scheme:
     return known[name]
 
 
-def open_asset(path: Path, scheme: str | None = None) -> Asset:
+def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
     """Read a public model of the named scheme, or of the one that its columns say; without either, vanilla 3DGS."""
     known = find_scheme(scheme) if scheme else recognized(read_model(path))
-    return known.read_asset(path) if known else Asset.read(path)
+    return known.read_public(path) if known else PublicModel.read(path)
 
 
-def recognized(units: Gaussians) -> Scheme | None:
+def recognized(model: Gaussians) -> Scheme | None:
     """Return the scheme whose signature a model's columns hold, built-in ones first; None for vanilla 3DGS."""
-    columns = set(units.table.dtype.names or ())
+    columns = set(model.table.dtype.names or ())
     signed = (scheme for scheme in schemes().values() if scheme.signature)
     return next((scheme for scheme in signed if columns.issuperset(scheme.signature)), None)
 

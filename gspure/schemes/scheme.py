@@ -17,7 +17,7 @@ from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
-from gspure.schemes.asset import BLACK, Asset, Background, Units, View
+from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
 from gspure.schemes.pair import Pair
 
 Setting = float | int | str
@@ -40,13 +40,13 @@ class Key(ABC):
 
     @abstractmethod
     def message(
-        self, asset: Asset, extraction: str, device: Device | None = None, background: Background = BLACK
-    ) -> View:
+        self, public: PublicModel, extraction: str, device: Device | None = None, background: Background = BLACK
+    ) -> RenderView:
         """Return what the owner sees of the message in a public or attacked model."""
 
     @abstractmethod
-    def gaussians(self, asset: Asset, camera: Camera, extraction: str) -> tuple[Gaussians, Units]:
-        """Return the Gaussians whose blending shows the message, and the unit of `asset` that each belongs to."""
+    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:
+        """Return the Gaussians whose blending shows the message, and the row of `public` that owns each."""
 
     @abstractmethod
     def wrong(self, rng: np.random.Generator) -> Key:
@@ -62,11 +62,11 @@ class Scheme:
     name : str
         Unique; a folder of results.
     embed : callable
-        ``embed(pair, seed, device, *, iterations=..., message_weight=..., setting=default, ...) -> (Asset, Key)``:
-        trains; the same bits for the same arguments. With ``message_weight=0`` nothing is hidden: the asset is the
-        clean model of the same form, and there is no key (None).
-    read_asset : callable
-        ``read_asset(path) -> Asset``: a model's .ply, or its folder.
+        ``embed(pair, seed, device, *, iterations=..., message_weight=..., ...) -> (PublicModel, Key)``: trains;
+        the same bits for the same arguments. With ``message_weight=0`` nothing is hidden: a
+        clean model of the same form, and no key (None).
+    read_public : callable
+        ``read_public(path) -> PublicModel``: a model's .ply, or its folder.
     read_key : callable
         ``read_key(folder) -> Key``: what `Key.write` wrote.
     extractions : mapping of str to sequence of str
@@ -83,8 +83,8 @@ class Scheme:
     """
 
     name: str
-    embed: Callable[..., tuple[Asset, Key | None]]
-    read_asset: Callable[[Path], Asset]
+    embed: Callable[..., tuple[PublicModel, Key | None]]
+    read_public: Callable[[Path], PublicModel]
     read_key: Callable[[Path], Key]
     extractions: Mapping[str, Sequence[str]]
     tau_c: float = TAU_C
@@ -113,7 +113,7 @@ def require(scheme: str, name: str, value: Setting, expected: str, *, fits: bool
 
 def hide(
     scheme: Scheme, pair: Pair, *, seed: int = 0, device: Device | None = None, **settings: Setting
-) -> tuple[Asset, Key | None]:
+) -> tuple[PublicModel, Key | None]:
     """Embed the pair's message in its scene.
 
     Raises

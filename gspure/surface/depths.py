@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras import Camera
 from gspure.cameras.projection import points_shown
-from gspure.model import Gaussians
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import track
+from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 from gspure.surface.axes import principal_axes
 
@@ -20,26 +20,19 @@ UNSEEN: Final = np.finfo(np.float32).max
 """Distance of what no view shows; files hold no infinities."""
 
 
-class Seen(Protocol):
-    """A model of any scheme (`gspure.schemes.asset.Asset`): rows, and the Gaussians that a camera sees of them."""
-
-    units: Gaussians
-
-    def gaussians(self, camera: Camera) -> tuple[Gaussians, NDArray[Any]]:
-        """Return the Gaussians that a camera sees, and the row that each belongs to."""
-
-
-def depth_distances(asset: Seen, cameras: Sequence[Camera], device: Device | None = None) -> NDArray[np.float32]:
+def depth_distances(
+    public: PublicModel, cameras: Sequence[Camera], device: Device | None = None
+) -> NDArray[np.float32]:
     """Return the distance [K] of each row from the surface, in standard deviations along the view axis.
 
     It is the least, over the views and the row's Gaussians, of |z - median depth of the pixel| / deviation. A row that
     no view shows gets `UNSEEN`.
     """
     device = device or choose_device()
-    nearest = np.full(len(asset.units), UNSEEN, np.float32)
+    nearest = np.full(len(public.model), UNSEEN, np.float32)
     renderer = None
     for camera in track(cameras, "median depth"):
-        gaussians, rows = asset.gaussians(camera)
+        gaussians, rows = public.gaussians(camera)
         if renderer is None or renderer.model is not gaussians:
             renderer, axes = Renderer(gaussians, device), principal_axes(gaussians)
         deviations = np.linalg.norm(axes @ camera.viewmat[2, :3], axis=1)

@@ -7,7 +7,7 @@ from itertools import takewhile
 from typing import Any, Final
 
 from gspure.attacks import find_attack
-from gspure.features import PARTS
+from gspure.method.features import PARTS
 
 Settings = Mapping[str, Any]
 Decisions = Mapping[str, Settings]

@@ -26,9 +26,9 @@ from tests.hostile.journal import Journal, Record
 ROOT = Path(__file__).parents[2]
 _FRAME = ("test_renderer", "test_kernels_binning", "test_kernels_ordering", "test_kernels_projection")
 CORE = {
-    "gspure.weights": ("test_weights",),
-    "gspure.features": ("test_features",),
-    "gspure.pruning": ("test_pruning",),
+    "gspure.method.weights": ("test_weights",),
+    "gspure.method.features": ("test_features",),
+    "gspure.method.pruning": ("test_pruning",),
     "gspure.evaluation.metrics": ("test_metrics",),
     "gspure.schemes.splats_in_splats.bits": ("test_hidden_bits",),
     "gspure.opencl.binning": _FRAME,

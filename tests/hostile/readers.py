@@ -21,14 +21,14 @@ from scipy.sparse.csgraph import connected_components
 from gspure.artifacts import load_array, read_json, replacing, save_array, write_json, write_provenance
 from gspure.cameras import read_cameras, read_points, write_cameras
 from gspure.cameras.photographs import photograph_size
-from gspure.clustering import Clusters, read_clusters, read_tree, write_clusters
-from gspure.contributions import Stage, read_index, read_stage, write_index
 from gspure.datasets import Archive, extract
 from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics, write_metrics
 from gspure.evaluation.results import read_results, write_results
 from gspure.failures import Failure, read_failure
 from gspure.images import read_image
+from gspure.method.clustering import Clusters, read_clusters, read_tree, write_clusters
+from gspure.method.contributions import Stage, read_index, read_stage, write_index
 from gspure.model import Gaussians, read_model, require_finite, write_model
 from gspure.model.inria import saved_iterations, training_arguments
 from gspure.model.points import read_point_ply, write_point_ply
@@ -37,14 +37,14 @@ from gspure.scenes.planted_key import PlantedKey, read_key, write_key
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import COLUMNS as FEATURE_COLUMNS
 from gspure.schemes.gs_hider.layout import read_rows
-from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.files import PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
+from gspure.schemes.secure_gs.public_model import AnchorModel
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
 from gspure.workflow.configuration import resolved, validated
-from tests.anchor_cases import random_asset, random_key
+from tests.anchor_cases import random_key, random_public
 from tests.contest_cases import attacked, measured
 from tests.hostile.mutations import Rng, choose, zipped
 from tests.models import blobs, camera
@@ -112,10 +112,10 @@ def _feature_model(folder: Path) -> None:
 
 
 def _read_anchors(folder: Path) -> None:
-    asset = AnchorAsset.read(folder)
-    require_finite(asset.units, folder)
+    asset = AnchorModel.read(folder)
+    require_finite(asset.model, folder)
     anchors = asset.anchors
-    assert anchors.offsets.shape == (len(asset.units), anchors.k, 3)
+    assert anchors.offsets.shape == (len(asset.model), anchors.k, 3)
 
 
 def _inria_folder(folder: Path) -> None:
@@ -251,7 +251,7 @@ def _split_networks(folder: Path) -> None:
 
     from tests.test_scaffold_files import modules
 
-    asset = random_asset(ROWS)
+    asset = random_public(ROWS)
     asset.write(folder / "point_cloud.ply")
     (folder / "checkpoints.pth").unlink()
     for name, module in modules(asset.networks).items():
@@ -435,7 +435,7 @@ READERS = (
     ),
     Reader(
         "model of SecureGS, .pth",
-        lambda f: random_asset(ROWS).write(f / "point_cloud.ply"),
+        lambda f: random_public(ROWS).write(f / "point_cloud.ply"),
         _read_anchors,
         {"point_cloud.ply": "ply", "checkpoints.pth": "pth"},
     ),

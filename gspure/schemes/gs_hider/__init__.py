@@ -1,8 +1,8 @@
 """GS-Hider (Zhang et al. 2024): of one feature map, a public network makes the scene and a private one the message."""
 
-from gspure.schemes.gs_hider.asset import FeatureAsset
 from gspure.schemes.gs_hider.embedding import embed
 from gspure.schemes.gs_hider.key import DecoderKey
+from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.scheme import MESSAGE, PYTORCH, Scheme
 
 CARRIER = ("x", "y", "z", "semantic_*", "opacity", "scale_*", "rot_*")
@@ -10,7 +10,7 @@ CARRIER = ("x", "y", "z", "semantic_*", "opacity", "scale_*", "rot_*")
 SCHEME = Scheme(
     "gs_hider",
     embed,
-    FeatureAsset.read,
+    FeatureModel.read,
     DecoderKey.read,
     {MESSAGE: CARRIER},
     signature=("semantic_0",),

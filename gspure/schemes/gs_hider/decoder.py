@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.schemes.asset import View
+from gspure.public_model import RenderView
 from gspure.schemes.gs_hider.layout import CHANNELS
 from gspure.schemes.pytorch import torch
 
@@ -48,7 +48,7 @@ def untrained(count: int, seed: int) -> list[Decoder]:
         return [Decoder() for _ in range(count)]
 
 
-def decoded(feature_map: Callable[[Camera], Float32], decoder: Decoder) -> View:
+def decoded(feature_map: Callable[[Camera], Float32], decoder: Decoder) -> RenderView:
     """Return what a decoder reads from a feature map."""
 
     def view(camera: Camera) -> Float32:

@@ -8,10 +8,10 @@ import numpy as np
 
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
-from gspure.schemes.gs_hider.asset import FeatureAsset
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.key import DecoderKey
 from gspure.schemes.gs_hider.layout import MESSAGE, SCENE
+from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import require
 from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
@@ -35,7 +35,7 @@ def embed(
     iterations: int = ITERATIONS,
     message_weight: float = MESSAGE_WEIGHT,
     max_gaussians: int = 30_000,
-) -> tuple[FeatureAsset, DecoderKey | None]:
+) -> tuple[FeatureModel, DecoderKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     Parameters
@@ -71,7 +71,7 @@ def embed(
     _say_gains(run, seed)
     roles = ((SCENE, MESSAGE), run.branches)
     decoders = [DecoderFile.of(branch.decoder, iterations, role) for role, branch in zip(*roles, strict=False)]
-    return FeatureAsset(run.field.model(), decoders[0]), DecoderKey(decoders[1]) if message_weight else None
+    return FeatureModel(run.field.model(), decoders[0]), DecoderKey(decoders[1]) if message_weight else None
 
 
 def _say_gains(run: Training, seed: int) -> None:

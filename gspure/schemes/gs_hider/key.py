@@ -11,10 +11,10 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
-from gspure.schemes.asset import BLACK, Asset, Background, Units, View
-from gspure.schemes.gs_hider.asset import FeatureAsset
+from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import MESSAGE, decoder_name, find_decoder
+from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.scheme import Key
 
 
@@ -45,21 +45,21 @@ class DecoderKey(Key):
 
     def message(
         self,
-        asset: Asset,
+        public: PublicModel,
         extraction: str,  # noqa: ARG002
         device: Device | None = None,
         background: Background = BLACK,
-    ) -> View:
+    ) -> RenderView:
         """Return what the private decoder reads from the model's feature map."""
         from gspure.schemes.gs_hider.decoder import decoded
 
-        if not isinstance(asset, FeatureAsset):
+        if not isinstance(public, FeatureModel):
             raise InputError("model", "semantic_*", expected="the features of GS-Hider", found="none")
-        return decoded(asset.feature_map(device, background), self.decoder.network)
+        return decoded(public.feature_map(device, background), self.decoder.network)
 
-    def gaussians(self, asset: Asset, camera: Camera, extraction: str) -> tuple[Gaussians, Units]:  # noqa: ARG002
+    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the model's own: scene and message are blended as one."""
-        return asset.gaussians(camera)
+        return public.gaussians(camera)
 
     def wrong(self, rng: np.random.Generator) -> Self:
         """Return an untrained decoder."""

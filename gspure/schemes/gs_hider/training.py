@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gspure.errors import InputError
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
-from gspure.schemes.asset import View
+from gspure.public_model import RenderView
 from gspure.schemes.gs_hider.branch import Branch
 from gspure.schemes.gs_hider.decoder import decoded, untrained
 from gspure.schemes.gs_hider.field import Field
@@ -78,7 +78,7 @@ class Training:
                     self._densify(iteration)
 
     @property
-    def views(self) -> list[View]:
+    def views(self) -> list[RenderView]:
         """What each branch makes of the Gaussians as they are."""
         return [decoded(lambda camera: self.field.feature_map(camera)[0], branch.decoder) for branch in self.branches]
 

@@ -2,9 +2,9 @@
 
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
 from gspure.schemes.scheme import MESSAGE, PYTORCH, Scheme
-from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.embedding import embed
 from gspure.schemes.secure_gs.key import HiddenKey
+from gspure.schemes.secure_gs.public_model import AnchorModel
 
 CARRIER = ("x", "y", "z", "f_anchor_feat_*", "scale_*")
 """Not the offsets, which are the host's; anchors' opacities and rotations are constants that nothing reads."""
@@ -12,7 +12,7 @@ CARRIER = ("x", "y", "z", "f_anchor_feat_*", "scale_*")
 SCHEME = Scheme(
     "secure_gs",
     embed,
-    AnchorAsset.read,
+    AnchorModel.read,
     HiddenKey.read,
     {MESSAGE: CARRIER},
     tau_c=ANCHOR_TAU_C,

@@ -17,10 +17,10 @@ from gspure.progress import say
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import require
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors, table_of
-from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.files import PRIVATE, PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.networks import fresh
+from gspure.schemes.secure_gs.public_model import AnchorModel
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
 from gspure.training.monitor import watched
 
@@ -47,7 +47,7 @@ def embed(
     message_weight: float = 0.5,
     max_anchors: int = 4000,
     density: float = 2.0,
-) -> tuple[AnchorAsset, HiddenKey | None]:
+) -> tuple[AnchorModel, HiddenKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     Parameters
@@ -117,12 +117,12 @@ def first_anchors(xyz: NDArray[np.float64], at_most: int) -> tuple[Anchors, floa
     return anchors, voxel
 
 
-def _outcome(run: Training) -> tuple[AnchorAsset, HiddenKey | None]:
-    asset = AnchorAsset(table_of(run.learner.anchors), run.learner.networks(0))
-    return asset, HiddenKey(run.learner.networks(1)) if run.hides else None
+def _outcome(run: Training) -> tuple[AnchorModel, HiddenKey | None]:
+    public = AnchorModel(table_of(run.learner.anchors), run.learner.networks(0))
+    return public, HiddenKey(run.learner.networks(1)) if run.hides else None
 
 
 def _state(run: Training, device: Device) -> str:
-    asset, key = _outcome(run)
-    views = [asset.scene(device)] + ([key.message(asset, "message", device)] if key else [])
-    return f"{run.pair.quality(*views)}  {len(asset.units)} anchors"
+    public, key = _outcome(run)
+    views = [public.scene(device)] + ([key.message(public, "message", device)] if key else [])
+    return f"{run.pair.quality(*views)}  {len(public.model)} anchors"

@@ -11,13 +11,13 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device, choose_device
+from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
-from gspure.schemes.asset import BLACK, Asset, Background, Units, View
 from gspure.schemes.scheme import Key
-from gspure.schemes.secure_gs.asset import AnchorAsset
 from gspure.schemes.secure_gs.files import BANK, HIDDEN, PRIVATE, read_hidden, write_hidden
 from gspure.schemes.secure_gs.networks import Networks, fresh, require_networks
 from gspure.schemes.secure_gs.neural import as_gaussians
+from gspure.schemes.secure_gs.public_model import AnchorModel
 
 
 class HiddenKey(Key):
@@ -55,23 +55,23 @@ class HiddenKey(Key):
         write_hidden(folder, self.networks)
 
     def message(
-        self, asset: Asset, extraction: str, device: Device | None = None, background: Background = BLACK
-    ) -> View:
+        self, public: PublicModel, extraction: str, device: Device | None = None, background: Background = BLACK
+    ) -> RenderView:
         """Return what the private networks make of the anchors that there are."""
         device = device or choose_device()
-        return lambda camera: Renderer(self.gaussians(asset, camera, extraction)[0], device).image(camera, background)
+        return lambda camera: Renderer(self.gaussians(public, camera, extraction)[0], device).image(camera, background)
 
-    def gaussians(self, asset: Asset, camera: Camera, extraction: str) -> tuple[Gaussians, Units]:  # noqa: ARG002
+    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the hidden Gaussians of a camera, and the anchor of each."""
-        if not isinstance(asset, AnchorAsset):
+        if not isinstance(public, AnchorModel):
             raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
-        anchors = asset.anchors
+        anchors = public.anchors
         if (anchors.feat_dim, anchors.k) != (self.feat_dim, self.k):
             expected = f"{self.feat_dim} features and {self.k} Gaussians per anchor"
             other = f"{anchors.feat_dim} and {anchors.k}"
             raise InputError("secure_gs", "model", expected=expected, found=other, hint="a key of another model")
-        blending = {name: network for name, network in asset.networks.items() if name == BANK}
-        found, rows = asset.seen(camera, {**self.networks, **blending})
+        blending = {name: network for name, network in public.networks.items() if name == BANK}
+        found, rows = public.seen(camera, {**self.networks, **blending})
         return as_gaussians(found, anchors.k, rows)
 
     def wrong(self, rng: np.random.Generator) -> Self:

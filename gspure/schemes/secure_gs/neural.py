@@ -14,7 +14,7 @@ import numpy as np
 
 from gspure.constants import SH_DC
 from gspure.model import Gaussians
-from gspure.schemes.asset import Units
+from gspure.public_model import Rows
 from gspure.schemes.secure_gs.anchors import Anchors
 from gspure.schemes.secure_gs.networks import Network, Networks, perceptron, takes_distance
 
@@ -80,7 +80,7 @@ def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural
     )
 
 
-def as_gaussians(found: Neural, k: int, rows: Units) -> tuple[Gaussians, Units]:
+def as_gaussians(found: Neural, k: int, rows: Rows) -> tuple[Gaussians, Rows]:
     """Return active Gaussians, coloured by degree 0, and the anchor of each; `rows` [V] are those of the anchors."""
     tiny = np.finfo(np.float32).tiny
     table = Gaussians.from_parameters(

@@ -1,6 +1,6 @@
 """Splats in Splats: a hidden scene in the low bits and the opacities of a vanilla model (arXiv 2412.03121)."""
 
-from gspure.schemes.asset import Asset
+from gspure.public_model import PublicModel
 from gspure.schemes.scheme import MESSAGE, Scheme
 from gspure.schemes.splats_in_splats.embedding import embed
 from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
@@ -10,4 +10,4 @@ CARRIERS = {
     ORACLE: ("x", "y", "z", "scale_*", "rot_*"),
 }
 
-SCHEME = Scheme("splats_in_splats", embed, Asset.read, SplatsInSplatsKey.read, CARRIERS)
+SCHEME = Scheme("splats_in_splats", embed, PublicModel.read, SplatsInSplatsKey.read, CARRIERS)

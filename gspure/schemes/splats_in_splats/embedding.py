@@ -17,7 +17,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.morton import morton_order
 from gspure.opencl.trainable import Parameters
 from gspure.progress import say
-from gspure.schemes.asset import Asset
+from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import require
 from gspure.schemes.splats_in_splats import bits
@@ -46,7 +46,7 @@ def embed(
     message_weight: float = 1.0,
     max_gaussians: int = 30_000,
     shift: int = bits.SHIFT,
-) -> tuple[Asset, SplatsInSplatsKey | None]:
+) -> tuple[PublicModel, SplatsInSplatsKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     Parameters
@@ -79,7 +79,7 @@ def embed(
         clean = train(
             *(pair, pair.scene, begin), iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device
         )
-        return Asset(clean), None
+        return PublicModel(clean), None
     run = TwinTrainer(
         *(pair, begin, Schedule.scaled(iterations)),
         message_weight=message_weight,
@@ -99,7 +99,7 @@ def embed(
 
 def _published(
     pair: Pair, shown: Parameters, hidden: Parameters, shift: int, steps: int, seed: int, device: Device
-) -> tuple[Asset, SplatsInSplatsKey]:
+) -> tuple[PublicModel, SplatsInSplatsKey]:
     """Return the public model, and the key to what it hides."""
     known = np.flatnonzero(sigmoid(hidden.opacity_logits) > OPACITY_THRESHOLD)
     known = known[morton_order(hidden.means[known])]
@@ -112,4 +112,6 @@ def _published(
     colours[known] = seen.sh_coeffs
     public = replace(shown, sh_coeffs=bits.embed(shown.sh_coeffs, colours, shift))
     say(f"{len(known)} of {len(shown)} Gaussians are more than {OPACITY_THRESHOLD} opaque in the message")
-    return Asset(as_gaussians(public)), SplatsInSplatsKey(hidden.means[known], mapping, shift, as_gaussians(hidden))
+    return PublicModel(as_gaussians(public)), SplatsInSplatsKey(
+        hidden.means[known], mapping, shift, as_gaussians(hidden)
+    )

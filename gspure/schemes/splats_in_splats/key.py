@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from gspure.artifacts import load_arrays, save_arrays
 from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
-from gspure.contributions import GEOMETRY
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.opencl.device import Device
+from gspure.public_model import BLACK, GEOMETRY, Background, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
-from gspure.schemes.asset import BLACK, Asset, Background, Units, View
 from gspure.schemes.scheme import Key
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, logits
@@ -62,20 +61,20 @@ class SplatsInSplatsKey(Key):
     hidden: Gaussians
 
     def message(
-        self, asset: Asset, extraction: str, device: Device | None = None, background: Background = BLACK
-    ) -> View:
+        self, public: PublicModel, extraction: str, device: Device | None = None, background: Background = BLACK
+    ) -> RenderView:
         """Return the message's view."""
-        renderer = Renderer(self._revealed(asset, extraction)[0], device)
+        renderer = Renderer(self._revealed(public, extraction)[0], device)
         return lambda camera: renderer.image(camera, background)
 
-    def gaussians(self, asset: Asset, camera: Camera, extraction: str) -> tuple[Gaussians, Units]:  # noqa: ARG002
+    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the message that a model still holds, and its rows there.
 
         ``message`` reads the model alone, as the scheme has it: colours from the bits, opacities from the mapping, and
         nothing of Gaussians that the key does not know. ``message_oracle`` gives each surviving Gaussian exactly what
         was hidden in it. Geometry is the model's own in both.
         """
-        return self._revealed(asset, extraction)
+        return self._revealed(public, extraction)
 
     def wrong(self, rng: np.random.Generator) -> SplatsInSplatsKey:
         """Return an untrained mapping, over the same number of Gaussians at places drawn from all, and no truth."""
@@ -113,10 +112,10 @@ class SplatsInSplatsKey(Key):
         mapping = OpacityMapping.of({name: arrays[name] for name in layers})
         return SplatsInSplatsKey(arrays["positions"], mapping, int(shift), read_model(Path(folder) / _HIDDEN))
 
-    def _revealed(self, asset: Asset, extraction: str) -> tuple[Gaussians, Units]:
-        places = _found(self.hidden.means if extraction == ORACLE else self.positions, asset.units.means)
+    def _revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
+        places = _found(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
         rows = np.flatnonzero(places >= 0)
-        survivors, places = asset.units.subset(places >= 0), places[rows]
+        survivors, places = public.model.subset(places >= 0), places[rows]
         if extraction == ORACLE:
             opacities, sh_coeffs = self.hidden.table["opacity"][places], self.hidden.sh_coeffs[places]
         else:
@@ -126,7 +125,7 @@ class SplatsInSplatsKey(Key):
         geometry = {name: survivors.table[name] for name in GEOMETRY}
         return message.with_columns(geometry).with_appearance(opacities, sh_coeffs), rows
 
-    def _mapped(self, opacities: Float32, places: Units) -> Float32:
+    def _mapped(self, opacities: Float32, places: Rows) -> Float32:
         """Return the hidden logits of survivors; what is gone leaves its place as a Gaussian that shows nothing."""
         sequence = np.zeros(len(self.positions), np.float32)
         sequence[places] = opacities

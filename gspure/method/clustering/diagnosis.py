@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.pruning import Mask, plain_prune_mask, prune_mask
+from gspure.method.pruning import Mask, plain_prune_mask, prune_mask
 
 _LARGEST_SHARE_WARNED = 0.5
 _CHANGED_SHARE_WARNED = 0.05
@@ -25,7 +25,7 @@ class Diagnosis:
     gaussians, clusters : int
         How many there are.
     coincident : int
-        Surplus points in piles of equal features (see `gspure.clustering.coincident_points`).
+        Surplus points in piles of equal features (see `gspure.method.clustering.coincident_points`).
     largest_share, noise_share : float
         In the largest cluster; without cluster.
     pruned_share, pruned_as_cluster, pruned_as_noise : float
@@ -108,7 +108,7 @@ def diagnose(
     tau_c, tau_n : float
         Pruning factors.
     coincident : int
-        From `gspure.clustering.coincident_points`.
+        From `gspure.method.clustering.coincident_points`.
 
     Raises
     ------

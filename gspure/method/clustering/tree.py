@@ -86,7 +86,7 @@ def _tree_of_distinct(
     if len(points) == 1:
         return np.zeros((0, 2), np.intp), np.zeros(0), np.zeros(1)
 
-    from gspure.clustering import reference
+    from gspure.method.clustering import reference
     from gspure.opencl import spanning
     from gspure.opencl.device import choose_device
     from gspure.opencl.engine import Engine

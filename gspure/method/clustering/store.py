@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import load_array, load_arrays, save_arrays
 from gspure.artifacts.arrays import Kind
-from gspure.clustering.selection import Labels
-from gspure.clustering.tree import Tree
 from gspure.constants import NOISE_LABEL
 from gspure.errors import InputError
+from gspure.method.clustering.selection import Labels
+from gspure.method.clustering.tree import Tree
 
 
 class Clusters(NamedTuple):
-    """Labels [K], int32, and the number of coincident points (see `gspure.clustering.coincident_points`)."""
+    """Labels [K], int32, and the number of coincident points (see `gspure.method.clustering.coincident_points`)."""
 
     labels: Labels
     coincident: int
@@ -54,7 +54,7 @@ def read_clusters(path: Path) -> Clusters:
 
 
 def read_tree(path: Path) -> Tree:
-    """Read a spanning tree [K-1,3] of `gspure.clustering.spanning_tree`.
+    """Read a spanning tree [K-1,3] of `gspure.method.clustering.spanning_tree`.
 
     Raises
     ------

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import digest
 from gspure.cameras.camera import Camera
-from gspure.contributions import geometry_digest
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import drawable
 from gspure.opencl.device import Device
@@ -19,12 +18,15 @@ from gspure.opencl.frame import Energy
 from gspure.renderer import CONTRIBUTION, Renderer
 
 Float32 = NDArray[np.float32]
-Units = NDArray[np.intp]
-View = Callable[[Camera], Float32]
+Rows = NDArray[np.intp]
+RenderView = Callable[[Camera], Float32]
 """From a camera to its image [H,W,3], not clipped."""
 
 Background = Sequence[float]
 BLACK: Background = (0.0, 0.0, 0.0)
+
+GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
+"""The columns that contributions depend on: colours are not among them."""
 
 ATTRIBUTES: Final = ("colour", "base_colour", "opacity", "scale", "rotation", "position")
 """What attacks on attributes can ask for. ``base_colour`` is the part of the colour that has no direction."""
@@ -33,15 +35,15 @@ Columns = Mapping[str, tuple[str, ...]]
 """The columns of a model by attribute."""
 
 
-class Asset:
+class PublicModel:
     """A public model whose Gaussians are its rows: vanilla 3DGS, and the base of all others.
 
-    *Units* are the rows of its file, which attacks remove or change: Gaussians here, anchors in Scaffold-GS. What else
+    *Rows* are the rows of its file, which attacks remove or change: Gaussians here, anchors in Scaffold-GS. What else
     belongs to the model (decoders, networks) lies in files beside it and stays as it is.
 
     Parameters
     ----------
-    units : Gaussians
+    model : Gaussians
         The rows [K] of the model's file.
 
     """
@@ -59,17 +61,17 @@ class Asset:
     rows_are_gaussians: ClassVar[bool] = True
     """Whether every view shows the rows themselves; false where Gaussians are computed from them for each view."""
 
-    def __init__(self, units: Gaussians) -> None:
-        self.units = units
+    def __init__(self, model: Gaussians) -> None:
+        self.model = model
 
     @property
     def columns(self) -> Columns:
         """The columns of this model by attribute; those of one prefix in the order of their numbers."""
-        names = self.units.table.dtype.names or ()
+        names = self.model.table.dtype.names or ()
 
         def matching(pattern: str) -> tuple[str, ...]:
             if pattern.endswith("*"):
-                return self.units.columns_named(pattern.removesuffix("*"))
+                return self.model.columns_named(pattern.removesuffix("*"))
             return (pattern,) if pattern in names else ()
 
         return {
@@ -84,62 +86,62 @@ class Asset:
 
     def write(self, path: Path) -> None:
         """Write the .ply, and what belongs to the model beside it."""
-        write_model(path, self.units)
+        write_model(path, self.model)
 
-    def with_units(self, units: Gaussians) -> Self:
+    def with_model(self, model: Gaussians) -> Self:
         """Return the same model with other rows: what an attack leaves of it."""
-        return type(self)(units)
+        return type(self)(model)
 
     def drawable(self, source: str | Path) -> Self:
         """Return the same model with rows that cannot be drawn made invisible (see `gspure.model.finite.drawable`)."""
-        units = drawable(self.units, source)
-        return self if units is self.units else self.with_units(units)
+        rows = drawable(self.model, source)
+        return self if rows is self.model else self.with_model(rows)
 
     def prune(self, pruned: NDArray[np.bool_]) -> Self:
-        """Return the model without the units where `pruned` [K] is true."""
-        return self.with_units(self.units.subset(~pruned))
+        """Return the model without the rows where `pruned` [K] is true."""
+        return self.with_model(self.model.subset(~pruned))
 
-    def gaussians(self, camera: Camera) -> tuple[Gaussians, Units]:  # noqa: ARG002
-        """Return the Gaussians that a camera sees, and the unit (row) that each belongs to."""
-        return self.units, np.arange(len(self.units))
+    def gaussians(self, camera: Camera) -> tuple[Gaussians, Rows]:  # noqa: ARG002
+        """Return the Gaussians that a camera sees, and the row that owns each."""
+        return self.model, np.arange(len(self.model))
 
     @property
     def visible(self) -> bool:
-        """Whether all is there that the scene takes its colours from."""
-        return self.units.sh_degree >= 0
+        """Whether everything needed to render the scene is there."""
+        return self.model.sh_degree >= 0
 
-    def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> View:
-        """Return what everybody sees."""
-        renderer = Renderer(self.units, device, energy=energy)
+    def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
+        """Return the renderer of the scene."""
+        renderer = Renderer(self.model, device, energy=energy)
         return lambda camera: renderer.image(camera, background)
 
     def opacities(self, cameras: Sequence[Camera]) -> Float32:  # noqa: ARG002
-        """Return the opacity [K] of each unit, 0 to 1, by which units are clustered."""
-        return self.units.opacities
+        """Return the opacity [K] of each row, 0 to 1, a feature of the clustering."""
+        return self.model.opacities
 
     def contributions(self, device: Device | None = None, energy: Energy = "ray") -> Callable[[Camera], NDArray[Any]]:
-        """Return what gives, for a camera, each touched unit's `gspure.renderer.CONTRIBUTION`."""
-        return Renderer(self.units, device, energy=energy).contributions
+        """Return what gives, for a camera, each touched row's `gspure.renderer.CONTRIBUTION`."""
+        return Renderer(self.model, device, energy=energy).contributions
 
     def geometry_digest(self) -> str:
         """Return a digest of all that contributions depend on."""
-        return geometry_digest(self.units)
+        return digest(self.model.columns(*GEOMETRY))
 
 
-def of_units(records: NDArray[Any], units: Units) -> NDArray[Any]:
-    """Return the contributions of units, given those of Gaussians and the unit of each Gaussian.
+def merge_by_row(records: NDArray[Any], owners: Rows) -> NDArray[Any]:
+    """Return the contributions of rows, given those of Gaussians and the row that owns each Gaussian.
 
-    A unit's sum and pixels are the sums of its Gaussians', its maximum is the largest of theirs.
+    A row's sum and pixels are the sums over its Gaussians; its maximum is the largest of theirs.
     """
-    owners, places = np.unique(units[records["index"]], return_inverse=True)
-    merged = np.zeros(len(owners), CONTRIBUTION)
-    merged["index"] = owners
-    merged["sum"] = np.bincount(places, records["sum"], len(owners))
-    merged["pixels"] = np.bincount(places, records["pixels"], len(owners))
+    rows, places = np.unique(owners[records["index"]], return_inverse=True)
+    merged = np.zeros(len(rows), CONTRIBUTION)
+    merged["index"] = rows
+    merged["sum"] = np.bincount(places, records["sum"], len(rows))
+    merged["pixels"] = np.bincount(places, records["pixels"], len(rows))
     np.maximum.at(merged["max"], places, records["max"])
     return merged
 
 
-def digest_of(asset: Asset, *parts: Any) -> str:
-    """Return a digest of an asset's rows as stored, and of `parts`."""
-    return digest(np.ascontiguousarray(asset.units.table), *parts)
+def rows_digest(public: PublicModel, *parts: Any) -> str:
+    """Return a digest of a public model's rows as stored, and of `parts`."""
+    return digest(np.ascontiguousarray(public.model.table), *parts)

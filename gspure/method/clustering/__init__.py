@@ -1,9 +1,9 @@
 """Exact HDBSCAN in two steps: a spanning tree, which is costly, and a selection of clusters from it, which is not."""
 
-from gspure.clustering.diagnosis import Diagnosis, diagnose
-from gspure.clustering.selection import SELECTIONS, Selection, select
-from gspure.clustering.store import Clusters, read_clusters, read_tree, write_clusters
-from gspure.clustering.tree import coincident_points, spanning_tree
+from gspure.method.clustering.diagnosis import Diagnosis, diagnose
+from gspure.method.clustering.selection import SELECTIONS, Selection, select
+from gspure.method.clustering.store import Clusters, read_clusters, read_tree, write_clusters
+from gspure.method.clustering.tree import coincident_points, spanning_tree
 
 __all__ = [
     "SELECTIONS",

@@ -10,12 +10,12 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +26,14 @@ from gspure.artifacts import digest, intact, load_array, save_array, verify, wri
 from gspure.artifacts.checksums import record_file
 from gspure.cameras import Camera
 from gspure.errors import InputError, reading
-from gspure.model import Gaussians, require_finite
+from gspure.model import require_finite
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import device_digest
 from gspure.opencl.frame import Energy
 from gspure.opencl.program import kernel_digest
 from gspure.progress import say, track
+from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
-
-GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
-"""The columns that contributions depend on: colours are not among them."""
 
 INDEX_COLUMNS = ["view", "key", "path"]
 
@@ -49,28 +47,21 @@ class Stage:
     path: Path
 
 
-class Contributor(Protocol):
-    """A model of any scheme (`gspure.schemes.asset.Asset`): rows, and what each contributes to a view."""
-
-    units: Gaussians
-
-    def geometry_digest(self) -> str:
-        """Return a digest of all that contributions depend on."""
-
-    def contributions(self, device: Device | None, energy: Energy) -> Callable[[Camera], NDArray[Any]]:
-        """Return what gives each touched row's `CONTRIBUTION` to a view."""
-
-
 def contribute(
-    asset: Contributor, cameras: Sequence[Camera], folder: Path, *, device: Device | None = None, energy: Energy = "ray"
+    public: PublicModel,
+    cameras: Sequence[Camera],
+    folder: Path,
+    *,
+    device: Device | None = None,
+    energy: Energy = "ray",
 ) -> list[Stage]:
-    """Compute the contributions of `asset` to every view, except those that `folder` holds intact.
+    """Compute the contributions of `public` to every view, except those that `folder` holds intact.
 
     The model goes to the device, and the kernels are built, once and only if a view is to be computed.
 
     Parameters
     ----------
-    asset : Contributor
+    public : PublicModel
     cameras : sequence of Camera
         Views with unique names.
     folder : Path
@@ -91,9 +82,9 @@ def contribute(
         If the model holds a number that is not finite.
 
     """
-    require_finite(asset.units, "model")
+    require_finite(public.model, "model")
     device = device or choose_device()
-    geometry, target = asset.geometry_digest(), device_digest(device)
+    geometry, target = public.geometry_digest(), device_digest(device)
     stages = []
     for camera in cameras:
         key = contribution_key(geometry, camera, energy, target)
@@ -101,17 +92,12 @@ def contribute(
     missing = [pair for pair in zip(cameras, stages, strict=True) if not intact(pair[1].path)]
     damaged = sum(stage.path.exists() for _, stage in missing)
     if missing:
-        contributions = asset.contributions(device, energy)
+        contributions = public.contributions(device, energy)
         for camera, stage in track(missing, "contributions"):
             save_array(stage.path, contributions(camera), checksum=True)
     computed = f"{len(missing)} of {len(stages)} views computed" + (f" ({damaged} were damaged)" if damaged else "")
     say(f"contributions: {computed}, {len(stages) - len(missing)} already stored")
     return stages
-
-
-def geometry_digest(model: Gaussians) -> str:
-    """Return a digest of the columns of `model` that contributions depend on, as stored."""
-    return digest(model.columns(*GEOMETRY))
 
 
 def contribution_key(geometry: str, camera: Camera, energy: str, device: str) -> str:
@@ -120,7 +106,7 @@ def contribution_key(geometry: str, camera: Camera, energy: str, device: str) ->
     Parameters
     ----------
     geometry, device : str
-        Digests of the model (`Contributor.geometry_digest`) and of the device (`gspure.opencl.engine.device_digest`).
+        Digests of the model (`PublicModel.geometry_digest`) and of the device (`gspure.opencl.engine.device_digest`).
     camera : Camera
         Its numbers count, not its name.
     energy : str

@@ -15,8 +15,8 @@ from gspure.model import Gaussians, read_model, write_model
 from gspure.model.inria import point_cloud
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
+from gspure.public_model import BLACK, Background, Columns, PublicModel, RenderView, Rows, merge_by_row, rows_digest
 from gspure.renderer import Renderer
-from gspure.schemes.asset import BLACK, Asset, Background, Columns, Units, View, digest_of, of_units
 from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors
 from gspure.schemes.secure_gs.files import read_networks, write_networks
 from gspure.schemes.secure_gs.networks import Networks, require_networks
@@ -26,12 +26,12 @@ from gspure.schemes.secure_gs.visibility import visible_rows
 Float32 = NDArray[np.float32]
 
 
-class AnchorAsset(Asset):
-    """A Scaffold-GS model, which is what SecureGS publishes. Its units are anchors.
+class AnchorModel(PublicModel):
+    """A Scaffold-GS model, the public model of SecureGS. Its rows are anchors.
 
     Parameters
     ----------
-    units : Gaussians
+    model : Gaussians
         The rows [M] of its file.
     networks : Networks
         ``opacity``, ``cov``, ``color`` and, if it has one, ``feature_bank``.
@@ -48,14 +48,14 @@ class AnchorAsset(Asset):
 
     rows_are_gaussians: ClassVar[bool] = False
 
-    def __init__(self, units: Gaussians, networks: Networks) -> None:
-        super().__init__(units)
+    def __init__(self, model: Gaussians, networks: Networks) -> None:
+        super().__init__(model)
         self.networks = networks
 
     @cached_property
     def anchors(self) -> Anchors:
         """The rows as the networks take them."""
-        return anchors_of(self.units)
+        return anchors_of(self.model)
 
     @property
     def visible(self) -> bool:
@@ -66,34 +66,34 @@ class AnchorAsset(Asset):
     def read(cls, path: Path) -> Self:
         """Read a model: its .ply, or the folder that holds it, and the networks beside the .ply."""
         file = point_cloud(path) if Path(path).is_dir() else Path(path)
-        units = read_model(file)
-        require_anchors(file, units)
-        asset = cls(units, read_networks(file.parent))
-        require_networks(file.parent, asset.networks, asset.anchors.feat_dim, asset.anchors.k)
-        return asset
+        rows = read_model(file)
+        require_anchors(file, rows)
+        public = cls(rows, read_networks(file.parent))
+        require_networks(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
+        return public
 
     def write(self, path: Path) -> None:
         """Write the .ply, and the networks beside it."""
-        write_model(path, self.units)
+        write_model(path, self.model)
         write_networks(Path(path).parent, self.networks)
 
-    def with_units(self, units: Gaussians) -> Self:
+    def with_model(self, model: Gaussians) -> Self:
         """Return the same model with other anchors."""
-        return type(self)(units, self.networks)
+        return type(self)(model, self.networks)
 
-    def seen(self, camera: Camera, networks: Networks | None = None) -> tuple[Neural, Units]:
+    def seen(self, camera: Camera, networks: Networks | None = None) -> tuple[Neural, Rows]:
         """Return a camera's Gaussians by these networks (default: the public ones), and the rows of its anchors."""
-        rows = visible_rows(camera, self.units.means, self.units.quats, self.units.scales)
+        rows = visible_rows(camera, self.model.means, self.model.quats, self.model.scales)
         with np.errstate(over="ignore"):
             found = neural(np, self.anchors.at(rows), networks or self.networks, camera.centre.astype(np.float32))
         return found, rows
 
-    def gaussians(self, camera: Camera) -> tuple[Gaussians, Units]:
+    def gaussians(self, camera: Camera) -> tuple[Gaussians, Rows]:
         """Return the active neural Gaussians of a camera, and the anchor of each."""
         found, rows = self.seen(camera)
         return as_gaussians(found, self.anchors.k, rows)
 
-    def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> View:
+    def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
         """Return what everybody sees."""
         device = device or choose_device()
         return lambda camera: Renderer(self.gaussians(camera)[0], device, energy=energy).image(camera, background)
@@ -104,7 +104,7 @@ class AnchorAsset(Asset):
         The opacities in the file are one constant. This mean is k times smaller than the sum that Scaffold-GS prunes
         by. An anchor that no view has gets 0.
         """
-        total, views = np.zeros(len(self.units)), np.zeros(len(self.units))
+        total, views = np.zeros(len(self.model)), np.zeros(len(self.model))
         for camera in cameras:
             found, rows = self.seen(camera)
             total[rows] += np.maximum(found.outputs, 0).mean(axis=1)
@@ -116,8 +116,8 @@ class AnchorAsset(Asset):
         device = device or choose_device()
 
         def of_view(camera: Camera) -> NDArray[Any]:
-            gaussians, units = self.gaussians(camera)
-            return of_units(Renderer(gaussians, device, energy=energy).contributions(camera), units)
+            gaussians, owners = self.gaussians(camera)
+            return merge_by_row(Renderer(gaussians, device, energy=energy).contributions(camera), owners)
 
         return of_view
 
@@ -125,4 +125,4 @@ class AnchorAsset(Asset):
         """Return a digest of the rows, of the networks, and of the code that makes Gaussians of them."""
         weights = [network[name] for network in self.networks.values() for name in sorted(network)]
         code = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("networks", "neural", "visibility")]
-        return digest_of(self, *self.networks, *weights, *code)
+        return rows_digest(self, *self.networks, *weights, *code)

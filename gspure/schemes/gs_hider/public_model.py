@@ -17,30 +17,34 @@ from gspure.model.gaussians import sigmoid
 from gspure.model.inria import point_cloud
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
+from gspure.public_model import BLACK, Background, Columns, PublicModel, RenderView
 from gspure.renderer import Renderer
-from gspure.schemes.asset import BLACK, Asset, Background, Columns, View
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES, SCENE, find_decoder, read_rows
 
 Float32 = NDArray[np.float32]
 
 
-class FeatureAsset(Asset):
+class FeatureModel(PublicModel):
     """Rows with 16 features each, and the public decoder.
 
     Parameters
     ----------
-    units : Gaussians
+    model : Gaussians
         With the columns ``semantic_0..15``.
     decoder : DecoderFile, optional
         Of the scene; without it the model can be attacked, not looked at.
 
     """
 
-    attributes: ClassVar[Columns] = {**Asset.attributes, "colour": ("semantic_*",), "base_colour": ("semantic_*",)}
+    attributes: ClassVar[Columns] = {
+        **PublicModel.attributes,
+        "colour": ("semantic_*",),
+        "base_colour": ("semantic_*",),
+    }
 
-    def __init__(self, units: Gaussians, decoder: DecoderFile | None) -> None:
-        super().__init__(units)
+    def __init__(self, model: Gaussians, decoder: DecoderFile | None) -> None:
+        super().__init__(model)
         self.decoder = decoder
 
     @classmethod
@@ -55,20 +59,20 @@ class FeatureAsset(Asset):
         """Write the .ply, and the decoder beside it."""
         path = Path(path)
         with filling(path.parent) as folder:
-            write_model(folder / path.name, self.units)
+            write_model(folder / path.name, self.model)
             if self.decoder:
                 self.decoder.write(folder)
 
-    def with_units(self, units: Gaussians) -> Self:
+    def with_model(self, model: Gaussians) -> Self:
         """Return other rows with the same decoder."""
-        return type(self)(units, self.decoder)
+        return type(self)(model, self.decoder)
 
     @property
     def visible(self) -> bool:
         """Whether the decoder is there."""
         return self.decoder is not None
 
-    def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> View:
+    def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
         """Return what the public decoder reads from the feature map.
 
         Raises
@@ -90,6 +94,6 @@ class FeatureAsset(Asset):
 
         All of them have the background's first value behind them, as in the authors' rasterizer.
         """
-        renderer = Renderer(self.units, device, energy=energy)
-        features = sigmoid(self.units.columns(*FEATURES))
+        renderer = Renderer(self.model, device, energy=energy)
+        features = sigmoid(self.model.columns(*FEATURES))
         return lambda camera: renderer.feature_map(camera, features, [background[0]] * CHANNELS)
