@@ -7,6 +7,7 @@ import sys
 
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
+from gspure.damage import set_aside
 from gspure.failures import Failure, failures_below, reason_in, status_of, summary
 
 # In that process: the failures of the run that it follows. If a figure fails in it, a third one leaves that out, too.
@@ -66,6 +67,13 @@ def summarize(run):
     subprocess.run(command, env={**os.environ, "GSPURE_FAILED_RUNS": runs}, check=False)
 
 
+def heal():
+    """Set damaged inputs of failed jobs aside: as they are missing, the next run makes them again."""
+    failed = set().union(*map(get_jobs, workflow.scheduler.failed))
+    for damage in set_aside({Path(path) for job in failed for path in job.input}):
+        print(f"gspure: set aside, to be made again by the next run: {damage}", file=sys.stderr)
+
+
 def print_failures(failures):
     """Say which jobs failed and why, and how to try them again."""
     count = f"{len(failures)} jobs" if len(failures) > 1 else "1 job"
@@ -84,5 +92,6 @@ onerror:
     stopped = workflow.scheduler.running or workflow.scheduler.open_jobs
     if workflow.execution_settings.keep_going and not stopped and len(RUNS) < 2:
         summarize(log[0])
+    heal()
     if failures:
         atexit.register(print_failures, failures)  # after Snakemake's own last words

@@ -1,0 +1,52 @@
+"""Damaged artifacts: a job that reads one names it, and the next run makes it again, to the same bytes."""
+
+import pytest
+
+from tests.test_checksums import flipped
+from tests.test_workflow import BOT, OMEGA, TABLE, checkout, finished, project, rules_run, started  # noqa: F401
+
+pytestmark = pytest.mark.workflow
+
+
+def zeroed(path):
+    path.write_bytes(path.read_bytes()[:-60] + bytes(60))
+
+
+@pytest.mark.parametrize(
+    ("artifact", "reader", "target", "maker"),
+    [
+        (OMEGA, "build_features", BOT / "features.npy", "accumulate_weights"),
+        (BOT / "gspure" / "kept.npy", "tabulate_metrics", TABLE, "attack_model"),
+        (BOT / "gspure/public/point_cloud.ply", "render_target", BOT / "gspure/renders/scene", "attack_model"),
+    ],
+    ids=["weights", "kept rows", "model"],
+)
+def test_a_damaged_artifact_is_named_and_made_again_by_the_next_run(project, artifact, reader, target, maker):  # noqa: F811
+    good = (project.folder / artifact).read_bytes()
+    flipped(project.folder / artifact)
+    printed = project.run(str(target), "--forcerun", reader, status=1)
+    assert f"{artifact}: content: expected CRC-32" in printed
+    assert (project.folder / f"{artifact}.damaged").exists()
+    assert rules_run(project.run(str(target)))[maker] == 1
+    assert (project.folder / artifact).read_bytes() == good
+    assert (project.folder / target).exists()
+
+
+def test_a_damaged_stage_is_named_and_its_view_alone_computed_by_the_next_run(project):  # noqa: F811
+    stage = next(project.folder.glob("stages/vanilla/bot/contributions/view_5.*.npy"))
+    good, omega, before = stage.read_bytes(), project.omega(), project.stages()
+    zeroed(stage)
+    assert f"{stage.name}: content: expected CRC-32" in project.run(OMEGA, "--forcerun", "accumulate_weights", status=1)
+    project.run(OMEGA)
+    written = {name for name, when in project.stages().items() if when != before[name]}
+    assert {name.partition(".")[0] for name in written} == {"view_5"}
+    assert stage.read_bytes() == good
+    assert project.omega() == omega
+
+
+def test_measuring_again_finds_a_damaged_stage(project):  # noqa: F811
+    stage = next(project.folder.glob("stages/vanilla/bot/contributions/view_5.*.npy"))
+    good = stage.read_bytes()
+    zeroed(stage)
+    project.run(OMEGA, "--forcerun", "measure_contributions")
+    assert stage.read_bytes() == good
