@@ -12,7 +12,7 @@ DEV_PACKAGES := $(VENV)/.packages-dev
 OPENCL := $(VENV)/.opencl
 GL := $(VENV)/.gl
 
-.PHONY: help demo test setup opencl gl lint format bench lock clean
+.PHONY: help demo test setup opencl gl lint format bench torture lock clean
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
 
@@ -49,6 +49,13 @@ format: $(DEV_PACKAGES) ## put the code into the style that lint checks
 
 bench: $(DEV_PACKAGES) $(OPENCL) ## measure speed
 	@$(BIN)/python -m pytest benchmarks
+
+torture: $(DEV_PACKAGES) $(OPENCL) ## hostile files, kills, full disks, damage, mutants: benchmarks/torture.md, in hours
+	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.hostile readers || true
+	@$(BIN)/python -m tests.hostile workflow || true
+	@$(BIN)/python -m tests.hostile.mutants
+	@$(BIN)/python -m benchmarks.drivers > build/torture/drivers.md
+	@$(BIN)/python -m tests.hostile page
 
 lock: $(DEV_PACKAGES) ## choose the newest versions that pyproject.toml allows, and write them down
 	@$(PIP) install uv

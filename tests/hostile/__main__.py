@@ -18,6 +18,7 @@ from pathlib import Path
 from gspure.progress import say
 from tests.hostile.contract import Violation, Watch, prepared, run_case, torment
 from tests.hostile.journal import Journal, Record
+from tests.hostile.page import write
 from tests.hostile.project import finished, jobs, rules
 from tests.hostile.readers import BY_NAME, READERS
 
@@ -40,6 +41,9 @@ def main() -> int:
     workflow.add_argument("--only", nargs="*", choices=WORKFLOW, default=WORKFLOW)
     workflow.add_argument("--folder", type=Path, default=FOLDER)
     workflow.set_defaults(run=torture_workflow)
+    page = parts.add_parser("page", help="write benchmarks/torture.md from the records")
+    page.add_argument("--folder", type=Path, default=FOLDER)
+    page.set_defaults(run=lambda args: write(args.folder))
     replay = parts.add_parser("replay", help="run one case of a reader again, in this process")
     replay.add_argument("reader", choices=BY_NAME)
     replay.add_argument("case", type=int)

@@ -38,6 +38,7 @@ def killed(job: Job, reference: Path, scratch: Path) -> Record:
     folder = copied(reference, scratch)
     products, seconds, changes = measured(job, folder, expected)
     faults = [f"not reproduced: {name}" for name, digest in contents(folder).items() if expected.get(name) != digest]
+    folder = copied(reference, scratch)
     plans: list[dict[str, Any]] = [{"after": float(t)} for t in rng.uniform(STARTUP, 1.0, TIMED) * seconds]
     plans += [{"change": int(n)} for n in rng.integers(1, changes + 1, PLANNED)] if changes else []
     hits = []
@@ -74,11 +75,8 @@ def measured(job: Job, folder: Path, expected: dict[str, str]) -> tuple[list[str
 
 
 def made_by(job: Job, name: str) -> bool:
-    """Whether a file is one of a job's outputs, lies below one, is the record of one, or a stage that it stores."""
-    below = any(name == output or name.startswith((f"{output}/", f"{output}.")) for output in job.outputs)
-    return below or (
-        job.rule == "measure_contributions" and name.startswith("stages/") and name.split("/")[2] in job.log
-    )
+    """Whether a file is one of a job's outputs, lies below one, or is the record of one."""
+    return any(name == output or name.startswith((f"{output}/", f"{output}.")) for output in job.outputs)
 
 
 def kill(job: Job, folder: Path, plan: dict[str, Any]) -> bool:

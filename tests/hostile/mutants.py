@@ -24,7 +24,7 @@ from gspure.progress import say
 from tests.hostile.journal import Journal, Record
 
 ROOT = Path(__file__).parents[2]
-_FRAME = ("test_renderer", "test_kernels_binning", "test_kernels_ordering", "test_kernels_projection")
+_FRAME = ("test_kernels_binning", "test_kernels_ordering", "test_kernels_projection", "test_renderer")
 CORE = {
     "gspure.method.weights": ("test_weights",),
     "gspure.method.features": ("test_features",),

@@ -16,12 +16,13 @@ import numpy as np
 import yaml
 
 from gspure.artifacts import digest
+from gspure.method.contributions import read_index
 from tests.training_cases import colmap_project, ring
 
 ROOT = Path(__file__).parents[2]
 KEPT = ("results", "stages")
-UNTIMED = {"logs", "benchmarks"}
-"""Folders of results that differ from run to run: what jobs said and how long they took."""
+VARYING = {"logs", "benchmarks", "cfg_args"}
+"""What differs between runs or folders: what jobs said, how long they took, and a file with absolute paths."""
 
 TARGETS = {"all", "purified"}
 """Rules that only ask for files."""
@@ -111,7 +112,7 @@ def finished(folder: Path) -> Path:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         build(folder)
-        done = snakemake(folder)
+        done = snakemake(folder, "--notemp")
         if done.status:
             raise RuntimeError(done.printed[-3000:])
     return folder
@@ -133,7 +134,7 @@ def jobs(folder: Path) -> list[Job]:
                 r["rule"],
                 command,
                 tuple(_relative(p, folder) for p in r["input"]),
-                tuple(outputs[command]),
+                (*outputs[command], *_stages(outputs[command], folder)),
                 r["log"][0],
             )
             for command, r in records.items()
@@ -142,19 +143,25 @@ def jobs(folder: Path) -> list[Job]:
     )
 
 
+def _stages(outputs: list[str], folder: Path) -> list[str]:
+    """Return the stages that a job stores beside its outputs: those that an index of contributions lists."""
+    indices = [folder / output for output in outputs if Path(output).suffix == ".tsv"]
+    return [_relative(str(stage.path), folder) for index in indices for stage in read_index(index)]
+
+
 def one_per_rule(folder: Path) -> list[Job]:
     """Return the longest command of every rule."""
     return list({job.rule: job for job in sorted(jobs(folder), key=lambda job: len(job.command))}.values())
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Digests of all that a project has made, wherever it lies; hidden files, which killed jobs leave, are left out."""
+    """Digests of all that a project has made; temporary files, which killed jobs leave, are hidden and left out."""
     files = (path for name in KEPT for path in sorted((folder / name).rglob("*")) if path.is_file())
     relative = {path: path.relative_to(folder) for path in files}
     return {
-        str(name): digest(path.read_bytes().replace(str(folder).encode(), b""))
+        str(name): digest(path.read_bytes())
         for path, name in relative.items()
-        if not UNTIMED & set(name.parts) and not any(part.startswith(".") for part in name.parts)
+        if not VARYING & set(name.parts) and not any(part.startswith(".") for part in name.parts)
     }
 
 

@@ -1,0 +1,135 @@
+"""The page that `make torture` writes: what was tried, how often, and every defect that is open."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from gspure.artifacts import write_text
+from tests.hostile.journal import Journal, Record
+
+PAGE = Path(__file__).parents[2] / "benchmarks" / "torture.md"
+GOAL = 0.85
+"""Share of the mutants that tests must notice."""
+
+INTRODUCTION = """\
+# Torture
+
+Written by `make torture`, which takes an hour or more on two cores, goes on where it was stopped (its records are in
+`build/torture/`), and ends with an error if a defect is open. A seeded part of it is in the test suite
+([`tests/hostile`](../tests/hostile)). What is expected:
+
+- **Files.** Every reader gives a valid result or one printable line, whatever a file holds: no other exception, no
+  crash, no warning, nothing written outside its folder, no program started, no pickle, at most 2 s of processor time
+  and 192 MiB of memory. `python -m tests.hostile replay READER CASE` runs a case again.
+- **Kills.** A job of every rule is killed with SIGKILL at random times while it works, and before random changes on
+  disk. Its outputs are whole or absent, and a second run gives the bytes of an undisturbed one.
+- **Want.** On a full disk, and under limits of file sizes and of memory, jobs fail in one line, leave nothing
+  half-written, and give the same bytes afterwards.
+- **Damage.** Whatever reads a damaged artifact names it, and the next runs of the workflow repair it to the same bytes.
+- **Mutants.** Tests notice small changes to the numerical core.
+"""
+
+
+def write(folder: Path) -> bool:
+    """Write the page from the records in a folder; return whether a defect is open."""
+    readers, mutants = records(folder, "readers"), records(folder, "mutants")
+    kills, limits, damage, together = (records(folder, part) for part in ("kills", "limits", "damage", "together"))
+    faults = [
+        f"{part}: {r.get('rule') or r['case']}: {f}"
+        for part, found in {"kills": kills, "want": limits, "damage": damage, "together": together}.items()
+        for r in found
+        for f in r["faults"]
+    ]
+    faults += [f"files: {v['reader']}, case {v['case']}: {v['kind']}" for r in readers for v in r["violations"]]
+    noticed, changed = sum(score(m)[0] for m in mutants), sum(score(m)[1] for m in mutants)
+    if changed and noticed < GOAL * changed:
+        faults.append(f"mutants: {noticed / changed:.0%} are noticed, fewer than {GOAL:.0%}")
+    drivers = folder / "drivers.md"
+    parts = [
+        INTRODUCTION,
+        "## Totals\n",
+        *table(
+            ("what", "number"),
+            [
+                ("mutated files", f"{sum(r['cases'] for r in readers):,}"),
+                ("readers", len({r["reader"] for r in readers})),
+                ("kills that hit a job at work", sum(k["hit"] for r in kills for k in r["kills"])),
+                ("rules killed", len(kills)),
+                ("jobs in want of disk or memory", len(limits)),
+                ("damaged artifacts", sum(len(r["damaged"]) if "damaged" in r else 1 for r in damage)),
+                ("mutants noticed", f"{noticed} of {changed} ({noticed / changed:.1%})" if changed else "none tried"),
+                ("open defects", len(faults)),
+            ],
+        ),
+        "\n## Open defects\n",
+        *([f"- {fault[:300]}" for fault in faults] or ["None."]),
+        "\n## Files\n",
+        *table(("reader", "mutated files", "broke the contract"), files(readers)),
+        "\n## Kills\n",
+        *table(("rule", "s", "changes on disk", "kills"), killed(kills)),
+        "\n## Want\n",
+        *table(("limit", "jobs", "refused in one line", "done all the same"), wanting(limits)),
+        "\n## Damage\n",
+        *table(("artifact", "damages", "named by the next reader", "not read by it"), damaged(damage)),
+        "\n## Together and moved\n",
+        *(f"- {r['case']}: {'; '.join(r['faults']) or 'as it should'}" for r in together),
+        "\n## Mutants\n",
+        *table(
+            ("module", "mutants", "noticed"),
+            [(m["module"], m["mutants"], f"{score(m)[0] / m['mutants']:.0%}") for m in mutants],
+        ),
+        "\nSurvivors:\n",
+        *(
+            f"- `{m['module']}`, line {s['line']}, {s['change']}: `{s['source']}`"
+            for m in mutants
+            for s in m["survivors"]
+        ),
+        "\n## Drivers\n",
+        "Largest errors against the float64 reference ([numerics](../docs/numerics.md)):\n",
+        drivers.read_text(encoding="utf-8") if drivers.is_file() else "not tried",
+    ]
+    write_text(PAGE, "\n".join(map(str, parts)).rstrip() + "\n")
+    return bool(faults)
+
+
+def records(folder: Path, part: str) -> list[Record]:
+    return list(Journal(folder / part).records())
+
+
+def table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> Iterator[str]:
+    yield f"| {' | '.join(header)} |"
+    yield "| --- " * len(header) + "|"
+    for row in rows:
+        yield f"| {' | '.join(map(str, row))} |"
+
+
+def score(record: Record) -> tuple[int, int]:
+    return record["mutants"] - len(record["survivors"]), record["mutants"]
+
+
+def files(found: list[Record]) -> Iterator[tuple[object, ...]]:
+    cases, broken = Counter(), Counter()
+    for record in found:
+        cases[record["reader"]] += record["cases"]
+        broken[record["reader"]] += len(record["violations"])
+    yield from ((reader, f"{cases[reader]:,}", broken[reader]) for reader in cases)
+
+
+def killed(found: list[Record]) -> Iterator[tuple[object, ...]]:
+    for r in found:
+        yield r["rule"], f"{r['seconds']:.1f}", r["changes"], sum(kill["hit"] for kill in r["kills"])
+
+
+def wanting(found: list[Record]) -> Iterator[tuple[object, ...]]:
+    for kind in sorted({r["kind"] for r in found}):
+        these = [r for r in found if r["kind"] == kind]
+        refused = sum(r["refused"] for r in these)
+        yield kind, len(these), refused, len(these) - refused
+
+
+def damaged(found: list[Record]) -> Iterator[tuple[object, ...]]:
+    for kind in sorted({r["file"] for r in found if "file" in r}):
+        outcomes = Counter(r["outcome"] for r in found if r.get("file") == kind)
+        yield kind, outcomes.total(), outcomes["named"], outcomes["not read"]

@@ -1,0 +1,78 @@
+"""The parts of `make torture` that take too long for the suite, at a small size."""
+
+import ast
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tests.hostile import page
+from tests.hostile.damage import DAMAGES
+from tests.hostile.journal import Journal
+from tests.hostile.kills import hooked
+from tests.hostile.mutants import CORE, ROOT, mutants
+
+WRITER = "from pathlib import Path\nfor i in range(5):\n    Path(f'{i}.txt').write_text('x')\n"
+
+
+def written(folder, **more):
+    """Run a program that writes five files one after the other; return its status and the files."""
+    folder.mkdir()
+    environment = {**os.environ, **hooked(folder, **more)}
+    command = [sys.executable, "-c", WRITER]
+    done = subprocess.run(command, cwd=folder, env=environment, start_new_session=True, check=False)
+    return done.returncode, sorted(path.name for path in folder.glob("*.txt"))
+
+
+def test_a_job_is_killed_before_the_change_on_disk_that_was_chosen(tmp_path):
+    counter = tmp_path / "changes"
+    assert written(tmp_path / "whole", HOSTILE_COUNT=str(counter)) == (0, [f"{i}.txt" for i in range(5)])
+    assert len(counter.read_bytes()) == 5
+    assert written(tmp_path / "killed", HOSTILE_KILL="3") == (-9, ["0.txt", "1.txt"])
+
+
+@pytest.mark.parametrize("how", DAMAGES)
+def test_damage_changes_a_file(how):
+    content = bytes(range(256)) * 4
+    for seed in range(20):
+        assert DAMAGES[how](content, np.random.default_rng(seed)) != content
+
+
+def test_every_mutant_is_another_program():
+    lines = (
+        "def f(a: int = 1) -> int:",
+        "    'Text 3.'",
+        "    if a < 2 and not g(a):",
+        "        raise ValueError(a + 1)",
+    )
+    source = "\n".join((*lines, "    return -a"))
+    trees = [ast.unparse(mutant.tree) for mutant in mutants(source)]
+    assert len(set(trees)) == len(trees) == 7
+    assert all("raise ValueError(a + 1)" in tree and "Text 3." in tree for tree in trees)
+
+
+def test_the_core_and_its_tests_exist():
+    for module, tests in CORE.items():
+        assert (ROOT / f"{module.replace('.', '/')}.py").is_file()
+        assert all((ROOT / "tests" / f"{name}.py").is_file() for name in tests)
+
+
+def test_a_record_is_made_once(tmp_path):
+    journal = Journal(tmp_path)
+    assert [journal.record("a case", lambda n: {"n": n}, n) for n in (1, 2)] == [{"n": 1}, {"n": 1}]
+
+
+@pytest.mark.parametrize("fault", [[], ["half-written: omega.npy"]])
+def test_the_page_counts_and_lists_open_defects(tmp_path, monkeypatch, fault):
+    monkeypatch.setattr(page, "PAGE", tmp_path / "torture.md")
+    kill = {"rule": "span_tree", "seconds": 1.0, "changes": 8, "kills": [{"after": 0.5, "hit": True}], "faults": fault}
+    Journal(tmp_path / "kills").record("span_tree", lambda: kill)
+    assert page.write(tmp_path) == bool(fault)
+    text = (tmp_path / "torture.md").read_text()
+    assert f"| open defects | {len(fault)} |" in text
+    assert all(each in text for each in fault)
+    assert "| kills that hit a job at work | 1 |" in text
+    assert json.loads((tmp_path / "kills" / "span_tree.json").read_text()) == kill
