@@ -150,6 +150,7 @@ def test_settings_out_of_range_are_refused_before_training(pair, settings, line)
         ),
         ({"kernel_1": np.zeros((3, 3), np.float32)}, r"kernel_1: expected float32 \[80, 32\], found"),
         ({"bias_0": np.full(16, np.nan, np.float32)}, "bias_0: expected finite numbers"),
+        ({"positions": np.zeros((10**6, 3), np.float32)}, "positions: expected at most .*, found 1000000"),
         ({"shift": np.array(40)}, "shift: expected a whole number from 9 to 20, found 40"),
         ({"shift": None}, "shift: expected a key of Splats in Splats, found no such array"),
     ],

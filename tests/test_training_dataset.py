@@ -116,6 +116,15 @@ def test_photographs_of_another_folder_are_found_by_the_views_names(project, tmp
     assert "orbit_004" in refusal(project, photographs=other)
 
 
+def test_photographs_of_another_folder_are_named_as_views_are(project, tmp_path):
+    other = tmp_path / "other" / "images"
+    other.mkdir(parents=True)
+    for view in ring():
+        Image.new("RGB", (64, 48), (255, 0, 0)).save(other / f"{view.name}.jpg.png")
+    dataset = read_dataset(project, "native", photographs=tmp_path / "other")
+    assert {view.image.parent for view in dataset.train} == {other}
+
+
 def test_cameras_without_photographs_are_refused(tmp_path):
     write_cameras(tmp_path / "cameras.json", ring())
     assert "view orbit_000, view orbit_001" in refusal(tmp_path)

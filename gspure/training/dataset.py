@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gspure.artifacts import digest
 from gspure.cameras import Camera, require_images, scaled
 from gspure.cameras.colmap import find_sparse, read_points
+from gspure.cameras.naming import safe_name
 from gspure.cameras.photographs import missing_photographs, photograph, photograph_size, require_present
 from gspure.errors import InputError
 from gspure.images import read_image
@@ -145,7 +146,7 @@ def _with_photographs(cameras: list[Camera], photographs: Path | None) -> list[C
     if photographs is None:
         return cameras
     files = sorted(path for path in photographs.rglob("*") if path.is_file())
-    named = {"_".join(path.relative_to(photographs).with_suffix("").parts): path for path in files}
+    named = {safe_name(path.relative_to(photographs).as_posix()): path for path in files}
     return [replace(c, image=named.get(c.name, photographs / c.name)) for c in cameras]
 
 

@@ -110,7 +110,11 @@ class SplatsInSplatsKey(Key):
             expected = "a whole number from {} to {}".format(*bits.SHIFT_RANGE)
             raise InputError(path, "shift", expected=expected, found=str(shift))
         mapping = OpacityMapping.of({name: arrays[name] for name in layers})
-        return SplatsInSplatsKey(arrays["positions"], mapping, int(shift), read_model(Path(folder) / _HIDDEN))
+        hidden = read_model(Path(folder) / _HIDDEN)
+        if len(arrays["positions"]) > len(hidden):
+            expected = f"at most {len(hidden)}, one per Gaussian of {_HIDDEN}"
+            raise InputError(path, "positions", expected=expected, found=str(len(arrays["positions"])))
+        return SplatsInSplatsKey(arrays["positions"], mapping, int(shift), hidden)
 
     def _revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
         places = _found(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
