@@ -3,7 +3,7 @@ rule attack_model:
         unpack(attack_input),
     output:
         model="results/{scheme}/{scene}/{variant}/public/point_cloud.ply",
-        kept="results/{scheme}/{scene}/{variant}/kept.npy",
+        removed="results/{scheme}/{scene}/{variant}/prune_mask.npy",
         world="results/{scheme}/{scene}/{variant}/world.npy",
         verdict="results/{scheme}/{scene}/{variant}/verdict.json",
     log:
@@ -23,6 +23,6 @@ rule attack_model:
     shell:
         job(
             "attack {params.attack:q} --model {input.model:q} {params.options}"
-            " --out {output.model:q} --kept {output.kept:q} --world {output.world:q}"
+            " --out {output.model:q} --removed {output.removed:q} --world {output.world:q}"
             " --verdict {output.verdict:q}"
         )

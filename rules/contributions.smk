@@ -38,11 +38,11 @@ rule accumulate_weights:
         indices=indices,
         model=public_model,
     output:
-        weights="results/{scheme}/{scene}{decision}/omega.npy",
+        weights="results/{scheme}/{scene}{decision}/weights.npy",
     log:
-        "results/logs/{scheme}/{scene}{decision}/omega.log",
+        "results/logs/{scheme}/{scene}{decision}/weights.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}{decision}/omega.tsv"
+        "results/benchmarks/{scheme}/{scene}{decision}/weights.tsv"
     conda:
         "../envs/gspure.yaml"
     params:

@@ -58,7 +58,7 @@ def surface(wildcards):
 
 def decisive(wildcards):
     """What is thresholded: weights, or opacities where weights are not clustered on."""
-    return (made("omega.npy") if "weight" in settings_of(wildcards)["cluster_on"] else opacities)(wildcards)
+    return (made("weights.npy") if "weight" in settings_of(wildcards)["cluster_on"] else opacities)(wildcards)
 
 
 def method_options(*names):

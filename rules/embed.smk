@@ -119,7 +119,7 @@ rule weigh_message:
         model="results/{scheme}/{scene}/public/point_cloud.ply",
         key="results/{scheme}/{scene}/key",
         cameras="results/{scheme}/{scene}/cameras.json",
-        weights="results/{scheme}/{scene}/omega.npy",
+        weights="results/{scheme}/{scene}/weights.npy",
     output:
         share="results/{scheme}/{scene}/hidden.json",
         hidden="results/{scheme}/{scene}/hidden.npy",

@@ -120,7 +120,7 @@ rule compare_renders:
 rule tabulate_metrics:
     input:
         metrics=get_finished(path for model in MODELS for path in metrics_files(*model.split("/"))),
-        kept=get_finished(expand("results/{model}/{variant}/kept.npy", model=MODELS, variant=VARIANTS)),
+        masks=get_finished(expand("results/{model}/{variant}/prune_mask.npy", model=MODELS, variant=VARIANTS)),
         verdicts=get_finished(expand("results/{model}/{variant}/verdict.json", model=MODELS, variant=VARIANTS)),
         truth=get_finished(expand("results/planted/{scene}/key/carriers.npy", scene=SCHEMES["planted"])),
         failures=[status_of(failure.log) for failure in FAILURES],
@@ -142,7 +142,7 @@ rule tabulate_metrics:
         "Tabulating all variants"
     shell:
         job(
-            "table --metrics {input.metrics:q} --kept {input.kept:q} --truth {input.truth:q}"
+            "table --metrics {input.metrics:q} --prune-masks {input.masks:q} --truth {input.truth:q}"
             " --verdicts {input.verdicts:q} --failures {input.failures:q} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q}"
             " --latex {output.latex:q}"
         )

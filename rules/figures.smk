@@ -1,7 +1,7 @@
 rule draw_model:
     input:
         model=public_model,
-        weights="results/{scheme}/{scene}/omega.npy",
+        weights="results/{scheme}/{scene}/weights.npy",
         clusters="results/{scheme}/{scene}/clusters.npz",
         mask="results/{scheme}/{scene}/prune_mask.npy",
         cameras="results/{scheme}/{scene}/cameras.json",

@@ -103,7 +103,7 @@ def attack_of(wildcards):
 
 def attack_input(wildcards):
     """The public model, and what the attack has measured on it."""
-    sources = {"weights": made("omega.npy"), "prune_mask": made("prune_mask.npy")}
+    sources = {"weights": made("weights.npy"), "prune_mask": made("prune_mask.npy")}
     sources |= {"opacities": opacities, "surface": surface}
     evidence = {need: sources[need](wildcards) for need in sorted(attack_of(wildcards).needs)}
     return {"model": public_model(wildcards), **evidence}

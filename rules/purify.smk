@@ -26,7 +26,7 @@ rule measure_opacities:
 rule build_features:
     input:
         model=public_model,
-        weights=made("omega.npy"),
+        weights=made("weights.npy"),
         opacities=opacities,
     output:
         features="results/{scheme}/{scene}{decision}/features.npy",

@@ -16,7 +16,7 @@ rule write_report:
             expand(
                 "results/{model}/{artifact}",
                 model=MODELS,
-                artifact=["omega.npy", "features.npy", "tree.npy", "clusters.npz", "prune_mask.npy"],
+                artifact=["weights.npy", "features.npy", "tree.npy", "clusters.npz", "prune_mask.npy"],
             )
         ),
     output:

@@ -154,7 +154,7 @@ def test_every_stage_of_the_workflow_goes_on(folder: Path, capsys) -> None:
         if command[0] == "contributions":
             assert "suspicious rows" in capsys.readouterr().err
     assert purify(folder) == 0
-    for name, stage in (("weights.npy", "w.npy"), ("pruned.npy", "p.npy")):
+    for name, stage in (("weights.npy", "w.npy"), ("prune_mask.npy", "p.npy")):
         np.testing.assert_array_equal(np.load(folder / "out" / name), np.load(at[stage]))
 
 
@@ -164,4 +164,4 @@ def test_planted_rows_that_are_not_drawn_leave_weights_as_they_are(folder: Path)
     expected = method.purify(scene, views(), min_cluster_size=20, min_samples=5, selection="leaf")
     found = method.purify(joined(scene, broken), views(), min_cluster_size=20, min_samples=5, selection="leaf")
     np.testing.assert_array_equal(found.weights[: len(scene)], expected.weights)
-    assert found.pruned[len(scene) :].all()
+    assert found.prune_mask[len(scene) :].all()

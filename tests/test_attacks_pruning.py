@@ -116,6 +116,6 @@ def test_the_command_wants_opacities_for_anchors_and_takes_those_given(tmp_path:
     assert "attack lowest_opacity: opacities: expected an array, found nothing" in capsys.readouterr().err
     save_array(tmp_path / "opacities.npy", np.linspace(1, 0, COUNT, dtype=np.float32))
     measured = ["--opacities", str(tmp_path / "opacities.npy"), "--set", "fraction=0.5"]
-    assert main(["attack", "lowest_opacity", *given_files, *measured, "--kept", str(tmp_path / "kept.npy")]) == 0
-    np.testing.assert_array_equal(np.load(tmp_path / "kept.npy"), np.arange(COUNT) < COUNT / 2)
+    assert main(["attack", "lowest_opacity", *given_files, *measured, "--removed", str(tmp_path / "mask.npy")]) == 0
+    np.testing.assert_array_equal(np.load(tmp_path / "mask.npy"), np.arange(COUNT) >= COUNT / 2)
     assert (tmp_path / "attacked" / "checkpoints.pth").is_file()  # what belongs to the model went along

@@ -31,7 +31,7 @@ COMMANDS = {
     "cameras orbit": "cameras orbit --model model.ply --out out",
     "contributions": "contributions --model model.ply --cameras cameras.json --stages out --index out.tsv",
     "features": "features --model model.ply --weights weights.npy --out out",
-    "attack": "attack plain_weight --model model.ply --weights weights.npy --out out --kept out.npy",
+    "attack": "attack plain_weight --model model.ply --weights weights.npy --out out --removed out.npy",
     "metrics": "metrics a b --out out",
     "figures": "figures model --model model.ply --weights weights.npy --clusters clusters.npz --prune-mask mask.npy "
     "--cameras cameras.json --out out",

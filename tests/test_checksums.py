@@ -33,7 +33,7 @@ from tests.models import blobs, camera
 
 METRICS = [ViewMetrics("scene", "view_0", "render", dict.fromkeys(metrics.METRICS, 0.5))]
 KINDS = {
-    "omega.npy": (
+    "weights.npy": (
         lambda path: save_array(path, np.arange(50.0)),
         lambda path: load_array(path, dtype=np.float64, shape=(None,)),
     ),
@@ -77,29 +77,29 @@ def test_a_flipped_bit_is_found_when_the_file_is_read(tmp_path: Path, name: str)
 
 def test_a_folder_that_moves_keeps_its_checksums_and_a_file_copied_alone_has_none(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
-    written(tmp_path / "a", "omega.npy")
+    written(tmp_path / "a", "weights.npy")
     (tmp_path / "a").rename(tmp_path / "b")
-    flipped(tmp_path / "b" / "omega.npy")
+    flipped(tmp_path / "b" / "weights.npy")
     with pytest.raises(InputError, match="expected CRC-32"):
-        KINDS["omega.npy"][1](tmp_path / "b" / "omega.npy")
-    shutil.copy(tmp_path / "b" / "omega.npy", tmp_path / "mine.npy")
-    assert len(KINDS["omega.npy"][1](tmp_path / "mine.npy")) == 50
+        KINDS["weights.npy"][1](tmp_path / "b" / "weights.npy")
+    shutil.copy(tmp_path / "b" / "weights.npy", tmp_path / "mine.npy")
+    assert len(KINDS["weights.npy"][1](tmp_path / "mine.npy")) == 50
 
 
 def test_a_writer_that_is_killed_leaves_no_checksum_of_another_file(tmp_path: Path) -> None:
-    path, read = written(tmp_path, "omega.npy"), KINDS["omega.npy"][1]
+    path, read = written(tmp_path, "weights.npy"), KINDS["weights.npy"][1]
     save_array(path, np.arange(9.0))  # and killed before it writes the provenance
     assert len(read(path)) == 9
 
 
 def test_files_that_appear_together_lose_their_old_checksums(tmp_path: Path) -> None:
-    path, read = written(tmp_path, "omega.npy"), KINDS["omega.npy"][1]
+    path, read = written(tmp_path, "weights.npy"), KINDS["weights.npy"][1]
     with filling(tmp_path) as folder:
-        save_array(folder / "omega.npy", np.arange(9.0))
-        write_provenance(folder / "omega.npy", inputs={}, settings={"new": True})
+        save_array(folder / "weights.npy", np.arange(9.0))
+        write_provenance(folder / "weights.npy", inputs={}, settings={"new": True})
         save_array(folder / "other.npy", np.arange(9.0))
     assert len(read(path)) == 9
-    assert read_json(tmp_path / "omega.npy.json")["settings"] == {"new": True}
+    assert read_json(tmp_path / "weights.npy.json")["settings"] == {"new": True}
 
 
 def test_a_users_json_beside_a_file_is_no_checksum_and_stays(tmp_path: Path) -> None:
@@ -122,17 +122,17 @@ def test_a_users_json_beside_a_file_is_no_checksum_and_stays(tmp_path: Path) -> 
     ids=["cut", "empty", "zeros", "no checksum", "a number", "deep"],
 )
 def test_damaged_provenance_is_one_line_that_names_it(tmp_path: Path, edit) -> None:
-    path = written(tmp_path, "omega.npy")
-    note = tmp_path / "omega.npy.json"
+    path = written(tmp_path, "weights.npy")
+    note = tmp_path / "weights.npy.json"
     note.write_text(edit(note.read_text()))
     with pytest.raises(InputError) as caught:
-        KINDS["omega.npy"][1](path)
+        KINDS["weights.npy"][1](path)
     assert str(caught.value).startswith(f"{note}: ")
     assert str(caught.value).isprintable()
 
 
 def test_the_digest_of_an_input_is_the_one_that_was_verified(tmp_path: Path) -> None:
-    source = written(tmp_path, "omega.npy")
+    source = written(tmp_path, "weights.npy")
     write_text(tmp_path / "mine.txt", "mine")
     write_text(tmp_path / "out.txt", "out")
     inputs = {"weights": source, "mine": tmp_path / "mine.txt", "folder": tmp_path}

@@ -15,7 +15,7 @@ from gspure.renderer import CONTRIBUTION
 from tests.test_checksums import flipped
 
 SCENE = Path("results/vanilla/room")
-OMEGA = SCENE / "omega.npy"
+OMEGA = SCENE / "weights.npy"
 INDEX = SCENE / "contributions" / "1-of-1.tsv"
 STAGES = Path("stages/vanilla/room/contributions")
 CAMERAS = Path("results/pairs/room/cameras.json")
@@ -98,7 +98,7 @@ def test_a_damaged_artifact_is_kept_aside_without_its_checksum():
     content = OMEGA.read_bytes()
     (damage,) = set_aside([INDEX, OMEGA])
     assert damage.startswith(f"{OMEGA}: content: expected CRC-32")
-    assert (SCENE / "omega.npy.damaged").read_bytes() == content
+    assert (SCENE / "weights.npy.damaged").read_bytes() == content
     assert not OMEGA.exists()
     assert not Path(f"{OMEGA}.json").exists()
     assert INDEX.exists()

@@ -44,7 +44,7 @@ def test_a_factor_that_is_null_is_that_of_the_scheme_also_where_the_method_has_o
     ("own", "first"),
     [
         ({"energy": "ewa"}, "contributions"),
-        ({"reduction": "max"}, "omega.npy"),
+        ({"reduction": "max"}, "weights.npy"),
         ({"cluster_on": ["position", "weight"]}, "tree.npy"),
         ({"min_samples": 3}, "tree.npy"),
         ({"selection": "leaf"}, "clusters.npz"),

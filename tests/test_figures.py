@@ -72,9 +72,9 @@ def test_figures_are_the_same_bytes_again(tmp_path: Path, evidence: gallery.Evid
 
 @pytest.fixture
 def inputs(tmp_path: Path, evidence: gallery.Evidence) -> list[str]:
-    files = {name: tmp_path / name for name in ("model.ply", "omega.npy", "clusters.npz", "mask.npy", "cameras.json")}
+    files = {name: tmp_path / name for name in ("model.ply", "weights.npy", "clusters.npz", "mask.npy", "cameras.json")}
     write_model(files["model.ply"], gaussians(means=BALL, scales=0.1))
-    save_array(files["omega.npy"], evidence.weights)
+    save_array(files["weights.npy"], evidence.weights)
     write_clusters(files["clusters.npz"], Clusters(evidence.labels, 0), {})
     save_array(files["mask.npy"], evidence.pruned)
     write_cameras(files["cameras.json"], orbit_cameras(BALL, np.ones(400), count=4, width=32, height=24))

@@ -18,7 +18,7 @@ from gspure.renderer import Renderer
 
 WALL, HIDDEN = 300, 100
 CLOUDS = {"clusters", "ranks", "kept"}
-RESULTS = ("purified.ply", "weights.npy", "labels.npy", "pruned.npy", "diagnosis.json")
+RESULTS = ("purified.ply", "weights.npy", "labels.npy", "prune_mask.npy", "diagnosis.json")
 
 
 def model() -> Gaussians:
@@ -54,12 +54,12 @@ def found() -> Purification:
 
 
 def test_what_hardly_shows_is_removed_and_what_shows_stays(found: Purification) -> None:
-    assert found.pruned[WALL:].all()
-    assert found.pruned[:WALL].mean() < 0.2
+    assert found.prune_mask[WALL:].all()
+    assert found.prune_mask[:WALL].mean() < 0.2
 
 
 def test_remaining_rows_are_bit_identical_and_say_what_was_done(found: Purification) -> None:
-    assert found.model.table.tobytes() == model().table[~found.pruned].tobytes()
+    assert found.model.table.tobytes() == model().table[~found.prune_mask].tobytes()
     (comment,) = found.model.comments
     assert "purified" in comment
     assert "min_cluster_size=20" in comment
@@ -77,19 +77,19 @@ def test_decisions_do_not_depend_on_the_order_of_rows(selection: str) -> None:
     given, chosen = model(), {**SETTINGS, "selection": selection}
     rows = np.random.default_rng(5).permutation(len(given))
     before, after = purify(given, cameras(), **chosen), purify(Gaussians(given.table[rows]), cameras(), **chosen)
-    for name in ("weights", "labels", "pruned"):
+    for name in ("weights", "labels", "prune_mask"):
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name)[rows])
 
 
 def test_parts_of_the_result_belong_together(found: Purification) -> None:
-    np.testing.assert_array_equal(found.pruned, prune_mask(found.labels, found.weights))
-    assert found.diagnosis.pruned_share == found.pruned.mean()
+    np.testing.assert_array_equal(found.prune_mask, prune_mask(found.labels, found.weights))
+    assert found.diagnosis.pruned_share == found.prune_mask.mean()
     assert found.diagnosis.clusters == found.labels.max() + 1 >= 2
 
 
 def test_settings_reach_their_stage() -> None:
     given = model(), cameras()
-    assert not purify(*given, tau_c=1e9, tau_n=1e9, **SETTINGS).pruned.any()
+    assert not purify(*given, tau_c=1e9, tau_n=1e9, **SETTINGS).prune_mask.any()
     assert (purify(*given, **SETTINGS | {"min_cluster_size": 400}).labels == -1).all()
     assert purify(*given, energy="ewa", **SETTINGS).weights.sum() > purify(*given, **SETTINGS).weights.sum()
     assert purify(*given, reduction="max", **SETTINGS).weights.max() <= 1
@@ -158,15 +158,15 @@ def test_the_stages_one_by_one_come_to_the_same(tmp_path: Path, found: Purificat
             at["p.npy"],
             "--out",
             at["out.ply"],
-            "--kept",
+            "--removed",
             at["k.npy"],
         ],
     ):
         assert main(command) == 0
     np.testing.assert_array_equal(np.load(at["w.npy"]), found.weights)
     np.testing.assert_array_equal(np.load(at["c.npz"])["labels"], found.labels)
-    np.testing.assert_array_equal(np.load(at["p.npy"]), found.pruned)
-    np.testing.assert_array_equal(np.load(at["k.npy"]), ~found.pruned)
+    np.testing.assert_array_equal(np.load(at["p.npy"]), found.prune_mask)
+    np.testing.assert_array_equal(np.load(at["k.npy"]), found.prune_mask)
     assert read_json(tmp_path / "d.json") == found.diagnosis.to_json()
     assert read_model(tmp_path / "out.ply").table.tobytes() == found.model.table.tobytes()
     settings = read_json(tmp_path / "t.npy.json")["settings"]
@@ -185,7 +185,7 @@ def test_command_leaves_model_arrays_metrics_and_figures(
     out = tmp_path / "out"
     command = ["purify", str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json"), "--out", str(out)]
     assert main([*command, "--min-cluster-size", "20", "--min-samples", "5", "--selection", "leaf"]) == 0
-    pruned = np.load(out / "pruned.npy")
+    pruned = np.load(out / "prune_mask.npy")
     assert read_model(out / "purified.ply").table.tobytes() == model().table[~pruned].tobytes()
     assert np.load(out / "weights.npy").dtype == np.float32
     assert np.load(out / "labels.npy").dtype == np.int32
@@ -242,7 +242,7 @@ def test_the_purified_model_is_on_disk_before_anything_is_drawn(
     tmp_path: Path, command: list[str], monkeypatch, step: str
 ) -> None:
     def look(*_: object, **__: object) -> None:
-        assert {"purified.ply", "weights.npy", "labels.npy", "pruned.npy", "diagnosis.json"} <= {
+        assert {"purified.ply", "weights.npy", "labels.npy", "prune_mask.npy", "diagnosis.json"} <= {
             *files(tmp_path / "out")
         }
         raise KeyboardInterrupt

@@ -47,7 +47,7 @@ def test_the_program_runs(folder, planted):
     exec(program, names)  # noqa: S102
     assert names["image"].shape == (36, 48, 3)
     assert names["gradients"].means.shape == names["purified"].model.means.shape
-    kept = ~names["purified"].pruned
+    kept = ~names["purified"].prune_mask
     assert read_model(Path("purified.ply")).table.tobytes() == planted.public.table[kept].tobytes()
 
 
@@ -57,7 +57,7 @@ def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys):
             assert main(arguments) == 0
     assert re.search(r"^mean +\d+\.\d+ +\d\.\d+$", capsys.readouterr().out, re.MULTILINE)
     assert {path.name for path in folder.iterdir()} >= {"purified", "before", "after"}
-    assert np.load("purified/pruned.npy").any()
+    assert np.load("purified/prune_mask.npy").any()
 
 
 def test_the_training_command_leaves_a_model(tmp_path, monkeypatch):

@@ -324,8 +324,8 @@ def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_lo
     embedded.public.write(tmp_path / "point_cloud.ply")
     embedded.key.write(tmp_path / "key")
     weights = np.arange(len(embedded.public.model), dtype=np.float32)
-    save_array(tmp_path / "omega.npy", weights)
-    inputs = {"model": "point_cloud.ply", "key": "key", "weights": "omega.npy"}
+    save_array(tmp_path / "weights.npy", weights)
+    inputs = {"model": "point_cloud.ply", "key": "key", "weights": "weights.npy"}
     files = {**inputs, "out": "share.json", "hidden": "hidden.npy"}
     options = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
     options += ["--scheme", embedded.scheme.name, "--cameras", str(pair_folder / "cameras.json")]

@@ -24,9 +24,18 @@ def test_the_command_measures_what_the_attack_takes(tmp_path, capsys):
     assert "method mesh: " in capsys.readouterr().out
     assert PlyData.read(tmp_path / "mesh.ply")["face"].count > 1000
     distances, out = tmp_path / "surface.npy", tmp_path / "attacked.ply"
-    written = ["--model", tmp_path / "model.ply", "--surface", distances, "--out", out, "--kept", tmp_path / "kept.npy"]
+    written = [
+        "--model",
+        tmp_path / "model.ply",
+        "--surface",
+        distances,
+        "--out",
+        out,
+        "--removed",
+        tmp_path / "mask.npy",
+    ]
     assert main(["attack", "gof", *map(str, written)]) == 0
-    kept = np.load(tmp_path / "kept.npy")
+    kept = ~np.load(tmp_path / "mask.npy")
     np.testing.assert_array_equal(kept, np.load(distances) <= 3)
     assert kept[part == 0].mean() > 0.97
 

@@ -37,16 +37,16 @@ def shown(outcomes) -> dict[str, dict[str, str]]:
 def results(tmp_path: Path, scene: str = "room") -> tuple[list[Path], list[Path], Path]:
     folder = tmp_path / "planted" / scene
     truth = np.array([True, True, False, False, False])
-    kept = {"unattacked": [1, 1, 1, 1, 1], "gspure": [0, 1, 0, 1, 1], "gaussian_noise": [1, 1, 1, 1, 1]}
+    pruned = {"unattacked": [0, 0, 0, 0, 0], "gspure": [1, 0, 1, 0, 0], "gaussian_noise": [0, 0, 0, 0, 0]}
     metrics, masks = [], []
     for variant, (scene_psnr, message_psnr) in reversed(ROWS.items()):
         rows = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate(scene_psnr)]
         rows += [measured("message", psnr, 0.8, view=str(i)) for i, psnr in enumerate(message_psnr)]
         metrics.append(folder / variant / "metrics.csv")
         write_metrics(metrics[-1], rows)
-        masks.append(folder / variant / "public" / "kept.npy")
+        masks.append(folder / variant / "public" / "prune_mask.npy")
         masks[-1].parent.mkdir()
-        np.save(masks[-1], np.array(kept[variant], bool))
+        np.save(masks[-1], np.array(pruned[variant], bool))
     (folder / "key").mkdir()
     np.save(folder / "key" / "message.npy", truth)
     return metrics, masks, folder / "key" / "message.npy"
@@ -114,7 +114,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
     for path in metrics:
         verdicts.append(path.with_name("verdict.json"))
         write_json(verdicts[-1], {"reached": {"message": "noise" not in path.parent.name}})
-    arguments = ["--metrics", *metrics, "--kept", *masks, "--truth", truth, "--out", out, "--markdown", text]
+    arguments = ["--metrics", *metrics, "--prune-masks", *masks, "--truth", truth, "--out", out, "--markdown", text]
     arguments += ["--verdicts", *verdicts]
     assert main(["table", *map(str, arguments)]) == 0
     rows = list(csv.DictReader(out.read_text().splitlines()))
@@ -189,7 +189,7 @@ def test_an_attack_that_did_not_reach_what_is_read_is_marked(tmp_path: Path) -> 
 def failed_job(tmp_path: Path, metrics: list[Path], reason: str) -> Path:
     """The status of a job without which there are no such metrics."""
     log = str(tmp_path / "attack.log")
-    Failure("attack_model", reason, log, "run.log", [str(tmp_path / "kept.npy"), *map(str, metrics)]).write()
+    Failure("attack_model", reason, log, "run.log", [str(tmp_path / "prune_mask.npy"), *map(str, metrics)]).write()
     return status_of(log)
 
 

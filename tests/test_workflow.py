@@ -30,7 +30,7 @@ pytestmark = pytest.mark.workflow
 ROOT = Path(__file__).parents[1]
 WORKFLOW = ("gspure", "kernels_cl", "rules", "schemas", "config", "profiles", "envs", "report", "Snakefile")
 BOT = Path("results/vanilla/bot")
-OMEGA = str(BOT / "omega.npy")
+OMEGA = str(BOT / "weights.npy")
 TABLE = "results/tables/results.csv"
 CONFIG = {
     "assets": {"bot": {"model": "bot.ply", "cameras": "views.json"}},
@@ -215,7 +215,7 @@ def test_a_variant_added_only_that_variant_made(project):
     )
     expected = {"attack_model": 1, "render_target": 1, "compare_renders": 1, "tabulate_metrics": 1}
     assert rules_run(project.run(TABLE)) == expected
-    assert np.load(project.folder / BOT / "half" / "kept.npy").mean() == 0.5
+    assert np.load(project.folder / BOT / "half" / "prune_mask.npy").mean() == 0.5
 
 
 def test_colours_changed_no_view_recomputed(project):
@@ -341,7 +341,7 @@ def test_a_model_is_trained_from_photographs_once_for_everything(desk):
 
 
 def test_a_trained_model_is_measured_and_trained_anew_when_a_photograph_or_setting_changes(desk):
-    omega, trained = "results/vanilla/desk/omega.npy", desk.folder / "results" / "vanilla" / "desk" / "trained"
+    omega, trained = "results/vanilla/desk/weights.npy", desk.folder / "results" / "vanilla" / "desk" / "trained"
     desk.run(omega)
     assert np.load(desk.folder / omega).shape == (80,)
     assert len(read_cameras(trained / "cameras.json")) == 9

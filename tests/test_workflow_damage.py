@@ -16,7 +16,7 @@ def zeroed(path):
     ("artifact", "reader", "target", "maker"),
     [
         (OMEGA, "build_features", BOT / "features.npy", "accumulate_weights"),
-        (BOT / "gspure" / "kept.npy", "tabulate_metrics", TABLE, "attack_model"),
+        (BOT / "gspure" / "prune_mask.npy", "tabulate_metrics", TABLE, "attack_model"),
         (BOT / "gspure/public/point_cloud.ply", "render_target", BOT / "gspure/renders/scene", "attack_model"),
     ],
     ids=["weights", "kept rows", "model"],

@@ -31,8 +31,8 @@ def finished(tmp_path_factory, started):  # noqa: F811
     return project, rules_run(project.run(TABLE))
 
 
-def kept(finished, variant):
-    return np.load(finished[0].folder / BOT / variant / "kept.npy")
+def removed(finished, variant):
+    return np.load(finished[0].folder / BOT / variant / "prune_mask.npy")
 
 
 def test_each_stage_runs_once_for_all_decisions_that_have_it_in_common(finished):
@@ -49,15 +49,15 @@ def test_decisions_lie_beside_that_of_the_method_with_what_is_their_own(finished
     assert arrays == {
         "harsh": ["prune_mask.npy"],
         "without_weight": last,
-        "ewa": sorted([*last, "features.npy", "omega.npy"]),
+        "ewa": sorted([*last, "features.npy", "weights.npy"]),
     }
 
 
 def test_a_variant_is_given_the_evidence_of_its_decision(finished):
     for name in DECISIONS:
         mask = np.load(finished[0].folder / BOT / "decisions" / name / "prune_mask.npy")
-        assert (kept(finished, name) == ~mask).all()
-        assert (kept(finished, name) != kept(finished, "gspure")).any()
+        assert (removed(finished, name) == mask).all()
+        assert (removed(finished, name) != removed(finished, "gspure")).any()
 
 
 def test_without_the_weight_opacities_decide(finished):
@@ -66,9 +66,9 @@ def test_without_the_weight_opacities_decide(finished):
 
 
 def test_a_rule_without_clusters_takes_the_factor_for_noise_of_its_decision(finished):
-    weights = np.load(finished[0].folder / BOT / "omega.npy").astype(float)
-    assert (kept(finished, "plain_weight") == (weights >= weights.mean() / 4)).all()
-    assert (kept(finished, "plain_harsh") == (weights >= weights.mean())).all()
+    weights = np.load(finished[0].folder / BOT / "weights.npy").astype(float)
+    assert (removed(finished, "plain_weight") == (weights < weights.mean() / 4)).all()
+    assert (removed(finished, "plain_harsh") == (weights < weights.mean())).all()
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_every_file_is_what_its_name_says(failed):
     for path in files:
         if path.suffix in readers:
             readers[path.suffix](path)
-    cells = {path.parent.parts[-2:] for path in files if path.name in ("metrics.csv", "kept.npy")}
+    cells = {path.parent.parts[-2:] for path in files if path.name in ("metrics.csv", "prune_mask.npy")}
     assert cells
     assert not cells & FAILED.keys()
 

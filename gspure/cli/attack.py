@@ -10,8 +10,8 @@ from gspure.cli.options import add_scheme, read_public
 HELP = "attack a model: remove Gaussians, change what they store, move them; and controls"
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
-  gspure attack gspure --model point_cloud.ply --prune-mask prune_mask.npy --out purified.ply --kept kept.npy
-  gspure attack plain_weight --model point_cloud.ply --weights omega.npy --set tau=4 --out plain.ply
+  gspure attack gspure --model point_cloud.ply --prune-mask prune_mask.npy --out purified.ply
+  gspure attack plain_weight --model point_cloud.ply --weights weights.npy --set tau=4 --out plain.ply
   gspure attack rigid_transform --model point_cloud.ply --set angle=90 --out moved.ply --world world.npy
 """
 
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the attack; may be repeated"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="PLY", help="the attacked model")
-    parser.add_argument("--kept", type=Path, metavar="NPY", help="also write which rows it kept: bool [K]")
+    parser.add_argument("--removed", type=Path, metavar="NPY", help="also write the mask of the removed rows: bool [K]")
     add_scheme(parser)
     parser.add_argument(
         "--verdict",
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Attack, and write the model and which rows it kept."""
+    """Attack; write the model and the mask of the removed rows."""
     import numpy as np
 
     from gspure.artifacts import load_array, save_array, write_json, write_provenance
@@ -71,9 +71,9 @@ def run(args: argparse.Namespace) -> None:
     stored = {"opacities": model.opacities} if public.rows_are_gaussians else {}
     attacked = attack.apply(public, Evidence(**stored | loaded), seed=args.seed, **settings)
     public.with_model(attacked.model).write(args.out)
-    made = [path for path in (args.out, args.kept, args.world, args.verdict) if path]
-    if args.kept:
-        save_array(args.kept, ~attacked.prune_mask)
+    outputs = [path for path in (args.out, args.removed, args.world, args.verdict) if path]
+    if args.removed:
+        save_array(args.removed, attacked.prune_mask)
     if args.world:
         save_array(args.world, np.eye(4) if attacked.world is None else attacked.world)
     if args.verdict:
@@ -81,6 +81,6 @@ def run(args: argparse.Namespace) -> None:
         touched = {name: reached(model, attacked, columns) for name, columns in carriers.items()}
         write_json(args.verdict, {"reached": touched})
     said = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
-    for path in made:
+    for path in outputs:
         write_provenance(path, inputs={"model": args.model, **files}, settings=said)
     print(f"{attack.name}: kept {int((~attacked.prune_mask).sum())} of {len(model)} rows, {len(attacked.model)} in all")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 HELP = "standardize positions, opacities and weights: features F [K,5]"
 EXAMPLES = """\
-  gspure features --model point_cloud.ply --weights omega.npy --out features.npy
-  gspure features --model point_cloud.ply --weights omega.npy --opacities opacities.npy --out features.npy
+  gspure features --model point_cloud.ply --weights weights.npy --out features.npy
+  gspure features --model point_cloud.ply --weights weights.npy --opacities opacities.npy --out features.npy
 """
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 HELP = "draw figures: point clouds and weights, renderings side by side, outcomes, sweeps, trade-offs"
 EXAMPLES = """\
-  gspure figures model --model point_cloud.ply --weights omega.npy --clusters clusters.npz \\
+  gspure figures model --model point_cloud.ply --weights weights.npy --clusters clusters.npz \\
       --prune-mask prune_mask.npy --cameras cameras.json --out figures
   gspure figures panels --column before=before --column after=after --difference --out figures/views.png
   gspure figures attacks --table results.csv --asset planted/room --column truth=truth \\

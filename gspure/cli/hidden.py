@@ -11,7 +11,7 @@ from gspure.cli.weights import add_reduction
 HELP = "measure the share of the message's weight on rows of low public weight"
 EXAMPLES = """\
   gspure hidden --model marked/public/point_cloud.ply --scheme splats_in_splats --key marked/key \\
-      --cameras pair/cameras.json --weights omega.npy --out hidden.json
+      --cameras pair/cameras.json --weights weights.npy --out hidden.json
 """
 
 

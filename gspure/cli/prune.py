@@ -9,7 +9,7 @@ from gspure.cli.method_options import add_factors
 
 HELP = "decide which Gaussians to prune, and diagnose the clustering"
 EXAMPLES = """\
-  gspure prune --clusters clusters.npz --weights omega.npy --out prune_mask.npy --diagnosis diagnosis.json
+  gspure prune --clusters clusters.npz --weights weights.npy --out prune_mask.npy --diagnosis diagnosis.json
 """
 
 

@@ -29,7 +29,7 @@ what it leaves in DIR:
   purified.ply       the Gaussians that remain, bit-identical
   weights.npy        float32 [K]   mean contribution of every Gaussian
   labels.npy         int32 [K]     its cluster; -1 is noise
-  pruned.npy         bool [K]      whether it was removed
+  prune_mask.npy         bool [K]      whether it was removed
   diagnosis.json     what the clustering did, and whether to trust it; suspicious rows by reason
   renders/           held-out views before and after
   metrics.csv        PSNR and SSIM of the views after against those before
@@ -132,7 +132,7 @@ def _write(folder: Path, purified: PublicModel, found: Purification, suspects: d
     purified.write(folder / "purified.ply")
     save_array(folder / "weights.npy", found.weights)
     save_array(folder / "labels.npy", found.labels)
-    save_array(folder / "pruned.npy", found.pruned)
+    save_array(folder / "prune_mask.npy", found.prune_mask)
     write_json(folder / "diagnosis.json", {**found.diagnosis.to_json(), "suspicious": suspects})
 
 
@@ -180,7 +180,7 @@ def _draw_model(args: argparse.Namespace, model: Gaussians, found: Purification,
     from gspure.model.signature import Signature
 
     rows = Signature.of(model.table.dtype.names or ()).rows
-    shown = (model.means, found.labels, found.weights, found.pruned)
+    shown = (model.means, found.labels, found.weights, found.prune_mask)
     evidence = Evidence(*shown, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
     for path, caption, draw in drawings(args.out / "figures", evidence, cameras):
         with optional(path):

@@ -8,7 +8,7 @@ from pathlib import Path
 HELP = "collect the metrics of all variants in one table, with the Score"
 EXAMPLES = """\
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md
-  gspure table --metrics results/planted/room/*/metrics.csv --kept results/planted/room/*/kept.npy \\
+  gspure table --metrics results/planted/room/*/metrics.csv --prune-masks results/planted/room/*/prune_mask.npy \\
       --truth results/planted/room/key/carriers.npy --out results.csv --markdown results.md
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md \\
       --summary summary.csv --latex summary.tex                        # means over scenes, with intervals
@@ -21,12 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--metrics", type=Path, nargs="*", required=True, metavar="CSV", help="files SCHEME/SCENE/VARIANT/metrics.csv"
     )
     parser.add_argument(
-        "--kept",
+        "--prune-masks",
         type=Path,
         nargs="*",
         default=[],
         metavar="NPY",
-        help="masks of kept rows, below SCHEME/SCENE/VARIANT",
+        help="masks of removed rows, below SCHEME/SCENE/VARIANT",
     )
     parser.add_argument(
         "--truth",
@@ -67,9 +67,9 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.summary import Summary, summarize
     from gspure.report.tables import results_markdown, summary_table
 
-    outcomes = collect(args.metrics, args.kept, args.truth, args.verdicts, args.failures)
+    outcomes = collect(args.metrics, args.prune_masks, args.truth, args.verdicts, args.failures)
     write_results(args.out, outcomes)
-    files = (*args.metrics, *args.kept, *args.truth, *args.verdicts, *args.failures)
+    files = (*args.metrics, *args.prune_masks, *args.truth, *args.verdicts, *args.failures)
     write_provenance(args.out, inputs={path.as_posix(): path for path in files}, settings={})
     write_text(args.markdown, results_markdown(outcomes))
     if args.summary:

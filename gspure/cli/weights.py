@@ -7,7 +7,7 @@ from pathlib import Path
 
 HELP = "average the contributions over the views: weights omega [K]"
 EXAMPLES = """\
-  gspure weights --index room.tsv --model point_cloud.ply --out omega.npy
+  gspure weights --index room.tsv --model point_cloud.ply --out weights.npy
   gspure weights --index 1.tsv 2.tsv --model point_cloud.ply --reduction max --out omega_max.npy
 """
 

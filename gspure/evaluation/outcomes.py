@@ -119,7 +119,7 @@ def ordered(targets: Iterable[str]) -> list[str]:
 
 def collect(
     metrics: Sequence[Path],
-    kept: Sequence[Path] = (),
+    prune_masks: Sequence[Path] = (),
     truth: Sequence[Path] = (),
     verdicts: Sequence[Path] = (),
     failures: Sequence[Path] = (),
@@ -131,8 +131,8 @@ def collect(
     metrics : sequence of Path
         Files ``.../{scheme}/{scene}/{variant}/metrics.csv``. Scenes that end in ``@1``, ``@2``, ... are repetitions
         with other random seeds.
-    kept : sequence of Path
-        Masks ``.npy`` bool [K], true where a variant kept the row, anywhere below the variant's folder.
+    prune_masks : sequence of Path
+        Masks ``.npy`` bool [K], true where a variant removed the row, anywhere below the variant's folder.
     truth : sequence of Path
         Masks ``.npy`` bool [K], true where a row carries the message, anywhere below ``{scheme}/{scene}``.
     verdicts : sequence of Path
@@ -156,7 +156,7 @@ def collect(
     if not metrics:
         reason = failed[0].failure if failed else "nothing"
         raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
-    outcomes = [*(_outcome(path, kept, truth, verdicts) for path in metrics), *failed]
+    outcomes = [*(_outcome(path, prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != UNATTACKED))
     return with_references(outcomes)
 
@@ -196,7 +196,7 @@ def _empty(path: Path) -> Outcome:
     return Outcome(scheme, scene, variant, {}, {}, seed=int(seed) if seed.isdecimal() else 0)
 
 
-def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: Sequence[Path]) -> Outcome:
+def _outcome(path: Path, prune_masks: Sequence[Path], truth: Sequence[Path], verdicts: Sequence[Path]) -> Outcome:
     folder = path.resolve().parent
     outcome = _empty(path)
     rows = read_metrics(path)
@@ -204,9 +204,9 @@ def _outcome(path: Path, kept: Sequence[Path], truth: Sequence[Path], verdicts: 
     views = {target: sum(row.target == target for row in on_path(rows)) for target in targets}
     off = {mean.target: mean for mean in means(off_path(rows))}
     outcome = replace(outcome, targets=targets, views=views, off_path=off, reached=_reached(_below(folder, verdicts)))
-    if (kept_file := _below(folder, kept)) is None:
+    if (mask_file := _below(folder, prune_masks)) is None:
         return outcome
-    pruned = ~load_array(kept_file, dtype=np.bool_, shape=(None,))
+    pruned = load_array(mask_file, dtype=np.bool_, shape=(None,))
     outcome = replace(outcome, pruned_share=float(np.mean(pruned)))
     if (truth_file := _below(folder.parent, truth)) is None:
         return outcome

@@ -42,7 +42,7 @@ class Purification:
         View-accumulated weights ω_k of the given model.
     labels : array [K], int32
         Clusters 0 .. M-1; -1 is noise.
-    pruned : array [K], bool
+    prune_mask : array [K], bool
         True where removed.
     diagnosis : Diagnosis
         The clustering in numbers, with its warnings.
@@ -52,7 +52,7 @@ class Purification:
     model: Gaussians
     weights: Weights
     labels: Labels
-    pruned: Mask
+    prune_mask: Mask
     diagnosis: Diagnosis
 
 

@@ -19,7 +19,7 @@ FACTORS: Final = ("tau_c", "tau_n")
 
 STAGES: Final[Mapping[str, Sequence[str]]] = {
     "contributions": ("energy",),
-    "omega.npy": ("reduction",),
+    "weights.npy": ("reduction",),
     "features.npy": (),
     "tree.npy": ("cluster_on", "min_samples"),
     "clusters.npz": ("min_cluster_size", "selection", "max_cluster_share"),
@@ -89,6 +89,6 @@ def _kind(settings: Settings, among: Decisions) -> tuple[object, ...]:
     kind = [attack.name, *words.values(), *([f"seed {settings['seed']}"] if settings["seed"] else [])]
     if attack.needs & {"weights", "prune_mask"}:
         name = settings.get("decision", METHOD)
-        first = origin(among, name, "clusters.npz" if "prune_mask" in attack.needs else "omega.npy")
+        first = origin(among, name, "clusters.npz" if "prune_mask" in attack.needs else "weights.npy")
         kind += [] if first == METHOD else [first]
     return tuple(kind)
