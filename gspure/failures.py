@@ -17,6 +17,9 @@ from gspure.errors import InputError
 
 SUFFIX: Final = ".failed.json"
 
+INTERRUPTIONS: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+"""Signals that stop a run on purpose: what they end has not failed."""
+
 _EXIT: Final = re.compile(r"exit status (\d+)")
 _SIGNALED: Final = 128
 """What a shell adds to the number of the signal that ended a command."""
@@ -74,16 +77,29 @@ def failures_below(folder: Path) -> list[Failure]:
 
 def reason_in(log: Path, rule: str) -> str:
     """Return why a job failed, in one line, from its log: an error message, and `exit status N` as the last line."""
-    text = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    if not lines or not (ended := _EXIT.fullmatch(lines[-1])):
+    lines, status = _ending(log)
+    if status is None:
         return f"{rule}: stopped without an exit status, possibly out of memory or time"
-    status = int(ended[1])
     if status > _SIGNALED:
         hint = ", possibly out of memory" if status == _SIGNALED + signal.SIGKILL else ""
         return f"{rule}: ended by {_signal_name(status - _SIGNALED)}{hint}"
-    last = lines[-2] if len(lines) > 1 else lines[-1]
+    last = lines[-1] if lines else f"exit status {status}"
     return last if last.startswith("gspure ") else f"{rule}: {last}"
+
+
+def is_interrupted(log: Path) -> bool:
+    """Return whether the job with this log was interrupted."""
+    status = _ending(log)[1]
+    return status is not None and status - _SIGNALED in INTERRUPTIONS
+
+
+def _ending(log: Path) -> tuple[list[str], int | None]:
+    """Return the lines of a log, and the exit status in its last line; None if there is none."""
+    text = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if not lines or not (ended := _EXIT.fullmatch(lines[-1])):
+        return lines, None
+    return lines[:-1], int(ended[1])
 
 
 def summary(failures: Iterable[Failure]) -> list[str]:

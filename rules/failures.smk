@@ -8,7 +8,7 @@ import sys
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
 from gspure.damage import set_aside
-from gspure.failures import Failure, failures_below, reason_in, status_of, summary
+from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary
 
 # In that process: the failures of the run that it follows. If a figure fails in it, a third one leaves that out, too.
 RUNS = list(filter(None, os.environ.get("GSPURE_FAILED_RUNS", "").split(os.pathsep)))
@@ -37,12 +37,18 @@ def record_failures(run):
     for job in workflow.dag.finished_jobs:
         for path in job.log:
             status_of(path).unlink(missing_ok=True)
-    return [record_failure(get_jobs(failed), run) for failed in workflow.scheduler.failed]
+    failed = map(get_jobs, workflow.scheduler.failed)
+    return [record_failure(jobs, run) for jobs in failed if not is_interrupted(Path(get_last(jobs).log[0]))]
+
+
+def get_last(jobs):
+    """The job that a group of jobs ended with."""
+    return max(jobs, key=lambda job: os.path.getmtime(job.log[0]) if os.path.exists(job.log[0]) else 0)
 
 
 def record_failure(jobs, run):
     """Write and return the status of a failed job, or of the one that a group of jobs ended with."""
-    last = max(jobs, key=lambda job: os.path.getmtime(job.log[0]) if os.path.exists(job.log[0]) else 0)
+    last = get_last(jobs)
     unmade = jobs | set(workflow.dag.bfs(workflow.dag.depending, *jobs)) - get_summaries()
     missing = sorted(str(path) for job in unmade for path in job.output)
     reason = reason_in(Path(last.log[0]), last.rule.name)

@@ -4,7 +4,7 @@ import pytest
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.failures import Failure, failures_below, read_failure, reason_in, status_of, summary
+from gspure.failures import Failure, failures_below, is_interrupted, read_failure, reason_in, status_of, summary
 
 REFUSAL = "gspure attack: attack crop: fraction: expected 0 to 1, found 7"
 
@@ -32,6 +32,13 @@ def test_the_reason_of_a_failure_is_in_its_log(tmp_path, text, reason):
     found = reason_in(tmp_path / "attack.log", "attack_model")
     assert found.startswith(reason)
     assert "\n" not in found
+
+
+@pytest.mark.parametrize(("status", "interrupted"), [(130, True), (143, True), (129, True), (137, False), (2, False)])
+def test_a_job_that_a_signal_interrupted_has_not_failed(tmp_path, status, interrupted):
+    (tmp_path / "attack.log").write_text(f"reading\nexit status {status}\n")
+    assert is_interrupted(tmp_path / "attack.log") == interrupted
+    assert not is_interrupted(tmp_path / "absent.log")
 
 
 def test_a_status_lies_beside_its_log_and_is_read_back(tmp_path):
