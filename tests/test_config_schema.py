@@ -63,6 +63,13 @@ def test_every_shipped_configuration_is_valid(file):
     validated(yaml.safe_load(file.read_text()), SCHEMA_FILE, file)
 
 
+@pytest.mark.parametrize("name", [1, True, None])
+def test_names_that_yaml_does_not_read_as_text_are_refused(name):
+    for config in ({"assets": {name: BOT}}, {**ASSET, "variants": {"gof": {"tolerance": 3.0, name: 1}}}):
+        with pytest.raises(InputError, match="names as text"):
+            filled(config)
+
+
 def test_naming_a_model_and_its_cameras_is_enough():
     config = filled(ASSET)
     assert config["assets"]["bot"].items() >= BOT.items()

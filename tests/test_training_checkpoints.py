@@ -1,5 +1,7 @@
 """Checkpoints: written whole, read only by the run that wrote them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,6 +35,13 @@ def test_a_checkpoint_of_other_settings_is_refused_by_their_name(tmp_path, snaps
     with pytest.raises(InputError, match=rf"checkpoint\.npz: {name}: expected .*--resume") as caught:
         read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS | {name: value})
     assert caught.value.field == name
+
+
+def test_a_checkpoint_whose_random_state_is_damaged_is_refused(tmp_path, snapshot):
+    damaged = replace(snapshot, rng={**snapshot.rng, "bit_generator": "MT19937"})
+    write_checkpoint(tmp_path / "checkpoint.npz", damaged, SETTINGS)
+    with pytest.raises(InputError, match="PCG64"):
+        read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS)
 
 
 @pytest.mark.parametrize("content", ["nothing", "half", "array", "other archive", "pickle"])

@@ -174,6 +174,14 @@ def test_points_without_colour_are_grey(tmp_path):
     assert read_point_ply(tmp_path / "a.ply")[1].tolist() == [[128, 128, 128]]
 
 
+def test_points_of_a_negative_number_are_refused(tmp_path):
+    write_point_ply(tmp_path / "a.ply", np.eye(3), np.zeros((3, 3), np.uint8))
+    content = (tmp_path / "a.ply").read_bytes().replace(b"vertex 3", b"vertex -1")
+    (tmp_path / "a.ply").write_bytes(content)
+    with pytest.raises(InputError, match="found -1 rows"):
+        read_point_ply(tmp_path / "a.ply")
+
+
 @pytest.mark.parametrize(
     ("text", "field"),
     [

@@ -57,6 +57,8 @@ class Vertices:
             raise InputError(path, "format", expected=content, found="a compressed .ply", hint=CONVERT)
         if names[:1] != ["vertex"]:
             raise InputError(path, "element vertex", expected="to come first", found=", ".join(names) or "no element")
+        if header["vertex"].count < 0:
+            raise InputError(path, "element vertex", expected="0 rows or more", found=f"{header['vertex'].count} rows")
         for stored in header["vertex"].properties:
             if isinstance(stored, PlyListProperty):
                 raise InputError(path, stored.name, expected="one value per row", found="a list property")

@@ -73,6 +73,7 @@ def read_checkpoint(path: Path, settings: Mapping[str, Any]) -> Snapshot:
         run = json.loads(str(arrays["run"]))
         _require_same(path, run["settings"], settings)
         parts = [Parameters(*(arrays[f"{part}.{group}"] for group in _SHAPES)) for part in _PARTS]
+        np.random.default_rng().bit_generator.state = run["rng"]  # raises what `reading` reports
         return Snapshot(run["iteration"], TrainState(*parts), tuple(run["unseen"]), run["rng"])
 
 

@@ -48,10 +48,19 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
     schema = yaml.safe_load(schema_file.read_text(encoding="utf-8"))
     with reading(source, "settings"):  # nested too deep, or a number too long to print
         filled = dict(deepcopy(config))
+        _require_text_keys(filled, source)
         errors = _filling_validator(jsonschema.Draft202012Validator)(schema).iter_errors(filled)
         if error := jsonschema.exceptions.best_match(errors):
             raise _refusal(error, source)
         return filled
+
+
+def _require_text_keys(config: Any, source: str | Path, place: str = "config") -> None:
+    """Refuse names that YAML reads as numbers, truth values or null, such as ``no: {}``."""
+    for name, value in config.items() if isinstance(config, Mapping) else ():
+        if not isinstance(name, str):
+            raise InputError(source, place, expected="names as text", found=repr(name), hint="put it in quotes")
+        _require_text_keys(value, source, name)
 
 
 def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
