@@ -6,7 +6,7 @@ import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.model.gaussians import Gaussians
-from gspure.reference.projection import rotation_matrices
+from gspure.model.rotations import rotation_matrices
 
 Case = tuple[Gaussians, Camera]
 

@@ -7,8 +7,8 @@ import pytest
 
 from gspure.attacks import Evidence, find_attack
 from gspure.errors import InputError
+from gspure.model.rotations import rotation_matrices
 from gspure.reference.blending import render
-from gspure.reference.projection import rotation_matrices
 from tests.attack_cases import KINDS, public
 from tests.models import blobs, camera
 

@@ -14,8 +14,8 @@ from gspure.cli import main
 from gspure.cli.options import read_views
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
+from gspure.model.rotations import rotation_matrices
 from gspure.reference.blending import render
-from gspure.reference.projection import rotation_matrices
 from gspure.reference.spherical_harmonics import sh_basis, sh_colors
 from tests.attack_cases import anchors, changed, features, public, unhurried
 from tests.models import blobs, camera, tilted_camera

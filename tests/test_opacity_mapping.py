@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.schemes.splats_in_splats import opacity_mapping
-from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit, logits
+from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit
 
 
 def sequence(count, seed=0):
@@ -52,7 +53,7 @@ def test_the_same_seed_gives_the_same_bits():
 def test_there_is_one_hidden_opacity_for_each(count):
     mapped = OpacityMapping.fresh(np.random.default_rng(0))(np.full(count, 0.5, np.float32))
     assert mapped.shape == (count,)
-    assert np.isfinite(logits(mapped)).all()
+    assert np.isfinite(logit(mapped, LEAST_OPACITY)).all()
 
 
 def test_arrays_make_the_mapping_again():

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, EWA_DILATION, NEAR_PLANE
+from gspure.model.rotations import rotation_matrices
 from gspure.reference.blending import render
 from gspure.reference.footprint import extents, touched_tiles
-from gspure.reference.projection import pixel_centres, project, rotation_matrices
+from gspure.reference.projection import pixel_centres, project
 from gspure.reference.spherical_harmonics import sh_basis, sh_colors
 from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
 

@@ -11,9 +11,9 @@ from gspure.attacks import Evidence, find_attack
 from gspure.cameras.projection import points_shown
 from gspure.errors import InputError
 from gspure.model.mesh import Mesh, write_mesh_ply
+from gspure.model.rotations import rotation_matrices
 from gspure.public_model import PublicModel
 from gspure.reference.opacity_field import opacity_field
-from gspure.reference.projection import rotation_matrices
 from gspure.surface.axes import principal_axes
 from gspure.surface.depths import UNSEEN, depth_distances
 from gspure.surface.distance import face_points, mesh_distances

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gspure.constants import SH_DC
-from gspure.model.gaussians import sigmoid
+from gspure.model.activations import sigmoid
 from gspure.training.dataset import extent
 from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, seen, thinned
 from tests.camera_cases import cameras, project

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.attacks.attack import Attacked, Rng, named, require, require_nonnegative, select_columns
-from gspure.model.activations import logit
+from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import ATTRIBUTES, Columns
 
@@ -46,7 +46,7 @@ def feature_scaling(
     names = select_columns(columns, attributes, ("colour", "base_colour", "opacity"))
     scaled = {name: model.table[name] * np.float32(factor) for name in names}
     if "opacity" in scaled:
-        scaled["opacity"] = logit(model.opacities.astype(np.float64) * factor)
+        scaled["opacity"] = logit(model.opacities.astype(np.float64) * factor, LEAST_OPACITY)
     return Attacked.changed(model, scaled)
 
 

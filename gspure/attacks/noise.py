@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.attacks.attack import Attacked, Rng, named, require_attribute, require_nonnegative, select_columns
 from gspure.attacks.geometry import radius
-from gspure.model.activations import logit
+from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
 
@@ -50,7 +50,8 @@ def opacity_noise(model: Gaussians, rng: Rng, columns: Columns, *, sigma: float 
     """Multiply every opacity by an independent 1 + `sigma` ε, ε normal; the result is clipped to 0 to 1."""
     require_nonnegative("opacity_noise", "sigma", sigma)
     require_attribute("opacity_noise", columns, "opacity")
-    return Attacked.changed(model, {"opacity": logit(model.opacities * (1 + sigma * rng.standard_normal(len(model))))})
+    noisy = model.opacities * (1 + sigma * rng.standard_normal(len(model)))
+    return Attacked.changed(model, {"opacity": logit(noisy, LEAST_OPACITY)})
 
 
 def position_noise(model: Gaussians, rng: Rng, *, sigma: float = POSITION_SIGMA) -> Attacked:

@@ -16,7 +16,7 @@ import numpy as np
 
 from gspure.attacks.attack import Attacked, Rng, named, require_attribute, require_fraction
 from gspure.attacks.geometry import radius
-from gspure.model.activations import logit
+from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
 
@@ -39,7 +39,7 @@ def densify_clone(model: Gaussians, rng: Rng, columns: Columns, *, fraction: flo
     rows = np.concatenate([np.arange(count), chosen])
     opacity = model.table["opacity"][rows]
     doubled = np.concatenate([chosen, np.arange(count, len(rows))])
-    opacity[doubled] = logit(1 - np.sqrt(1 - model.opacities[rows[doubled]].astype(np.float64)))
+    opacity[doubled] = logit(1 - np.sqrt(1 - model.opacities[rows[doubled]].astype(np.float64)), LEAST_OPACITY)
     return Attacked.copied(model, rows, {"opacity": opacity})
 
 

@@ -17,6 +17,7 @@ from gspure.cameras.colmap_records import UNDISTORT_HINT, Lens, Points, Pose
 from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, view_name
 from gspure.errors import InputError
+from gspure.model.rotations import rotation_matrices
 
 _FORMATS = {".bin": colmap_binary, ".txt": colmap_text}
 
@@ -95,19 +96,7 @@ def _camera(source: Path, pose: Pose, projection: tuple[int, int, Float64], phot
         raise entry.refusal("quaternion", expected="a rotation", found=" ".join(map(str, pose.quat)))
     width, height, K = projection
     viewmat = np.eye(4)
-    viewmat[:3, :3] = _rotation(quat / np.linalg.norm(quat))
+    viewmat[:3, :3] = rotation_matrices(quat[None])[0]
     viewmat[:3, 3] = entry.array("translation", (3,))
     image = photographs / pose.name if photographs else None
     return Camera(view_name(entry, "name"), width, height, K, viewmat, image)
-
-
-def _rotation(quat: Float64) -> Float64:
-    """Return the rotation matrix of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = quat
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

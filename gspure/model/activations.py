@@ -7,11 +7,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-OPACITY_RANGE: Final = (1e-6, 1 - 1e-6)
-"""Opacities are clipped to this, so that their logits are finite."""
+LEAST_OPACITY: Final = 1e-6
+"""Changed opacities are kept between this and one minus this, so that their logits are finite."""
 
 
-def logit(opacities: NDArray[Any]) -> NDArray[np.float32]:
-    """Return log(α / (1 - α)) of opacities, clipped to `OPACITY_RANGE`."""
-    clipped = np.clip(np.asarray(opacities, np.float64), *OPACITY_RANGE)
-    return (np.log(clipped) - np.log1p(-clipped)).astype(np.float32)
+def sigmoid(logits: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return 1 / (1 + exp(-x)), with full relative precision for very negative logits."""
+    with np.errstate(over="ignore"):
+        return np.float32(1) / (np.float32(1) + np.exp(-logits))
+
+
+def logit(opacities: Any, least: float = 0.0) -> NDArray[np.float32]:
+    """Return log(α / (1 - α)) of opacities, clipped to `least` .. 1 - `least` first."""
+    clipped = np.clip(np.asarray(opacities, np.float64), least, 1 - least)
+    return np.asarray(np.log(clipped) - np.log1p(-clipped), np.float32)

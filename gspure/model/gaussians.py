@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import MAX_SH_DEGREE
+from gspure.model.activations import logit, sigmoid
 
 Float32 = NDArray[np.float32]
 Table = NDArray[np.void]
@@ -167,12 +168,11 @@ class Gaussians:
         sh_coeffs = np.asarray(sh_coeffs)
         count, bands = sh_coeffs.shape[:2]
         rest = sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(count, 3 * (bands - 1))
-        opacities = np.asarray(opacities, np.float64)
         named: dict[str, NDArray[Any]] = dict(zip("xyz", np.asarray(means).T, strict=True))
         named |= {name: np.zeros(count) for name in ("nx", "ny", "nz")}
         named |= {f"f_dc_{i}": sh_coeffs[:, 0, i] for i in range(3)}
         named |= {f"f_rest_{i}": rest[:, i] for i in range(3 * (bands - 1))}
-        named["opacity"] = np.log(opacities) - np.log1p(-opacities)
+        named["opacity"] = logit(opacities)
         named |= {f"scale_{i}": np.log(np.asarray(scales)[:, i]) for i in range(3)}
         named |= {f"rot_{i}": np.asarray(quats)[:, i] for i in range(4)}
         named |= dict(extras or {})
@@ -194,9 +194,3 @@ def sh_columns(degree: int) -> int:
     if not 0 <= degree <= MAX_SH_DEGREE:
         raise ValueError(f"SH degree must be 0 to {MAX_SH_DEGREE}, not {degree}")
     return 3 * ((degree + 1) ** 2 - 1)
-
-
-def sigmoid(logits: Float32) -> Float32:
-    """Return 1 / (1 + exp(-x)), exact in the relative sense for very negative logits too."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.float32(1) / (np.float32(1) + np.exp(-logits))

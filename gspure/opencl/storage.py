@@ -9,7 +9,8 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from gspure.model.gaussians import Gaussians, sigmoid
+from gspure.model.activations import sigmoid
+from gspure.model.gaussians import Gaussians
 from gspure.opencl.engine import Engine
 from gspure.opencl.morton import morton_order
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
 from gspure.model.gaussians import Gaussians
+from gspure.model.rotations import rotation_matrices
 from gspure.reference.projection import (
     Splats,
     bounded_scales,
@@ -22,7 +23,6 @@ from gspure.reference.projection import (
     pixel_centres,
     project,
     projection_jacobians,
-    rotation_matrices,
 )
 from gspure.reference.spherical_harmonics import sh_basis, sh_basis_gradients, sh_colors
 

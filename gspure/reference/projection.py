@@ -8,7 +8,7 @@ Gaussians only, front to back.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from gspure.constants import (
     RAY_SCALE_RATIO,
 )
 from gspure.model.gaussians import Gaussians
+from gspure.model.rotations import rotation_matrices
 
 Float64 = NDArray[np.float64]
 Energy = Literal["ewa", "ray"]
@@ -147,19 +148,6 @@ def bounded_scales(scales: Float64, depths: Float64, camera: Camera, energy: Ene
         return np.minimum(scales, largest[:, None])
     middle = np.median(scales, axis=1, keepdims=True)
     return np.clip(scales, middle / RAY_SCALE_RATIO, middle * RAY_SCALE_RATIO)
-
-
-def rotation_matrices(quats: NDArray[Any]) -> Float64:
-    """Return the rotations [K,3,3] of quaternions (w, x, y, z) [K,4] of any norm but zero."""
-    quats = np.asarray(quats, np.float64)
-    quats = quats / np.abs(quats).max(axis=1, keepdims=True)  # before squares are taken
-    w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)
 
 
 def splat_covariances(covs: Float64, means: Float64, camera: Camera) -> Float64:

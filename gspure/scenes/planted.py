@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import SH_DC
 from gspure.errors import InputError
+from gspure.model.activations import logit
 from gspure.model.gaussians import Gaussians
 from gspure.scenes.camera_path import stage_cameras
 from gspure.scenes.lighting import LitScene, bake
@@ -175,7 +176,7 @@ def _key(public: Gaussians, rows: NDArray[np.intp], opacities: Float64, colours:
     return PlantedKey(
         rows=rows.astype(np.int64),
         positions=public.means[rows],
-        opacity=(np.log(opacities) - np.log1p(-opacities)).astype(np.float32),
+        opacity=logit(opacities),
         f_dc=_dc(colours[order]).astype(np.float32),
     )
 

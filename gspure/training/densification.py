@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.model.gaussians import sigmoid
+from gspure.model.activations import logit, sigmoid
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 
 Float32 = NDArray[np.float32]
@@ -134,7 +134,7 @@ def grow(state: TrainState, growth: Growth) -> TrainState:
 
 def reset_opacities(state: TrainState) -> TrainState:
     """Lower every opacity to at most `RESET_OPACITY`, and forget the optimizer's moments of opacities."""
-    bound = np.float32(np.log(RESET_OPACITY) - np.log1p(-RESET_OPACITY))
+    bound = logit(RESET_OPACITY)
     logits = state.parameters.opacity_logits
     none = np.zeros_like(logits)
     return TrainState(

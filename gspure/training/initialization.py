@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_SH_DEGREE, NEAR_PLANE, SH_DC
+from gspure.model.activations import logit
 from gspure.opencl.trainable import Parameters
 
 Float64 = NDArray[np.float64]
@@ -54,7 +55,7 @@ def gaussians_at(xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> Parameters:
         means=xyz.astype(np.float32),
         quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
         log_scales=np.repeat(np.log(squared)[:, None] / 2, 3, axis=1).astype(np.float32),
-        opacity_logits=np.full(count, np.log(OPACITY) - np.log1p(-OPACITY), np.float32),
+        opacity_logits=np.full(count, logit(OPACITY)),
         sh_coeffs=sh_coeffs,
     )
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import ADAM_BETA1, ADAM_BETA2, ADAM_EPSILON
 from gspure.model import Gaussians
-from gspure.model.gaussians import sigmoid
+from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, Statistics, TrainState

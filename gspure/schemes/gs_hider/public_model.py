@@ -13,7 +13,7 @@ from gspure.artifacts import filling
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
-from gspure.model.gaussians import sigmoid
+from gspure.model.activations import sigmoid
 from gspure.model.inria import point_cloud
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy

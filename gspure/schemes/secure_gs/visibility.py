@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, TILE
+from gspure.model.rotations import rotation_matrices
 
 Float64 = NDArray[np.float64]
 
@@ -22,7 +23,7 @@ def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scale
     centres = means @ rotation.T + camera.viewmat[:3, 3]
     rows = np.flatnonzero(centres[:, 2] > NEAR_PLANE)
     centres = centres[rows]
-    axes = rotation @ _rotations(quats[rows]) * np.asarray(scales, np.float64)[rows, None, :]
+    axes = rotation @ rotation_matrices(quats[rows]) * np.asarray(scales, np.float64)[rows, None, :]
     centres2d, radii = _bounds(camera, centres, axes)
     size = np.array([camera.width, camera.height])
     tiles = -(-size // TILE)
@@ -45,14 +46,3 @@ def _bounds(camera: Camera, centres: Float64, axes: Float64) -> tuple[Float64, F
     largest = middle + np.sqrt(np.maximum(0.1, middle**2 - determinant))
     # the rasterizer's samples lie at whole numbers
     return slopes * focal + principal - 0.5, np.ceil(3 * np.sqrt(largest))[:, None]
-
-
-def _rotations(quats: NDArray[Any]) -> Float64:
-    quats = np.asarray(quats, np.float64)
-    w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)

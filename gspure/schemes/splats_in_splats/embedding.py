@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.model.gaussians import sigmoid
+from gspure.model.activations import LEAST_OPACITY, logit, sigmoid
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.morton import morton_order
 from gspure.opencl.trainable import Parameters
@@ -22,7 +22,7 @@ from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import require
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
-from gspure.schemes.splats_in_splats.opacity_mapping import fit, logits
+from gspure.schemes.splats_in_splats.opacity_mapping import fit
 from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
 from gspure.schemes.vanilla import train
 from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
@@ -106,7 +106,7 @@ def _published(
     opacities = sigmoid(shown.opacity_logits)[known]
     mapping = fit(opacities, sigmoid(hidden.opacity_logits)[known], np.random.default_rng(seed))
     # What the owner will see: these Gaussians with mapped opacities, and no others.
-    seen = replace(hidden.rows(known), opacity_logits=logits(mapping(opacities)))
+    seen = replace(hidden.rows(known), opacity_logits=logit(mapping(opacities), LEAST_OPACITY))
     seen = refine(seen, pair.views, pair.message, steps, seed, device)
     colours = hidden.sh_coeffs.copy()
     colours[known] = seen.sh_coeffs

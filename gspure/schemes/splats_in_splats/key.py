@@ -20,12 +20,13 @@ from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
+from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.opencl.device import Device
 from gspure.public_model import BLACK, GEOMETRY, Background, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
 from gspure.schemes.splats_in_splats import bits
-from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, logits
+from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 
 Float32 = NDArray[np.float32]
 
@@ -133,7 +134,7 @@ class SplatsInSplatsKey(Key):
         """Return the hidden logits of survivors; what is gone leaves its place as a Gaussian that shows nothing."""
         sequence = np.zeros(len(self.positions), np.float32)
         sequence[places] = opacities
-        return logits(self.mapping(sequence)[places])
+        return logit(self.mapping(sequence)[places], LEAST_OPACITY)
 
 
 def _of_degree(sh_coeffs: Float32, degree: int) -> Float32:

@@ -29,7 +29,6 @@ STEPS: Final = 600
 STRETCH: Final = 2048
 RATE: Final = 3e-3
 _EPSILON: Final = 1e-8
-_LEAST: Final = 1e-6
 _UNIT: Final = STRIDE ** (len(WIDTHS) - 1)
 
 
@@ -63,12 +62,6 @@ class OpacityMapping:
         if not len(opacities):
             return opacities
         return _forward(self, opacities)[-1][: len(opacities), 0]
-
-
-def logits(opacities: Float32) -> Float32:
-    """Return mapped opacities as a model stores them."""
-    bounded = opacities.astype(np.float64).clip(_LEAST, 1 - _LEAST)
-    return np.asarray(np.log(bounded) - np.log1p(-bounded), np.float32)
 
 
 def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> OpacityMapping:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.model.gaussians import sigmoid
+from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
