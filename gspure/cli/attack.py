@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gspure.cli.options import add_scheme, read_public
 
-HELP = "attack a model: remove Gaussians, change what they store, move them; and controls"
+HELP = "attack a model (or apply a control): remove, change or move its Gaussians"
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
   gspure attack gspure --model point_cloud.ply --prune-mask prune_mask.npy --out purified.ply
@@ -24,18 +24,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
     parser.add_argument("name", metavar="NAME", help=f"one of {names}, or one of an installed plug-in")
     parser.add_argument("--model", type=Path, required=True, help="the public model's .ply; its other files are copied")
-    parser.add_argument("--weights", type=Path, metavar="NPY", help="of `gspure weights`, for attacks that need them")
-    parser.add_argument("--prune-mask", type=Path, metavar="NPY", help="of `gspure prune`, for attacks that need it")
+    parser.add_argument("--weights", type=Path, metavar="NPY", help="from `gspure weights`, if the attack needs them")
+    parser.add_argument("--prune-mask", type=Path, metavar="NPY", help="from `gspure prune`, if the attack needs it")
     parser.add_argument(
         "--opacities",
         type=Path,
         metavar="NPY",
-        help="of `gspure opacities`, for attacks that need them (default: those that Gaussians store)",
+        help="from `gspure opacities`, if the attack needs them (default: as stored in the model)",
     )
-    parser.add_argument("--surface", type=Path, metavar="NPY", help="of `gspure surface`, for attacks that need it")
+    parser.add_argument("--surface", type=Path, metavar="NPY", help="from `gspure surface`, if the attack needs it")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the attack; may be repeated"
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the attack; repeatable"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="PLY", help="the attacked model")
     parser.add_argument("--removed", type=Path, metavar="NPY", help="also write the mask of the removed rows: bool [K]")

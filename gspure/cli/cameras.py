@@ -19,7 +19,7 @@ EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
   gspure cameras scene/transforms.json --out cameras.json --scale 1/4
   gspure cameras output/bicycle --out cameras.json --scale native     # a training run's own cameras.json
-  gspure cameras cameras.json --off-path 4 --out off_path.json        # novel views beside the camera path
+  gspure cameras cameras.json --off-path 4 --out off_path.json        # novel views off the camera path
   gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 0 1
   gspure cameras shells --model point_cloud.ply --out cameras.json    # all directions, near and far
 """
@@ -40,10 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scale",
         metavar="RULE",
-        help="image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, 3DGS's own rule; generated "
+        help="image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, as in 3DGS; generated "
         "views keep --width and --height)",
     )
-    parser.add_argument("--off-path", type=int, metavar="N", help="write N views beside the camera path instead")
+    parser.add_argument("--off-path", type=int, metavar="N", help="write N views off the camera path instead")
     parser.add_argument(
         "--require-images", action="store_true", help="refuse views without a photograph of at least their size"
     )

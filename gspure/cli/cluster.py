@@ -16,7 +16,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("--tree", type=Path, required=True, metavar="NPY", help="of `gspure tree`")
+    parser.add_argument("--tree", type=Path, required=True, metavar="NPY", help="tree, from `gspure tree`")
     add_selection(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="NPZ", help="labels: int32 [K], -1 is noise")
 

@@ -18,7 +18,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
+    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="results, from `gspure table`")
     add_sweeps(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="GSPure minus every other attack")
     parser.add_argument(
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="CSV",
-        help="what each attack leaves of the message",
+        help="table of the message after each attack, against controls",
     )
     parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="both as readable tables")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
 
-HELP = "compute what every Gaussian contributes to each view (stored per view)"
+HELP = "compute the contribution of every Gaussian to each view (stored per view)"
 EXAMPLES = """\
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --index room.tsv
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --part 1/2 --index 1.tsv
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
     add_scheme(parser)
     add_views(parser, split="train")
-    parser.add_argument("--stages", type=Path, required=True, metavar="DIR", help="where the per-view files are kept")
+    parser.add_argument("--stages", type=Path, required=True, metavar="DIR", help="folder of the stage files")
     parser.add_argument(
         "--part", type=_part, default=(1, 1), metavar="I/N", help="compute only every N-th view, from the I-th on"
     )

@@ -11,7 +11,7 @@ EXAMPLES = """\
   gspure embed gs_hider pair --out marked --set iterations=2000 --set message_weight=0.5
   gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
 
-Writes public/, the model that everybody gets, and key/, which the owner keeps.
+Writes public/, the public model, and key/, the owner's key.
 gs_hider and secure_gs need PyTorch: pip install gspure[torch].
 """
 
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     known = ", ".join(described(scheme.name, scheme.settings) for scheme in BUILT_IN)
     parser.add_argument("scheme", metavar="SCHEME", help=f"one of {known}, or a plug-in")
-    parser.add_argument("pair", type=Path, metavar="PAIR", help="folder that `gspure pair` wrote")
+    parser.add_argument("pair", type=Path, metavar="PAIR", help="output folder of `gspure pair`")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for public/ and key/")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the scheme; repeatable"

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("model", type=Path, metavar="MODEL", help="the model's .ply, or its folder")
     parser.add_argument("--scheme", required=True, metavar="NAME", help="the watermarking scheme")
-    parser.add_argument("--key", type=Path, required=True, metavar="DIR", help="the owner's key, of `gspure embed`")
+    parser.add_argument("--key", type=Path, required=True, metavar="DIR", help="the owner's key, from `gspure embed`")
     parser.add_argument("--extraction", metavar="NAME", help="an extraction of the scheme (default: `message`)")
     parser.add_argument(
         "--wrong-key", type=int, metavar="SEED", help="use an unrelated key of this random seed: a negative control"

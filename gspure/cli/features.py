@@ -15,9 +15,9 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--model", type=Path, required=True, help="3DGS .ply")
-    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="of `gspure weights`")
+    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="weights, from `gspure weights`")
     parser.add_argument(
-        "--opacities", type=Path, metavar="NPY", help="of `gspure opacities` (default: those that the model stores)"
+        "--opacities", type=Path, metavar="NPY", help="from `gspure opacities` (default: as stored in the model)"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="features: float64 [K,5]")
 

@@ -36,24 +36,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_attacks(kinds.add_parser("attacks", help="one view of scene and message after every attack, with its PSNR"))
     _add_outcomes(kinds.add_parser("outcomes", help="PSNR of scene and message, and Score, of every variant"))
     add_sweep(kinds.add_parser("sweep", help="PSNR of scene and message against the pruning factors"))
-    add_tradeoff(kinds.add_parser("tradeoff", help="what variants leave of the message against damage to the scene"))
+    add_tradeoff(kinds.add_parser("tradeoff", help="remaining PSNR of the message against damage to the scene"))
 
 
 def _add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", type=Path, required=True, metavar="PLY", help="the model that was purified")
-    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="of `gspure weights`")
-    parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="of `gspure cluster`")
-    parser.add_argument("--prune-mask", type=Path, required=True, metavar="NPY", help="of `gspure prune`")
+    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="from `gspure weights`")
+    parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="from `gspure cluster`")
+    parser.add_argument("--prune-mask", type=Path, required=True, metavar="NPY", help="from `gspure prune`")
     add_factors(parser)
     known = parser.add_mutually_exclusive_group()
     known.add_argument("--truth", type=Path, metavar="NPY", help="bool [K], true for Gaussians of the message")
-    known.add_argument("--hidden", type=Path, metavar="NPY", help="or the message's weight: of `gspure hidden`")
+    known.add_argument("--hidden", type=Path, metavar="NPY", help="or the message's weight, from `gspure hidden`")
     parser.add_argument(
-        "--cameras", type=Path, metavar="FILE", help="the model's views: which way is up, and where from"
+        "--cameras", type=Path, metavar="FILE", help="the model's views, for up direction and viewpoint"
     )
-    parser.add_argument(
-        "--view", metavar="NAME", help="look from this view; default: from outside, or from within a room"
-    )
+    parser.add_argument("--view", metavar="NAME", help="viewpoint (default: outside the model, or inside a room)")
     parser.add_argument(
         "--out",
         type=Path,
@@ -66,7 +64,7 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_outcomes(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
+    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
     parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
     parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
     parser.set_defaults(draw=_draw_outcomes)

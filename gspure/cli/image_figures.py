@@ -30,7 +30,7 @@ def add_panels(parser: argparse.ArgumentParser) -> None:
 
 def add_attacks(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``gspure figures attacks``."""
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
+    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
     parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
     _add_columns(
         parser,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gspure.model.summary import Summary
 
-HELP = "show what a model holds: counts, extents, quantiles, bad rows, the scheme it looks like"
+HELP = "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme"
 EXAMPLES = """\
   gspure info point_cloud.ply
   gspure info output/bicycle                                   # a training run's folder: its newest iteration

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gspure.cli.options import add_sweeps
 
-HELP = "measure what each attack removes from the message at equal damage to the scene"
+HELP = "measure the message's drop under each attack at equal damage to the scene"
 EXAMPLES = """\
   gspure matched --table results.csv --sweep pruning=random_pruning_10,random_pruning_30 \\
       --sweep gspure=gspure,tau_n_1,tau_n_2 --out matched.csv --markdown matched.md
@@ -16,7 +16,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
+    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="results, from `gspure table`")
     add_sweeps(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per sweep and damage")
     parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="the same as readable tables")

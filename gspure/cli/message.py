@@ -17,7 +17,7 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("model", type=Path, metavar="MODEL", help="public or attacked model: 3DGS .ply, or its folder")
-    parser.add_argument("--key", type=Path, required=True, metavar="NPZ", help="planted_key.npz of `gspure plant`")
+    parser.add_argument("--key", type=Path, required=True, metavar="NPZ", help="planted_key.npz, from `gspure plant`")
     parser.add_argument("--out", type=Path, required=True, metavar="PLY", help="the message as a model")
 
 

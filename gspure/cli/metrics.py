@@ -21,13 +21,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("images", type=Path, metavar="DIR_A", help="reference images; may hold more views than DIR_B")
     parser.add_argument(
-        "other", type=Path, metavar="DIR_B", help="images of the same names and sizes, in the same subfolders"
+        "other", type=Path, metavar="DIR_B", help="images to compare, with the same names, sizes and subfolders"
     )
     parser.add_argument(
         "--reference",
         choices=REFERENCES,
         default=RENDER,
-        help="what DIR_A holds: photographs (truth), or renders of the unattacked model (default: %(default)s)",
+        help="kind of images in DIR_A: photographs (truth) or renders of the unattacked model (default: %(default)s)",
     )
     parser.add_argument(
         "--against",
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="TARGET=OTHER",
-        help="compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A; may be repeated",
+        help="compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A; repeatable",
     )
     parser.add_argument(
         "--baseline",

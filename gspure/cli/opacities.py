@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gspure.cli.options import add_scheme, add_views, read_public, read_views
 
-HELP = "write the opacity of every row; an anchor's is the mean over its Gaussians and the views"
+HELP = "write the opacity of every row (for an anchor, the mean over its Gaussians and the views)"
 EXAMPLES = """\
   gspure opacities --model point_cloud.ply --cameras cameras.json --out opacities.npy
 """

@@ -25,7 +25,7 @@ def add_device(parser: argparse.ArgumentParser) -> None:
         "--device",
         metavar="NAME|INDEX",
         help="OpenCL device, by part of its name or its index in `gspure doctor` (default: $GSPURE_DEVICE, or the "
-        "first that works, GPUs before CPUs)",
+        "first working device, GPUs before CPUs)",
     )
 
 
@@ -104,7 +104,7 @@ def add_views(parser: argparse.ArgumentParser, split: str) -> None:
         help="which views; by name, every eighth is a test view (default: %(default)s)",
     )
     parser.add_argument(
-        "--world", type=Path, metavar="NPY", help="rigid transform from `gspure attack --world`; the views move along"
+        "--world", type=Path, metavar="NPY", help="rigid transform from `gspure attack --world`, applied to the views"
     )
 
 

@@ -39,9 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from gspure.scenes import PLACEMENTS, STAGES
 
     stages = ", ".join(STAGES)
-    parser.add_argument("scene", metavar="SCENE", help=f"what everybody sees: photographs as for `train`, or {stages}")
+    parser.add_argument("scene", metavar="SCENE", help=f"the visible scene: photographs as for `train`, or {stages}")
     parser.add_argument(
-        "message", metavar="MESSAGE", help=f"what is hidden: a trained model or its folder, or {stages}"
+        "message", metavar="MESSAGE", help=f"the hidden scene: a trained model or its folder, or {stages}"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the pair")
     parser.add_argument(
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="ray-traced only: also photograph N views beside the camera path, as `gspure cameras --off-path` does",
+        help="ray-traced only: also photograph N views off the camera path, as `gspure cameras --off-path` does",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     add_device(parser)

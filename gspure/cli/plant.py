@@ -23,21 +23,21 @@ _LEAST = {"seed": 0, "gaussians": 100, "views": 1, "width": 16, "height": 16}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for everything")
-    parser.add_argument("--scene", default="room", help="what everybody sees: room or vault (default: %(default)s)")
-    parser.add_argument("--message", default="vault", help="what is hidden: room or vault (default: %(default)s)")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="output folder")
+    parser.add_argument("--scene", default="room", help="the visible scene: room or vault (default: %(default)s)")
+    parser.add_argument("--message", default="vault", help="the hidden scene: room or vault (default: %(default)s)")
     parser.add_argument(
         "--placement",
         default="raised",
-        help="position of the message's surfaces relative to the scene's: raised (floor and walls a little nearer), "
-        "front (a floor only, farther up), behind, or coincident (default: %(default)s)",
+        help="position of the message's surfaces relative to the scene's: raised (floor and walls slightly nearer), "
+        "front (only a floor, higher up), behind, or coincident (default: %(default)s)",
     )
     parser.add_argument(
         "--gaussians",
         type=int,
         default=24000,
         metavar="N",
-        help="of both scenes together (default: %(default)s)",
+        help="number of Gaussians, scene and message together (default: %(default)s)",
     )
     parser.add_argument("--views", type=int, default=24, metavar="N", help="number of views (default: %(default)s)")
     parser.add_argument("--width", type=int, default=320, metavar="PX", help="image width (default: %(default)s)")
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="also photograph N views beside the camera path, as `gspure cameras --off-path` does",
+        help="also photograph N views off the camera path, as `gspure cameras --off-path` does",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
 

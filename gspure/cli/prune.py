@@ -15,13 +15,13 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="of `gspure cluster`")
+    parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="clusters, from `gspure cluster`")
     parser.add_argument(
         "--weights",
         type=Path,
         required=True,
         metavar="NPY",
-        help="of `gspure weights`; or of `gspure opacities`, whose means then decide",
+        help="weights, from `gspure weights`; or opacities, from `gspure opacities`, to prune by opacity",
     )
     add_factors(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="bool [K], true where pruned")

@@ -23,17 +23,17 @@ HELP = "run GSPure on one model: purified model, weights, clusters, metrics and 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified
   gspure purify output/bicycle --cameras output/bicycle --out purified --tau-n 2 --tau-c 3
-  gspure purify point_cloud.ply --cameras orbit --out purified        # a model that came without cameras
+  gspure purify point_cloud.ply --cameras orbit --out purified        # a model without cameras
 
-what it leaves in DIR:
+files in DIR:
   purified.ply       the Gaussians that remain, bit-identical
   weights.npy        float32 [K]   mean contribution of every Gaussian
   labels.npy         int32 [K]     its cluster; -1 is noise
-  prune_mask.npy         bool [K]      whether it was removed
-  diagnosis.json     what the clustering did, and whether to trust it; suspicious rows by reason
+  prune_mask.npy     bool [K]      true where the row was removed
+  diagnosis.json     diagnosis of the clustering, with warnings; suspicious rows by reason
   renders/           held-out views before and after
-  metrics.csv        PSNR and SSIM of the views after against those before
-  figures/           clusters, weights, kept and pruned, before and after; one that fails is a warning
+  metrics.csv        PSNR and SSIM of the renders after pruning, against those before
+  figures/           clusters, weights, kept and pruned rows, before and after; a failed figure is only a warning
 """
 
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         metavar="SOURCE",
         help="cameras.json, transforms.json, or a folder with one of them or a COLMAP model (views wider than 1600 "
-        "pixels are reduced to that); or `orbit` or `shells` for views around the model; for other settings write a "
+        "pixels are reduced to that); or `orbit` or `shells` for generated views; for other settings write a "
         "file with `gspure cameras`. By name, every eighth view is held out for the metrics; weights are measured on "
         "the others",
     )

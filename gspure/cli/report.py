@@ -17,14 +17,14 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
+    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
     parser.add_argument(
         "--figures",
         type=Path,
         nargs="*",
         default=[],
         metavar="PNG",
-        help="of `gspure figures`, in display order, below their SCHEME/SCENE or figures/SCHEME",
+        help="from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/SCHEME",
     )
     parser.add_argument(
         "--diagnosis",
@@ -32,11 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="JSON",
-        help="of `gspure prune` or `gspure hidden`, below their SCHEME/SCENE",
+        help="from `gspure prune` or `gspure hidden`, in folders SCHEME/SCENE",
     )
-    parser.add_argument("--matched", type=Path, metavar="CSV", help="of `gspure matched`")
-    parser.add_argument("--contest", type=Path, metavar="CSV", help="of `gspure contest`")
-    parser.add_argument("--survival", type=Path, metavar="CSV", help="of `gspure contest`")
+    parser.add_argument("--matched", type=Path, metavar="CSV", help="from `gspure matched`")
+    parser.add_argument("--contest", type=Path, metavar="CSV", help="from `gspure contest`")
+    parser.add_argument("--survival", type=Path, metavar="CSV", help="from `gspure contest`")
     parser.add_argument(
         "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="provenance records to list"
     )

@@ -21,7 +21,7 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
         action="append",
         required=True,
         metavar="VARIANT=TAU_N,TAU_C",
-        help="a variant and its pruning factors, that of the method first; may be repeated",
+        help="a variant and its pruning factors, the method's first; repeatable",
     )
     parser.set_defaults(draw=_draw_sweep)
 
@@ -33,7 +33,7 @@ def add_tradeoff(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_scheme(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="of `gspure table`")
+    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
     parser.add_argument("--scheme", required=True, metavar="NAME", help="the scheme whose variants to compare")
     parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
 

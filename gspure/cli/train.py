@@ -23,15 +23,15 @@ HELP = "train a 3DGS model from photographs"
 EXAMPLES = """\
   gspure train scene --out trained                     # COLMAP project: scene/images and scene/sparse/0
   gspure train scene/transforms.json --out trained --resolution 1/4 --iterations 7000
-  gspure train planted --out trained                   # what `gspure plant` wrote: its ray-traced scene
+  gspure train planted --out trained                   # the ray-traced scene of `gspure plant`
   gspure train planted --out message --images planted/truth/message
-  gspure train scene --out trained --resume            # go on where a killed run was
+  gspure train scene --out trained --resume            # continue an interrupted run
 
 3DGS's own settings are --iterations 30000 --resolution 1600px; the defaults suit a laptop without a GPU.
-Every eighth view by name is held out, unless DATA has splits; held-out views are compared at the end. The files in DIR
-are those of 3DGS's trainer and render script:
+Every eighth view by name is held out, unless DATA has splits; the model is evaluated on the held-out views. The files
+in DIR are those of 3DGS's trainer and render script:
   point_cloud/iteration_N/point_cloud.ply, cameras.json, cfg_args, input.ply
-  test/ours_N/gt, test/ours_N/renders     held-out photographs, and the model's images of them
+  test/ours_N/gt, test/ours_N/renders     held-out photographs and the model's renders
   metrics.csv                             PSNR and SSIM of these
 """
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gspure.cli.method_options import add_min_samples
 
-HELP = "compute HDBSCAN's minimum spanning tree, which depends on features and min_samples only"
+HELP = "compute HDBSCAN's minimum spanning tree from features and min_samples"
 EXAMPLES = """\
   gspure tree --features features.npy --out tree.npy
   gspure tree --features features.npy --min-samples 20 --out tree_20.npy

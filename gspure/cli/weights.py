@@ -15,9 +15,9 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument(
-        "--index", type=Path, nargs="+", required=True, metavar="TSV", help="indices of `gspure contributions`"
+        "--index", type=Path, nargs="+", required=True, metavar="TSV", help="indices, from `gspure contributions`"
     )
-    parser.add_argument("--model", type=Path, required=True, help="the model they were computed of")
+    parser.add_argument("--model", type=Path, required=True, help="the model of these contributions")
     add_reduction(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="weights: float32 [K]")
 
