@@ -42,7 +42,7 @@ def damage_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
     return len(indices) + len(others) + len(stages), damages
 
 
-def set_aside(artifacts: Iterable[Path]) -> list[str]:
+def set_aside(artifacts: Iterable[Path]) -> dict[Path, str]:
     """Rename damaged artifacts of a workflow to ``NAME.damaged``: as they are missing, the next run makes them again.
 
     An artifact is a file or a folder; an index is damaged if a stage that it lists is. What is not below `RESULTS` is
@@ -50,14 +50,27 @@ def set_aside(artifacts: Iterable[Path]) -> list[str]:
 
     Returns
     -------
-    list of str
-        What is wrong with each of them, in one line.
+    dict
+        What is wrong with each damaged artifact, in one line.
 
     """
-    found = {artifact: _damage_of(artifact) for artifact in artifacts if RESULTS in artifact.parents}
-    for artifact in (artifact for artifact, damage in found.items() if damage):
+    checked = {artifact: _damage_of(artifact) for artifact in artifacts if RESULTS in artifact.parents}
+    damaged = {artifact: damage for artifact, damage in checked.items() if damage}
+    for artifact in damaged:
         _rename(artifact)
-    return [damage for damage in found.values() if damage]
+    return damaged
+
+
+def discard(artifacts: Iterable[Path]) -> None:
+    """Delete artifacts of a workflow, files or folders, with their checksums."""
+    for artifact in artifacts:
+        if RESULTS not in artifact.parents:
+            continue
+        if artifact.is_dir():
+            shutil.rmtree(artifact)
+        else:
+            artifact.unlink(missing_ok=True)
+            record_file(artifact).unlink(missing_ok=True)
 
 
 def _damage_of(artifact: Path) -> str:

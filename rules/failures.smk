@@ -7,7 +7,7 @@ import sys
 
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
-from gspure.damage import set_aside
+from gspure.damage import discard, set_aside
 from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary
 
 # In that process: the failures of the run that it follows. If a figure fails in it, a third one leaves that out, too.
@@ -74,9 +74,16 @@ def summarize(run):
 
 
 def heal():
-    """Set damaged inputs of failed jobs aside: as they are missing, the next run makes them again."""
+    """Set damaged inputs of failed jobs aside, so that the next run makes them again, and all that depends on them.
+
+    Snakemake does not make a missing file again while what was made from it is there and up to date.
+    """
     failed = set().union(*map(get_jobs, workflow.scheduler.failed))
-    for damage in set_aside({Path(path) for job in failed for path in job.input}):
+    damaged = set_aside({Path(path) for job in failed for path in job.input})
+    makers = [job for job in workflow.dag.jobs if damaged.keys() & set(map(Path, job.output))]
+    dependent = set(workflow.dag.bfs(workflow.dag.depending, *makers)) - set(makers) - get_summaries()
+    discard(Path(path) for job in dependent for path in job.output)
+    for damage in damaged.values():
         print(f"gspure: set aside, to be made again by the next run: {damage}", file=sys.stderr)
 
 

@@ -96,19 +96,19 @@ def test_stages_are_pruned_by_the_indices_alone(capsys):
 def test_a_damaged_artifact_is_kept_aside_without_its_checksum():
     flipped(OMEGA)
     content = OMEGA.read_bytes()
-    (damage,) = set_aside([INDEX, OMEGA])
+    (damage,) = set_aside([INDEX, OMEGA]).values()
     assert damage.startswith(f"{OMEGA}: content: expected CRC-32")
     assert (SCENE / "weights.npy.damaged").read_bytes() == content
     assert not OMEGA.exists()
     assert not Path(f"{OMEGA}.json").exists()
     assert INDEX.exists()
-    assert set_aside([INDEX, OMEGA]) == []
+    assert set_aside([INDEX, OMEGA]) == {}
 
 
 @pytest.mark.parametrize("damage", [flipped, Path.unlink], ids=["flipped", "removed"])
 def test_an_index_is_set_aside_when_one_of_its_stages_is_damaged(damage):
     damage(STAGES / "b.key.npy")
-    (found,) = set_aside([INDEX])
+    (found,) = set_aside([INDEX]).values()
     assert "b.key.npy: " in found
     assert not INDEX.exists()
     assert (STAGES / "a.key.npy").exists()
@@ -120,7 +120,7 @@ def test_a_folder_is_set_aside_as_a_whole_as_often_as_it_is_damaged():
         save_array(SCENE / "key" / "carriers.npy", np.ones(3, bool))
         noted(SCENE / "key" / "carriers.npy")
         flipped(SCENE / "key" / "carriers.npy")
-        (found,) = set_aside([SCENE / "key"])
+        (found,) = set_aside([SCENE / "key"]).values()
         assert "key/carriers.npy: content" in found
         assert not (SCENE / "key").exists()
         kept = sorted(path.name for path in (SCENE / "key.damaged").iterdir())
@@ -131,5 +131,5 @@ def test_a_users_own_file_is_never_moved():
     write_json(Path("views.json"), [])
     noted(Path("views.json"))
     flipped(Path("views.json"), 0)
-    assert set_aside([Path("views.json")]) == []
+    assert set_aside([Path("views.json")]) == {}
     assert Path("views.json").is_file()

@@ -32,6 +32,18 @@ def test_a_damaged_artifact_is_named_and_made_again_by_the_next_run(project, art
     assert (project.folder / target).exists()
 
 
+def test_what_was_made_from_a_damaged_artifact_is_made_again_too(project):  # noqa: F811
+    model, metrics = BOT / "gspure" / "public" / "point_cloud.ply", BOT / "gspure" / "metrics.csv"
+    good, before = (project.folder / model).read_bytes(), (project.folder / metrics).read_bytes()
+    flipped(project.folder / model)  # newer than what was made from it
+    project.run(TABLE, status=1)
+    assert not (project.folder / metrics).exists()
+    ran = rules_run(project.run(TABLE))
+    assert ran["attack_model"] == ran["compare_renders"] == 1
+    assert (project.folder / model).read_bytes() == good
+    assert (project.folder / metrics).read_bytes() == before
+
+
 def test_a_damaged_stage_is_named_and_its_view_alone_computed_by_the_next_run(project):  # noqa: F811
     stage = next(project.folder.glob("stages/vanilla/bot/contributions/view_5.*.npy"))
     good, omega, before = stage.read_bytes(), project.omega(), project.stages()

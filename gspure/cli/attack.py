@@ -58,20 +58,21 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import load_array, save_array, write_json, write_provenance
     from gspure.attacks import Evidence, find_attack
     from gspure.attacks.carrier import reached
-    from gspure.cli.options import parsed_settings
+    from gspure.cli.options import parsed_settings, require_distinct
     from gspure.schemes.registry import find_scheme
 
     attack = find_attack(args.name)
     settings = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
+    files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
+    outputs = [path for path in (args.out, args.removed, args.world, args.verdict) if path]
+    require_distinct(outputs, [args.model, *files.values()])
     public = read_public(args)
     model = public.model
-    files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
     loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}
     stored = {"opacities": model.opacities} if public.rows_are_gaussians else {}
     attacked = attack.apply(public, Evidence(**stored | loaded), seed=args.seed, **settings)
     public.with_model(attacked.model).write(args.out)
-    outputs = [path for path in (args.out, args.removed, args.world, args.verdict) if path]
     if args.removed:
         save_array(args.removed, attacked.prune_mask)
     if args.world:

@@ -133,6 +133,15 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     return views
 
 
+def require_distinct(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """Refuse outputs that would overwrite an input or each other."""
+    taken = {path.resolve() for path in inputs}
+    for path in outputs:
+        if path.resolve() in taken:
+            raise InputError(path, "output", expected="a file of its own", found="an input or another output")
+        taken.add(path.resolve())
+
+
 def add_sweeps(parser: argparse.ArgumentParser) -> None:
     """Add ``--sweep``: a list of names, each with its variants."""
     parser.add_argument(
