@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ Floats = NDArray[np.floating[Any]]
 
 _FRAMED = 0.95
 """Share of the model's opacity that is to be in view; the rest may be floaters."""
+
+MOST_VIEWS: Final = 10_000
+"""Largest number of generated views. Ours."""
 
 _GOLDEN_ANGLE = 180 * (3 - math.sqrt(5))  # degrees
 
@@ -59,6 +62,7 @@ def orbit_cameras(
         The model has no finite row, or a setting is out of range.
 
     """
+    _require_count("orbit", count)
     placements = [(elevations[i % len(elevations)], 360.0 * i / count, 1.0) for i in range(count)]
     return _views("orbit", means, opacities, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
 
@@ -80,11 +84,17 @@ def shell_cameras(
     `orbit_cameras`, except for `radii`: those of the shells, as multiples of the distance from which the model fills a
     view.
     """
+    _require_count("shell", count)
     sines = ((2 * i + 1) / count - 1 for i in range(count))
     placements = [
         (math.degrees(math.asin(sine)), i * _GOLDEN_ANGLE, radii[i % len(radii)]) for i, sine in enumerate(sines)
     ]
     return _views("shell", means, opacities, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
+
+
+def _require_count(kind: str, count: int) -> None:
+    if not 1 <= count <= MOST_VIEWS:
+        raise InputError(f"{kind} views", "count", expected=f"1 to {MOST_VIEWS}", found=str(count))
 
 
 def bounding_sphere(means: Floats, opacities: Floats) -> tuple[Float64, float]:
@@ -125,8 +135,6 @@ def _views(
     """Place one view at each (elevation, azimuth, radius); angles in degrees, radius 1 fills the view."""
     values = {"width": width, "height": height, "fov_degrees": fov_degrees, "up": up}
     settings = Entry(f"{kind} views", "", values)
-    if not placements:
-        raise settings.refusal("count", expected="at least one view", found="none")
     size = settings.pixels("width"), settings.pixels("height")
     fov = settings.positive("fov_degrees")
     if fov >= 180:
