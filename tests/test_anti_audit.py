@@ -102,7 +102,7 @@ def test_purify_goes_on_and_names_them(folder: Path, capsys) -> None:
     assert read_json(folder / "out" / "diagnosis.json")["suspicious"] == expected
     printed = capsys.readouterr().out
     assert "suspicious rows" in printed
-    weights, pruned = (np.load(folder / "out" / f"{name}.npy") for name in ("weights", "pruned"))
+    weights, pruned = (np.load(folder / "out" / f"{name}.npy") for name in ("weights", "prune_mask"))
     assert np.isfinite(weights).all()
     assert (weights >= 0).all()
     assert (weights[expected["non_finite"]] == 0).all()

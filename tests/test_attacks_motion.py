@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gspure.artifacts import save_array
 from gspure.attacks import Evidence, find_attack
 from gspure.attacks.sh_rotation import rotate_sh, rotation_matrix
 from gspure.cameras import write_cameras
@@ -126,7 +127,7 @@ def test_commands_hand_the_motion_on(tmp_path: Path) -> None:
     for name, world in (("rigid_transform", moved(blobs(COUNT), 30.0).world), ("reorder", np.eye(4))):
         assert main(["attack", name, *files, "--world", str(tmp_path / "world.npy")]) == 0
         np.testing.assert_array_equal(np.load(tmp_path / "world.npy"), world)
-    np.save(tmp_path / "world.npy", moved(blobs(COUNT), 30.0).world)
+    save_array(tmp_path / "world.npy", moved(blobs(COUNT), 30.0).world)
     (view,) = read_views(Arguments(tmp_path))
     expected = tilted_camera().moved(moved(blobs(COUNT), 30.0).world).viewmat
     np.testing.assert_allclose(view.viewmat, expected, atol=1e-12)

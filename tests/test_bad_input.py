@@ -223,7 +223,7 @@ BAD_OPTIONS = {
     "render --background 0 0 nan": "render: --background: expected three numbers from 0 to 1, found 0.0 0.0 nan",
     "cameras --scale half": "scale rule: value: expected native, photographs, 1/N or Wpx",
     "cameras orbit --count 0": "orbit views: count: expected 1 to 10000, found 0",
-    "cameras shells --count 100000000": "shell views: count: expected 1 to 10000, found 100000000",
+    "cameras orbit --count 100000000": "orbit views: count: expected 1 to 10000, found 100000000",
     "attack --set tau=x": "attack plain_weight: tau: expected a number, found 'x'",
     "attack --set size=1": "attack plain_weight: setting: expected one of tau, found size",
     "attack --seed -1": "attack plain_weight: seed: expected at least 0, found -1",
