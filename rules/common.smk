@@ -60,3 +60,8 @@ def job(command):
     """The shell command of a rule: a command of gspure with its log, which tells the exit status if it fails."""
     logged = f"POCL_MAX_PTHREAD_COUNT={{threads}} python -m gspure {command} > {{log:q}} 2>&1"
     return f"{logged} || {{{{ status=$?; echo exit status $status >> {{log:q}}; exit $status; }}}}"
+
+
+def get_scheme(wildcards):
+    """The option that names the scheme of a public model; other models are recognized by their columns."""
+    return f"--scheme {wildcards.scheme}" if wildcards.scheme in WATERMARKS else ""

@@ -23,11 +23,12 @@ rule measure_contributions:
         stages="stages/{scheme}/{scene}/contributions",
         part=lambda wildcards: wildcards.scatteritem.replace("-of-", "/"),
         options=method_options("energy"),
+        scheme=get_scheme,
     message:
         "Measuring contributions in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}, part {wildcards.scatteritem}"
     shell:
         job(
-            "contributions --model {input.model:q}"
+            "contributions --model {input.model:q} {params.scheme}"
             " --cameras {input.cameras:q} --stages {params.stages:q} --part {params.part} {params.options}"
             " --index {output.index:q}"
         )

@@ -49,11 +49,12 @@ rule render_target:
         code=code_digest("gspure.cli.render"),
         split=config["views"]["evaluate"],
         views=view_options,
+        scheme=get_scheme,
     message:
         "Rendering the {wildcards.target} of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job(
-            "render {input.model:q} --cameras {input.cameras:q}"
+            "render {input.model:q} {params.scheme} --cameras {input.cameras:q}"
             " --split {params.split} {params.views} --out {output.images:q}"
         )
 

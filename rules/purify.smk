@@ -17,10 +17,14 @@ rule measure_opacities:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.opacities"),
+        scheme=get_scheme,
     message:
         "Taking the opacities of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        job("opacities --model {input.model:q} --cameras {input.cameras:q} --out {output.opacities:q}")
+        job(
+            "opacities --model {input.model:q} {params.scheme}"
+            " --cameras {input.cameras:q} --out {output.opacities:q}"
+        )
 
 
 rule build_features:

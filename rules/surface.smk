@@ -19,7 +19,8 @@ rule measure_surface:
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.surface"),
+        scheme=get_scheme,
     message:
         "Measuring distances from the surface of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        job("surface --model {input.model:q}" " --cameras {input.cameras:q} --out {output.surface:q}")
+        job("surface --model {input.model:q} {params.scheme}" " --cameras {input.cameras:q} --out {output.surface:q}")

@@ -126,7 +126,7 @@ def test_a_model_with_cameras_is_moved_to_where_the_photographs_look(photographe
     write_cameras(folder / "cameras.json", [replace(by.camera(camera), image=None) for camera in read_cameras(project)])
     out = tmp_path / "pair"
     assert main(["pair", str(project), str(folder), "--out", str(out), "--resolution", "native"]) == 0
-    assert "the message's world is moved" in capsys.readouterr().err
+    assert "message aligned with the scene" in capsys.readouterr().err
     xyz = read_point_ply(out / "message" / "points3D.ply")[0]
     means = read_model(model).means
     assert all(np.abs(means - point).max(axis=1).min() < 1e-4 for point in xyz)
