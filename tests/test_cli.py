@@ -13,7 +13,7 @@ import pytest
 
 from gspure import cli
 from gspure.cameras import read_cameras, split, write_cameras
-from gspure.cli import COMMANDS, MAIN_COMMANDS, STAGES, main
+from gspure.cli import COMMANDS, JOBS, USER_COMMANDS, main
 from gspure.cli.contributions import _part
 from gspure.images import read_image
 from gspure.method.contributions import read_index, read_stage
@@ -49,7 +49,7 @@ def test_help_lists_main_commands_before_stages(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
     listed = re.findall(r"^  ([a-z-]+)  +\S", capsys.readouterr().out, flags=re.MULTILINE)
-    assert [name for name in listed if name in COMMANDS] == [*MAIN_COMMANDS, *STAGES]
+    assert [name for name in listed if name in COMMANDS] == [*USER_COMMANDS, *JOBS]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

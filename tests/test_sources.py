@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gspure.cli import STAGES
+from gspure.cli import JOBS
 from gspure.workflow import sources
 from gspure.workflow.sources import code_digest
 
@@ -85,7 +85,7 @@ def test_and_of_a_plug_in_nothing_that_its_attack_does_not_import(plugin):
 
 
 def test_stages_that_share_little_code_have_digests_of_their_own():
-    assert len({code_digest(f"gspure.cli.{stage}") for stage in STAGES}) == len(STAGES)
+    assert len({code_digest(f"gspure.cli.{job}") for job in JOBS}) == len(JOBS)
 
 
 def test_pruning_does_not_depend_on_the_renderer_and_contributions_do_not_depend_on_clustering():

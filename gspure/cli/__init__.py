@@ -1,4 +1,4 @@
-"""The command line: one subcommand per stage, each in a module of its own.
+"""The command line: one module per subcommand.
 
 A command module holds ``HELP`` (one line), ``EXAMPLES`` (shown below the options), ``add_arguments(parser)`` and
 ``run(args)``. It imports heavy packages inside ``run`` only, so that ``gspure --help`` stays quick.
@@ -16,23 +16,25 @@ from types import ModuleType
 from gspure import __version__
 from gspure.errors import InputError, printable
 
-MAIN_COMMANDS = (
+USER_COMMANDS = (
     "purify",
-    "download",
-    "train",
-    "embed",
-    "extract",
+    "info",
+    "cameras",
     "render",
     "metrics",
-    "info",
-    "paper-check",
+    "pair",
+    "embed",
+    "extract",
+    "attack",
+    "train",
+    "plant",
+    "download",
     "failures",
+    "stages",
+    "paper-check",
     "doctor",
 )
-STAGES = (
-    "pair",
-    "plant",
-    "cameras",
+JOBS = (
     "contributions",
     "weights",
     "opacities",
@@ -42,16 +44,14 @@ STAGES = (
     "tree",
     "cluster",
     "prune",
-    "attack",
     "message",
     "table",
     "matched",
     "contest",
     "figures",
     "report",
-    "stages",
 )
-COMMANDS = MAIN_COMMANDS + STAGES
+COMMANDS = USER_COMMANDS + JOBS
 
 DESCRIPTION = "Measure how robust a 3D Gaussian Splatting watermark is against GSPure and other attacks."
 
@@ -85,7 +85,7 @@ def _refuse(command: str, reason: str) -> int:
 
 
 def _parser(name: str) -> argparse.ArgumentParser:
-    """Return the parser of one command: a stage of the workflow pays for its own imports only."""
+    """Return the parser of one command; the others are not imported."""
     module = _module(name)
     parser = argparse.ArgumentParser(
         prog=f"gspure {name}",
@@ -99,8 +99,8 @@ def _parser(name: str) -> argparse.ArgumentParser:
 
 
 def _overview() -> argparse.ArgumentParser:
-    """Return the parser of a line without a known command: it lists them all."""
-    commands = _listed("commands", MAIN_COMMANDS) + "\n\n" + _listed("stages of the workflow", STAGES)
+    """Return the parser that lists all commands."""
+    commands = _listed("commands", USER_COMMANDS) + "\n\n" + _listed("jobs of the workflow", JOBS)
     parser = argparse.ArgumentParser(
         prog="gspure",
         usage="gspure [-h] [--version] COMMAND ...",
