@@ -140,7 +140,8 @@ def require_valid(source: str | Path, stage: NDArray[Any]) -> None:
     """Check the contributions [T] of one view, given as `CONTRIBUTION` of finite numbers.
 
     Indices ascend, every row is touched by a pixel, and as a pixel gives a row between 0 and 1:
-    0 <= max <= sum <= pixels, max <= 1. The kernels for GPUs round each pixel's share of the sum to 2^-23.
+    0 <= max <= sum <= pixels, max <= 1. The kernels for GPUs round each pixel's share of the
+    sum to a multiple of 2^-23, by at most 2^-24.
 
     Raises
     ------

@@ -359,7 +359,7 @@ def _read_array(name: str, dtype: Any, shape: tuple[int | None, ...], folder: Pa
 
 def _read_verified(folder: Path) -> None:
     """Whatever is damaged, the array or its record, nothing but the array that was written is returned."""
-    array = load_array(folder / "omega.npy", dtype=np.float32, shape=(ROWS,))
+    array = load_array(folder / "weights.npy", dtype=np.float32, shape=(ROWS,))
     assert array.tobytes() == np.arange(ROWS, dtype=np.float32).tobytes()
 
 
@@ -391,17 +391,17 @@ def _read_clusters(folder: Path) -> None:
 
 
 def _records(folder: Path) -> None:
-    save_array(folder / "omega.npy", np.ones(3, np.float32))
-    write_provenance(folder / "omega.npy", inputs={"model": folder / "omega.npy"}, settings={"reduction": "sum"})
+    save_array(folder / "weights.npy", np.ones(3, np.float32))
+    write_provenance(folder / "weights.npy", inputs={"model": folder / "weights.npy"}, settings={"reduction": "sum"})
     reason = "gspure attack: model.ply: file: expected a .ply, found nothing"
-    Failure("attack_model", reason, str(folder / "attack.log"), "run.log", ["kept.npy"]).write()
+    Failure("attack_model", reason, str(folder / "attack.log"), "run.log", ["prune_mask.npy"]).write()
     write_json(folder / "verdict.json", {"reached": {"message": True, "message_oracle": False}})
 
 
 def _read_records(folder: Path) -> None:
     failure = read_failure(folder / "attack.failed.json")
     assert all(isinstance(text, str) for text in (failure.reason, failure.log, *failure.missing))
-    for name in ("omega.npy.json", "verdict.json"):
+    for name in ("weights.npy.json", "verdict.json"):
         read_json(folder / name)
 
 
@@ -506,15 +506,15 @@ READERS = (
     Reader("index of stages", _index, _read_index, {"index.tsv": "text"}),
     Reader(
         "weights",
-        _array("omega.npy", lambda rng: rng.random(ROWS, np.float32)),
-        partial(_read_array, "omega.npy", np.float32, (ROWS,)),
-        {"omega.npy": "npy"},
+        _array("weights.npy", lambda rng: rng.random(ROWS, np.float32)),
+        partial(_read_array, "weights.npy", np.float32, (ROWS,)),
+        {"weights.npy": "npy"},
     ),
     Reader(
         "weights with a checksum",
-        lambda f: save_array(f / "omega.npy", np.arange(ROWS, dtype=np.float32), checksum=True),
+        lambda f: save_array(f / "weights.npy", np.arange(ROWS, dtype=np.float32), checksum=True),
         _read_verified,
-        {"omega.npy": "npy", "omega.npy.json": "json"},
+        {"weights.npy": "npy", "weights.npy.json": "json"},
     ),
     Reader(
         "features",
@@ -539,7 +539,7 @@ READERS = (
         "records and statuses",
         _records,
         _read_records,
-        {"omega.npy.json": "json", "attack.failed.json": "json", "verdict.json": "json"},
+        {"weights.npy.json": "json", "attack.failed.json": "json", "verdict.json": "json"},
     ),
     Reader("metrics.csv", _metrics, _read_metrics, {"metrics.csv": "text"}),
     Reader("results.csv", _table, lambda f: read_results(f / "results.csv"), {"results.csv": "text"}),

@@ -65,7 +65,7 @@ def test_a_record_is_made_once(tmp_path):
     assert [journal.record("a case", lambda n: {"n": n}, n) for n in (1, 2)] == [{"n": 1}, {"n": 1}]
 
 
-@pytest.mark.parametrize("fault", [[], ["half-written: omega.npy"]])
+@pytest.mark.parametrize("fault", [[], ["half-written: weights.npy"]])
 def test_the_page_counts_and_lists_open_defects(tmp_path, monkeypatch, fault):
     monkeypatch.setattr(page, "PAGE", tmp_path / "torture.md")
     kill = {"rule": "span_tree", "seconds": 1.0, "changes": 8, "kills": [{"after": 0.5, "hit": True}], "faults": fault}
