@@ -161,3 +161,28 @@ def test_attacks_on_what_anchors_do_not_have_refuse_them(name: str, settings: di
 def test_settings_out_of_range_are_refused(name: str, settings: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         attacked(name, blobs(COUNT), **settings)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "column"),
+    [
+        ("gaussian_noise", {"sigma": 1e38}, "f_dc_0"),
+        ("gaussian_noise", {"sigma": 1e300, "attributes": "opacity"}, "opacity"),
+        ("position_noise", {"sigma": 1e38}, "x"),
+        ("feature_scaling", {"factor": 3e38}, "f_dc_0"),
+        ("feature_scaling", {"factor": 1e300}, "f_dc_0"),
+        ("rigid_transform", {"translation": "0,1e39,0"}, "y"),
+    ],
+)
+def test_numbers_that_overflow_are_refused_with_column_and_setting(name: str, settings: dict, column: str) -> None:
+    with pytest.raises(InputError) as caught:
+        attacked(name, blobs(400), **settings)
+    assert (caught.value.source, caught.value.field) == (f"attack {name}", column)
+    assert all(f"{setting}={value}" in str(caught.value.hint) for setting, value in settings.items())
+
+
+def test_numbers_that_were_not_finite_before_are_no_fault_of_an_attack() -> None:
+    before = blobs(COUNT).with_columns({"nx": np.full(COUNT, np.nan), "f_dc_0": np.full(COUNT, np.inf)})
+    after = find_attack("reorder").apply(before, Evidence())
+    assert np.isnan(after.model.table["nx"]).all()
+    assert (attacked("feature_scaling", before).table["f_dc_0"] == np.inf).all()

@@ -312,6 +312,12 @@ def test_diagnosis_warns_of_a_clustering_without_effect() -> None:
     assert "changes 0.0% of the decision" in diagnose(labels, np.array([0.0] * 4 + [9.0] * 6)).warnings[0]
 
 
+def test_diagnosis_warns_of_a_decision_that_leaves_no_row() -> None:
+    labels = np.array([0] * 4 + [1] * 4, np.int32)
+    assert any("every Gaussian is pruned" in text for text in diagnose(labels, np.ones(8), tau_c=0.5).warnings)
+    assert not any("every Gaussian" in text for text in diagnose(labels, np.ones(8)).warnings)
+
+
 def test_diagnosis_warns_of_no_clusters_and_of_piles() -> None:
     found = diagnose(np.full(3, -1, np.int32), np.ones(3), coincident=2)
     assert [text.split(":")[0] for text in found.warnings] == [

@@ -240,7 +240,9 @@ def test_an_ascii_body_of_another_shape_is_refused(tmp_path, body):
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
 def test_a_model_of_no_gaussians_is_refused(tmp_path, encoding):
     error = refusal(save(tmp_path / "m.ply", header(floats(CORE), 0, encoding)))
-    assert (error.field, error.expected, error.found) == ("element vertex", "at least one Gaussian", "0 rows")
+    assert (error.field, error.expected, error.found) == ("element vertex", "at least one row", "0 rows")
+    with pytest.raises(InputError, match=r"m\.ply: element vertex: expected at least one row"):
+        write_model(tmp_path / "m.ply", blobs(1).subset(np.zeros(1, np.bool_)))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gspure.artifacts.checksums import file_checksum, forget, record_file, verify
-from gspure.errors import reading
+from gspure.errors import InputError, reading
 
 
 @contextmanager
@@ -39,9 +39,12 @@ def replacing(path: Path, *, checksum: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def _blaming(path: Path, temporary: Path) -> Iterator[None]:
-    """Let an error of the file system about `temporary`, or about no file (a full disk), name `path`."""
+    """Let an error about `temporary`, or of the file system about no file (a full disk), name `path`."""
     try:
         yield
+    except InputError as error:
+        error.source = error.source.replace(str(temporary), str(path))
+        raise
     except OSError as error:
         error.filename = str(error.filename or temporary).replace(str(temporary), str(path))
         error.strerror = error.strerror or str(error)

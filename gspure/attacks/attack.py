@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gspure import __version__
 from gspure.errors import InputError
+from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns, PublicModel
 
@@ -157,8 +158,8 @@ class Attack:
         Raises
         ------
         InputError
-            A setting is unknown or out of range, evidence is missing or of another model, or the model has nothing
-            that the attack acts on.
+            A setting is unknown or out of range, evidence is missing or of another model, the model has nothing that
+            the attack acts on, or finite numbers become infinite.
 
         """
         for name in settings.keys() - self.settings.keys():
@@ -170,11 +171,13 @@ class Attack:
         given: dict[str, Any] = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
         if COLUMNS in self.parameters:
             given[COLUMNS] = public.columns
-        attacked = self.function(model, np.random.default_rng(seed), **given, **settings)
-        self._check_rows(attacked, len(model))
+        with np.errstate(all="ignore"):  # numbers that overflow are refused below
+            attacked = self.function(model, np.random.default_rng(seed), **given, **settings)
         if attacked.model is model:
             return attacked
         listed = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
+        self._check_rows(attacked, len(model))
+        self._check_numbers(attacked, model, listed)
         return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
 
     def _check_rows(self, attacked: Attacked, count: int) -> None:
@@ -185,6 +188,13 @@ class Attack:
             expected = f"for each of {len(attacked.model)} rows, one of {count}"
             found = f"{list(rows.shape)} of {attacked.count}"
             raise InputError(f"attack {self.name}", "rows", expected=expected, found=found)
+
+    def _check_numbers(self, attacked: Attacked, before: Gaussians, listed: str) -> None:
+        """Refuse an attacked model with infinities and not-a-numbers where the model `before` has finite numbers."""
+        for name, changed in non_finite_rows(attacked.model, before.table.dtype.names or ()).items():
+            if len(rows := changed[np.isfinite(before.table[name][attacked.rows[changed]])]):
+                found = f"infinity or not-a-number in {len(rows)} of {len(attacked.model)} rows, first in row {rows[0]}"
+                raise InputError(f"attack {self.name}", name, expected="finite numbers", found=found, hint=listed)
 
     def _evidence(self, name: str, evidence: Evidence, count: int) -> NDArray[Any]:
         array: NDArray[Any] | None = getattr(evidence, name)

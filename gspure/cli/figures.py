@@ -87,8 +87,6 @@ def _draw_model(args: argparse.Namespace) -> None:
     from gspure.model.signature import Signature
 
     model = drawable(read_model(args.model), args.model)
-    if not len(model):
-        raise InputError(args.model, "rows", expected="at least one", found="none")
     shape = (len(model),)
     labels = read_clusters(args.clusters).labels
     if labels.shape != shape:

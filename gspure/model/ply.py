@@ -53,8 +53,9 @@ def read_ply(path: Path) -> Gaussians:
 def write_ply(path: Path, model: Gaussians) -> None:
     """Write a binary little-endian PLY with the table's columns as they are, whole or not at all.
 
-    A vanilla model comes out byte for byte as its trainer wrote it.
+    A vanilla model comes out byte for byte as its trainer wrote it. A model without rows is refused, as in `read_ply`.
     """
+    _require_rows(path, len(model))
     vertex = PlyElement.describe(np.ascontiguousarray(model.table), "vertex")
     with replacing(path) as temporary:
         PlyData([vertex], byte_order="<", comments=model.comments).write(str(temporary))
@@ -63,8 +64,7 @@ def write_ply(path: Path, model: Gaussians) -> None:
 def _check_properties(vertices: Vertices) -> None:
     """Refuse an empty model, colour that fits no degree, and core properties that are not float32."""
     path, dtypes = vertices.path, vertices.dtypes
-    if vertices.count < 1:
-        raise InputError(path, "element vertex", expected="at least one Gaussian", found=f"{vertices.count} rows")
+    _require_rows(path, vertices.count)
     required = _required(path, dtypes)
     for name in required:
         if name not in dtypes:
@@ -74,6 +74,11 @@ def _check_properties(vertices: Vertices) -> None:
     for name in required:
         if dtypes[name] != np.float32:
             raise InputError(path, name, expected="a float32 property", found=str(dtypes[name]))
+
+
+def _require_rows(path: Path, count: int) -> None:
+    if count < 1:
+        raise InputError(path, "element vertex", expected="at least one row", found=f"{count} rows")
 
 
 def _required(path: Path, names: Mapping[str, object]) -> tuple[str, ...]:

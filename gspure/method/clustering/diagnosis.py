@@ -63,6 +63,8 @@ class Diagnosis:
                 f"the largest cluster holds {self.largest_share:.0%} of all Gaussians: the clustering has collapsed; "
                 "try selection eom_capped or leaf"
             )
+        if self.pruned_share == 1:
+            found.append("every Gaussian is pruned: nothing remains to be written; larger factors prune less")
         if not self.clusters:
             found.append("no cluster was found: every Gaussian is judged alone, by the noise rule")
         elif self.changed_share < _CHANGED_SHARE_WARNED:
