@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from gspure.artifacts import verify
-from gspure.artifacts.checksums import record_file
+from gspure.artifacts import record_of, verify
+from gspure.artifacts.checksums import record_file, require_size
 from gspure.errors import InputError
 from gspure.method.contributions import is_index, read_index, read_stage
 
@@ -27,7 +27,7 @@ def damage_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
 
     """
     below = {path for folder in folders for path in folder.rglob("*")}
-    files = {file for note in below if note.suffix == ".json" and (file := note.with_suffix("")).is_file()}
+    files = _recorded(below)
     indices = {file for file in below if is_index(file)}
     stages: set[Path] = set()
     damages = []
@@ -38,8 +38,13 @@ def damage_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
             stages |= {stage.path.resolve() for stage in read_index(index)}
     others = {file for file in files - indices if file.resolve() not in stages}
     damages += filter(None, [_damage(file) for file in sorted(others)])
-    damages += filter(None, [_damage(stage, stored=True) for stage in sorted(stages)])
+    damages += filter(None, [_damage(stage, read_stage) for stage in sorted(stages)])
     return len(indices) + len(others) + len(stages), damages
+
+
+def missing_or_cut() -> dict[Path, str]:
+    """Return the artifacts of a workflow that are missing or of another size, each with a line; none is read."""
+    return {file: damage for file in _recorded(RESULTS.rglob("*.json")) if (damage := _damage(file, require_size))}
 
 
 def set_aside(artifacts: Iterable[Path]) -> dict[Path, str]:
@@ -77,22 +82,34 @@ def _damage_of(artifact: Path) -> str:
     files = sorted(artifact.rglob("*")) if artifact.is_dir() else [artifact]
     damages = [damage for file in files if (damage := _damage(file))]
     if not damages and is_index(artifact):
-        damages = [damage for stage in read_index(artifact) if (damage := _damage(stage.path, stored=True))]
+        damages = [damage for stage in read_index(artifact) if (damage := _damage(stage.path, read_stage))]
     return damages[0] if damages else ""
 
 
-def _damage(file: Path, *, stored: bool = False) -> str:
-    """Return what is wrong with a file, which may be a stored stage."""
+def _damage(file: Path, check: Callable[[Path], object] | None = None) -> str:
+    """Return what is wrong with a file by a check, the whole one by default."""
     try:
-        if stored:
-            read_stage(file)
-        elif is_index(file):
-            read_index(file)
-        else:
-            verify(file)
+        (check or _check)(file)
     except InputError as error:
         return str(error)
     return ""
+
+
+def _check(file: Path) -> None:
+    require_size(file)
+    read_index(file) if is_index(file) else verify(file)
+
+
+def _recorded(paths: Iterable[Path]) -> set[Path]:
+    """Return the files that have a record among `paths`, missing ones too."""
+    return {file for path in paths if path.suffix == ".json" and _has_record(file := path.with_suffix(""))}
+
+
+def _has_record(file: Path) -> bool:
+    try:
+        return record_of(file) is not None
+    except InputError:
+        return bool(file.suffix)  # else it is a damaged JSON file of its own
 
 
 def _rename(artifact: Path) -> None:

@@ -7,7 +7,7 @@ import sys
 
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
-from gspure.damage import discard, set_aside
+from gspure.damage import discard, missing_or_cut, set_aside
 from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary
 
 # In that process: the failures of the run that it follows. If a figure fails in it, a third one leaves that out, too.
@@ -85,6 +85,21 @@ def heal():
     discard(Path(path) for job in dependent for path in job.output)
     for damage in damaged.values():
         print(f"gspure: set aside, to be made again by the next run: {damage}", file=sys.stderr)
+
+
+def build_dag(build=workflow._build_dag):
+    """Force the jobs whose artifacts are missing or cut, which Snakemake takes for up to date if their products are."""
+    damages = missing_or_cut()
+    workflow.dag.forcefiles |= {str(path) for file in damages for path in (file, *file.parents)}
+    build()
+    forced = {path for job in workflow.dag.jobs for path in map(Path, job.output)}
+    for file, damage in damages.items():
+        if forced & {file, *file.parents}:
+            print(f"gspure: to be made again: {damage}", file=sys.stderr)
+
+
+if workflow.is_main_process and not RUNS:
+    workflow._build_dag = build_dag
 
 
 def print_failures(failures):

@@ -9,7 +9,7 @@ import pytest
 
 from gspure.artifacts import save_array, write_json, write_provenance
 from gspure.cli import main
-from gspure.damage import set_aside
+from gspure.damage import missing_or_cut, set_aside
 from gspure.method.contributions import Stage, write_index
 from gspure.renderer import CONTRIBUTION
 from tests.test_checksums import flipped
@@ -78,6 +78,21 @@ def test_an_index_with_a_line_less_and_damaged_provenance_are_listed(capsys):
     status, lines = verify(capsys, "results")
     assert status == 1
     assert [line.split(": ")[0] for line in lines[:-1]] == [str(INDEX), f"{OMEGA}.json"]
+
+
+def test_deleted_artifacts_are_listed_by_their_records(capsys):
+    OMEGA.unlink()
+    INDEX.unlink()
+    CAMERAS.write_bytes(b"[")
+    status, lines = verify(capsys, "results")
+    assert status == 1
+    assert [line.split(": ")[0] for line in lines[:-1]] == sorted(map(str, (CAMERAS, INDEX, OMEGA)))
+    assert missing_or_cut().keys() == {CAMERAS, INDEX, OMEGA}
+
+
+def test_an_artifact_of_its_size_is_not_read_for_being_missing_or_cut():
+    flipped(OMEGA)
+    assert missing_or_cut() == {}
 
 
 def test_a_folder_that_is_not_there_cannot_be_verified(capsys):

@@ -1,5 +1,8 @@
 """Damaged artifacts: a job that reads one names it, and the next run makes it again, to the same bytes."""
 
+import os
+from pathlib import Path
+
 import pytest
 
 from tests.test_checksums import flipped
@@ -62,3 +65,17 @@ def test_measuring_again_finds_a_damaged_stage(project):  # noqa: F811
     zeroed(stage)
     project.run(OMEGA, "--forcerun", "measure_contributions")
     assert stage.read_bytes() == good
+
+
+@pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_bytes(b"x")], ids=["deleted", "cut"])
+def test_an_artifact_whose_products_are_up_to_date_is_made_again_with_them(project, damage):  # noqa: F811
+    artifact = project.folder / BOT / "features.npy"
+    good, when = artifact.read_bytes(), artifact.stat().st_mtime_ns
+    damage(artifact)
+    if artifact.exists():
+        os.utime(artifact, ns=(when, when))
+    printed = project.run(TABLE)
+    assert f"{BOT / 'features.npy'}: " in printed
+    assert rules_run(printed)["span_tree"] == rules_run(printed)["build_features"] == 1
+    assert artifact.read_bytes() == good
+    assert "Nothing to be done" in project.run(TABLE)

@@ -56,7 +56,7 @@ def record_file(path: Path) -> Path:
 
 
 def record_of(path: Path) -> dict[str, Any] | None:
-    """Return the record of a file: `artifact`, its name; `crc32`; and its provenance, if any. None without a record.
+    """Return the record of a file: its name (`artifact`), `bytes`, `crc32` and provenance, if any. None without a record.
 
     Raises
     ------
@@ -94,6 +94,24 @@ def verify(path: Path) -> None:
     if found != record["crc32"]:
         hint = f"damaged or edited; if edited on purpose, delete {record_file(path).name}"
         raise InputError(path, "content", expected=f"CRC-32 {record['crc32']}", found=found, hint=hint)
+
+
+def require_size(path: Path) -> None:
+    """Check that a file with a record exists and has its size, without reading it; a file without one passes.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, cut or continued, or its record is damaged.
+
+    """
+    record = record_of(path)
+    if record is None:
+        return
+    with reading(path, "the file of its record"):
+        size = Path(path).stat().st_size
+    if size != record.get("bytes", size):
+        raise InputError(path, "content", expected=f"{record['bytes']} bytes", found=f"{size} bytes")
 
 
 def intact(path: Path) -> bool:

@@ -29,7 +29,8 @@ def replacing(path: Path, *, checksum: bool = False) -> Iterator[Path]:
         with _blaming(path, temporary):
             yield temporary
             if checksum:
-                write_json(record_file(path), {"artifact": path.name, "crc32": file_checksum(temporary)})
+                record = {"artifact": path.name, "bytes": temporary.stat().st_size, "crc32": file_checksum(temporary)}
+                write_json(record_file(path), record)
             else:
                 forget(path)
             temporary.replace(path)

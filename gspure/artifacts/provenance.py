@@ -11,7 +11,7 @@ from gspure.artifacts.files import write_json
 
 
 def write_provenance(path: Path, *, inputs: Mapping[str, Path], settings: Mapping[str, Any]) -> None:
-    """Write ``<path>.json`` beside an artifact: checksum, digest, digests of its inputs, settings, and the version.
+    """Write ``<path>.json`` beside an artifact: size, checksum, digest, digests of its inputs, settings and version.
 
     The digest of an input that has provenance is taken from there, as the input was verified when it was read. Inputs
     that are folders are left out.
@@ -21,6 +21,7 @@ def write_provenance(path: Path, *, inputs: Mapping[str, Path], settings: Mappin
     files = {name: Path(source) for name, source in inputs.items() if Path(source).is_file()}
     record = {
         "artifact": path.name,
+        "bytes": path.stat().st_size,
         "crc32": file_checksum(path),
         "digest": file_digest(path),
         "gspure": __version__,
