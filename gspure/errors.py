@@ -80,17 +80,26 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
     Raises
     ------
     InputError
-        The file is missing, cannot be read or holds something else.
+        The file is missing, a folder, a pipe or a device, cannot be read or holds something else.
 
     """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            _refuse_special(Path(path))
             yield
     except InputError:
         raise
     except Exception as error:
         raise InputError(path, field, expected=content, found=_reason(error)) from error
+
+
+def _refuse_special(path: Path) -> None:
+    """Refuse what is there but no regular file: a pipe may never end, and a device holds any number of bytes."""
+    if path.is_dir():
+        raise ValueError("a folder")
+    if path.exists() and not path.is_file():
+        raise ValueError("a pipe or a device")
 
 
 def _reason(error: Exception) -> str:

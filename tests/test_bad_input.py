@@ -298,7 +298,7 @@ def test_no_device_at_all_is_told_with_what_to_do(folder):
         ),
         (
             "assets: {m: {model: no.ply, cameras: orbit}}\n",
-            "mine.yaml: assets.m.model: expected an existing path, found no.ply",
+            "mine.yaml: assets.m.model: expected an existing file or folder, found no.ply",
         ),
         ("assets: {m: {train: cut}}\n", r"cut/cameras.json: \[0\].width: expected a whole number .*, found nothing"),
     ],

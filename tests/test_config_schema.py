@@ -201,7 +201,7 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         ),
         (
             {"pairs": {"room": {"scene": "no", "message": "no"}}, "schemes": {"splats_in_splats": {}}},
-            "pairs.room.scene: expected an existing path, found no",
+            "pairs.room.scene: expected an existing file or folder, found no",
         ),
         (
             {"pairs": {"room": {}}, "schemes": {"splats": {}}},
@@ -213,7 +213,7 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         ),
         ({"assets": {"bot": {"model": "no.ply", "cameras": "orbit"}}}, "assets.bot.model: expected .* found no.ply"),
         ({"assets": {"bot": {"model": __file__, "cameras": "no.json"}}}, "assets.bot.cameras: .* found no.json"),
-        ({"assets": {"bot": {"train": "no"}}}, "assets.bot.train: expected an existing path, found no"),
+        ({"assets": {"bot": {"train": "no"}}}, "assets.bot.train: expected an existing file or folder, found no"),
         ({"assets": {"bot": {"train": ".", "model": __file__}}}, "assets.bot.model: expected nothing beside train"),
         ({"assets": {"bot": {"train": ".", "cameras": "orbit"}}}, "assets.bot.cameras: expected nothing beside train"),
         (
@@ -277,5 +277,5 @@ def test_a_configuration_nested_too_deep_is_refused(nested):
 def test_a_path_that_cannot_exist_is_refused(tmp_path, field, path):
     (tmp_path / "bot.ply").touch()
     asset = {"model": str(tmp_path / "bot.ply"), "cameras": "orbit"} | {field: path}
-    with pytest.raises(InputError, match=rf"mine\.yaml: assets\.bot\.{field}: expected an existing path"):
+    with pytest.raises(InputError, match=rf"mine\.yaml: assets\.bot\.{field}: expected an existing file or folder"):
         resolved(filled({"assets": {"bot": asset}}), "mine.yaml")

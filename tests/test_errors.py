@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import copy
 import lzma
+import os
 import struct
 import tokenize
 import warnings
 import zipfile
 import zlib
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gspure.artifacts import load_array, load_arrays, read_json
+from gspure.cameras import read_cameras
 from gspure.errors import InputError, reading
+from gspure.evaluation.comparison import read_metrics
+from gspure.images import read_image
+from gspure.method.contributions import read_index
+from gspure.model import read_model
+from gspure.model.points import read_point_ply
+from gspure.schemes.gs_hider.decoder_file import DecoderFile
+from gspure.schemes.tensors import read_tensors
 
 ANY_TEXT = st.text(st.characters(exclude_categories=()))  # control characters and lone surrogates included
 
@@ -65,6 +76,35 @@ def test_whatever_goes_wrong_while_reading_becomes_one_line(error, found):
         raise error
     assert str(caught.value) == f"x.json: file: expected JSON, found {found}"
     assert caught.value.__cause__ is error
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        read_model,
+        read_point_ply,
+        read_json,
+        read_cameras,
+        read_metrics,
+        read_index,
+        read_image,
+        read_tensors,
+        DecoderFile.read,
+        lambda path: load_array(path, dtype=np.float32, shape=(None,)),
+        lambda path: load_arrays(path, {}, "arrays"),
+    ],
+)
+def test_a_pipe_and_a_device_are_refused_by_every_reader(tmp_path, read):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "zero").symlink_to("/dev/zero")
+    for name in ("pipe", "zero"):
+        with pytest.raises(InputError, match=f"{name}: file: expected .*, found a pipe or a device"):
+            read(tmp_path / name)
+
+
+def test_a_folder_in_place_of_a_file_is_refused(tmp_path):
+    with pytest.raises(InputError, match="found a folder"):
+        read_json(tmp_path)
 
 
 def test_warnings_about_a_file_are_discarded():

@@ -84,7 +84,7 @@ def test_a_scene_that_is_not_there_is_named(project):
     captures(project.folder / "data", set(SCENES) - {"treehill"})
     configured(project, "mipnerf360.yaml")
     refusal = project.run("--dry-run", status=2)
-    assert "pairs.treehill.scene: expected an existing path, found data/treehill" in refusal
+    assert "pairs.treehill.scene: expected an existing file or folder, found data/treehill" in refusal
     assert "gspure download treehill" in refusal
 
 

@@ -134,11 +134,11 @@ def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:
 def _require_path(path: str, source: str | Path, place: str) -> None:
     from gspure.datasets import SCENES
 
-    with reading(source, "an existing path", place):  # a path may be too long to ask for
-        exists = Path(path).exists()
+    with reading(source, "an existing file or folder", place):  # a path may be too long to ask for
+        exists = Path(path).is_file() or Path(path).is_dir()
     if not exists:
         hint = f"gspure download {name}" if (name := Path(path).name) in SCENES else None
-        raise InputError(source, place, expected="an existing path", found=path, hint=hint)
+        raise InputError(source, place, expected="an existing file or folder", found=path, hint=hint)
 
 
 def _photographs(data: str) -> list[str]:
