@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from jsonschema import Draft202012Validator
 
 from gspure import constants
 from gspure.attacks import attacks
+from gspure.cameras import write_cameras
 from gspure.cli.options import ENERGIES, SPLITS
 from gspure.cli.train import add_arguments
 from gspure.errors import InputError
@@ -22,6 +24,7 @@ from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.planted import STAGES
 from gspure.schemes.registry import schemes
 from gspure.workflow.configuration import resolved, validated
+from tests.models import camera
 
 ROOT = Path(__file__).parents[1]
 SCHEMA_FILE = ROOT / "schemas" / "config.schema.yaml"
@@ -279,3 +282,18 @@ def test_a_path_that_cannot_exist_is_refused(tmp_path, field, path):
     asset = {"model": str(tmp_path / "bot.ply"), "cameras": "orbit"} | {field: path}
     with pytest.raises(InputError, match=rf"mine\.yaml: assets\.bot\.{field}: expected an existing file or folder"):
         resolved(filled({"assets": {"bot": asset}}), "mine.yaml")
+
+
+@pytest.mark.parametrize("field", ["model", "cameras", "train"])
+def test_a_path_with_braces_is_refused_before_snakemake_takes_them_for_wildcards(tmp_path, field):
+    (tmp_path / "{bot}.ply").touch()
+    (tmp_path / "bot.ply").touch()
+    asset = {} if field == "train" else {"model": str(tmp_path / "bot.ply"), "cameras": "orbit"}
+    with pytest.raises(InputError, match=rf"mine\.yaml: assets\.bot\.{field}: expected a path without braces"):
+        resolved(filled({"assets": {"bot": asset | {field: str(tmp_path / "{bot}.ply")}}}), "mine.yaml")
+
+
+def test_a_photograph_with_braces_in_its_name_is_refused(tmp_path):
+    write_cameras(tmp_path / "cameras.json", [replace(camera(40, 30), image=Path("{1}.png"))])
+    with pytest.raises(InputError, match=r"photographs: expected a path without braces, found .*\{1\}\.png"):
+        resolved(filled({"assets": {"bot": {"train": str(tmp_path / "cameras.json")}}}), "mine.yaml")

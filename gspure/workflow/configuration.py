@@ -136,6 +136,7 @@ def _require_path(path: str, source: str | Path, place: str) -> None:
 
     with reading(source, "an existing file or folder", place):  # a path may be too long to ask for
         exists = Path(path).is_file() or Path(path).is_dir()
+    _require_no_braces(path, source, place)
     if not exists:
         hint = f"gspure download {name}" if (name := Path(path).name) in SCENES else None
         raise InputError(source, place, expected="an existing file or folder", found=path, hint=hint)
@@ -145,7 +146,16 @@ def _photographs(data: str) -> list[str]:
     """Return the files that the cameras of training data name."""
     from gspure.cameras import read_cameras
 
-    return [str(camera.image) for camera in read_cameras(Path(data)) if camera.image]
+    images = [str(camera.image) for camera in read_cameras(Path(data)) if camera.image]
+    for image in images:
+        _require_no_braces(image, data, "photographs")
+    return images
+
+
+def _require_no_braces(path: str, source: str | Path, place: str) -> None:
+    if {*path} & {*"{}"}:
+        hint = "Snakemake takes braces for wildcards"
+        raise InputError(source, place, expected="a path without braces", found=path, hint=hint)
 
 
 def _check_settings(
