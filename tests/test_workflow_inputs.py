@@ -1,10 +1,13 @@
 """Files and options of jobs, from the resolved configuration."""
 
+import json
 import shlex
 
+import numpy as np
 import pytest
 
 from gspure.workflow.captures import camera_files, capture_files
+from gspure.workflow.configuration import resolved
 from gspure.workflow.options import column_options, options, setting_options
 from gspure.workflow.pairs import (
     message_model,
@@ -55,6 +58,18 @@ def test_a_file_of_cameras_stands_for_itself_and_has_points_beside_it(tmp_path, 
     (tmp_path / "points3D.ply").touch()
     assert camera_files("transforms.json") == ["transforms.json"]
     assert capture_files("transforms.json", []) == ["transforms.json", "points3D.ply"]
+
+
+def test_the_held_out_views_of_a_blender_scene_are_files_of_its_training(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    frame = {"transform_matrix": np.eye(4).tolist()}
+    for split in ("train", "test"):
+        content = {"w": 8, "h": 6, "fl_x": 8.0, "frames": [{**frame, "file_path": f"{split}/r_{split}"}]}
+        (tmp_path / f"transforms_{split}.json").write_text(json.dumps(content))
+    config = {"planted": {}, "pairs": {}, "schemes": {}, "variants": {}, "assets": {"lego": {"train": "."}}}
+    photographs = resolved(config, "mine.yaml")["assets"]["lego"]["photographs"]
+    assert photographs == ["train/r_train.png", "test/r_test.png"]
+    assert capture_files(".", photographs) == ["transforms_train.json", "transforms_test.json", *photographs]
 
 
 def test_an_asset_is_a_pair_and_a_repetition():

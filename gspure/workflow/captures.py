@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from gspure.training.dataset import POINT_FILES
+from gspure.training.views import BLENDER_HELD_OUT
 
 CAMERA_FILES: Final = (
     "cameras.bin",
@@ -28,7 +29,8 @@ def camera_files(source: str) -> list[str]:
 def capture_files(source: str, photographs: Sequence[str]) -> list[str]:
     """Return the files of the cameras and points of `source`, a folder or a file of cameras, and its photographs."""
     folder = Path(source) if Path(source).is_dir() else Path(source).parent
-    return [*camera_files(source), *_files(str(folder), ["points3D.bin", "points3D.txt", *POINT_FILES]), *photographs]
+    names = [*BLENDER_HELD_OUT, "points3D.bin", "points3D.txt", *POINT_FILES]
+    return [*camera_files(source), *_files(str(folder), names), *photographs]
 
 
 def _files(source: str, names: Sequence[str]) -> list[str]:

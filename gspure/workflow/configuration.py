@@ -143,10 +143,10 @@ def _require_path(path: str, source: str | Path, place: str) -> None:
 
 
 def _photographs(data: str) -> list[str]:
-    """Return the files that the cameras of training data name."""
-    from gspure.cameras import read_cameras
+    """Return the files that the cameras of training data name, held-out ones too."""
+    from gspure.training.views import read_views
 
-    images = [str(camera.image) for camera in read_cameras(Path(data)) if camera.image]
+    images = [str(camera.image) for camera in read_views(Path(data)).cameras if camera.image]
     for image in images:
         _require_no_braces(image, data, "photographs")
     return images
