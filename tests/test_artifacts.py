@@ -69,7 +69,10 @@ def test_an_array_is_read_back_under_any_file_name(tmp_path: Path) -> None:
     [
         (np.zeros(3, np.float32), r"array: expected float64 \[any, 2\], found float32 \[3\]"),
         (np.zeros((3, 1)), r"array: expected float64 \[any, 2\], found float64 \[3, 1\]"),
-        (np.array([[0, np.nan], [np.inf, 1]]), "array: expected finite numbers, found others in 2 of 4 places"),
+        (
+            np.array([[0, np.nan], [np.inf, 1]]),
+            "array: expected finite numbers, found others in 2 of 4 places, first nan in row 0",
+        ),
     ],
 )
 def test_an_array_of_another_kind_is_refused(tmp_path: Path, array: np.ndarray, refusal: str) -> None:

@@ -32,6 +32,7 @@ COMMANDS = {
     "contributions": "contributions --model model.ply --cameras cameras.json --stages out --index out.tsv",
     "features": "features --model model.ply --weights weights.npy --out out",
     "attack": "attack plain_weight --model model.ply --weights weights.npy --out out --removed out.npy",
+    "prune": "prune --clusters clusters.npz --weights weights.npy --out out",
     "metrics": "metrics a b --out out",
     "figures": "figures model --model model.ply --weights weights.npy --clusters clusters.npz --prune-mask mask.npy "
     "--cameras cameras.json --out out",
@@ -164,15 +165,19 @@ def test_a_file_that_holds_no_cameras_is_refused_by_every_command(folder, capsys
     assert refusal(folder, capsys, COMMANDS[command]).startswith("cameras.json: file: expected ")
 
 
+NOT_NEGATIVE = "expected finite numbers of at least 0"
+
+
 @pytest.mark.parametrize("command", OF_WEIGHTS)
 @pytest.mark.parametrize(
     ("weights", "line"),
     [
         (np.ones(3, np.float32), "expected float32 [60], found float32 [3]"),
         (np.ones(COUNT), "expected float32 [60], found float64 [60]"),
-        (np.full(COUNT, np.nan, np.float32), "expected finite numbers, found others in 60 of 60 places"),
+        (np.full(COUNT, np.nan, np.float32), f"{NOT_NEGATIVE}, found others in 60 of 60 places, first nan in row 0"),
+        (np.float32([*[0] * 7, -3, *[1] * 52]), f"{NOT_NEGATIVE}, found others in 1 of 60 places, first -3.0 in row 7"),
     ],
-    ids=["of another model", "wrong type", "NaN"],
+    ids=["of another model", "wrong type", "NaN", "negative"],
 )
 def test_bad_weights_are_refused_by_every_command(folder, capsys, command, weights, line):
     save_array(Path("weights.npy"), weights)

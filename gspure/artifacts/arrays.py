@@ -49,7 +49,7 @@ def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
-def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape) -> NDArray[Any]:
+def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape, least: float = -math.inf) -> NDArray[Any]:
     """Read one .npy array.
 
     Parameters
@@ -57,17 +57,19 @@ def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape) -> NDAr
     path : Path
     dtype, shape
         What it should be: see `Kind`.
+    least : float
+        The smallest number it may hold.
 
     Raises
     ------
     InputError
         If the file is damaged, its size differs from what its header says, the array is of another kind, or a number
-        in it is not finite.
+        in it is not finite or below `least`.
 
     """
     verify(path)
     with reading(path, "a .npy array"), Path(path).open("rb") as stream:
-        return _read(stream, os.fstat(stream.fileno()).st_size, path, "array", (dtype, shape))
+        return _read(stream, os.fstat(stream.fileno()).st_size, path, "array", (dtype, shape), least)
 
 
 def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str, NDArray[Any]]:
@@ -104,7 +106,7 @@ def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str
         return arrays
 
 
-def _read(stream: IO[bytes], size: int, path: Path, field: str, kind: Kind) -> NDArray[Any]:
+def _read(stream: IO[bytes], size: int, path: Path, field: str, kind: Kind, least: float = -math.inf) -> NDArray[Any]:
     """Read one array, which should fill a stream of `size` bytes."""
     version = npy.read_magic(stream)
     if version not in _HEADERS:
@@ -122,9 +124,12 @@ def _read(stream: IO[bytes], size: int, path: Path, field: str, kind: Kind) -> N
         raise InputError(path, field, expected=f"{count * dtype.itemsize} bytes of data", found=found)
     array = np.empty(count, dtype)
     stream.readinto(array.view(np.uint8))  # type: ignore[attr-defined]
-    if bad := _not_finite(array):
-        raise InputError(path, field, expected="finite numbers", found=f"others in {bad} of {count} places")
-    return array.reshape(shape, order="F" if by_columns else "C")
+    array = array.reshape(shape, order="F" if by_columns else "C")
+    if len(bad := _unfit(array, least)):
+        expected = "finite numbers" if least == -math.inf else f"finite numbers of at least {least:g}"
+        first = f"first {array[tuple(bad[0])]} in row {bad[0, 0]}"
+        raise InputError(path, field, expected=expected, found=f"others in {len(bad)} of {count} places, {first}")
+    return array
 
 
 def _is_of(kind: Kind, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bool:
@@ -143,7 +148,11 @@ def _told(dtype: np.dtype[Any] | type, shape: Shape) -> str:
     return f"{name} [{', '.join('any' if n is None else str(n) for n in shape)}]"
 
 
-def _not_finite(array: NDArray[Any]) -> int:
-    """Return how many places hold NaN or infinity, in any field of a structured array."""
+def _unfit(array: NDArray[Any], least: float) -> NDArray[np.intp]:
+    """Return the places that hold NaN, infinity or less than `least`, in any field of a structured array."""
     columns = [array[name] for name in array.dtype.names] if array.dtype.names else [array]
-    return sum(int(np.count_nonzero(~np.isfinite(column))) for column in columns if column.dtype.kind == "f")
+    bad = np.zeros(array.shape, np.bool_)
+    for column in columns:
+        if column.dtype.kind == "f":
+            bad |= ~(np.isfinite(column) & (column >= least))
+    return np.argwhere(bad)

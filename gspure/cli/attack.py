@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> None:
     public = read_public(args)
     model = public.model
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
-    loaded = {name: load_array(path, dtype=types[name], shape=(len(model),)) for name, path in files.items()}
+    loaded = {name: load_array(path, dtype=types[name], shape=(len(model),), least=0) for name, path in files.items()}
     stored = {"opacities": model.opacities} if public.rows_are_gaussians else {}
     attacked = attack.apply(public, Evidence(**stored | loaded), seed=args.seed, **settings)
     public.with_model(attacked.model).write(args.out)

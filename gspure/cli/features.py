@@ -32,11 +32,11 @@ def run(args: argparse.Namespace) -> None:
     from gspure.model.ply import read_ply
 
     model = drawable(read_ply(args.model), args.model)
-    weights = load_array(args.weights, dtype=np.float32, shape=(len(model),))
+    weights = load_array(args.weights, dtype=np.float32, shape=(len(model),), least=0)
     inputs = {"model": args.model, "weights": args.weights}
     opacities = model.opacities
     if args.opacities:
         inputs["opacities"] = args.opacities
-        opacities = load_array(args.opacities, dtype=np.float32, shape=(len(model),))
+        opacities = load_array(args.opacities, dtype=np.float32, shape=(len(model),), least=0)
     save_array(args.out, features(model.means, opacities, weights))
     write_provenance(args.out, inputs=inputs, settings={})

@@ -94,10 +94,10 @@ def _draw_model(args: argparse.Namespace) -> None:
     evidence = Evidence(
         model.means,
         labels,
-        load_array(args.weights, dtype=np.float32, shape=shape),
+        load_array(args.weights, dtype=np.float32, shape=shape, least=0),
         load_array(args.prune_mask, dtype=np.bool_, shape=shape),
         carries_message=load_array(args.truth, dtype=np.bool_, shape=shape) if args.truth else None,
-        hidden=load_array(args.hidden, dtype=np.float32, shape=shape) if args.hidden else None,
+        hidden=load_array(args.hidden, dtype=np.float32, shape=shape, least=0) if args.hidden else None,
         tau_c=args.tau_c,
         tau_n=args.tau_n,
         rows=Signature.of(model.table.dtype.names or ()).rows,

@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> None:
     scheme = find_scheme(args.scheme)
     views = read_views(args)
     public, key = scheme.read_public(args.model), scheme.read_key(args.key)
-    weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),))
+    weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
     extraction = list(scheme.extractions)[-1]  # the most complete one
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau)

@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.method.pruning import prune_mask
 
     labels, coincident = read_clusters(args.clusters)
-    weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),))
+    weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),), least=0)
     diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident)
     print("\n".join(diagnosis.lines()))
     inputs = {"clusters": args.clusters, "weights": args.weights}
