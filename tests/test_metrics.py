@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import RENDER, means, pair_images, read_metrics, write_metrics
+from gspure.evaluation.comparison import RENDER, as_text, means, pair_images, read_metrics, write_metrics
 from gspure.evaluation.metrics import gaussian_window, psnr, ssim
 from gspure.evaluation.recall import recall
 from gspure.images import read_image, write_image
@@ -190,6 +190,14 @@ def test_mean_psnr_is_that_of_the_views_that_differ() -> None:
     same, other = measured("scene", np.inf, 1.0, view="1"), measured("scene", 31.25, 0.5, view="2")
     assert means([same, other]) == [measured("scene", 31.25, 0.75)]
     assert means([same, same]) == [measured("scene", np.inf, 1.0)]
+
+
+def test_the_printed_metrics_count_the_identical_views_that_a_mean_leaves_out() -> None:
+    views = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate((np.inf, 31.25, np.inf))]
+    alike = [measured("message", np.inf, 1.0, view=str(i)) for i in range(3)]
+    (line,) = [line for line in as_text([*views, *alike]) if "identical" in line]
+    assert line.startswith("scene: 2 of 3 views")
+    assert not any("identical" in line for line in as_text(views[1:2]))
 
 
 HEADER = "target,view,reference,psnr,ssim\n"

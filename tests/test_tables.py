@@ -94,6 +94,16 @@ def test_against_renders_equal_images_drop_by_nothing_and_others_by_what_is_not_
     assert np.isnan(noise.score)  # there is no message
 
 
+def test_tables_count_the_identical_views_that_a_mean_leaves_out(tmp_path: Path) -> None:
+    rows = [measured("scene", psnr, reference=RENDER, view=str(i)) for i, psnr in enumerate((np.inf, 30.0, np.inf))]
+    write_metrics(tmp_path / "vanilla" / "own" / "gspure" / "metrics.csv", rows)
+    write_results(tmp_path / "t.csv", collect([*tmp_path.rglob("metrics.csv")]))
+    (row,) = csv.DictReader((tmp_path / "t.csv").read_text().splitlines())
+    assert (row["psnr"], row["views"], row["identical"]) == ("30", "3", "2")
+    (outcome,) = read_results(tmp_path / "t.csv")
+    assert outcome.identical == {"scene": 2}
+
+
 def test_tables_say_what_the_reference_was(tmp_path: Path) -> None:
     outcomes = collect([*compared_with_renders(tmp_path), *results(tmp_path)[0]])
     write_results(tmp_path / "t.csv", outcomes)
@@ -127,6 +137,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "target": "message",
         "reference": "truth",
         "views": "2",
+        "identical": "0",
         "psnr": "10",
         "ssim": "0.8",
         "psnr_drop": "14",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -121,8 +122,8 @@ def off_path(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
 def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
     """Return one row per target: the mean over its views, with the view named ``mean``.
 
-    Views with identical images have infinite PSNR. They count only if there are no others, since one untouched view
-    would otherwise hide all damage to the rest.
+    Identical views have infinite PSNR. They count only if there are no others, since one untouched view would otherwise
+    hide all damage to the rest.
     """
     averages = []
     for target, group in groupby(sorted(rows, key=lambda row: (row.target, row.view)), key=lambda row: row.target):
@@ -130,6 +131,11 @@ def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
         values = {name: _finite_mean([view.values[name] for view in views]) for name in METRICS}
         averages.append(ViewMetrics(target, "mean", views[0].reference, values))
     return averages
+
+
+def identical(rows: Iterable[ViewMetrics]) -> Counter[str]:
+    """Return the number of identical views per target: those with infinite PSNR."""
+    return Counter(row.target for row in rows if np.isinf(row.psnr))
 
 
 def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
@@ -153,7 +159,8 @@ def read_metrics(path: Path) -> list[ViewMetrics]:
 
 
 def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
-    """Return aligned lines, with the means of every target last."""
+    """Return aligned lines, with the means of every target and the number of identical views last."""
+    same, views = identical(rows), Counter(row.target for row in rows)
     off = [row._replace(view="mean off path") for row in means(off_path(rows))]
     rows = [*rows, *means(on_path(rows)), *off]
     names = [row.view if row.target == "." else f"{row.target}/{row.view}" for row in rows]
@@ -161,6 +168,12 @@ def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
     lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>10}" for metric in METRICS.values())]
     for name, row in zip(names, rows, strict=True):
         lines.append(f"{name:<{width}}" + "".join(f"{row.values[metric]:10.4f}" for metric in METRICS))
+    for target, count in same.items():
+        if count < views[target]:
+            place = "" if target == "." else f"{target}: "
+            lines.append(
+                f"{place}{count} of {views[target]} views are identical; the mean PSNR is over those that differ"
+            )
     return lines
 
 

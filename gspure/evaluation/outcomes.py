@@ -13,7 +13,7 @@ import numpy as np
 
 from gspure.artifacts import load_array, read_json
 from gspure.errors import InputError
-from gspure.evaluation.comparison import TRUTH, ViewMetrics, means, off_path, on_path, read_metrics
+from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.recall import recall
@@ -58,6 +58,9 @@ class Outcome:
 
     off_path_reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
     """The same means for the variant `UNATTACKED`."""
+
+    identical: Mapping[str, int] = field(default_factory=dict)
+    """The number of `views` on the camera path with infinite PSNR, which are not in the mean unless all are."""
 
     seed: int = 0
     """Number of the repetition on the same scene, each with its own random seeds."""
@@ -202,8 +205,10 @@ def _outcome(path: Path, prune_masks: Sequence[Path], truth: Sequence[Path], ver
     rows = read_metrics(path)
     targets = {mean.target: mean for mean in means(on_path(rows))}
     views = {target: sum(row.target == target for row in on_path(rows)) for target in targets}
+    same = {target: identical(on_path(rows))[target] for target in targets}
     off = {mean.target: mean for mean in means(off_path(rows))}
-    outcome = replace(outcome, targets=targets, views=views, off_path=off, reached=_reached(_below(folder, verdicts)))
+    outcome = replace(outcome, targets=targets, views=views, identical=same, off_path=off)
+    outcome = replace(outcome, reached=_reached(_below(folder, verdicts)))
     if (mask_file := _below(folder, prune_masks)) is None:
         return outcome
     pruned = load_array(mask_file, dtype=np.bool_, shape=(None,))

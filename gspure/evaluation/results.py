@@ -26,6 +26,7 @@ class Result(NamedTuple):
     target: str = ""
     reference: Literal["truth", "render", ""] = ""
     views: int | None = None
+    identical: int | None = None
     values: Values = _NONE
     drops: Annotated[Mapping[str, float], PerMetric("{}_drop")] = _NONE
     score: float = math.nan
@@ -73,6 +74,7 @@ def _rows(o: Outcome) -> Iterator[Result]:
             target,
             mean.reference,
             o.views[target],
+            o.identical.get(target),
             mean.values,
             o.drops(target),
             o.score_of(extraction),
@@ -99,6 +101,7 @@ def _outcome(rows: list[Result]) -> Outcome:
         recall=first.recall,
         reached={row.target: row.reached for row in rows if row.reached is not None},
         failure=first.failure,
+        identical={row.target: row.identical for row in measured if row.identical is not None},
         off_path={row.target: _mean(row, row.off_path) for row in rows if row.off_path},
         seed=first.seed,
     )
