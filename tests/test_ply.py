@@ -225,6 +225,23 @@ def test_a_truncated_body_is_refused(folder, cut):
     assert (error.field, error.found) == ("element vertex", f"room for {(3 * 44 - cut) // 44}")
 
 
+@pytest.mark.parametrize("encoding", ["binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("tail", [b"\0", bytes(44)], ids=["a byte", "a row"])
+def test_bytes_after_the_last_element_are_refused(tmp_path, encoding, tail):
+    content = header(floats(CORE), 3, encoding) + bytes(3 * 44)
+    error = refusal(save(tmp_path / "m.ply", content + tail))
+    assert (error.expected, error.found) == (f"{len(content)} bytes", f"{len(content) + len(tail)} bytes")
+    more = content.replace(b"end_header\n", b"element camera 1\nproperty uchar id\nend_header\n") + b"\7"
+    assert len(read_model(save(tmp_path / "m.ply", more))) == 3
+    assert refusal(save(tmp_path / "m.ply", more + tail)).found == f"{len(more) + len(tail)} bytes"
+
+
+def test_a_row_after_the_last_one_of_an_ascii_file_is_refused(tmp_path):
+    content = header(floats(CORE), 2, "ascii") + b"1 2 3 4 5 6 7 8 9 10 11\n" * 3 + b"\n"
+    error = refusal(save(tmp_path / "m.ply", content))
+    assert (error.field, error.expected) == ("element vertex", "2 rows")
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
 def test_a_claim_of_more_rows_than_memory_holds_is_refused_at_once(tmp_path, encoding):
     content = header(floats(CORE), 10**15, encoding) + b"1 " * 11 + b"\n" + bytes(44)

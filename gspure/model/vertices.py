@@ -91,13 +91,15 @@ class Vertices:
         Raises
         ------
         InputError
-            If there are fewer rows than the header claims, or a row of an ASCII file is malformed.
+            If there are fewer rows than the header claims, something follows the last element, or a row of an ASCII
+            file is malformed.
 
         """
         if self.header.text:
             return self._parsed()
         stored = self._element.dtype(self.header.byte_order)
         self._require_room(self.offset, stored.itemsize)
+        self._require_end()
         if not self.count:
             return np.empty(0, self._element.dtype("<"))
         rows = np.memmap(self.path, stored, "r", self.offset, self.count).view(np.ndarray)
@@ -112,8 +114,9 @@ class Vertices:
             stream.seek(self.offset)
             text = io.TextIOWrapper(stream, encoding="ascii")
             # numpy's parser is several times faster than plyfile's.
-            rows = np.loadtxt(text, self._element.dtype("<"), comments=None, max_rows=self.count, ndmin=1)
-        if len(rows) < self.count:
+            most = self.count + (len(self.header.elements) == 1)
+            rows = np.loadtxt(text, self._element.dtype("<"), comments=None, max_rows=most, ndmin=1)
+        if len(rows) != self.count:
             raise InputError(self.path, "element vertex", expected=f"{self.count} rows", found=f"{len(rows)} rows")
         return rows
 
@@ -122,3 +125,12 @@ class Vertices:
         room = (self.path.stat().st_size - offset) // row_bytes
         if room < self.count:
             raise InputError(self.path, "element vertex", expected=f"{self.count} rows", found=f"room for {room}")
+
+    def _require_end(self) -> None:
+        """Refuse a binary file that goes on after its last element; lists make an element's size unknown."""
+        stored = [(element.count, element.dtype(self.header.byte_order)) for element in self.header.elements]
+        if any(dtype.hasobject for _, dtype in stored):
+            return
+        expected = self.offset + sum(count * dtype.itemsize for count, dtype in stored)
+        if (size := self.path.stat().st_size) != expected:
+            raise InputError(self.path, "file", expected=f"{expected} bytes", found=f"{size} bytes")
