@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from gspure import public_model
 from gspure.artifacts import save_array, write_provenance
-from gspure.cameras import Camera, orbit_cameras
+from gspure.cameras import Camera, orbit_cameras, write_cameras
 from gspure.cameras.camera import intrinsics
+from gspure.cli import main
 from gspure.errors import InputError
 from gspure.method import contributions
 from gspure.method.contributions import (
@@ -26,7 +27,7 @@ from gspure.method.contributions import (
     require_valid,
     write_index,
 )
-from gspure.model import Gaussians
+from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION, Renderer
 from tests.models import blobs
@@ -175,7 +176,7 @@ def test_a_model_with_nan_is_refused_before_anything_is_written(tmp_path, render
 def test_an_index_reads_back_after_the_project_was_moved(tmp_path, renderer):
     project = tmp_path / "project"
     stages = contribute(PublicModel(small_model()), views(), project / "stages" / "room")
-    write_index(project / "results" / "contributions" / "1.tsv", stages)
+    write_index(project / "results" / "contributions" / "1.tsv", stages, "model", 4)
     project.rename(tmp_path / "moved")
     found = read_index(tmp_path / "moved" / "results" / "contributions" / "1.tsv")
     assert [stage.view for stage in found] == [stage.view for stage in stages]
@@ -189,7 +190,7 @@ FILE_NAMES = st.text(st.characters(exclude_categories=["Cc", "Cs"], exclude_char
 def test_any_view_name_survives_an_index(tmp_path_factory, names):
     folder = tmp_path_factory.mktemp("index")
     stages = [Stage(name, "key", folder / f"{name}.key.npy") for name in sorted(names)]
-    write_index(folder / "1.tsv", stages)
+    write_index(folder / "1.tsv", stages, "model", len(stages))
     assert read_index(folder / "1.tsv") == stages
 
 
@@ -199,13 +200,13 @@ def test_the_order_of_views_does_not_depend_on_how_they_were_dealt_out(tmp_path_
     stages = [Stage(f"view_{i:02}", "key", folder / f"view_{i:02}.key.npy") for i in range(count)]
     indices = [folder / f"{part}.tsv" for part in range(parts)]
     for part, index in enumerate(indices):
-        write_index(index, stages[part::parts])
+        write_index(index, stages[part::parts], "model", count)
     assert read_index(*reversed(indices)) == stages
 
 
 def test_a_view_in_two_indices_is_refused(tmp_path):
     for name in ("1.tsv", "2.tsv"):
-        write_index(tmp_path / name, [Stage("view_0", "key", tmp_path / "view_0.key.npy")])
+        write_index(tmp_path / name, [Stage("view_0", "key", tmp_path / "view_0.key.npy")], "model", 2)
     with pytest.raises(InputError, match="'view_0' twice"):
         read_index(tmp_path / "1.tsv", tmp_path / "2.tsv")
 
@@ -226,7 +227,7 @@ class Stored:
     def __post_init__(self):
         self.stages = contribute(PublicModel(small_model()), views(), self.folder)
         self.index = self.folder / "1.tsv"
-        write_index(self.index, self.stages)
+        write_index(self.index, self.stages, "model", len(self.stages))
         write_provenance(self.index, inputs={}, settings={})
 
 
@@ -281,6 +282,54 @@ def test_an_index_with_a_line_less_is_refused(stored):
         read_index(stored.index)
 
 
+class Weights:
+    """A model measured in two parts, and the command that averages them."""
+
+    def __init__(self, folder):
+        self.folder, self.indices = folder, [folder / "1.tsv", folder / "2.tsv"]
+        write_model(folder / "model.ply", small_model(9))
+        write_cameras(folder / "cameras.json", views())
+        command = ["contributions", "--model", str(folder / "model.ply"), "--cameras", str(folder / "cameras.json")]
+        for part, index in enumerate(self.indices, 1):
+            stages = ["--split", "all", "--stages", str(folder / "stages"), "--index", str(index)]
+            assert main([*command, *stages, "--part", f"{part}/2"]) == 0
+            Path(f"{index}.json").unlink()
+
+    def run(self, *indices):
+        out = ["--model", str(self.folder / "model.ply"), "--out", str(self.folder / "weights.npy")]
+        return main(["weights", "--index", *map(str, indices or self.indices), *out])
+
+
+@pytest.fixture
+def weights(tmp_path, renderer):
+    return Weights(tmp_path)
+
+
+def test_weights_of_an_index_that_is_cut_or_left_out_are_refused(weights, capsys):
+    assert weights.run() == 0
+    assert weights.run(weights.indices[0]) == 2
+    weights.indices[1].write_text("".join(weights.indices[1].read_text().splitlines(keepends=True)[:-1]))
+    capsys.readouterr()
+    assert weights.run() == 2
+    assert "1.tsv: views: expected 4 in all indices, found 3" in capsys.readouterr().err
+
+
+def test_weights_of_another_model_of_as_many_rows_are_refused(weights, capsys):
+    model = small_model(9)
+    write_model(weights.folder / "model.ply", model.with_columns({"x": model.table["x"] + 1}))
+    assert weights.run() == 2
+    assert "1.tsv: model: expected" in capsys.readouterr().err
+    write_model(weights.folder / "model.ply", model.with_columns({"f_dc_0": model.table["f_dc_0"] + 1}))
+    assert weights.run() == 0
+
+
+def test_a_row_that_the_model_does_not_have_is_refused_by_file_row_and_range(tmp_path):
+    save_array(tmp_path / "view_0.key.npy", np.array(GOOD_STAGE, CONTRIBUTION))
+    assert len(read_stage(tmp_path / "view_0.key.npy", 5)) == 3
+    with pytest.raises(InputError, match=r"view_0\.key\.npy: index: expected rows 0 to 3 of the model, found row 4"):
+        read_stage(tmp_path / "view_0.key.npy", 4)
+
+
 GOOD_STAGE = [(0, 1.5, 0.5, 4), (3, 0.25, 0.25, 1), (4, 2.0, 0.99, 9)]
 BAD_ROWS = {
     "not a number": (3, np.nan, 0.25, 1),
@@ -320,8 +369,8 @@ def test_the_contributions_of_a_model_are_within_their_bounds(energy, style):
 def test_only_stages_that_no_index_lists_are_deleted(tmp_path, renderer):
     stages = contribute(PublicModel(small_model()), views(4), tmp_path / "stages")
     stale = contribute(PublicModel(small_model()), [moved(views(1)[0])], tmp_path / "stages")
-    write_index(tmp_path / "1.tsv", stages[:2])
-    write_index(tmp_path / "2.tsv", stages[2:])
+    write_index(tmp_path / "1.tsv", stages[:2], "model", 4)
+    write_index(tmp_path / "2.tsv", stages[2:], "model", 4)
     size = stale[0].path.stat().st_size
     size += stale[0].path.with_suffix(".npy.json").stat().st_size
     assert remove_unlisted(tmp_path / "stages", [tmp_path / "1.tsv", tmp_path / "2.tsv"]) == (1, size)

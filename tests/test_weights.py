@@ -69,11 +69,6 @@ def test_weights_are_float32() -> None:
     assert accumulate([stage((0, 1.0, 1.0, 1))], 1).dtype == np.float32
 
 
-def test_contributions_of_another_model_are_refused() -> None:
-    with pytest.raises(InputError, match="rows below the model's 3, found row 3"):
-        accumulate([stage((0, 1.0, 1.0, 1), (3, 1.0, 1.0, 1))], 3)
-
-
 def test_no_views_are_refused() -> None:
     with pytest.raises(InputError, match="at least one"):
         accumulate([], 3)

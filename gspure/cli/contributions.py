@@ -36,14 +36,16 @@ def run(args: argparse.Namespace) -> None:
     from gspure.model import read_model
     from gspure.model.suspicious import lines, suspicious_rows
     from gspure.progress import say
+    from gspure.public_model import PublicModel
 
     part, parts = args.part
-    views = read_views(args)[part - 1 :: parts]
-    public = read_public(args)
-    for line in lines(suspicious_rows(read_model(args.model)), len(public.model)):
+    views = read_views(args)
+    public, model = read_public(args), read_model(args.model)
+    for line in lines(suspicious_rows(model), len(model)):
         say(line)
-    stages = contribute(public, views, args.stages, device=read_device(args), energy=args.energy)
-    write_index(args.index, stages)
+    device = read_device(args)
+    stages = contribute(public, views[part - 1 :: parts], args.stages, device=device, energy=args.energy)
+    write_index(args.index, stages, PublicModel(model).geometry_digest(), len(views))
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
     write_provenance(args.index, inputs={"model": args.model, "cameras": args.cameras}, settings=settings)
 

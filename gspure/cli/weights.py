@@ -25,12 +25,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Read the stages of all parts in the order of their views, and average them."""
     from gspure.artifacts import save_array, write_provenance
-    from gspure.method.contributions import read_index, read_stage
+    from gspure.method.contributions import read_index, read_stage, require_result_of
     from gspure.method.weights import accumulate
-    from gspure.model.ply import read_ply
+    from gspure.model import read_model
+    from gspure.public_model import PublicModel
 
+    model = read_model(args.model)
+    require_result_of(PublicModel(model).geometry_digest(), args.index)
     stages = read_index(*args.index)
-    weights = accumulate((read_stage(stage.path) for stage in stages), len(read_ply(args.model)), args.reduction)
+    weights = accumulate((read_stage(stage.path, len(model)) for stage in stages), len(model), args.reduction)
     save_array(args.out, weights)
     inputs = {"model": args.model} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
     write_provenance(args.out, inputs=inputs, settings={"reduction": args.reduction, "views": len(stages)})

@@ -2,7 +2,9 @@
 
 A stage is one file per view, ``{view}.{key}.npy``. Its key is a digest of everything that its numbers depend on, so a
 stage is never stale: an edited camera, model or kernel asks for another key. Its checksum lies beside it; a stage that
-does not agree with it counts as absent. An index (one .tsv per job, written last) lists the stages of a result.
+does not agree with it counts as absent. An index (one .tsv per job, written last) lists the stages of a result, with
+the digest of its model (`PublicModel.geometry_digest` of the rows as stored) and the number of its views in all
+indices.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ from gspure.progress import say, track
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
 
-INDEX_COLUMNS = ["view", "key", "path"]
+INDEX_COLUMNS = ["view", "key", "path", "model", "views"]
 
 
 @dataclass(frozen=True)
@@ -122,17 +124,20 @@ def rendering_digest() -> str:
     return digest(kernel_digest(), *(path.read_bytes() for path in host))
 
 
-def read_stage(path: Path) -> NDArray[Any]:
+def read_stage(path: Path, count: int | None = None) -> NDArray[Any]:
     """Read one stage: an array of `gspure.renderer.CONTRIBUTION` over the touched rows, sorted by index.
 
     Raises
     ------
     InputError
-        If the file is missing or damaged, or holds what no view of a model has: see `require_valid`.
+        If the file is missing or damaged, names a row that a model of `count` rows does not have, or holds what no view
+        of a model has: see `require_valid`.
 
     """
     stage = load_array(path, dtype=CONTRIBUTION, shape=(None,))
     require_valid(path, stage)
+    if count is not None and len(stage) and (last := int(stage["index"][-1])) >= count:
+        raise InputError(path, "index", expected=f"rows 0 to {count - 1} of the model", found=f"row {last}")
     return stage
 
 
@@ -160,12 +165,24 @@ def require_valid(source: str | Path, stage: NDArray[Any]) -> None:
             raise InputError(source, f"row {wrong['index']}", expected=expected, found=found)
 
 
-def write_index(path: Path, stages: Iterable[Stage]) -> None:
-    """Write the list of `stages`; their paths are stored relative to the index, so that a project can be moved."""
+def write_index(path: Path, stages: Iterable[Stage], model: str, views: int) -> None:
+    """Write the list of `stages`; their paths are stored relative to the index, so that a project can be moved.
+
+    Parameters
+    ----------
+    path : Path
+    stages : iterable of Stage
+    model : str
+        Digest of the model.
+    views : int
+        How many stages the indices of all parts list.
+
+    """
     text = io.StringIO()
     table = csv.writer(text, delimiter="\t", lineterminator="\n")
     table.writerow(INDEX_COLUMNS)
-    table.writerows((stage.view, stage.key, os.path.relpath(stage.path, path.parent)) for stage in stages)
+    paths = ((stage, os.path.relpath(stage.path, path.parent)) for stage in stages)
+    table.writerows((stage.view, stage.key, file, model, views) for stage, file in paths)
     write_text(path, text.getvalue())
 
 
@@ -186,14 +203,33 @@ def read_index(*paths: Path) -> list[Stage]:
         If a file is damaged or no index, or if two entries are of the same view.
 
     """
-    stages = sorted((stage for path in paths for stage in _read_one_index(path)), key=lambda stage: stage.view)
+    stages = sorted((_stage(path, row) for path in paths for row in _rows(path)), key=lambda stage: stage.view)
     for one, other in pairwise(stages):
         if one.view == other.view:
             raise InputError(paths[-1], "view", expected="each view in one index only", found=f"{one.view!r} twice")
     return stages
 
 
-def _read_one_index(path: Path) -> list[Stage]:
+def require_result_of(model: str, paths: Sequence[Path]) -> None:
+    """Check that indices are of a model, by its digest, and list all views of one result.
+
+    Raises
+    ------
+    InputError
+        Naming the first index of another model, or of another number of views than all indices list together.
+
+    """
+    rows = [(path, row) for path in paths for row in _rows(path)]
+    for path, (*_, digest_of_model, views) in rows:
+        if digest_of_model != model:
+            hint = "these contributions are of another model"
+            raise InputError(path, "model", expected=model, found=digest_of_model, hint=hint)
+        if views != str(len(rows)):
+            hint = "an index is cut, or left out"
+            raise InputError(path, "views", expected=f"{views} in all indices", found=str(len(rows)), hint=hint)
+
+
+def _rows(path: Path) -> list[list[str]]:
     verify(path)
     with (
         reading(path, "an index of contributions"),
@@ -202,7 +238,12 @@ def _read_one_index(path: Path) -> list[Stage]:
         header, *rows = list(csv.reader(stream, delimiter="\t")) or [[]]
     if header != INDEX_COLUMNS or any(len(row) != len(INDEX_COLUMNS) for row in rows):
         raise InputError(path, "columns", expected=" ".join(INDEX_COLUMNS), found=" ".join(header) or "nothing")
-    return [Stage(view, key, Path(os.path.normpath(path.parent / file))) for view, key, file in rows]
+    return rows
+
+
+def _stage(index: Path, row: Sequence[str]) -> Stage:
+    view, key, file, *_ = row
+    return Stage(view, key, Path(os.path.normpath(index.parent / file)))
 
 
 def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
@@ -214,7 +255,7 @@ def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
         How many were deleted and how much room that frees.
 
     """
-    listed = {stage.path.resolve() for index in indices for stage in _read_one_index(index)}
+    listed = {stage.path.resolve() for index in indices for stage in read_index(index)}
     unlisted = [path for path in sorted(folder.rglob("*.npy")) if path.resolve() not in listed]
     files = [file for stage in unlisted for file in (stage, record_file(stage)) if file.exists()]
     freed = sum(path.stat().st_size for path in files)

@@ -65,22 +65,14 @@ def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction 
     Raises
     ------
     InputError
-        If there is no view, or one names a row that the model does not have.
+        If there is no view.
 
     """
     total = np.zeros(count, np.float64)
     views = 0
-    for views, stage in enumerate(stages, start=1):
-        rows = stage["index"]
-        if len(rows) and int(rows.max()) >= count:
-            raise InputError(
-                f"view {views}",
-                "index",
-                expected=f"rows below the model's {count}",
-                found=f"row {rows.max()}",
-                hint="these contributions are of another model",
-            )
-        total[rows] += view_weights(stage, reduction)
+    for stage in stages:
+        total[stage["index"]] += view_weights(stage, reduction)
+        views += 1
     if not views:
         raise InputError("contributions", "views", expected="at least one", found="none")
     return (total / views).astype(np.float32)

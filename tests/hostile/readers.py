@@ -342,7 +342,8 @@ def _read_stage(folder: Path) -> None:
 
 
 def _index(folder: Path) -> None:
-    write_index(folder / "index.tsv", [Stage(f"v{i}", f"{i:032x}", folder / f"v{i}.{i:032x}.npy") for i in range(4)])
+    stages = [Stage(f"v{i}", f"{i:032x}", folder / f"v{i}.{i:032x}.npy") for i in range(4)]
+    write_index(folder / "index.tsv", stages, f"{7:032x}", len(stages))
 
 
 def _read_index(folder: Path) -> None:
