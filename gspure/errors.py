@@ -112,4 +112,6 @@ def _reason(error: Exception) -> str:
             return "too deep nesting"
         case OSError(strerror=str(reason)):
             return reason
+        case ValueError() | SyntaxError() if "set_int_max_str_digits" in str(error):
+            return "a whole number of too many digits"
     return " ".join(str(error).split()) or type(error).__name__

@@ -138,13 +138,20 @@ def edit_cameras(edit):
 
 
 BAD_CAMERAS = {
-    "zero focal length": (lambda views: views[3].update(fx=0), "[3].fx: expected a positive number, found 0"),
+    "zero focal length": (
+        lambda views: views[3].update(fx=0),
+        "[3].fx: expected a positive number up to 1e+100, found 0",
+    ),
     "NaN focal length": (
         lambda views: views[3].update(fy=float("nan")),
-        "[3].fy: expected a positive number, found nan",
+        "[3].fy: expected a positive number up to 1e+100, found nan",
     ),
     "size in words": (lambda views: views[2].update(width="wide"), "[2].width: expected a whole number of pixels"),
-    "no position": (lambda views: views[2].pop("position"), "[2].position: expected finite numbers [3], found nothing"),
+    "huge focal length": (lambda views: views[3].update(fx=1e300), "[3].fx: expected a positive number up to 1e+100"),
+    "no position": (
+        lambda views: views[2].pop("position"),
+        "[2].position: expected numbers [3] within ±1e+100, found nothing",
+    ),
     "no rotation": (lambda views: views[0].update(rotation=[[1, 0, 0]] * 3), "[0].rotation: expected a rotation"),
     "a name twice": (lambda views: views.append(views[0]), "view names: expected each name once, found 'view_0'"),
     "no view": (lambda views: views.clear(), "views: expected at least one, found none"),

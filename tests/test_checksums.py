@@ -131,6 +131,14 @@ def test_damaged_provenance_is_one_line_that_names_it(tmp_path: Path, edit) -> N
     assert str(caught.value).isprintable()
 
 
+@pytest.mark.parametrize(("key", "value"), [("crc32", 7), ("artifact", None)])
+def test_provenance_of_another_type_is_quoted(tmp_path: Path, key: str, value: object) -> None:
+    path = written(tmp_path, "weights.npy")
+    write_json(tmp_path / "weights.npy.json", {"artifact": "weights.npy", "crc32": "0", key: value})
+    with pytest.raises(InputError, match=rf"json: record: expected two texts, .* {key} {value}"):
+        KINDS["weights.npy"][1](path)
+
+
 def test_the_digest_of_an_input_is_the_one_that_was_verified(tmp_path: Path) -> None:
     source = written(tmp_path, "weights.npy")
     write_text(tmp_path / "mine.txt", "mine")

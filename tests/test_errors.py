@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import copy
+import json
 import lzma
 import os
 import struct
@@ -53,6 +55,12 @@ def test_long_text_is_cut_but_the_path_is_kept():
     assert message.startswith(f"{path}: x: ")
     assert message.endswith("999...")
     assert len(message) < 3000
+
+
+@pytest.mark.parametrize("read", [int, ast.literal_eval, json.loads])
+def test_a_number_of_thousands_of_digits_does_not_quote_the_setting_of_python(read):
+    with pytest.raises(InputError, match=r"found a whole number of too many digits$"), reading("a", "a number"):
+        read("9" * 5000)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import reprlib
 import zlib
 from contextlib import suppress
 from pathlib import Path
@@ -73,7 +74,8 @@ def record_of(path: Path) -> dict[str, Any] | None:
         case {"artifact": str(), "crc32": str()}:
             return dict(record)
         case {"artifact": _} | {"crc32": _}:
-            raise InputError(file, "crc32", expected="a checksum", found=", ".join(record))
+            found = ", ".join(f"{name} {reprlib.repr(record.get(name))}" for name in ("artifact", "crc32"))
+            raise InputError(file, "record", expected="two texts, artifact and crc32", found=found)
     return None  # some other JSON file
 
 

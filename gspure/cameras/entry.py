@@ -71,14 +71,14 @@ class Entry:
         """Return a finite number."""
         value = self.raw(key, "a number")
         if not _is_finite(value):
-            raise self.refusal(key, expected="a finite number", found=reprlib.repr(value))
+            raise self.refusal(key, expected=f"a number within ±{_LARGEST:g}", found=reprlib.repr(value))
         return float(value)
 
     def positive(self, key: str) -> float:
         """Return a finite number above zero."""
         value = self.raw(key, "a positive number")
         if not _is_finite(value) or float(value) <= 0:
-            raise self.refusal(key, expected="a positive number", found=reprlib.repr(value))
+            raise self.refusal(key, expected=f"a positive number up to {_LARGEST:g}", found=reprlib.repr(value))
         return float(value)
 
     def pixels(self, key: str) -> int:
@@ -91,7 +91,7 @@ class Entry:
 
     def array(self, key: str, *shapes: tuple[int, ...]) -> Float64:
         """Return finite numbers nested in one of the given shapes."""
-        expected = "finite numbers " + " or ".join(str(list(shape)) for shape in shapes)
+        expected = f"numbers {' or '.join(str(list(shape)) for shape in shapes)} within ±{_LARGEST:g}"
         value = self.raw(key, expected)
         array = np.array(value, dtype=object)
         if array.shape not in shapes or not all(map(_is_finite, array.flat)):
