@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -104,6 +104,22 @@ def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
     levels = np.floor(np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
     with replacing(Path(path)) as temporary:
         Image.fromarray(levels).save(temporary, format="PNG")
+
+
+def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
+    """Refuse a folder with PNG files of other views, of another model perhaps, which count in every later comparison.
+
+    Raises
+    ------
+    InputError
+        Naming the first of them.
+
+    """
+    others = sorted({path.stem for path in folder.glob("*.png")} - {*views})
+    if others:
+        found = f"{len(others)} more: {others[0]}.png" + ", ..." * (len(others) > 1)
+        hint = "name another folder, or delete them"
+        raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
 
 
 @contextmanager

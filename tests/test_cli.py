@@ -15,7 +15,7 @@ from gspure import cli
 from gspure.cameras import read_cameras, split, write_cameras
 from gspure.cli import COMMANDS, JOBS, USER_COMMANDS, main
 from gspure.cli.contributions import _part
-from gspure.images import read_image
+from gspure.images import read_image, write_image
 from gspure.method.contributions import read_index, read_stage
 from gspure.model import read_model, write_model
 from gspure.renderer import Renderer
@@ -122,6 +122,35 @@ def test_render_names_images_after_views(asset):
     assert floats.dtype == np.float32
     np.testing.assert_array_equal(floats, Renderer(blobs(30)).image(held_out[0], background=(0, 0.5, 1)))
     np.testing.assert_allclose(read_image(out / f"{names[0]}.png"), np.clip(floats, 0, 1), atol=0.5 / 255 + 1e-6)
+
+
+def test_a_folder_with_renders_of_other_views_is_refused(asset, capsys):
+    command = ["render", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json"), "--out"]
+    assert main([*command, str(asset / "renders"), "--split", "test"]) == 0
+    assert main([*command, str(asset / "renders")]) == 0  # more views, all of them rendered again
+    before = {path: path.read_bytes() for path in (asset / "renders").iterdir()}
+    capsys.readouterr()
+    assert main([*command, str(asset / "renders"), "--split", "test"]) == 2
+    assert "renders: images: expected none but of these views, found 7 more: view_" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in (asset / "renders").iterdir()} == before
+
+
+def test_an_interrupted_render_leaves_no_mixture_of_two_models(asset, monkeypatch):
+    command = ["render", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json")]
+    assert main([*command, "--out", str(asset / "renders")]) == 0
+    before = {path: path.read_bytes() for path in (asset / "renders").iterdir()}
+    write_model(asset / "model.ply", blobs(40))
+    images = []
+
+    def interrupted(path, image):
+        if images:
+            raise KeyboardInterrupt
+        images.append(path)
+        write_image(path, image)
+
+    monkeypatch.setattr("gspure.images.write_image", interrupted)
+    assert main([*command, "--out", str(asset / "renders")]) == 130
+    assert {path: path.read_bytes() for path in (asset / "renders").iterdir()} == before
 
 
 def test_contributions_of_all_parts_are_those_of_the_renderer(asset):

@@ -1,5 +1,6 @@
 """The whole method on one model in one process."""
 
+import errno
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from gspure.cameras import Camera, intrinsics, split, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics
+from gspure.images import write_image
 from gspure.method.pruning import prune_mask
 from gspure.method.purify import Purification, purify
 from gspure.method.weights import accumulate
@@ -245,19 +247,42 @@ def test_a_figure_that_fails_is_a_warning_and_all_else_stays(
         assert any(f"{name}.png: not drawn: no ink" in line for line in warnings)
 
 
-@pytest.mark.parametrize("step", ["gspure.figures.gallery.choose", "gspure.evaluation.comparison.compare"])
-def test_the_purified_model_is_on_disk_before_anything_is_drawn(
-    tmp_path: Path, command: list[str], monkeypatch, step: str
-) -> None:
+def test_all_results_are_on_disk_before_a_figure_is_drawn(tmp_path: Path, command: list[str], monkeypatch) -> None:
     def look(*_: object, **__: object) -> None:
-        assert {"purified.ply", "weights.npy", "labels.npy", "prune_mask.npy", "diagnosis.json"} <= {
-            *files(tmp_path / "out")
-        }
+        assert {*RESULTS, "metrics.csv"} <= {*files(tmp_path / "out")}
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(step, look)
+    monkeypatch.setattr("gspure.figures.gallery.choose", look)
     assert main(command) == 130
     assert len(read_model(tmp_path / "out" / "purified.ply"))
+
+
+@pytest.mark.parametrize("earlier", [False, True])
+def test_a_disk_that_is_full_before_the_metrics_leaves_the_folder_as_it_was(
+    tmp_path: Path, command: list[str], monkeypatch, capsys, earlier: bool
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    out = tmp_path / "out"
+    if earlier:
+        out.mkdir()
+        (out / "metrics.csv").write_text("of an earlier run")
+    monkeypatch.setattr("gspure.evaluation.comparison.write_metrics", full)
+    assert main(command) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == f"gspure purify: {out}: No space left on device"
+    assert files(tmp_path / "out") == (["metrics.csv"] if earlier else [])
+
+
+def test_renders_of_other_views_in_the_folder_are_refused_before_anything_is_computed(
+    tmp_path: Path, command: list[str], monkeypatch, capsys
+) -> None:
+    write_image(tmp_path / "out" / "renders" / "purified" / "older.png", np.zeros((4, 4, 3)))
+    monkeypatch.setattr("gspure.method.purify.purify", None)
+    assert main(command) == 2
+    assert (
+        "renders/purified: images: expected none but of these views, found 1 more: older.png" in capsys.readouterr().err
+    )
 
 
 def test_a_run_that_fails_before_its_results_leaves_those_of_the_last_one(

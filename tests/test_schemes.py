@@ -312,6 +312,7 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
         assert main([*extract, *options, "--out", str(tmp_path / name)]) == 0
     images = [read_image(tmp_path / name / "view_000.png").tobytes() for name in ("own", "oracle", "wrong")]
     assert len(set(images)) == 3
+    assert main([*extract[:-1], "train", "--out", str(tmp_path / "own")]) == 2  # it holds the test views
     capsys.readouterr()
     assert main([*extract, "--extraction", "guess", "--out", str(tmp_path / "guess")]) == 2
     expected = "scheme splats_in_splats: --extraction: expected one of message, message_oracle, found 'guess'"

@@ -28,7 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_views(parser, split="all")
     add_off_path(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png, without other views"
+    )
     add_device(parser)
 
 
@@ -36,14 +38,16 @@ def run(args: argparse.Namespace) -> None:
     """Extract every view."""
     import numpy as np
 
+    from gspure.artifacts import filling
     from gspure.cli.options import read_device, read_views
     from gspure.errors import InputError
-    from gspure.images import write_image
+    from gspure.images import require_no_other_images, write_image
     from gspure.progress import track
     from gspure.schemes.registry import find_scheme
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
+    require_no_other_images(args.out, (camera.name for camera in views))
     public, key = scheme.read_public(args.model), scheme.read_key(args.key)
     extraction = args.extraction or next(iter(scheme.extractions))
     if extraction not in scheme.extractions:
@@ -52,5 +56,6 @@ def run(args: argparse.Namespace) -> None:
     if args.wrong_key is not None:
         key = key.wrong(np.random.default_rng(args.wrong_key))
     view = key.message(public, extraction, read_device(args))
-    for camera in track(views, "extract"):
-        write_image(args.out / f"{camera.name}.png", view(camera))
+    with filling(args.out) as folder:
+        for camera in track(views, "extract"):
+            write_image(folder / f"{camera.name}.png", view(camera))

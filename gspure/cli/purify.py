@@ -63,9 +63,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Purify and write the results; then compare the held-out views, and draw figures."""
+    """Purify, compare the held-out views and write the results, all or none; then draw figures."""
     from gspure.artifacts import filling
     from gspure.cameras import split
+    from gspure.images import require_no_other_images
     from gspure.method.purify import purify
     from gspure.method.subpixel import subpixel_rows
     from gspure.model import read_model, suspicious
@@ -82,20 +83,21 @@ def run(args: argparse.Namespace) -> None:
     _choose_factors(args, model)
     cameras = _cameras(args.cameras, model)
     train, test = split(cameras)
+    for renders in _renders(args.out).values():
+        require_no_other_images(renders, (camera.name for camera in test))
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
-    device = choose_device(args.device)
+    device, background = choose_device(args.device), trained_background(args.model)
     with filling(args.out) as folder:
         found = purify(public, train or test, device=device, energy=args.energy, **settings)
         purified = public.with_model(found.model)
         _write(folder, purified, found, suspicious.to_json(suspects))
+        rows = _compare(folder, (public, purified), test, device, background) if public.visible else []
     print("\n".join([*found.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
     gaussian_rays = args.energy == "ray" and Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
     if gaussian_rays and (small := subpixel_rows(model, found.weights, train or test)):
         print(small.line(len(model), cameras[0].width))
     print(f"results in {args.out}")
     if public.visible:
-        with filling(args.out) as folder:
-            rows = _compare(folder, (public, purified), test, device, trained_background(args.model))
         print("\n".join(rows))
         _draw_views(args.out, test)
     else:

@@ -33,7 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scheme(parser)
     add_views(parser, split="all")
     add_off_path(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png, without other views"
+    )
     parser.add_argument("--npy", action="store_true", help="also write VIEW.npy: float32 [H,W,3], not clipped")
     add_background(parser, "the model", "MODEL")
     add_energy(parser, default="ewa")
@@ -42,16 +44,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Render every view."""
-    from gspure.artifacts import save_array
-    from gspure.images import write_image
+    from gspure.artifacts import filling, save_array
+    from gspure.images import require_no_other_images, write_image
     from gspure.progress import track
 
     background = read_background(args, "render", args.model)
     views = read_views(args)
+    require_no_other_images(args.out, (camera.name for camera in views))
     public = read_public(args)
     scene = public.scene(read_device(args), background, args.energy)
-    for camera in track(views, "render"):
-        image = scene(camera)
-        write_image(args.out / f"{camera.name}.png", image)
-        if args.npy:
-            save_array(args.out / f"{camera.name}.npy", image)
+    with filling(args.out) as folder:
+        for camera in track(views, "render"):
+            image = scene(camera)
+            write_image(folder / f"{camera.name}.png", image)
+            if args.npy:
+                save_array(folder / f"{camera.name}.npy", image)
