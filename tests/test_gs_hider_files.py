@@ -231,8 +231,9 @@ def test_damaged_files_are_refused(torch, tmp_path, content):
 
 def test_without_torch_models_are_attacked_and_images_say_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "torch", None)
-    for name in ("pytorch", "gs_hider.decoder", "gs_hider.branch", "gs_hider.loss", "gs_hider.training"):
-        monkeypatch.delitem(sys.modules, f"gspure.schemes.{name}", raising=False)
+    monkeypatch.delitem(sys.modules, "gspure.training.pytorch", raising=False)
+    for name in ("decoder", "branch", "loss", "training"):
+        monkeypatch.delitem(sys.modules, f"gspure.schemes.gs_hider.{name}", raising=False)
     public = FeatureModel(rows(), DecoderFile(tmp_path / NAME, b"any"))
     public.prune(np.arange(5) < 2).write(tmp_path / "pruned" / "point_cloud.ply")
     assert SCHEME.read_public(tmp_path / "pruned").decoder.content == b"any"

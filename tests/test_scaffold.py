@@ -65,7 +65,7 @@ def test_neural_gaussians_are_those_of_the_formulas(kind):
     public, view = random_public(bank=kind == "bank"), tilted_camera()
     if kind == "distance":
         public = AnchorModel(public.model, distant(("opacity", "cov", "color"), 8, 4, np.random.default_rng(3)))
-    found, rows = public.seen(view)
+    found, rows = public.neural(view)
     active = set()
     for place in range(len(rows) * 4):
         expected = by_hand(public, view, rows[place // 4], place % 4)
@@ -80,7 +80,7 @@ def test_neural_gaussians_are_those_of_the_formulas(kind):
 
 def test_the_table_holds_the_active_gaussians_anchor_by_anchor():
     public, view = random_public(), tilted_camera()
-    found, rows = public.seen(view)
+    found, rows = public.neural(view)
     gaussians, owners = public.gaussians(view)
     assert owners.tolist() == rows[found.active // 4].tolist() == sorted(owners)
     np.testing.assert_allclose(gaussians.opacities, found.opacities, rtol=1e-5)
@@ -165,7 +165,7 @@ def test_the_constant_opacities_of_the_file_are_not_used():
 
 def test_opacities_are_means_over_the_views_that_have_an_anchor():
     public, views = random_public(), VIEWS
-    found = [public.seen(view) for view in views]
+    found = [public.neural(view) for view in views]
     row = int(np.intersect1d(found[0][1], found[1][1])[0])
     each = [np.maximum(n.outputs[rows == row], 0).mean() for n, rows in found]
     assert public.opacities(views)[row] == pytest.approx(np.mean(each), rel=1e-5)

@@ -182,23 +182,23 @@ def test_the_hidden_region_is_the_box_of_what_is_dense():
 
 def test_statistics_follow_the_anchors():
     public = random_public()
-    found, rows = public.seen(VIEW)
+    found, rows = public.neural(VIEW)
     statistics = Statistics(40, 4)
     for _ in range(3):
-        statistics.note(rows, found, np.full(len(found.active), 2, np.float32))
+        statistics.add(rows, found, np.full(len(found.active), 2, np.float32))
     norms, places = statistics.means()
     active = rows[found.active // 4], found.active % 4
     assert (norms[active] == 2).all()
     assert norms.sum() == 2 * len(found.active)
     np.testing.assert_allclose(places[active], found.means, rtol=1e-6)
-    assert statistics.visits[rows].tolist() == [3] * len(rows)
+    assert statistics.views[rows].tolist() == [3] * len(rows)
     first = rows[0]
-    statistics.forget(statistics.seen > 5, np.arange(40) == first)
-    assert statistics.visits[first] == 0
-    assert statistics.seen.sum() == 3 * len(found.active)
-    statistics.follow(np.array([5, rows[1]]), 3)
-    assert statistics.visits.tolist()[1:] == [3, 0, 0, 0]
-    assert statistics.places.shape == (5, 4, 3)
+    statistics.reset(statistics.active_views > 5, np.arange(40) == first)
+    assert statistics.views[first] == 0
+    assert statistics.active_views.sum() == 3 * len(found.active)
+    statistics.replace_anchors(np.array([5, rows[1]]), 3)
+    assert statistics.views.tolist()[1:] == [3, 0, 0, 0]
+    assert statistics.centres.shape == (5, 4, 3)
 
 
 @pytest.mark.parametrize("at_most", [20, 100, 5000])
@@ -243,7 +243,7 @@ def test_settings_out_of_range_are_refused(pair_folder, setting, value):
 
 def test_without_torch_only_training_says_what_to_install(monkeypatch, pair_folder, tmp_path):
     pair = read_pair(pair_folder)
-    for name in [n for n in sys.modules if n.startswith(("gspure.training.torch_bridge", "gspure.schemes.pytorch"))]:
+    for name in [n for n in sys.modules if n.startswith(("gspure.training.torch_bridge", "gspure.training.pytorch"))]:
         monkeypatch.delitem(sys.modules, name)
     for name in ("learner", "training"):
         monkeypatch.delitem(sys.modules, f"gspure.schemes.secure_gs.{name}", raising=False)

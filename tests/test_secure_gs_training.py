@@ -12,9 +12,9 @@ from gspure.schemes.secure_gs.anchors import Anchors
 torch = pytest.importorskip("torch")
 
 from gspure.opencl.device import choose_device  # noqa: E402
-from gspure.schemes.pytorch import single_threaded  # noqa: E402
 from gspure.schemes.secure_gs.learner import Learner  # noqa: E402
 from gspure.schemes.secure_gs.training import Training  # noqa: E402
+from gspure.training.pytorch import single_threaded  # noqa: E402
 from tests.anchor_cases import random_key, random_public  # noqa: E402
 from tests.models import camera  # noqa: E402
 
@@ -96,13 +96,13 @@ def test_learned_rows_and_their_moments_follow_the_anchors():
     photograph = np.zeros((47, 65, 3), np.float32)
     learner = Learner(public.anchors, [public.networks], [[photograph]], choose_device())
     rates = dict.fromkeys(("offsets", "features", "log_scalings", "opacity", "cov", "color"), 1e-2)
-    rows = public.seen(camera())[1]
+    rows = public.neural(camera())[1]
     learner.differentiate(0, camera(), rows, 0, 1.0)
     learner.step(rates)
     before = learner.anchors
     kept = np.array([rows[0], rows[3]])
     none = Anchors(*(array[:1] for array in vars(random_public(seed=9).anchors).values()))
-    learner.follow(kept, none)
+    learner.replace_anchors(kept, none)
     for name, array in vars(learner.anchors).items():
         np.testing.assert_array_equal(array[:2], getattr(before, name)[kept])
         np.testing.assert_array_equal(array[2:], getattr(none, name))

@@ -22,7 +22,7 @@ def snapshot():
 def test_a_snapshot_survives_its_file_bit_for_bit(tmp_path, snapshot):
     write_checkpoint(tmp_path / "checkpoint.npz", snapshot, SETTINGS)
     found = read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS)
-    assert (found.iteration, found.unseen, found.rng) == (42, (3, 1, 2), snapshot.rng)
+    assert (found.iteration, found.pending_views, found.rng) == (42, (3, 1, 2), snapshot.rng)
     assert same_bits(found.state, snapshot.state)
     assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.npz"]
 

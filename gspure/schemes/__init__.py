@@ -1,1 +1,1 @@
-"""Watermarking schemes: how a message is hidden in a scene, published, and seen again by its owner."""
+"""Watermarking schemes: they hide a message in a scene, publish the model and extract the message."""

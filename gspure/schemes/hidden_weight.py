@@ -1,6 +1,6 @@
-"""Where a message's own weight lies: on what everybody sees, or on what hardly anybody would miss.
+"""The weight of each row in views of the message.
 
-The share of it on rows of low public weight predicts how much of a message pruning by weight removes.
+Its share on rows of low public weight predicts how much of the message pruning by weight removes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def hidden_weights(
     device: Device | None = None,
     reduction: Reduction = "sum",
 ) -> NDArray[np.float32]:
-    """Return the mean contribution [K] of each unit to views of the message, as omega_k is to those of the scene."""
+    """Return the weight [K] of each row over views of the message, as omega_k is over views of the scene."""
 
     def stage(camera: Camera) -> NDArray[Any]:
         gaussians, owners = key.gaussians(public, camera, extraction)
@@ -41,6 +41,6 @@ def hidden_weights(
 
 
 def share_on_low(weights: NDArray[Any], hidden: NDArray[Any], tau: float) -> float:
-    """Return the share of `hidden` weight [K] on rows whose public weight is below the mean / `tau`; 0 if none is."""
+    """Return the share of `hidden` weight [K] on rows with a public weight below the mean / `tau`; 0 without any."""
     total = float(np.sum(hidden, dtype=np.float64))
     return float(np.sum(hidden[plain_prune_mask(weights, tau)], dtype=np.float64)) / total if total else 0.0

@@ -1,12 +1,12 @@
-"""A pair: views of the scene that everybody sees, and of the message at the same poses.
+"""A pair: photographs of a scene and of a message from the same poses.
 
 ::
 
     <pair>/cameras.json             the views; each names its photograph scene/<view>.png
     <pair>/points3D.ply             points on the scene's surfaces
     <pair>/scene/<view>.png
-    <pair>/message/<view>.png       the hidden scene, seen from where the scene is
-    <pair>/message/points3D.ply     points on the message's surfaces, in the same world
+    <pair>/message/<view>.png
+    <pair>/message/points3D.ply     points on the message's surfaces, in the same world units
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ Float32 = NDArray[np.float32]
 Points = tuple[NDArray[np.float64], NDArray[np.uint8]]
 
 PROBES: Final = 2
-"""How many views the quality in a progress report is the mean of."""
+"""Number of views over which progress reports average the quality."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What a message is embedded from; all is in memory.
+    """The training data of a scheme, in memory.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Pair:
     message_points : (xyz [P,3], rgb [P,3])
         On the message's surfaces; P may be 0.
     probes : list of (Camera, scene, message)
-        A few views, held out if there are any, to watch the quality by.
+        A few views for progress reports, held-out ones if there are any.
 
     """
 
@@ -63,12 +63,12 @@ class Pair:
 
     @property
     def points(self) -> Points:
-        """The points of both scenes: where Gaussians start, since the surfaces of both need some."""
+        """The points of scene and message, from which training starts."""
         xyz, rgb = self.message_points
         return np.concatenate([self.dataset.xyz, xyz]), np.concatenate([self.dataset.rgb, rgb])
 
     def quality(self, *views: Callable[[Camera], Float32]) -> str:
-        """Return the mean PSNR at the probes: of the scene's view, and of the message's if that is given too."""
+        """Return the mean PSNR at the probes as text, given renderers of the scene and optionally of the message."""
         means = [
             np.mean([psnr(view(camera).clip(0, 1), truth[i]) for camera, *truth in self.probes])
             for i, view in enumerate(views)
@@ -82,7 +82,7 @@ def read_pair(folder: Path, resolution: str = "native") -> Pair:
     Raises
     ------
     InputError
-        Something is missing or cannot be read; or a message's view has another shape than the scene's.
+        A file is missing or unreadable, or a view of the message has another shape than that of the scene.
 
     """
     folder = Path(folder)
@@ -99,7 +99,7 @@ def read_pair(folder: Path, resolution: str = "native") -> Pair:
 
 
 def message_view(folder: Path, view: str) -> Path:
-    """Return where a pair keeps the message's view."""
+    """Return the file of a view of the message."""
     return folder / "message" / f"{view}.png"
 
 

@@ -21,14 +21,14 @@ def schemes() -> dict[str, Scheme]:
     Raises
     ------
     InputError
-        If a plug-in cannot be imported, is not a `Scheme`, lacks a required setting, or takes a name in use.
+        A plug-in cannot be imported, is not a `Scheme`, lacks a required setting, or has a name in use.
 
     """
     return registered(GROUP, Scheme, BUILT_IN, _require_settings)
 
 
 def find_scheme(name: str) -> Scheme:
-    """Return the scheme of this name, or raise `InputError` listing those there are."""
+    """Return the scheme of this name, or raise `InputError` with a list of all names."""
     known = schemes()
     if name not in known:
         raise InputError("scheme", "name", expected=f"one of {', '.join(known)}", found=repr(name))
@@ -36,20 +36,20 @@ def find_scheme(name: str) -> Scheme:
 
 
 def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
-    """Read a public model of the named scheme, or of the one that its columns say; without either, vanilla 3DGS."""
+    """Read a public model of the named scheme, else of the scheme with its columns, else vanilla 3DGS."""
     known = find_scheme(scheme) if scheme else recognized(read_model(path))
     return known.read_public(path) if known else PublicModel.read(path)
 
 
 def recognized(model: Gaussians) -> Scheme | None:
-    """Return the scheme whose signature a model's columns hold, built-in ones first; None for vanilla 3DGS."""
+    """Return the scheme whose signature is among a model's columns, built-in ones first; None for vanilla 3DGS."""
     columns = set(model.table.dtype.names or ())
     signed = (scheme for scheme in schemes().values() if scheme.signature)
     return next((scheme for scheme in signed if columns.issuperset(scheme.signature)), None)
 
 
 def _require_settings(scheme: Scheme, source: str) -> None:
-    """Refuse a scheme that lacks a setting that all have."""
+    """Refuse a scheme without one of the `REQUIRED` settings."""
     if missing := REQUIRED - scheme.settings.keys():
         expected = f"among others {', '.join(sorted(missing))}"
         raise InputError(source, "settings", expected=expected, found=", ".join(scheme.settings) or "none")

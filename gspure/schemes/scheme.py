@@ -1,4 +1,4 @@
-"""What a watermarking scheme is: a way to hide a message in a scene, and its owner's way to see it again."""
+"""The interface of a watermarking scheme: training, public model, key, extraction."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
+from gspure.opencl.trainable import Parameters
 from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
 from gspure.schemes.pair import Pair
+from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
 
 Setting = float | int | str
 MESSAGE: Final = "message"
@@ -32,7 +34,7 @@ PYTORCH: Final = {"torch": "gspure[torch]"}
 
 
 class Key(ABC):
-    """All that is private to the owner."""
+    """The private part of a scheme; its owner needs it to extract the message."""
 
     @abstractmethod
     def write(self, folder: Path) -> None:
@@ -42,7 +44,7 @@ class Key(ABC):
     def message(
         self, public: PublicModel, extraction: str, device: Device | None = None, background: Background = BLACK
     ) -> RenderView:
-        """Return what the owner sees of the message in a public or attacked model."""
+        """Return the renderer of the message in a public or attacked model."""
 
     @abstractmethod
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:
@@ -50,12 +52,12 @@ class Key(ABC):
 
     @abstractmethod
     def wrong(self, rng: np.random.Generator) -> Key:
-        """Return a key of the same form that holds nothing of this one: what a stranger would try."""
+        """Return an unrelated key of the same form, a negative control."""
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """A scheme: its name and its three functions.
+    """A scheme: its name, three functions and their properties.
 
     Parameters
     ----------
@@ -63,22 +65,21 @@ class Scheme:
         Unique; a folder of results.
     embed : callable
         ``embed(pair, seed, device, *, iterations=..., message_weight=..., ...) -> (PublicModel, Key)``: trains;
-        the same bits for the same arguments. With ``message_weight=0`` nothing is hidden: a
-        clean model of the same form, and no key (None).
+        the same arguments give the same bits. ``message_weight=0`` gives a clean model of the same form, and None.
     read_public : callable
-        ``read_public(path) -> PublicModel``: a model's .ply, or its folder.
+        ``read_public(path) -> PublicModel``; the path is the model's .ply or its folder.
     read_key : callable
-        ``read_key(folder) -> Key``: what `Key.write` wrote.
+        ``read_key(folder) -> Key``, the inverse of `Key.write`.
     extractions : mapping of str to sequence of str
-        Ways to look for the message, each with the columns of the public file that it reads, its *carrier*: names or
-        patterns such as ``f_rest_*``. The first is the scheme's own, ``message``; the names of others begin with it.
+        The extractions, each with its *carrier*: the columns of the public file that it reads, as names or patterns
+        such as ``f_rest_*``. The first is ``message``; the names of all others begin with it.
     tau_c, tau_n : float
         Cluster and noise pruning factors that suit the scheme.
     signature : tuple of str
-        Columns by which a public file is recognized as this scheme's; empty where it looks like vanilla 3DGS, and
+        Columns by which commands recognize the scheme's public files; empty if they look like vanilla 3DGS, for which
         commands need ``--scheme``.
     packages : mapping of str to str
-        Optional packages that it imports, each with what pip is to install for it.
+        Optional packages that it imports, each with its requirement for pip.
 
     """
 
@@ -106,9 +107,15 @@ class Scheme:
 
 
 def require(scheme: str, name: str, value: Setting, expected: str, *, fits: bool) -> None:
-    """Refuse a setting of a scheme that does not fit."""
+    """Raise `InputError` for a setting of a scheme unless it `fits`."""
     if not fits:
         raise InputError(f"scheme {scheme}", name, expected=expected, found=str(value))
+
+
+def initial_gaussians(scheme: str, pair: Pair, max_gaussians: int, seed: int) -> Parameters:
+    """Return the Gaussians that training starts from, at no more than `max_gaussians` of the pair's points."""
+    require(scheme, "max_gaussians", max_gaussians, f"at least {LEAST_POINTS}", fits=max_gaussians >= LEAST_POINTS)
+    return gaussians_at(*thinned(*pair.points, max_gaussians, seed))
 
 
 def hide(

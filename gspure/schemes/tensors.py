@@ -1,8 +1,11 @@
-"""Tensors in the files that PyTorch writes: read without executing what is in them, and written without PyTorch.
+"""Tensors in PyTorch's files, read and written without PyTorch.
 
-Both ``torch.save`` and TorchScript leave a zip archive: raw numbers as ``<root>/data/<key>``, and a pickle,
-``<root>/data.pkl``, that says which tensors they are. A pickle is a program. Here it is not run: its few instructions
-that make up a tree of dictionaries and tensors are followed by name, and any other is refused.
+``torch.save`` and TorchScript write a zip archive: raw numbers in ``<root>/data/<key>``, and a pickle,
+``<root>/data.pkl``, that describes the tensors. A pickle is a program. It is not executed here: the instructions for
+dictionaries and tensors are interpreted, and all others are refused.
+
+PyTorch cannot replace this module: models of SecureGS are rendered, measured, purified and written without it, and
+``torch.load(weights_only=True)`` does not read TorchScript, in which Scaffold-GS stores its networks.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ Float32 = NDArray[np.float32]
 Tensor = NDArray[Any]
 
 DATA_LIMIT: Final = 1 << 16
-"""Bytes of the longest ``data.pkl``: that of a few networks has some thousand. Ours."""
+"""Largest ``data.pkl`` in bytes; that of a few networks has some thousand. Ours."""
 
 _MOST_AXES: Final = 8
 _LONGEST_NAME: Final = 100
@@ -42,10 +45,6 @@ _SCRIPTED = "__torch__."
 _MARK: Final = object()
 
 
-def _itself(argument: Any) -> Any:
-    return argument
-
-
 _PUSHED: Final[dict[str, Callable[[Any], Any]]] = {
     "MARK": lambda _: _MARK,
     "NONE": lambda _: None,
@@ -53,9 +52,9 @@ _PUSHED: Final[dict[str, Callable[[Any], Any]]] = {
     "NEWFALSE": lambda _: False,
     "EMPTY_DICT": lambda _: {},
     "EMPTY_TUPLE": lambda _: (),
-    **dict.fromkeys(("BININT", "BININT1", "BININT2", "BINUNICODE", "GLOBAL"), _itself),
+    **dict.fromkeys(("BININT", "BININT1", "BININT2", "BINUNICODE", "GLOBAL"), lambda argument: argument),
 }
-"""What an instruction puts on the stack, given its argument; of a global, only its name."""
+"""Instructions that push a value, which depends on their argument; a global pushes its name."""
 
 
 def read_tensors(path: Path, stream: BinaryIO | None = None) -> dict[str, Tensor]:
@@ -66,12 +65,12 @@ def read_tensors(path: Path, stream: BinaryIO | None = None) -> dict[str, Tensor
     path : Path
         The file.
     stream : binary file, optional
-        Its content, if that is in memory.
+        The content of the file, if it is in memory.
 
     Raises
     ------
     InputError
-        The file is no such archive, or its pickle does anything but describe dense tensors of numbers.
+        The file is no such archive, or its pickle does more than describe dense tensors of numbers.
 
     """
     with reading(path, "a PyTorch archive"), zipfile.ZipFile(stream or path) as archive:
@@ -79,7 +78,7 @@ def read_tensors(path: Path, stream: BinaryIO | None = None) -> dict[str, Tensor
 
 
 def write_tensors(path: Path, networks: Mapping[str, Mapping[str, Float32]]) -> None:
-    """Write state dicts by name, as ``torch.save`` does; the same tensors give the same bytes."""
+    """Write state dicts by name in the format of ``torch.save``; the same tensors give the same bytes."""
     records = [array for state in networks.values() for array in state.values()]
     parts = {"data.pkl": _pickled(networks), "byteorder": b"little", "version": b"3\n"}
     parts |= {f"data/{key}": np.ascontiguousarray(array, "<f4").tobytes() for key, array in enumerate(records)}
@@ -89,29 +88,29 @@ def write_tensors(path: Path, networks: Mapping[str, Mapping[str, Float32]]) -> 
 
 
 class _Description:
-    """The pickle of an archive, followed instruction by instruction over a stack of plain values."""
+    """The pickle of an archive, interpreted with a stack of plain values."""
 
     def __init__(self, path: Path, archive: zipfile.ZipFile) -> None:
         self._path = path
         self._archive = archive
-        described = [name for name in archive.namelist() if name.endswith("/data.pkl") and name.count("/") == 1]
-        if len(described) != 1:
-            raise self._refusal("data.pkl", "one description of tensors", f"{len(described)}")
-        self._root = described[0].removesuffix("data.pkl")
-        self._room = archive.start_dir  # members that overlap could hold more than the file
+        pickles = [name for name in archive.namelist() if name.endswith("/data.pkl") and name.count("/") == 1]
+        if len(pickles) != 1:
+            raise self._refusal("data.pkl", "one description of tensors", f"{len(pickles)}")
+        self._root = pickles[0].removesuffix("data.pkl")
+        self._room = archive.start_dir  # overlapping members could be larger than the file
         self._storages: dict[str, Tensor] = {}
         self._stack: list[Any] = []
         self._memo: dict[int, Any] = {}
 
     def tree(self) -> Any:
-        """Return the dictionaries and tensors that are described."""
+        """Return the nested dictionaries of tensors."""
         instructions = pickletools.genops(io.BytesIO(self._record("data.pkl", DATA_LIMIT)))
         with reading(self._path, "a description of tensors"):
             for instruction, argument, _ in instructions:
-                self._follow(instruction.name, argument)
+                self._interpret(instruction.name, argument)
             return self._stack.pop()
 
-    def _follow(self, name: str, argument: Any) -> None:
+    def _interpret(self, name: str, argument: Any) -> None:
         stack = self._stack
         if name in _PUSHED:
             stack.append(_PUSHED[name](argument))
@@ -130,15 +129,15 @@ class _Description:
         elif name == "BINPERSID":
             stack.append(self._storage(*stack.pop()))
         elif name in {"REDUCE", "NEWOBJ"}:
-            stack.append(self._made(name, *self._popped(2)))
+            stack.append(self._constructed(name, *self._popped(2)))
         elif name not in {"PROTO", "STOP"}:
             raise self._refusal("pickle", "a description of tensors", f"the instruction {name}")
 
     def _above_mark(self) -> int:
-        """Return how many items lie above the topmost mark, which is taken away."""
-        place = next(i for i in reversed(range(len(self._stack))) if self._stack[i] is _MARK)
-        del self._stack[place]
-        return len(self._stack) - place
+        """Remove the topmost mark and return the number of items above it."""
+        index = next(i for i in reversed(range(len(self._stack))) if self._stack[i] is _MARK)
+        del self._stack[index]
+        return len(self._stack) - index
 
     def _popped(self, count: int) -> list[Any]:
         first = len(self._stack) - count
@@ -147,25 +146,24 @@ class _Description:
         return items
 
     def _named(self, key: Any) -> str:
-        """Return the key of a dictionary, which is a short text: anything else may take forever to hash or to print."""
+        """Return the key of a dictionary. It must be a short string: others may take very long to hash or to print."""
         if not isinstance(key, str) or len(key) > _LONGEST_NAME:
-            raise self._refusal("pickle", f"names of at most {_LONGEST_NAME} characters", "others")
+            raise self._refusal("pickle", f"names of at most {_LONGEST_NAME} characters", "another key")
         return key
 
-    def _made(self, instruction: str, made: Any, arguments: tuple[Any, ...]) -> Any:
-        if not isinstance(made, str):
-            raise self._refusal("pickle", "tensors, dictionaries and modules", "a call of something else")
-        if instruction == "NEWOBJ" and made.startswith(_SCRIPTED) and not arguments:
-            return {}
-        if instruction == "REDUCE" and made == _DICTIONARY and not arguments:
-            return {}
-        if instruction == "REDUCE" and made == _REBUILD:
-            return self._tensor(*arguments[:4])
-        raise self._refusal("pickle", "tensors, dictionaries and modules", f"a call of {made}")
+    def _constructed(self, instruction: str, name: Any, arguments: tuple[Any, ...]) -> Any:
+        if isinstance(name, str):
+            module = instruction == "NEWOBJ" and name.startswith(_SCRIPTED)
+            if not arguments and (module or (instruction == "REDUCE" and name == _DICTIONARY)):
+                return {}
+            if instruction == "REDUCE" and name == _REBUILD:
+                return self._tensor(*arguments[:4])
+        callee = name if isinstance(name, str) else "another object"
+        raise self._refusal("pickle", "tensors, dictionaries and modules", f"a call of {callee}")
 
     def _storage(self, kind: Any, numbers: Any, key: Any, _device: Any, count: int) -> Tensor:
         if kind != "storage" or not isinstance(key, str) or not isinstance(numbers, str) or numbers not in _STORAGES:
-            raise self._refusal("tensor", f"one of {', '.join(_STORAGES)}", "others")
+            raise self._refusal("tensor", f"one of {', '.join(_STORAGES)}", "another storage")
         if key not in self._storages:
             dtype = np.dtype(_STORAGES[numbers])
             content = self._record(f"data/{key}", dtype.itemsize * count)
@@ -184,30 +182,29 @@ class _Description:
         return storage[first : first + count].reshape(shape)
 
     def _record(self, name: str, limit: int) -> bytes:
-        """Return a member of the archive; only plainly stored ones, so that none is larger than the file."""
+        """Return a member of the archive, which must be uncompressed, so that it is not larger than the file."""
         with reading(self._path, f"a member {name}"):
             member = self._archive.getinfo(self._root + name)
             if member.compress_type != zipfile.ZIP_STORED or member.file_size > limit:
                 found = f"{member.file_size} bytes, compressed" if member.compress_type else f"{member.file_size} bytes"
-                raise self._refusal(name, f"at most {limit} bytes as they are", found)
+                raise self._refusal(name, f"at most {limit} bytes, uncompressed", found)
             self._room -= member.file_size
             if self._room < 0:
-                raise self._refusal(name, "members that lie one after the other", "some that overlap")
+                raise self._refusal(name, "disjoint members", "overlapping ones")
             return self._archive.read(member)
 
     def _refusal(self, field: str, expected: str, found: str) -> InputError:
-        hint = "nothing in it was executed"
-        return InputError(self._path, field, expected=expected, found=found, hint=hint)
+        return InputError(self._path, field, expected=expected, found=found, hint="nothing in it was executed")
 
 
-def _tensors(tree: Any, prefix: str, seen: set[int]) -> Iterator[tuple[str, Tensor]]:
-    """Yield the tensors of nested dictionaries, each of which is visited once."""
+def _tensors(tree: Any, prefix: str, visited: set[int]) -> Iterator[tuple[str, Tensor]]:
+    """Yield the tensors of nested dictionaries; each dictionary is visited once."""
     if isinstance(tree, np.ndarray):
         yield prefix, tree
-    elif isinstance(tree, dict) and id(tree) not in seen:
-        seen.add(id(tree))
+    elif isinstance(tree, dict) and id(tree) not in visited:
+        visited.add(id(tree))
         for key, value in tree.items():
-            yield from _tensors(value, f"{prefix}.{key}" if prefix else key, seen)
+            yield from _tensors(value, f"{prefix}.{key}" if prefix else key, visited)
 
 
 def _pickled(networks: Mapping[str, Mapping[str, Float32]]) -> bytes:
@@ -221,7 +218,7 @@ def _pickled(networks: Mapping[str, Mapping[str, Float32]]) -> bytes:
 
 
 def _rebuilt(key: int, array: Float32) -> bytes:
-    """Return the instructions that make a tensor: ``_rebuild_tensor_v2(storage, 0, shape, strides, False, {})``."""
+    """Return the instructions for a tensor: ``_rebuild_tensor_v2(storage, 0, shape, strides, False, {})``."""
     kind = _text("storage") + _global("torch FloatStorage")
     storage = b"(" + kind + _text(str(key)) + _text("cpu") + _integer(array.size) + b"tQ"
     strides = [array[..., None][(0,) * (i + 1)].size for i in range(array.ndim)]

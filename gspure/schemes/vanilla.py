@@ -1,4 +1,4 @@
-"""Ordinary training of one of a pair's scenes: what schemes without a message, and comparisons, start from."""
+"""Ordinary training of one of a pair's scenes: clean models, and the base of simple schemes."""
 
 from __future__ import annotations
 

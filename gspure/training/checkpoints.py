@@ -1,4 +1,4 @@
-"""Checkpoints: everything that the rest of a run depends on, so that a killed run ends as it would have."""
+"""Checkpoints: the complete state of a run, so that a resumed run gives the same bits."""
 
 from __future__ import annotations
 
@@ -28,29 +28,29 @@ _CONTENT: Final = "a checkpoint of training"
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A run at rest (`gspure.training.schedule.Schedule.rests`).
+    """The state of a run between two densifications (`gspure.training.schedule.Schedule.rests`).
 
     Parameters
     ----------
     iteration : int
         Iterations done.
     state : TrainState
-    unseen : tuple of int
-        Training views that are still to come before all come again; the last is next.
+    pending_views : tuple of int
+        Training views left in the current pass over all of them; the last is next.
     rng : dict
-        State of the bit generator that all randomness comes from.
+        State of the run's only bit generator.
 
     """
 
     iteration: int
     state: TrainState
-    unseen: tuple[int, ...]
+    pending_views: tuple[int, ...]
     rng: Mapping[str, Any]
 
 
 def write_checkpoint(path: Path, snapshot: Snapshot, settings: Mapping[str, Any]) -> None:
     """Write a snapshot and the settings of its run as .npz without pickle, whole or not at all."""
-    run = {"iteration": snapshot.iteration, "unseen": snapshot.unseen, "rng": snapshot.rng, "settings": settings}
+    run = {"iteration": snapshot.iteration, "unseen": snapshot.pending_views, "rng": snapshot.rng, "settings": settings}
     arrays = {f"{part}.{group}": getattr(getattr(snapshot.state, part), group) for part in _PARTS for group in _SHAPES}
     with replacing(path) as temporary:
         np.savez(temporary, run=np.array(json.dumps(run)), **arrays)
@@ -62,7 +62,7 @@ def read_checkpoint(path: Path, settings: Mapping[str, Any]) -> Snapshot:
     Raises
     ------
     InputError
-        The file is no checkpoint, or that of a run with other settings.
+        The file is no checkpoint, or its run has other settings.
 
     """
     kinds: dict[str, Kind] = {
@@ -77,8 +77,8 @@ def read_checkpoint(path: Path, settings: Mapping[str, Any]) -> Snapshot:
         return Snapshot(run["iteration"], TrainState(*parts), tuple(run["unseen"]), run["rng"])
 
 
-def _require_same(path: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    for name, value in json.loads(json.dumps(wanted)).items():
+def _require_same(path: Path, stored: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+    for name, value in json.loads(json.dumps(settings)).items():
         if stored.get(name) != value:
             hint = "leave out --resume to begin anew"
             raise InputError(path, name, expected=json.dumps(value), found=json.dumps(stored.get(name)), hint=hint)

@@ -1,4 +1,4 @@
-"""What a model is trained from: views with photographs, and where to start. All is checked before training begins."""
+"""Training data: views with photographs, and initial points. Everything is checked before training."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from gspure.errors import InputError
 from gspure.images import read_image
 from gspure.model.points import read_point_ply
 from gspure.progress import say
-from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, seen
+from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
 from gspure.training.views import read_views
 
 Float32 = NDArray[np.float32]
 
 EXTENT_MARGIN: Final = 1.1
-"""The extent is this times the largest distance of a training camera to the mean of them all (3DGS)."""
+"""The extent is this times the largest distance of a training camera from the mean of all (3DGS)."""
 
 ASPECT_TOLERANCE: Final = 0.01
-"""Relative; a photograph that was reduced to whole pixels stays within it, one that was cropped or turned does not."""
+"""Relative. Rounding to whole pixels stays within it; cropping and turning do not."""
 
 POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.ply")
-"""Sparse points beside a camera file: of COLMAP tools and `gspure plant`, of 3DGS for Blender scenes, of nerfstudio, of
+"""Files of sparse points beside a camera file: COLMAP's and `gspure plant`'s, 3DGS's for Blender scenes, nerfstudio's,
 3DGS's output."""
 
 _GREY: Final = 128
@@ -39,12 +39,12 @@ _GREY: Final = 128
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Views at training size, split into training and held-out ones, and coloured points to start from.
+    """Views at training size, split into training and held-out ones, and initial points.
 
     Parameters
     ----------
     source : Path
-        Where it was read from.
+        The file or folder that it was read from.
     train, test : list of Camera
         Each with a photograph.
     xyz, rgb : arrays [P,3]
@@ -60,14 +60,14 @@ class Dataset:
 
     @property
     def extent(self) -> float:
-        """The scene's size in world units, to which 3DGS relates learning rates and sizes."""
+        """The scene's size in world units, which scales 3DGS's learning rates and thresholds."""
         return extent(self.train)
 
     @property
     def max_gaussians(self) -> int:
-        """How many Gaussians a model of it may have unless told otherwise: one per point and one per pixel of a view.
+        """The default bound of growth: one Gaussian per point and one per pixel of the largest view.
 
-        Ours: where there are few points or few photographs, 3DGS's rule grows Gaussians that no held-out view gains by.
+        Ours: with few points or few photographs, 3DGS's rule grows Gaussians that do not improve held-out views.
         """
         return len(self.xyz) + max(view.width * view.height for view in self.train)
 
@@ -80,8 +80,8 @@ def read_dataset(
     Parameters
     ----------
     source : Path
-        A COLMAP project, the folder of a Blender scene with its splits, or what else `gspure.cameras.read_cameras`
-        takes. Where the source has no splits, `gspure.cameras.split` makes them.
+        A Blender scene's folder with its splits, or any source of `gspure.cameras.read_cameras`; without splits,
+        `gspure.cameras.split` makes them.
     scale : str
         Image size, a rule of `gspure.cameras.scaled`.
     photographs : Path, optional
@@ -89,13 +89,13 @@ def read_dataset(
     skip_missing : bool
         Leave out views whose photograph is missing, instead of refusing them.
     seed : int
-        Of the random points that stand in where there are none.
+        Of the random points that replace missing ones.
 
     Raises
     ------
     InputError
-        A camera file or point file cannot be read; a photograph is missing, smaller than its view or of another shape;
-        the views all stand in one place; or no training view sees any of the points.
+        A camera or point file is unreadable; a photograph is missing, smaller than its view or of another shape; all
+        views have the same position; or no training view contains any of the points.
 
     """
     source = Path(source)
@@ -111,13 +111,13 @@ def read_dataset(
         found = f"{len(train)} in one place" if train else "none"
         raise InputError(source, "training views", expected="several, from different places", found=found)
     xyz, rgb = _points(source, train, seed)
-    if not seen(xyz, train).any():
+    if not view_counts(xyz, train).any():
         raise InputError(source, "training views", expected="some that see points", found="all look away from them")
     return Dataset(source, train, test, xyz, rgb)
 
 
 def extent(cameras: Sequence[Camera]) -> float:
-    """Return 1.1 times the largest distance of a camera to the mean of all."""
+    """Return 1.1 times the largest distance of a camera from the mean of all."""
     centres = np.array([camera.centre for camera in cameras])
     return float(EXTENT_MARGIN * np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
 
@@ -128,12 +128,12 @@ def read_photographs(cameras: Iterable[Camera], background: Sequence[float] = (0
 
 
 def fingerprint(dataset: Dataset, images: Sequence[Float32]) -> str:
-    """Return a digest of all that training sees."""
+    """Return a digest of all training data."""
     return digest(dataset.xyz, dataset.rgb, *(camera.numbers for camera in dataset.train), *images)
 
 
 def _present(cameras: Sequence[Camera], source: Path) -> list[Camera]:
-    """Return the views whose photograph exists, and say which are left out."""
+    """Return the views whose photograph exists, and report the others."""
     present = [camera for camera in cameras if not missing_photographs([camera])]
     if len(present) < len(cameras):
         missing = ", ".join(missing_photographs(cameras))
@@ -142,7 +142,7 @@ def _present(cameras: Sequence[Camera], source: Path) -> list[Camera]:
 
 
 def _with_photographs(cameras: list[Camera], photographs: Path | None) -> list[Camera]:
-    """Return the cameras with the photographs of their names in `photographs`, if that is given."""
+    """Return the cameras with the photographs of their names in the folder `photographs`, if it is not None."""
     if photographs is None:
         return cameras
     files = sorted(path for path in photographs.rglob("*") if path.is_file())
@@ -151,7 +151,7 @@ def _with_photographs(cameras: list[Camera], photographs: Path | None) -> list[C
 
 
 def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
-    """Refuse photographs whose shape is not that of their camera, such as cropped or turned ones."""
+    """Refuse photographs whose aspect ratio differs from that of their camera, such as cropped or turned ones."""
     for camera in cameras:
         width, height = photograph_size(photograph(camera))
         if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
@@ -160,7 +160,7 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
 
 
 def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Return the points that came with the views, or random grey ones where there are next to none."""
+    """Return the stored points, or random grey ones if fewer than `LEAST_POINTS` are stored."""
     xyz, rgb = _stored_points(_folder(source))
     if len(xyz) >= LEAST_POINTS:
         return xyz, rgb
@@ -175,7 +175,7 @@ def _stored_points(folder: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]
     sparse = find_sparse(folder)
     if sparse and any((sparse / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt")):
         return read_points(sparse)
-    for path in (place / name for place in (folder, sparse or folder) for name in POINT_FILES):
+    for path in (parent / name for parent in (folder, sparse or folder) for name in POINT_FILES):
         if path.is_file():
             return read_point_ply(path)
     return np.empty((0, 3)), np.empty((0, 3), np.uint8)

@@ -1,7 +1,7 @@
-"""Densification: more Gaussians where the image asks for them, none where they do nothing (Kerbl et al. 2023, 5.2).
+"""Densification: clone and split Gaussians with large gradients, prune transparent ones (Kerbl et al. 2023, 5.2).
 
-The rule by which 3DGS also prunes what is wider than 20 pixels on the screen is left out: its release zeroes those
-widths before it tests them, so that no published model was trained with it.
+3DGS's rule for Gaussians wider than 20 pixels on the screen is left out: its release zeroes those widths before the
+test, so no published model was trained with it.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ GRADIENT_THRESHOLD: Final = 2e-4
 """A Gaussian grows where the mean norm of dL/d(projected centre), in normalized device coordinates, reaches this."""
 
 DENSE_SHARE: Final = 0.01
-"""What grows is cloned if its largest scale is at most this share of the scene's extent, else split."""
+"""A growing Gaussian is cloned if its largest scale is at most this share of the scene's extent, else split."""
 
 SPLIT_SHRINK: Final = 1.6
 """Each of the two halves of a split Gaussian is smaller by this factor."""
 
 OPACITY_MIN: Final = 0.005
-"""Gaussians with less are pruned."""
+"""Gaussians with a lower opacity are pruned."""
 
 BIG_SHARE: Final = 0.1
-"""Gaussians with a scale above this share of the scene's extent are pruned, once opacities have been reset."""
+"""Gaussians with a scale above this share of the scene's extent are pruned after the first reset of opacities."""
 
 RESET_OPACITY: Final = 0.01
 """Upper bound of opacities after a reset."""
@@ -38,14 +38,14 @@ RESET_OPACITY: Final = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Which Gaussians there are next, N in all: those that stay, clones, first halves, second halves.
+    """The N Gaussians after densification: remaining ones, clones, first halves, second halves.
 
     Parameters
     ----------
     rows : array [N]
-        The Gaussian that each one was, or comes from.
+        The Gaussian before densification that each one is or comes from.
     new, half : bool [N]
-        Which ones are new, and which of these are halves of a split one.
+        New ones, and those that are halves of a split Gaussian.
     offsets : array [halves,3]
         From the centre of a split Gaussian to those of its halves.
 
@@ -66,7 +66,7 @@ def densify(
     rng: np.random.Generator,
     max_gaussians: int | None = None,
 ) -> TrainState:
-    """Clone and split what has large gradients, then prune what is transparent or too big; see `plan`."""
+    """Clone and split Gaussians with large gradients, then prune transparent and big ones; see `plan`."""
     before = state.parameters
     opacities = sigmoid(before.opacity_logits)
     growth = plan(
@@ -89,16 +89,16 @@ def plan(
     rng: np.random.Generator,
     max_gaussians: int | None = None,
 ) -> Growth:
-    """Decide what grows and what goes.
+    """Decide which Gaussians grow and which are pruned.
 
     Parameters
     ----------
     parameters : Parameters
         K Gaussians.
     opacities : array [K]
-        By which they are judged transparent.
+        Their opacities for the pruning rule.
     statistics : Statistics
-        What has been seen of them since the last time.
+        Since the last densification.
     extent : float
         Of the scene, in world units.
     prune_big : bool
@@ -106,15 +106,15 @@ def plan(
     rng : Generator
         Places the halves.
     max_gaussians : int, optional
-        If there would be more, only those with the largest gradients grow.
+        Upper bound; the Gaussians with the largest gradients grow first.
 
     """
     sizes = np.exp(parameters.log_scales).max(axis=1)
     grown = _grown(statistics, max_gaussians)
     split = grown & (sizes > DENSE_SHARE * extent)
-    kept, clones, parents = (np.flatnonzero(mask) for mask in (~split, grown & ~split, split))
-    rows = np.concatenate([kept, clones, parents, parents])
-    new, half = (np.arange(len(rows)) >= first for first in (len(kept), len(kept) + len(clones)))
+    unsplit, clones, parents = (np.flatnonzero(mask) for mask in (~split, grown & ~split, split))
+    rows = np.concatenate([unsplit, clones, parents, parents])
+    new, half = (np.arange(len(rows)) >= first for first in (len(unsplit), len(unsplit) + len(clones)))
     largest = BIG_SHARE * extent if prune_big else np.inf
     small = sizes[rows] / np.where(half, SPLIT_SHRINK, 1.0) <= largest
     stay = small & (opacities[rows] >= OPACITY_MIN)
@@ -123,7 +123,7 @@ def plan(
 
 
 def grow(state: TrainState, growth: Growth) -> TrainState:
-    """Return the Gaussians of a plan; new ones start with zero moments."""
+    """Return the state after a growth; new Gaussians start with zero moments."""
     after, first, second = (part.rows(growth.rows) for part in (state.parameters, state.first, state.second))
     after.means[growth.half] += growth.offsets
     after.log_scales[growth.half] -= np.float32(np.log(SPLIT_SHRINK))
@@ -133,7 +133,7 @@ def grow(state: TrainState, growth: Growth) -> TrainState:
 
 
 def reset_opacities(state: TrainState) -> TrainState:
-    """Lower every opacity to at most `RESET_OPACITY`, and forget the optimizer's moments of opacities."""
+    """Clip opacities to `RESET_OPACITY` and zero the moments of opacities."""
     bound = logit(RESET_OPACITY)
     logits = state.parameters.opacity_logits
     none = np.zeros_like(logits)
@@ -145,7 +145,7 @@ def reset_opacities(state: TrainState) -> TrainState:
 
 
 def _grown(statistics: Statistics, max_gaussians: int | None) -> NDArray[np.bool_]:
-    """Return which Gaussians grow; each makes one more."""
+    """Return the mask of the Gaussians that grow; each adds one."""
     gradients = statistics.gradient_norms / np.maximum(statistics.views, 1)
     grown: NDArray[np.bool_] = gradients >= GRADIENT_THRESHOLD
     if max_gaussians is not None:
@@ -155,7 +155,7 @@ def _grown(statistics: Statistics, max_gaussians: int | None) -> NDArray[np.bool
 
 
 def _offsets(parameters: Parameters, rng: np.random.Generator) -> Float32:
-    """Draw one point of each Gaussian, relative to its centre."""
+    """Sample one point of each Gaussian, relative to its centre."""
     quats = parameters.quats / np.linalg.norm(parameters.quats, axis=1, keepdims=True)
     scalar, vector = quats[:, :1], quats[:, 1:]
     local = np.exp(parameters.log_scales) * rng.standard_normal(parameters.means.shape)

@@ -1,4 +1,4 @@
-"""Where Gaussians start: at the points that structure from motion found, or at random where all views look."""
+"""Initial Gaussians: at the points of structure from motion, or at random points in the views' common volume."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from gspure.opencl.trainable import Parameters
 Float64 = NDArray[np.float64]
 
 OPACITY: Final = 0.1
-"""Of every Gaussian, at the start (3DGS)."""
+"""Initial opacity (3DGS)."""
 
 NEIGHBOURS: Final = 3
-"""A Gaussian is as wide as the root mean square distance of its point to this many others (3DGS)."""
+"""The initial scale is the root mean square distance to this many nearest points (3DGS)."""
 
 LEAST_SQUARED_DISTANCE: Final = 1e-7
-"""Of two points, in square world units (3DGS)."""
+"""Lower bound of squared distances, in square world units (3DGS)."""
 
 LEAST_POINTS: Final = NEIGHBOURS + 1
 
 RANDOM_POINTS: Final = 10_000
-"""How many there are where nothing else is known. Ours."""
+"""Number of random points, if none are stored. Ours."""
 
 RANDOM_DEPTHS: Final = (0.1, 10.0)
 """Range of their view depths, as multiples of the scene's extent. Ours."""
 
 COMMON_SHARE: Final = 0.25
-"""Each is seen by at least this share of the views, and by two."""
+"""At least this share of the views, and two, contain each of them."""
 
 _ROUNDS = 20
 
@@ -42,7 +42,7 @@ _ROUNDS = 20
 def gaussians_at(xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> Parameters:
     """Return isotropic Gaussians at points [P,3] with these 8-bit colours [P,3], P >= 4.
 
-    Spherical harmonics have all their bands; those above the zeroth are zero.
+    Spherical harmonics have degree 3; coefficients above the zeroth are zero.
     """
     from scipy.spatial import KDTree
 
@@ -61,7 +61,7 @@ def gaussians_at(xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> Parameters:
 
 
 def thinned(xyz: Float64, rgb: NDArray[np.uint8], at_most: int | None, seed: int) -> tuple[Float64, NDArray[np.uint8]]:
-    """Return points [P,3] and colours [P,3], or a random choice of them where there are too many."""
+    """Return points [P,3] and colours [P,3], or a random choice of `at_most` of them."""
     if at_most is None or len(xyz) <= at_most:
         return xyz, rgb
     rows = np.sort(np.random.default_rng(seed).choice(len(xyz), at_most, replace=False))
@@ -69,22 +69,22 @@ def thinned(xyz: Float64, rgb: NDArray[np.uint8], at_most: int | None, seed: int
 
 
 def random_points(cameras: Sequence[Camera], extent: float, count: int, rng: np.random.Generator) -> Float64:
-    """Return points [<= count, 3] inside the views' common volume; fewer, or none, where there is next to none.
+    """Return points [<= count, 3] inside the views' common volume; fewer, or none, if it is small or empty.
 
-    They lie on rays through random pixels of random views, at depths even in the logarithm.
+    They lie on rays through random pixels of random views, at log-uniform depths.
     """
     least = max(2, math.ceil(COMMON_SHARE * len(cameras)))
-    found: list[Float64] = []
+    batches: list[Float64] = []
     for _ in range(_ROUNDS):
         points = _on_rays(cameras, extent, count, rng)
-        found.append(points[seen(points, cameras) >= least])
-        if sum(map(len, found)) >= count:
+        batches.append(points[view_counts(points, cameras) >= least])
+        if sum(map(len, batches)) >= count:
             break
-    return np.concatenate(found)[:count]
+    return np.concatenate(batches)[:count]
 
 
-def seen(points: NDArray[Any], cameras: Sequence[Camera]) -> NDArray[np.intp]:
-    """Return for each point [P,3] how many views have it inside their image."""
+def view_counts(points: NDArray[Any], cameras: Sequence[Camera]) -> NDArray[np.intp]:
+    """Return the number of views [P] whose image contains each point [P,3]."""
     views = np.zeros(len(points), np.intp)
     for camera in cameras:
         x, y, z = camera.K @ (camera.viewmat[:3, :3] @ points.T + camera.viewmat[:3, 3:])

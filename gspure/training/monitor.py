@@ -1,4 +1,4 @@
-"""How a run is going: a bar on a terminal, a line now and then in a log."""
+"""Progress reports of a run: a bar on a terminal, lines in a log."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ import numpy as np
 from gspure.progress import say
 
 _SECONDS = {True: 1.0, False: 10.0}
-"""Between two reports: on a terminal, and in a log."""
+"""Between two reports, on a terminal (True) and in a log (False)."""
 
 Show = Callable[[int, str], None]
 
 
 def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], done: int = 0) -> Iterator[float]:
-    """Pass `losses` on, one per iteration, and report their mean since the last report, `state` and speed.
+    """Yield `losses`, one per iteration, and report their mean since the last report, `state` and speed.
 
     Parameters
     ----------
     losses : iterable of float
-        The run itself: each step of the iteration is one of training.
+        The run; each step of this iterable is an iteration of training.
     iterations : int
         Length of the run.
     state : callable
-        Describes the model as it is, such as ``"PSNR 30.12  12000 Gaussians"``; called once per report.
+        Describes the current model, such as ``"PSNR 30.12  12000 Gaussians"``; called once per report.
     done : int
         Iterations done before.
 

@@ -1,4 +1,4 @@
-"""The folder that training leaves: that of 3DGS's trainer, which its tools and most others open."""
+"""The output folder of training, in the layout of 3DGS's trainer, which most tools read."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from gspure.training.dataset import Dataset
 
 
 def point_cloud(folder: Path, iteration: int) -> Path:
-    """Return where the model of an iteration lies."""
+    """Return the model file of an iteration."""
     return folder / "point_cloud" / f"iteration_{iteration}" / "point_cloud.ply"
 
 
 def comparison(folder: Path, iteration: int) -> tuple[Path, Path]:
-    """Return the folders of held-out photographs and of the model's images of them, as 3DGS's render script does."""
+    """Return the folders of held-out photographs and of the model's images, named as by 3DGS's render script."""
     views = folder / "test" / f"ours_{iteration}"
     return views / "gt", views / "renders"
 
@@ -45,7 +45,7 @@ def write_output(
 ) -> Path:
     """Write model, cameras (test views first), arguments and initial points; return the model's file.
 
-    Cameras have the size at which they were trained, and name their photographs.
+    Cameras have their size in training and name their photographs.
     """
     model = point_cloud(folder, iteration)
     write_point_ply(folder / "input.ply", dataset.xyz, dataset.rgb)

@@ -1,8 +1,8 @@
-"""What a training run does when: learning rates, spherical-harmonic degree, densification, opacity resets.
+"""The schedule of a training run: learning rates, spherical-harmonic degree, densification, opacity resets.
 
 The numbers are those of 3DGS (Kerbl et al. 2023, section 7.1 and the appendix) for its 30 000 iterations. A run of
-another length does the same at the same fractions of it; what then would happen every few iterations, before the
-gradients of enough views have been seen, has a least distance.
+another length has each event at the same fraction of it. Periods have a lower bound, so that gradients of enough views
+are collected.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ ITERATIONS: Final = 30_000
 """Length of 3DGS's own schedule."""
 
 MEANS_RATES: Final = (1.6e-4, 1.6e-6)
-"""Learning rate of positions, first and last, as a share of the scene's extent; log-linear in between."""
+"""First and last learning rate of positions, as a share of the scene's extent; log-linear between them."""
 
 QUATS_RATE: Final = 1e-3
 SCALES_RATE: Final = 5e-3
 OPACITIES_RATE: Final = 0.05
-"""As in the paper's release; later ones halve it."""
+"""As in the paper's release; later releases halve it."""
 
 SH_DC_RATE: Final = 2.5e-3
 SH_REST_RATE: Final = SH_DC_RATE / 20
 
 SH_EVERY: Final = 1_000
-"""Iterations after which one more band of spherical harmonics takes part."""
+"""Iterations after which the degree of spherical harmonics rises by one."""
 
 DENSIFY_FROM: Final = 500
 DENSIFY_EVERY: Final = 100
@@ -41,12 +41,12 @@ RESET_EVERY: Final = 3_000
 LEAST_FROM: Final = 150
 LEAST_EVERY: Final = 50
 LEAST_RESET: Final = 600
-"""Least distances of a short run. Ours: 3DGS has none."""
+"""Lower bounds for short runs. Ours: 3DGS has none."""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """A run's plan. Iterations count from 1; what is due at one happens after its optimizer step.
+    """A run's schedule. Iterations count from 1; events follow the optimizer step of their iteration.
 
     Parameters
     ----------
@@ -55,10 +55,10 @@ class Schedule:
     sh_every : int
         Iterations per band of spherical harmonics.
     densify_from, densify_until, densify_every : int
-        Densification happens at the multiples of `densify_every` strictly between the two others.
+        Densification happens at the multiples of `densify_every` strictly between the other two.
     reset_every : int
         A multiple of `densify_every`. Opacities are reset, after densification, at its multiples before
-        `densify_until`; after the first time, big Gaussians are pruned too.
+        `densify_until`; after the first reset, big Gaussians are pruned too.
 
     """
 
@@ -101,15 +101,15 @@ class Schedule:
         )
 
     def settling(self, iteration: int) -> float:
-        """Return the share of its rate that a network still learns with: 1 while Gaussians grow, then linearly to 0.
+        """Return the factor of networks' learning rates: 1 while Gaussians grow, then falling linearly to 0.
 
-        Ours, for networks that 3DGS does not have: at a constant rate, their last steps are noise in the image.
+        Ours, as 3DGS has no networks: at a constant rate, their last steps add noise to the image.
         """
         left = self.iterations + 1 - iteration
         return min(1.0, left / (self.iterations + 1 - self.densify_until))
 
     def sh_degree(self, iteration: int) -> int:
-        """Return the degree of the spherical harmonics that take part in one iteration."""
+        """Return the degree of the spherical harmonics in one iteration."""
         return min(MAX_SH_DEGREE, iteration // self.sh_every)
 
     def densifies(self, iteration: int) -> bool:
@@ -121,7 +121,7 @@ class Schedule:
         return iteration < self.densify_until and iteration % self.reset_every == 0
 
     def last_reset(self, iteration: int) -> int:
-        """Return the last iteration up to this one after which opacities were reset; 0 if there was none."""
+        """Return the last iteration up to this one with a reset of opacities; 0 if there was none."""
         last = min(iteration, self.densify_until - 1) // self.reset_every * self.reset_every
         return max(last, 0)
 
@@ -130,11 +130,11 @@ class Schedule:
         return iteration > self.reset_every
 
     def rests(self, iteration: int) -> bool:
-        """Tell whether the model's state is then all that matters of it: no statistics are under way."""
+        """Tell whether no statistics are being collected, so that the model's state is the state of the run."""
         return self.densifies(iteration) or iteration >= self.densify_until
 
 
 def shuffled(count: int, rng: np.random.Generator) -> Iterator[int]:
-    """Yield numbers below `count` at random for ever, none again before all have come."""
+    """Yield random permutations of the numbers below `count`, one after the other, for ever."""
     while True:
         yield from rng.permutation(count).tolist()

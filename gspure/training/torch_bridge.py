@@ -1,4 +1,4 @@
-"""The renderer as a differentiable function of PyTorch tensors, so that networks can be trained over what it renders.
+"""The renderer as a differentiable function of PyTorch tensors, for training networks together with Gaussians.
 
 >>> from gspure.training.torch_bridge import TorchRenderer  # doctest: +SKIP
 >>> render = TorchRenderer()  # doctest: +SKIP
@@ -6,8 +6,6 @@
 >>> feature_map = render(camera, means, quats, scales, opacities, features)  # doctest: +SKIP
 >>> loss(decoder(feature_map.permute(2, 0, 1))).backward()  # doctest: +SKIP
 
-No other module of the core needs torch, which is optional (``pip install gspure[torch]``); without it, importing this
-one raises `InputError`.
 """
 
 from __future__ import annotations
@@ -19,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.errors import InputError
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Pass
@@ -27,13 +24,7 @@ from gspure.opencl.gradients import by_row
 from gspure.opencl.morton import morton_order
 from gspure.opencl.passes import ENTRY_BUDGET, backward, forward
 from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, Storage, upload_attributes
-
-try:
-    import torch
-    from torch.autograd.function import once_differentiable
-except ImportError as error:
-    hint = "pip install gspure[torch]"
-    raise InputError("torch", "package", expected="PyTorch", found=str(error), hint=hint) from None
+from gspure.training.pytorch import torch
 
 Float32 = NDArray[np.float32]
 
@@ -42,18 +33,18 @@ _BANDS = (1, 4, 9, 16)
 
 
 class TorchRenderer:
-    """Renders Gaussians that are given as tensors; gradients flow back to all of them.
+    """A renderer of Gaussians in tensors; gradients flow back to all of them.
 
-    Images and gradients are those of `gspure.renderer.Renderer` with energy "ewa", to the last bit. Tensors are float32
-    on the CPU; they are read where they lie, and uploaded for each image.
+    Images and gradients are bit-identical to those of `gspure.renderer.Renderer` with energy "ewa". Tensors are float32
+    on the CPU and are uploaded for each image.
 
-    Any number of images may be rendered before ``backward()``, in any order. The device keeps the last of them; for
-    every other one, the backward pass renders it again.
+    Any number of images may be rendered before ``backward()``, in any order. The device holds only the last one; the
+    backward pass renders any earlier one again.
 
     Parameters
     ----------
     device : Device, optional
-        By default the one that `gspure.opencl.device.choose_device` picks.
+        By default that of `gspure.opencl.device.choose_device`.
     style : "cpu" or "gpu", optional
         Kernel style; by default the one that suits the device.
 
@@ -83,11 +74,11 @@ class TorchRenderer:
             `scales` > 0; `opacities` in (0, 1). To optimize logarithms and logits, as 3DGS does, pass their ``exp()``
             and ``sigmoid()``.
         features : tensor [K,C], optional
-            What to blend, of any number of channels.
+            The values to blend, with any number of channels.
         sh_coeffs : tensor [K,S,3], optional
             Spherical-harmonic coefficients, S = 1, 4, 9 or 16; instead of `features`.
         background : tensor or sequence of C floats, optional
-            What lies behind; zero by default.
+            Zero by default.
 
         Raises
         ------
@@ -117,7 +108,7 @@ class TorchRenderer:
 
 
 class _Frames:
-    """The device's side: frames are numbered, and the last one is there to be read and pulled back."""
+    """Frames on the device, by number; only the last one can be read and differentiated."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -145,7 +136,7 @@ class _Frames:
         # One table is permuted many times faster than its narrow parts.
         geometry = np.concatenate([means, quats, scales, opacities[:, None]], axis=1)
         self._storage = Storage.along(engine, order, uploaded(geometry))
-        self._seen = forward(
+        self._frame = forward(
             *(engine, self._storage, frame, camera),
             channels=uploaded(channels.reshape(len(channels), frame.channel_attributes)),
             background=background.tolist(),
@@ -155,24 +146,24 @@ class _Frames:
 
     def image(self) -> Float32:
         """Return the last frame's image [H,W,C]."""
-        camera, canvas = self._seen.camera, self._seen.canvas
-        shape = (camera.height, camera.width, self._seen.frame.channels)
+        camera, canvas = self._frame.camera, self._frame.canvas
+        shape = (camera.height, camera.width, self._frame.frame.channels)
         return self._engine.read(canvas.image, shape, np.float32)
 
-    def pull_back(self, image_gradient: Float32, wanted: Sequence[bool]) -> list[Float32 | None]:
-        """Return the `wanted` gradients of the last frame, in the order of `draw`: [C], [K,...]; others may be None."""
-        engine, storage, seen = self._engine, self._storage, self._seen
+    def pull_back(self, image_gradient: Float32, requested: Sequence[bool]) -> list[Float32 | None]:
+        """Return the `requested` gradients of the last frame, in the order of `draw`: [C], [K,...]; or None."""
+        engine, storage, drawn = self._engine, self._storage, self._frame
         gradients: list[Float32 | None] = [None] * 6
-        found = backward(engine, storage, seen, engine.upload("image_gradient", image_gradient))
-        if wanted[0]:
-            transmittance = engine.read(seen.canvas.transmittance, image_gradient.shape[:2], np.float32)
+        by_splat = backward(engine, storage, drawn, engine.upload("image_gradient", image_gradient))
+        if requested[0]:
+            transmittance = engine.read(drawn.canvas.transmittance, image_gradient.shape[:2], np.float32)
             behind = np.einsum("hw,hwc->c", transmittance, image_gradient, dtype=np.float64)
             gradients[0] = behind.astype(np.float32)
-        if any(wanted[1:5]):
-            geometry = by_row(engine, storage, found.geometry, GEOMETRY_ATTRIBUTES)
+        if any(requested[1:5]):
+            geometry = by_row(engine, storage, by_splat.geometry, GEOMETRY_ATTRIBUTES)
             gradients[1:5] = np.split(geometry, [3, 7, 10], axis=1)
-        if wanted[5]:
-            gradients[5] = by_row(engine, storage, found.channels, seen.frame.channel_attributes)
+        if requested[5]:
+            gradients[5] = by_row(engine, storage, by_splat.channels, drawn.frame.channel_attributes)
         return gradients
 
 
@@ -187,20 +178,18 @@ class _Image(torch.autograd.Function):  # type: ignore[misc]
         return torch.from_numpy(frames.image())
 
     @staticmethod
-    @once_differentiable  # type: ignore[untyped-decorator]
+    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, image_gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
-        tensors = ctx.saved_tensors  # torch refuses tensors that were changed since
+        tensors = ctx.saved_tensors  # raises an error if they were changed since
         if ctx.frames.last != ctx.number:
             ctx.number = ctx.frames.draw(ctx.camera, *map(_array, tensors))
-        found = ctx.frames.pull_back(_array(image_gradient), ctx.needs_input_grad[2:])
-        shaped = (
-            None if g is None else torch.from_numpy(g).reshape(t.shape) for g, t in zip(found, tensors, strict=True)
-        )
-        return (None, None, *shaped)
+        gradients = ctx.frames.pull_back(_array(image_gradient), ctx.needs_input_grad[2:])
+        pairs = zip(gradients, tensors, strict=True)
+        return (None, None, *(None if g is None else torch.from_numpy(g).reshape(t.shape) for g, t in pairs))
 
 
 def _array(tensor: torch.Tensor) -> Float32:
-    """Return the tensor's own memory as an array."""
+    """Return the tensor's memory as an array."""
     array: Float32 = tensor.detach().numpy()
     return array
 

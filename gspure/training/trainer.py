@@ -1,4 +1,4 @@
-"""The training loop: a step on a random view, and between steps what the schedule asks for."""
+"""The training loop: steps on random views, densification and opacity resets."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ import numpy as np
 
 from gspure.cameras import Camera
 from gspure.errors import InputError
-from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
+from gspure.opencl.trainable import Parameters, Statistics, TrainableModel, TrainState
 from gspure.training.checkpoints import Snapshot
 from gspure.training.densification import densify, reset_opacities
 from gspure.training.schedule import Schedule
 
 RECOVERY: Final = 150
-"""Iterations within which images are about as good again as before a reset of opacities."""
+"""Iterations after which images have recovered from a reset of opacities."""
 
 
 class Trainer:
-    """One run; iterating over it trains, and yields the loss of each iteration.
+    """A run; iterating over it trains and yields the loss of each iteration.
 
-    The same snapshot, views and schedule give the same model to the last bit, whether the run was interrupted or not.
+    The same snapshot, views and schedule give a bit-identical model, whether or not the run was interrupted.
 
     Parameters
     ----------
     model : TrainableModel
-        Begun from ``snapshot.state`` with ``snapshot.iteration`` steps done, the photographs of `views` its targets.
+        Created from ``snapshot.state`` and ``snapshot.iteration``; its targets are the photographs of `views`.
     views : sequence of Camera
         The training views.
     schedule : Schedule
     snapshot : Snapshot
-        Where to begin: `beginning`, or a checkpoint.
+        The start: `beginning`, or a checkpoint.
     extent : float
         Of the scene, in world units.
     background : sequence of 3 floats
         Colour behind the model.
     max_gaussians : int, optional
-        More than that do not grow.
+        Upper bound of growth.
 
     """
 
@@ -59,7 +59,7 @@ class Trainer:
         self._extent = extent
         self._background = background
         self._max_gaussians = max_gaussians
-        self._unseen = list(snapshot.unseen)
+        self._pending_views = list(snapshot.pending_views)
         self._rng = np.random.default_rng()
         self._rng.bit_generator.state = dict(snapshot.rng)
 
@@ -69,7 +69,7 @@ class Trainer:
 
     @property
     def recovering_from(self) -> int | None:
-        """The iteration of the last reset of opacities, as long as images are still darker for it."""
+        """The iteration of the last reset of opacities, while images are still darker than before; else None."""
         last = self._schedule.last_reset(self.iteration)
         return last if last and self.iteration - last < RECOVERY else None
 
@@ -79,10 +79,10 @@ class Trainer:
         return self._schedule.rests(self.iteration)
 
     def snapshot(self) -> Snapshot:
-        """Return all that the rest of the run depends on; only where it `rests`."""
+        """Return the state of the run; only while it `rests`."""
         if not self.rests:
             raise RuntimeError(f"statistics are under way at iteration {self.iteration}")
-        return Snapshot(self.iteration, self.model.state(), tuple(self._unseen), self._rng.bit_generator.state)
+        return Snapshot(self.iteration, self.model.state(), tuple(self._pending_views), self._rng.bit_generator.state)
 
     def _iterate(self) -> float:
         iteration = self.iteration = self.iteration + 1
@@ -91,32 +91,50 @@ class Trainer:
         rates = self._schedule.rates(iteration, self._extent)
         loss = self.model.step(self._views[view], view, rates, background=self._background)
         if self._schedule.densifies(iteration):
-            state = self._densified()
-            self.model.replace(reset_opacities(state) if self._schedule.resets_opacities(iteration) else state)
+            self.model.replace(
+                densified(
+                    *(self.model.state(), self.model.statistics(), self._schedule, iteration),
+                    extent=self._extent,
+                    rng=self._rng,
+                    max_gaussians=self._max_gaussians,
+                )
+            )
         return loss
 
     def _next_view(self) -> int:
-        """Take views at random, none again before all have been taken."""
-        if not self._unseen:
-            self._unseen = self._rng.permutation(len(self._views)).tolist()
-        return self._unseen.pop()
-
-    def _densified(self) -> TrainState:
-        state = densify(
-            self.model.state(),
-            self.model.statistics(),
-            extent=self._extent,
-            prune_big=self._schedule.prunes_big(self.iteration),
-            rng=self._rng,
-            max_gaussians=self._max_gaussians,
-        )
-        if not len(state.parameters):
-            found = f"none after iteration {self.iteration}"
-            hint = "every one became transparent; do the views and the points belong together?"
-            raise InputError("training", "Gaussians", expected="at least one", found=found, hint=hint)
-        return state
+        """Return the next view of a random order that is drawn anew after each pass."""
+        if not self._pending_views:
+            self._pending_views = self._rng.permutation(len(self._views)).tolist()
+        return self._pending_views.pop()
 
 
 def beginning(parameters: Parameters, seed: int) -> Snapshot:
-    """Return the snapshot of a run that has not begun."""
+    """Return the snapshot before the first iteration."""
     return Snapshot(0, TrainState.fresh(parameters), (), np.random.default_rng(seed).bit_generator.state)
+
+
+def densified(
+    state: TrainState,
+    statistics: Statistics,
+    schedule: Schedule,
+    iteration: int,
+    *,
+    extent: float,
+    rng: np.random.Generator,
+    max_gaussians: int | None,
+) -> TrainState:
+    """Return the state after densification and, where the schedule says so, a reset of opacities.
+
+    Raises
+    ------
+    InputError
+        All Gaussians were pruned.
+
+    """
+    prune_big = schedule.prunes_big(iteration)
+    after = densify(state, statistics, extent=extent, prune_big=prune_big, rng=rng, max_gaussians=max_gaussians)
+    if not len(after.parameters):
+        found = f"none after iteration {iteration}"
+        hint = "every one became transparent; do the views and the points belong together?"
+        raise InputError("training", "Gaussians", expected="at least one", found=found, hint=hint)
+    return reset_opacities(after) if schedule.resets_opacities(iteration) else after

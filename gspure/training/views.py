@@ -1,4 +1,4 @@
-"""Which views a model is trained from, and which are held out."""
+"""Training views and held-out views of a capture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gspure.cameras.naming import distinct
 from gspure.cameras.reading import camera_file
 
 BLENDER: Final = "transforms_train.json"
-"""Training views of a Blender scene, as NeRF's."""
+"""Training views of a Blender scene (NeRF)."""
 
 BLENDER_HELD_OUT: Final = ("transforms_test.json", "transforms_val.json")
 """Its held-out views: the first of these that exists."""
@@ -23,9 +23,9 @@ class Views(NamedTuple):
     Parameters
     ----------
     cameras : list of Camera
-        In the order in which they are listed.
+        In the order of their file.
     held_out : frozenset of str, optional
-        Names of the views to hold out; None where the capture does not say, and `gspure.cameras.split` decides.
+        Names of the held-out views; None if the capture does not define them and `gspure.cameras.split` decides.
 
     """
 
@@ -42,12 +42,12 @@ class Views(NamedTuple):
 
 
 def read_views(source: Path) -> Views:
-    """Read the views of whatever `gspure.cameras.read_cameras` takes; of the folder of a Blender scene, all splits.
+    """Read the views of any source of `gspure.cameras.read_cameras`, with all splits of a Blender scene.
 
     Raises
     ------
     InputError
-        A camera file cannot be read, or two views share a name.
+        A camera file is unreadable, or two views share a name.
 
     """
     cameras = read_cameras(source)

@@ -1,4 +1,4 @@
-"""GS-Hider (Zhang et al. 2024): of one feature map, a public network makes the scene and a private one the message."""
+"""GS-Hider (Zhang et al. 2024): one feature map; a public network decodes the scene, a private one the message."""
 
 from gspure.schemes.gs_hider.embedding import embed
 from gspure.schemes.gs_hider.key import DecoderKey

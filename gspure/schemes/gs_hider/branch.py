@@ -1,4 +1,4 @@
-"""One of the two branches that learn over the shared feature map: a decoder, and what it should show."""
+"""A branch of the training: a decoder of the shared feature map, and its target photographs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gspure.schemes.gs_hider.decoder import Decoder
 from gspure.schemes.gs_hider.loss import photometric
-from gspure.schemes.pytorch import torch
+from gspure.training.pytorch import torch
 
 Float32 = NDArray[np.float32]
 
@@ -23,7 +23,7 @@ class Branch:
     photographs : sequence of array [H,W,3]
         Of the training views.
     weight : float
-        Its share in the loss.
+        Of its loss.
 
     """
 
@@ -33,7 +33,7 @@ class Branch:
         self._weight = weight
 
     def differentiate(self, feature_map: Float32, view: int) -> tuple[float, Float32]:
-        """Return the loss of a view and its gradient with respect to the feature map; the decoder keeps its own."""
+        """Return the loss of a view and its gradient of the feature map; the decoder stores its own gradients."""
         features = torch.from_numpy(feature_map).requires_grad_()
         photograph = torch.from_numpy(self._photographs[view])
         loss = self._weight * photometric(self.decoder(features), photograph)

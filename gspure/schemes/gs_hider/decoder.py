@@ -1,4 +1,4 @@
-"""The network that reads an image from a feature map: the public one the scene, the private one the message."""
+"""The network that decodes an image from a feature map: the scene (public) or the message (private)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.public_model import RenderView
 from gspure.schemes.gs_hider.layout import CHANNELS
-from gspure.schemes.pytorch import torch
+from gspure.training.pytorch import torch
 
 Float32 = NDArray[np.float32]
 
@@ -19,11 +19,11 @@ WIDTH: Final = 64
 LAYERS: Final = 5
 
 NOISE: Final = 1e-3
-"""Standard deviation of the noise by which a decoder's gain is measured, in features of 0 to 1. Ours."""
+"""Standard deviation of the noise that measures a decoder's gain, in features of 0 to 1. Ours."""
 
 
 class Decoder(torch.nn.Module):  # type: ignore[misc]
-    """Five convolutions of 3 x 3 with ReLU in between and a linear end, as GS-Hider's: 121 795 parameters."""
+    """Five convolutions of 3 x 3 with ReLU between them, as in GS-Hider: 121 795 parameters."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -34,7 +34,7 @@ class Decoder(torch.nn.Module):  # type: ignore[misc]
 
     def forward(self, feature_map: torch.Tensor) -> torch.Tensor:
         """Return the image [H,W,3], not clipped, of a feature map [H,W,16]."""
-        x = feature_map.permute(2, 0, 1)[None]  # in memory, channels stay last: what convolutions are fastest in
+        x = feature_map.permute(2, 0, 1)[None]  # channels stay last in memory: the fastest layout for convolutions
         *inner, last = self.children()
         for layer in inner:
             x = torch.relu(layer(x))
@@ -42,14 +42,14 @@ class Decoder(torch.nn.Module):  # type: ignore[misc]
 
 
 def untrained(count: int, seed: int) -> list[Decoder]:
-    """Return decoders with PyTorch's own initialization, which leaves its global random state as it was."""
+    """Return decoders with PyTorch's default initialization; its global random state is left unchanged."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return [Decoder() for _ in range(count)]
 
 
 def decoded(feature_map: Callable[[Camera], Float32], decoder: Decoder) -> RenderView:
-    """Return what a decoder reads from a feature map."""
+    """Return the renderer of the image that a decoder computes from a feature map."""
 
     def view(camera: Camera) -> Float32:
         with torch.inference_mode():
@@ -60,10 +60,10 @@ def decoded(feature_map: Callable[[Camera], Float32], decoder: Decoder) -> Rende
 
 
 def noise_gain(decoder: Decoder, feature_maps: Sequence[Float32], rng: np.random.Generator) -> float:
-    """Return how much noise in a feature map a decoder amplifies: RMS of its output's change over RMS of the noise.
+    """Return a decoder's gain of noise in the feature map: RMS of its output's change over RMS of the noise.
 
-    Scene and message are blended with the same weights, so an attack on those can tell the two apart only as far as
-    one decoder is more sensitive than the other.
+    Scene and message are blended with the same weights. An attack by weight harms one more than the other only as far
+    as one decoder is more sensitive.
     """
     changes = []
     with torch.inference_mode():

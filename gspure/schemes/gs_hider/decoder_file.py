@@ -1,4 +1,4 @@
-"""A decoder as its file: copied along byte for byte, and read as data only when an image is wanted."""
+"""The file of a decoder: copied byte for byte, parsed only when an image is rendered."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gspure.schemes.gs_hider.decoder import Decoder
 
 LARGEST: Final = 16 << 20
-"""Bytes that a file may have; a decoder has half a megabyte."""
+"""Largest file in bytes; a decoder has half a megabyte."""
 
 _CONTENT: Final = "a decoder's state dict"
 _FORK: Final = "a fork's decoder, with batch normalization or channel attention; GS-Hider's own has neither"
@@ -28,12 +28,12 @@ _FORK: Final = "a fork's decoder, with batch normalization or channel attention;
 
 @dataclass(frozen=True)
 class DecoderFile:
-    """A PyTorch state dict, untouched: models can be attacked, and written again, where PyTorch is not installed.
+    """A PyTorch state dict as stored: attacks read and write models without PyTorch.
 
     Parameters
     ----------
     source : Path
-        Where it was read from, or is to be written: ``chkpntN_net.pth`` or ``chkpntN_waternet.pth``.
+        The file that it was read from; its name, ``chkpntN_net.pth`` or ``chkpntN_waternet.pth``, is kept.
     content : bytes
 
     """
@@ -43,7 +43,7 @@ class DecoderFile:
 
     @staticmethod
     def read(path: Path) -> DecoderFile:
-        """Read a file of reasonable size; `network` judges what it holds."""
+        """Read a file of at most `LARGEST` bytes; `network` checks its content."""
         with reading(path, _CONTENT):
             size = path.stat().st_size
             if size > LARGEST:
@@ -52,15 +52,15 @@ class DecoderFile:
 
     @staticmethod
     def of(decoder: Decoder, iteration: int, role: str) -> DecoderFile:
-        """Return a decoder's file; the same weights give the same bytes."""
-        from gspure.schemes.pytorch import torch
+        """Return the file of a decoder; the same weights give the same bytes."""
+        from gspure.training.pytorch import torch
 
         stream = io.BytesIO()
         torch.save({name: tensor.contiguous() for name, tensor in decoder.state_dict().items()}, stream)
         return DecoderFile(Path(decoder_name(iteration, role)), stream.getvalue())
 
     def write(self, folder: Path) -> None:
-        """Write it under its own name, whole or not at all."""
+        """Write it under its name, whole or not at all."""
         with replacing(Path(folder) / self.source.name) as temporary:
             temporary.write_bytes(self.content)
 
@@ -71,31 +71,31 @@ class DecoderFile:
         Raises
         ------
         InputError
-            PyTorch is missing; or the file holds anything but the tensors of GS-Hider's decoder, or numbers that are
-            not finite. Nothing that a file holds is run.
+            PyTorch is missing, or the file is not a state dict of GS-Hider's decoder with finite numbers. No code in
+            the file is executed.
 
         """
         from gspure.schemes.gs_hider.decoder import Decoder
-        from gspure.schemes.pytorch import torch
+        from gspure.training.pytorch import torch
 
         state = read_tensors(self.source, io.BytesIO(self.content))
         decoder = Decoder()
         self._require_names(state, decoder)
-        for name, wanted in decoder.state_dict().items():
-            self._require_like(name, tuple(wanted.shape), state[name])
+        for name, parameter in decoder.state_dict().items():
+            self._require_shape(name, tuple(parameter.shape), state[name])
         decoder.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in state.items()})
         return decoder
 
     def _require_names(self, state: Mapping[str, Tensor], decoder: Decoder) -> None:
         if any(name.startswith(("bn", "ca")) for name in state):
             layers = ", ".join(name for name, _ in decoder.named_children())
-            raise InputError(self.source, "layers", expected=layers, found="others beside them", hint=_FORK)
+            raise InputError(self.source, "layers", expected=layers, found="further layers", hint=_FORK)
         for name in decoder.state_dict().keys() ^ state.keys():
             found = "a tensor of that name" if name in state else "no such tensor"
             expected = "a tensor" if name not in state else "none"
             raise InputError(self.source, name[:80], expected=expected, found=found)
 
-    def _require_like(self, name: str, shape: tuple[int, ...], tensor: Tensor) -> None:
+    def _require_shape(self, name: str, shape: tuple[int, ...], tensor: Tensor) -> None:
         if tensor.dtype != np.float32 or tensor.shape != shape:
             found = f"{tensor.dtype} {list(tensor.shape)}"
             raise InputError(self.source, name, expected=f"float32 {list(shape)}", found=found)

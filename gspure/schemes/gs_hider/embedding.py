@@ -13,8 +13,7 @@ from gspure.schemes.gs_hider.key import DecoderKey
 from gspure.schemes.gs_hider.layout import MESSAGE, SCENE
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import require
-from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
+from gspure.schemes.scheme import initial_gaussians
 from gspure.training.monitor import watched
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ def embed(
     message_weight : float
         Share of the message's loss; that of the scene is 1.
     max_gaussians : int
-        More than that do not grow.
+        Upper bound of growth.
 
     Raises
     ------
@@ -55,10 +54,9 @@ def embed(
         A setting is out of range, or PyTorch is missing.
 
     """
-    require("gs_hider", "max_gaussians", max_gaussians, f"at least {LEAST_POINTS}", fits=max_gaussians >= LEAST_POINTS)
+    begin = initial_gaussians("gs_hider", pair, max_gaussians, seed)
     from gspure.schemes.gs_hider.training import Training
 
-    begin = gaussians_at(*thinned(*pair.points, max_gaussians, seed))
     run = Training(
         *(pair, begin, iterations),
         message_weight=message_weight,
@@ -75,7 +73,7 @@ def embed(
 
 
 def _say_gains(run: Training, seed: int) -> None:
-    """Tell how much each decoder amplifies noise in the feature map."""
+    """Report how much each decoder amplifies noise in the feature map."""
     from gspure.schemes.gs_hider.decoder import noise_gain
 
     maps = [run.field.feature_map(camera)[0] for camera, *_ in run.pair.probes]

@@ -1,4 +1,4 @@
-"""Gaussians with features that learn: 3DGS's parameters, rules and schedule, with features in place of colours."""
+"""Gaussians with trained features: 3DGS's parameters and optimizer, with features instead of colours."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ FEATURES_RATE: Final = 2.5e-3
 
 
 class Field:
-    """The state of a run, in memory; each view is rendered from a fresh upload, which the decoders' cost hides.
+    """The state of a run, in memory. Each view uploads it again, which costs little beside the decoders.
 
     Parameters
     ----------
     start : Parameters
-        Its colours are of no matter: features begin at 0, that is at 1/2 after the sigmoid.
+        Its colours are ignored: features start at 0, that is at 1/2 after the sigmoid.
     device : Device
 
     """
@@ -48,28 +48,28 @@ class Field:
         return len(self.state.parameters)
 
     def replace(self, state: TrainState) -> None:
-        """Go on from `state`, whose ``sh_coeffs`` [K,16] are features; the statistics begin anew."""
+        """Continue from `state`, whose ``sh_coeffs`` [K,16] are features; the statistics are reset."""
         self.state = state
         self._norms = np.zeros(len(self), np.float32)
         self._views = np.zeros(len(self), np.uint32)
 
     def statistics(self) -> Statistics:
-        """Return what densification looks at. A view counts for the Gaussians that its loss depends on."""
+        """Return the statistics for densification. A view counts for the Gaussians that its loss depends on."""
         return Statistics(self._norms, self._views)
 
     def model(self) -> Gaussians:
-        """Return the Gaussians as their file holds them."""
+        """Return the Gaussians as a table in the columns of their file."""
         p = self.state.parameters
         parts = (p.means, np.zeros_like(p.means), p.opacity_logits[:, None], p.log_scales, p.quats, p.sh_coeffs)
         rows = np.concatenate(parts, axis=1)
         return Gaussians(rows.view([(name, "<f4") for name in COLUMNS])[:, 0])
 
     def feature_map(self, camera: Camera) -> tuple[Float32, Callable[[Float32], Gradients]]:
-        """Return a view's blended features [H,W,16] before black, and what carries their gradient back."""
+        """Return a view's blended features [H,W,16] on black, and the function that pulls their gradient back."""
         return Renderer(self.model(), self._device).vjp(camera, sigmoid(self.state.parameters.sh_coeffs))
 
     def step(self, camera: Camera, gradients: Gradients, rates: LearningRates) -> None:
-        """Note a view's gradients and move every parameter against them."""
+        """Add a view's gradients to the statistics and take an optimizer step."""
         half_size = np.array([camera.width / 2, camera.height / 2], np.float32)
         norms = np.linalg.norm(gradients.means2d * half_size, axis=1)
         self._norms += norms

@@ -50,7 +50,7 @@ class DecoderKey(Key):
         device: Device | None = None,
         background: Background = BLACK,
     ) -> RenderView:
-        """Return what the private decoder reads from the model's feature map."""
+        """Return the renderer of the private decoder's image."""
         from gspure.schemes.gs_hider.decoder import decoded
 
         if not isinstance(public, FeatureModel):
@@ -58,12 +58,12 @@ class DecoderKey(Key):
         return decoded(public.feature_map(device, background), self.decoder.network)
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the model's own: scene and message are blended as one."""
+        """Return the Gaussians of the scene, which are also those of the message."""
         return public.gaussians(camera)
 
     def wrong(self, rng: np.random.Generator) -> Self:
         """Return an untrained decoder."""
         from gspure.schemes.gs_hider.decoder import untrained
 
-        (stranger,) = untrained(1, int(rng.integers(1 << 31)))
-        return type(self)(DecoderFile.of(stranger, 0, MESSAGE))
+        (decoder,) = untrained(1, int(rng.integers(1 << 31)))
+        return type(self)(DecoderFile.of(decoder, 0, MESSAGE))

@@ -1,4 +1,4 @@
-"""GS-Hider's files, as its authors' code writes them.
+"""GS-Hider's files, in the format of its authors' code.
 
 ::
 
@@ -6,8 +6,8 @@
     chkpntN_net.pth         state dict of the public scene decoder, N the iteration
     chkpntN_waternet.pth    state dict of the private message decoder
 
-Their code keeps the model in ``point_cloud/iteration_N/`` and the decoders above, in the run's folder; here all that is
-public lies in one folder and the private decoder in another. Both are read.
+Their code stores the model in ``point_cloud/iteration_N/`` and the decoders in the run's folder. Here, all public files
+are in one folder and the private decoder in another. Both layouts are read.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COLUMNS: Final = (
 )
 SCENE: Final = "net"
 MESSAGE: Final = "waternet"
-"""What the names of the decoders' files end in."""
+"""Suffixes of the decoders' file names."""
 
 
 def read_rows(path: Path) -> Gaussians:
@@ -38,13 +38,13 @@ def read_rows(path: Path) -> Gaussians:
     Raises
     ------
     InputError
-        It has other columns, or no row that can be drawn.
+        The model has other columns, or no row can be drawn.
 
     """
     model = read_model(path)
-    found = len(model.columns_named("semantic_"))
-    if found != CHANNELS:
-        raise InputError(path, "semantic_*", expected=f"{CHANNELS} properties", found=f"{found} properties")
+    channels = len(model.columns_named("semantic_"))
+    if channels != CHANNELS:
+        raise InputError(path, "semantic_*", expected=f"{CHANNELS} properties", found=f"{channels} properties")
     return drawable(model, path)
 
 
@@ -56,18 +56,18 @@ def decoder_name(iteration: int | str, role: str) -> str:
 def find_decoder(folder: Path, role: str) -> Path | None:
     """Return the newest decoder in a folder, if there is any.
 
-    For an iteration's folder of the authors' layout, ``<model>/point_cloud/iteration_N``, that is the one of the
-    iteration, ``<model>/chkpntN_net.pth``.
+    For the authors' ``<model>/point_cloud/iteration_N``, it is the decoder of that iteration,
+    ``<model>/chkpntN_net.pth``.
     """
     folder = Path(folder).resolve()
-    found = {_iteration(file, role): file for file in folder.glob(decoder_name("*", role))}
-    if not found and folder.parent.name == "point_cloud":
+    files = {_iteration(file, role): file for file in folder.glob(decoder_name("*", role))}
+    if not files and folder.parent.name == "point_cloud":
         file = folder.parents[1] / decoder_name(folder.name.removeprefix("iteration_"), role)
         return file if file.is_file() else None
-    return found[max(found)] if found else None
+    return files[max(files)] if files else None
 
 
 def _iteration(file: Path, role: str) -> int:
-    """Return the iteration that a decoder's file is of; -1 if its name does not tell."""
+    """Return the iteration in the name of a decoder's file; -1 if there is none."""
     number = file.name.removeprefix("chkpnt").removesuffix(f"_{role}.pth")
     return int(number) if number.isdecimal() else -1

@@ -1,4 +1,4 @@
-"""The loss of 3DGS for PyTorch: what `gspure.opencl.losses` computes on the device."""
+"""The loss of 3DGS in PyTorch, equal to that of `gspure.opencl.losses`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from gspure.constants import SSIM_C1, SSIM_C2, SSIM_WINDOW
 from gspure.opencl.losses import ssim_window
 from gspure.opencl.trainable import SSIM_WEIGHT
-from gspure.schemes.pytorch import torch
+from gspure.training.pytorch import torch
 
 
 def photometric(image: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
@@ -28,14 +28,14 @@ def ssim(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
 
 
 def _windowed(planes: torch.Tensor) -> torch.Tensor:
-    """Return planes [N,3,H,W] weighed by SSIM's window, with zeros beyond the border."""
+    """Return planes [N,3,H,W] filtered by SSIM's window, with zeros outside the image."""
     height, width = planes.shape[2:]
     return _window(height) @ planes @ _window(width)
 
 
 @cache
 def _window(size: int) -> torch.Tensor:
-    """Return the symmetric matrix that weighs a line of pixels: many times faster than PyTorch's convolution."""
+    """Return the symmetric matrix that filters a line of pixels, many times faster than PyTorch's convolution."""
     margin = SSIM_WINDOW // 2
     shifts = (np.eye(size, k=offset, dtype=np.float32) for offset in range(-margin, margin + 1))
     return torch.from_numpy(sum(weight * shift for weight, shift in zip(ssim_window(), shifts, strict=True)))

@@ -1,4 +1,4 @@
-"""GS-Hider's public model: Gaussians with features, and the decoder that reads the scene from their blend."""
+"""GS-Hider's public model: Gaussians with features, and the decoder of the scene."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FeatureModel(PublicModel):
     model : Gaussians
         With the columns ``semantic_0..15``.
     decoder : DecoderFile, optional
-        Of the scene; without it the model can be attacked, not looked at.
+        Of the scene; without it the model can be attacked but not rendered.
 
     """
 
@@ -49,14 +49,14 @@ class FeatureModel(PublicModel):
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a model's .ply, or the folder that holds it; the decoder lies beside it, or where the authors put it."""
+        """Read a model's .ply, or its folder, and the decoder beside it or in the authors' layout."""
         path = Path(path)
         ply = point_cloud(path) if path.is_dir() else path
         decoder = find_decoder(ply.parent, SCENE)
         return cls(read_rows(ply), DecoderFile.read(decoder) if decoder else None)
 
     def write(self, path: Path) -> None:
-        """Write the .ply, and the decoder beside it."""
+        """Write the .ply and the decoder beside it."""
         path = Path(path)
         with filling(path.parent) as folder:
             write_model(folder / path.name, self.model)
@@ -64,21 +64,21 @@ class FeatureModel(PublicModel):
                 self.decoder.write(folder)
 
     def with_model(self, model: Gaussians) -> Self:
-        """Return other rows with the same decoder."""
+        """Return the same decoder with other rows."""
         return type(self)(model, self.decoder)
 
     @property
     def visible(self) -> bool:
-        """Whether the decoder is there."""
+        """Whether there is a decoder."""
         return self.decoder is not None
 
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
-        """Return what the public decoder reads from the feature map.
+        """Return the renderer of the public decoder's image.
 
         Raises
         ------
         InputError
-            There is no decoder, it cannot be used, or PyTorch is missing.
+            The decoder is missing or invalid, or PyTorch is not installed.
 
         """
         if self.decoder is None:
@@ -90,9 +90,9 @@ class FeatureModel(PublicModel):
     def feature_map(
         self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa"
     ) -> Callable[[Camera], Float32]:
-        """Return what gives, for a camera, the blended features [H,W,16].
+        """Return a function from a camera to its blended features [H,W,16].
 
-        All of them have the background's first value behind them, as in the authors' rasterizer.
+        The first value of `background` is that of all channels, as in the authors' rasterizer.
         """
         renderer = Renderer(self.model, device, energy=energy)
         features = sigmoid(self.model.columns(*FEATURES))

@@ -1,4 +1,4 @@
-"""The training loop: each iteration, one view of the scene and of the message."""
+"""The training loop: each iteration renders one view of the scene and of the message."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.errors import InputError
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import RenderView
@@ -17,31 +16,31 @@ from gspure.schemes.gs_hider.branch import Branch
 from gspure.schemes.gs_hider.decoder import decoded, untrained
 from gspure.schemes.gs_hider.field import Field
 from gspure.schemes.pair import Pair
-from gspure.schemes.pytorch import single_threaded, torch
-from gspure.training.densification import densify, reset_opacities
+from gspure.training.pytorch import single_threaded, torch
 from gspure.training.schedule import Schedule, shuffled
+from gspure.training.trainer import densified
 
 Float32 = NDArray[np.float32]
 
 DECODER_RATE: Final = 1e-3
-"""The authors'; Adam's other settings are its defaults. They keep it for 50 000 iterations; here it ends at zero."""
+"""The authors' (constant over 50 000 iterations); here it falls to zero. Adam's other settings are its defaults."""
 
 
 class Training:
-    """One run; iterating over it trains, and yields the loss of each iteration.
+    """A run; iterating over it trains and yields the loss of each iteration.
 
-    The same pair and seed give the same bits on the same kind of machine, however many cores it has.
+    The same pair and seed give the same bits on the same kind of machine, for any number of cores.
 
     Parameters
     ----------
     pair : Pair
     begin : Parameters
-        Where Gaussians start; their colours are of no matter.
+        The initial Gaussians; their colours are ignored.
     iterations : int
     message_weight : float
-        lambda in L = L_scene + lambda L_message; with 0 there is no message branch.
+        lambda in L = L_scene + lambda L_message; 0 omits the message branch.
     max_gaussians : int
-        More than that do not grow.
+        Upper bound of growth.
     seed : int
     device : Device
 
@@ -79,7 +78,7 @@ class Training:
 
     @property
     def views(self) -> list[RenderView]:
-        """What each branch makes of the Gaussians as they are."""
+        """The renderer of each branch, for the current Gaussians."""
         return [decoded(lambda camera: self.field.feature_map(camera)[0], branch.decoder) for branch in self.branches]
 
     def _step(self, iteration: int, view: int, threads: ThreadPoolExecutor) -> float:
@@ -95,15 +94,11 @@ class Training:
         return float(sum(losses))
 
     def _densify(self, iteration: int) -> None:
-        state = densify(
-            self.field.state,
-            self.field.statistics(),
-            extent=self.pair.dataset.extent,
-            prune_big=self._schedule.prunes_big(iteration),
-            rng=self._rng,
-            max_gaussians=self._max_gaussians,
+        self.field.replace(
+            densified(
+                *(self.field.state, self.field.statistics(), self._schedule, iteration),
+                extent=self.pair.dataset.extent,
+                rng=self._rng,
+                max_gaussians=self._max_gaussians,
+            )
         )
-        if not len(state.parameters):
-            found = f"none after iteration {iteration}"
-            raise InputError("gs_hider", "Gaussians", expected="at least one", found=found)
-        self.field.replace(reset_opacities(state) if self._schedule.resets_opacities(iteration) else state)

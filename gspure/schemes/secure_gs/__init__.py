@@ -1,4 +1,4 @@
-"""SecureGS (Zhang et al. 2025) over Scaffold-GS: public anchors, of which private networks make other Gaussians."""
+"""SecureGS (Zhang et al. 2025) on Scaffold-GS: public anchors, from which private networks compute other Gaussians."""
 
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
 from gspure.schemes.scheme import MESSAGE, PYTORCH, Scheme
@@ -7,7 +7,7 @@ from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.public_model import AnchorModel
 
 CARRIER = ("x", "y", "z", "f_anchor_feat_*", "scale_*")
-"""Not the offsets, which are the host's; anchors' opacities and rotations are constants that nothing reads."""
+"""Without the offsets, which only the scene uses, and the opacities and rotations, which are unused constants."""
 
 SCHEME = Scheme(
     "secure_gs",

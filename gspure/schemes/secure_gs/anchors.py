@@ -1,4 +1,4 @@
-"""Anchors: what a row of a Scaffold-GS file holds."""
+"""Anchors, the rows of a Scaffold-GS file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gspure.model.finite import non_finite_rows
 Float32 = NDArray[np.float32]
 
 STORED_OPACITY: Final = np.float32(-2.1972246)
-"""logit(0.1), of every anchor: Scaffold-GS never trains the opacities that it stores."""
+"""logit(0.1), for every anchor: Scaffold-GS does not train the opacities that it stores."""
 
 SCALINGS: Final = 6
 
@@ -28,13 +28,13 @@ class Anchors:
     Parameters
     ----------
     positions : array [M,3]
-        World units; never moved by training.
+        World units; training does not move them.
     offsets : array [M,k,3]
         Of the Gaussians, in multiples of the first three scalings.
     features : array [M,F]
-        Latent features that networks read.
+        Latent features, input of the networks.
     log_scalings : array [M,6]
-        Logarithms: reach of the offsets (3), sizes of the Gaussians before the network's factor (3).
+        Logarithms of the unit of the offsets (3) and of the Gaussians' scales before the network's factor (3).
 
     """
 
@@ -59,7 +59,7 @@ class Anchors:
 
 
 def anchors_of(table: Gaussians) -> Anchors:
-    """Take a table apart; ``f_offset_*`` is coordinate-major: column c k + i is coordinate c of Gaussian i."""
+    """Return a table's anchors; ``f_offset_*`` is coordinate-major: column c k + i is coordinate c of Gaussian i."""
     names = table.columns_named("f_offset_")
     offsets = table.columns(*names).reshape(len(table), 3, len(names) // 3)
     return Anchors(
@@ -71,7 +71,7 @@ def anchors_of(table: Gaussians) -> Anchors:
 
 
 def table_of(anchors: Anchors) -> Gaussians:
-    """Return the table that Scaffold-GS would store, columns in its order."""
+    """Return the table of anchors with the columns of Scaffold-GS, in its order."""
     count = len(anchors.positions)
     offsets = anchors.offsets.transpose(0, 2, 1).reshape(count, -1)
     named: dict[str, Any] = dict(zip("xyz", anchors.positions.T, strict=True))
@@ -88,7 +88,7 @@ def table_of(anchors: Anchors) -> Gaussians:
 
 
 def require_anchors(source: Path, table: Gaussians) -> None:
-    """Refuse a table that is not Scaffold-GS's, or holds numbers that are not finite."""
+    """Refuse a table with other columns than Scaffold-GS's, or with numbers that are not finite."""
     names = set(table.table.dtype.names or ())
     offsets, features = (table.columns_named(prefix) for prefix in ("f_offset_", "f_anchor_feat_"))
     if not offsets or len(offsets) % 3:
@@ -98,7 +98,9 @@ def require_anchors(source: Path, table: Gaussians) -> None:
         raise InputError(source, "f_anchor_feat_*", expected="an anchor's features", found="no such property")
     scalings = tuple(f"scale_{i}" for i in range(SCALINGS))
     numbered = [
-        f"{p}{i}" for p, found in (("f_offset_", offsets), ("f_anchor_feat_", features)) for i in range(len(found))
+        f"{prefix}{i}"
+        for prefix, columns in (("f_offset_", offsets), ("f_anchor_feat_", features))
+        for i in range(len(columns))
     ]
     for name in (*numbered, *scalings):
         if name not in names or table.table.dtype[name] != np.float32:

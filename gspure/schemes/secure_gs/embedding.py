@@ -1,7 +1,7 @@
 """Embedding: anchors, public and private networks learn together (SecureGS).
 
-What is not known of the paper is ours: the loss is L(scene) + message_weight L(message), each with Scaffold-GS's
-volume term; anchors grow by the gradients of both branches, and go if neither uses them.
+The paper leaves some choices open. Ours: the loss is L(scene) + message_weight L(message), each with Scaffold-GS's
+volume term; anchors grow by the gradients of both branches and are pruned if neither uses them.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 FEAT_DIM: Final = 32
 K: Final = 10
-"""Scaffold-GS's: numbers in a feature, Gaussians per anchor."""
+"""Length of a feature and Gaussians per anchor (Scaffold-GS)."""
 
 FIRST_SHARE: Final = 0.5
-"""At most this share of the anchors that there may be are there from the start. Ours."""
+"""Largest number of initial anchors, as a share of `max_anchors`. Ours."""
 
 VOXEL_GROWTH: Final = 1.1
-"""Ours: voxels become larger in such steps until few enough are occupied."""
+"""Factor by which voxels grow until few enough are occupied. Ours."""
 
 
 def embed(
@@ -59,7 +59,7 @@ def embed(
     message_weight : float
         Share of the message's loss; that of the scene is 1.
     max_anchors : int
-        More than that do not grow.
+        Upper bound of growth.
     density : float
         r_down of the region-aware density optimization (`gspure.schemes.secure_gs.density`); 1 switches it off.
 
@@ -72,8 +72,8 @@ def embed(
     least = math.ceil(LEAST_POINTS / FIRST_SHARE)
     require("secure_gs", "max_anchors", max_anchors, f"at least {least}", fits=max_anchors >= least)
     require("secure_gs", "density", density, "at least 1", fits=1 <= density < math.inf)
-    from gspure.schemes.pytorch import single_threaded
     from gspure.schemes.secure_gs.training import Training
+    from gspure.training.pytorch import single_threaded
 
     device = device or choose_device()
     rng = np.random.default_rng(seed)
@@ -96,10 +96,10 @@ def embed(
 
 
 def first_anchors(xyz: NDArray[np.float64], at_most: int) -> tuple[Anchors, float]:
-    """Return an anchor in each voxel that holds a point of [P,3], and the voxels' side.
+    """Return an anchor in each voxel with a point of [P,3], and the side of the voxels.
 
-    That is the points' median distance from their nearest neighbours, or what leaves few enough. (Scaffold-GS takes a
-    fixed side per data set.)
+    The side is the points' median distance to the nearest neighbour, or larger if there would be more than `at_most`
+    anchors. (Scaffold-GS has a fixed side per data set.)
     """
     from scipy.spatial import KDTree
 

@@ -2,8 +2,8 @@
 
 ::
 
-    <folder>/checkpoints.pth                                          all state dicts ("unite"); what we write
-    <folder>/{opacity,cov,color}_mlp.pt [feature_bank_mlp.pt]         or one TorchScript trace each ("split")
+    <folder>/checkpoints.pth                                          all state dicts ("unite"); read and written
+    <folder>/{opacity,cov,color}_mlp.pt [feature_bank_mlp.pt]         one TorchScript trace each ("split"); read
     <key>/securegs_hidden.npz                                         {offset,opacity,cov,color}.{0,2}.{weight,bias}
 """
 
@@ -40,7 +40,7 @@ def read_networks(folder: Path) -> Loaded:
     Raises
     ------
     InputError
-        A file is missing or holds anything but tensors, a parameter is missing, or there are appearance embeddings.
+        A file or parameter is missing, a file holds more than tensors, or there are appearance embeddings.
 
     """
     united = folder / UNITED
@@ -51,14 +51,14 @@ def read_networks(folder: Path) -> Loaded:
         file = folder / f"{name}_mlp.pt"
         if name != BANK or file.is_file():
             if not file.is_file():
-                found = f"neither that nor {UNITED}"
+                found = f"neither it nor {UNITED}"
                 raise InputError(file, "file", expected="a network beside the .ply", found=found)
             tensors |= {f"{name}_mlp.{parameter}": array for parameter, array in read_tensors(file).items()}
     return _by_network(folder, tensors)
 
 
 def write_networks(folder: Path, networks: Networks) -> None:
-    """Write the public networks as Scaffold-GS does when it unites them."""
+    """Write the public networks in Scaffold-GS's united format."""
     write_tensors(folder / UNITED, {f"{name}_mlp": network for name, network in networks.items()})
 
 

@@ -1,4 +1,4 @@
-"""Anchor growing: new anchors in empty voxels where Gaussians ask for them (Scaffold-GS, section 3.3)."""
+"""Anchor growing: new anchors in empty voxels around Gaussians with large gradients (Scaffold-GS, section 3.3)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
 Float32 = NDArray[np.float32]
 
 GRADIENT_THRESHOLD: Final = 2e-4
-"""tau of the first level; each later one asks for twice as much as the one before (Scaffold-GS)."""
+"""tau of the first level; it doubles with each level (Scaffold-GS)."""
 
 CELLS: Final = (16, 4, 1)
 """Sides of a new anchor's cell, in voxels, from the first level to the last (Scaffold-GS)."""
@@ -23,22 +23,22 @@ _BITS = 21
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Gaussians beside which an anchor may grow.
+    """Gaussians that may get a new anchor.
 
     Parameters
     ----------
-    places : array [C,3]
+    positions : array [C,3]
         Centres, world units.
     norms : array [C]
         Mean norms of their gradients.
     thresholds : array [C]
-        What these must reach at the first level.
+        Of these norms, at the first level.
     features : array [C,F]
         Of their anchors.
 
     """
 
-    places: Float32
+    positions: Float32
     norms: Float32
     thresholds: Float32
     features: Float32
@@ -47,17 +47,17 @@ class Candidates:
 def grown(
     positions: Float32, candidates: Candidates, voxel: float, k: int, room: int, rng: np.random.Generator
 ) -> Anchors:
-    """Return new anchors [N <= room], one per cell that holds no anchor yet.
+    """Return new anchors [N <= room], at most one per cell without an anchor.
 
-    At level i, a candidate counts if its gradient reaches 2^i times its threshold, and then with a probability of
-    1 - 2^-(i+1). A new anchor has the channel-wise largest features of its candidates, and no offsets.
+    At level i, a candidate counts if its gradient reaches 2^i times its threshold, with a probability of 1 - 2^-(i+1).
+    A new anchor has the channel-wise largest features of its candidates, and zero offsets.
     """
     parts: list[Anchors] = []
     for level, cell in enumerate(CELLS):
         side = np.float32(voxel * cell)
         chosen = candidates.norms >= candidates.thresholds * 2**level
         chosen &= rng.random(len(chosen)) > 0.5 ** (level + 1)
-        cells, owners = np.unique(np.rint(candidates.places[chosen] / side), axis=0, return_inverse=True)
+        cells, owners = np.unique(np.rint(candidates.positions[chosen] / side), axis=0, return_inverse=True)
         owners = owners.reshape(-1)
         strongest = np.zeros(len(cells), np.float32)
         np.maximum.at(strongest, owners, candidates.norms[chosen])
@@ -84,7 +84,7 @@ def joined(*parts: Anchors) -> Anchors:
 
 
 def _keys(cells: NDArray[np.floating]) -> NDArray[np.int64]:
-    """Return one number per cell [N,3]; what lies 2^20 cells from the origin shares that of the last one there."""
+    """Return one number per cell [N,3]; indices are clipped to 2^20 cells from the origin."""
     half = 1 << (_BITS - 1)
     x, y, z = (np.clip(cells, -half, half - 1).astype(np.int64) + half).T
     return np.asarray((x << (2 * _BITS)) | (y << _BITS) | z)

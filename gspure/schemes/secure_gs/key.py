@@ -1,4 +1,4 @@
-"""SecureGS's key: networks that make other Gaussians of the public anchors."""
+"""SecureGS's key: networks that compute other Gaussians from the public anchors."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class HiddenKey(Key):
 
     @property
     def feat_dim(self) -> int:
-        """Length of the features that the networks read: as wide as they are inside."""
+        """Length of the features, which is also the width of the hidden layer."""
         return int(self.networks["opacity"]["0.bias"].size)
 
     @property
@@ -57,7 +57,7 @@ class HiddenKey(Key):
     def message(
         self, public: PublicModel, extraction: str, device: Device | None = None, background: Background = BLACK
     ) -> RenderView:
-        """Return what the private networks make of the anchors that there are."""
+        """Return the renderer of the private networks' Gaussians."""
         device = device or choose_device()
         return lambda camera: Renderer(self.gaussians(public, camera, extraction)[0], device).image(camera, background)
 
@@ -68,11 +68,10 @@ class HiddenKey(Key):
         anchors = public.anchors
         if (anchors.feat_dim, anchors.k) != (self.feat_dim, self.k):
             expected = f"{self.feat_dim} features and {self.k} Gaussians per anchor"
-            other = f"{anchors.feat_dim} and {anchors.k}"
-            raise InputError("secure_gs", "model", expected=expected, found=other, hint="a key of another model")
+            found = f"{anchors.feat_dim} and {anchors.k}"
+            raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
         blending = {name: network for name, network in public.networks.items() if name == BANK}
-        found, rows = public.seen(camera, {**self.networks, **blending})
-        return as_gaussians(found, anchors.k, rows)
+        return as_gaussians(*public.neural(camera, {**self.networks, **blending}), anchors.k)
 
     def wrong(self, rng: np.random.Generator) -> Self:
         """Return untrained networks."""

@@ -1,4 +1,4 @@
-"""Anchors and networks that learn: tensors, Adam, and one step over the renderer."""
+"""Trainable anchors and networks: tensors, gradients through the renderer, and Adam."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import ADAM_EPSILON
 from gspure.opencl.device import Device
-from gspure.schemes.pytorch import torch
 from gspure.schemes.secure_gs.anchors import Anchors
 from gspure.schemes.secure_gs.growing import joined
 from gspure.schemes.secure_gs.networks import Networks
 from gspure.schemes.secure_gs.neural import Neural, neural
 from gspure.schemes.secure_gs.photographs import Photographs
+from gspure.training.pytorch import torch
 from gspure.training.torch_bridge import TorchRenderer
 
 Float32 = NDArray[np.float32]
 
 VOLUME_WEIGHT: Final = 0.01
-"""Of the mean volume of active Gaussians in each branch's loss (Scaffold-GS)."""
+"""Weight of the active Gaussians' mean volume in each branch's loss (Scaffold-GS)."""
 
 LEARNED: Final = ("offsets", "features", "log_scalings")
-"""What anchors learn; their positions stay."""
+"""Trained attributes of anchors; positions are fixed."""
 
 
 class Learner:
@@ -66,7 +66,7 @@ class Learner:
 
     @property
     def anchors(self) -> Anchors:
-        """The anchors as they are, arrays that follow what is learned."""
+        """The current anchors, as arrays that share memory with the tensors."""
         return Anchors(self._positions.numpy(), *(tensor.detach().numpy() for tensor in self._learned.values()))
 
     def networks(self, branch: int) -> dict[str, dict[str, Float32]]:
@@ -76,24 +76,24 @@ class Learner:
     def differentiate(
         self, branch: int, camera: Camera, rows: NDArray[np.intp], view: int, weight: float
     ) -> tuple[float, Neural, Float32]:
-        """Add a branch's gradients to all that is learned.
+        """Add the gradients of a branch's loss to those of all parameters.
 
         Parameters
         ----------
         branch : int
         camera : Camera
         rows : array [V]
-            The anchors that the view has.
+            The visible anchors.
         view : int
-            The camera's number, by which its photograph is found.
+            The camera's index, which is that of its photograph.
         weight : float
-            Of the loss.
+            Of the branch's loss.
 
         Returns
         -------
         loss : float
-            Weighed.
-        found : Neural
+            Weighted.
+        gaussians : Neural
             The view's Gaussians, as arrays.
         gradients : array [A,3]
             Of the loss with respect to their centres.
@@ -101,28 +101,29 @@ class Learner:
         """
         anchors = Anchors(self._positions, **self._learned).at(torch.from_numpy(rows))
         centre = torch.from_numpy(camera.centre.astype(np.float32))
-        found = neural(torch, anchors, self._branches[branch], centre)
-        found.means.retain_grad()
-        image = self._render(camera, found.means, found.quats, found.scales, found.opacities, features=found.colors)
-        volume = found.scales.prod(dim=1).sum() / max(len(found.scales), 1)
+        gaussians = neural(torch, anchors, self._branches[branch], centre)
+        gaussians.means.retain_grad()
+        geometry = (gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities)
+        image = self._render(camera, *geometry, features=gaussians.colors)
+        volume = gaussians.scales.prod(dim=1).sum() / max(len(gaussians.scales), 1)
         loss, gradient = self._photographs[branch].compare(view, image.detach().numpy())
         torch.autograd.backward(
             [image, volume], [weight * torch.from_numpy(gradient), torch.tensor(weight * VOLUME_WEIGHT)]
         )
-        arrays = {field.name: getattr(found, field.name).detach().numpy() for field in fields(found)}
+        arrays = {field.name: getattr(gaussians, field.name).detach().numpy() for field in fields(gaussians)}
         total = weight * (loss + VOLUME_WEIGHT * volume.item())
-        return total, replace(found, **arrays), found.means.grad.numpy()
+        return total, replace(gaussians, **arrays), gaussians.means.grad.numpy()
 
     def step(self, rates: dict[str, float]) -> None:
-        """Move everything against its gradient, and clear the gradients."""
+        """Take an optimizer step and clear the gradients."""
         for group in self._optimizer.param_groups:
             group["lr"] = rates[group["name"]]
         self._optimizer.step()
         self._optimizer.zero_grad()
 
-    def follow(self, kept: NDArray[np.intp], new: Anchors) -> None:
-        """Keep some anchors and append new ones, whose moments begin at zero."""
-        after = joined(self.anchors.at(kept), new)
+    def replace_anchors(self, rows: NDArray[np.intp], new: Anchors) -> None:
+        """Keep the anchors `rows` and append new ones, whose moments start at zero."""
+        after = joined(self.anchors.at(rows), new)
         self._positions = torch.from_numpy(after.positions)
         for group in self._optimizer.param_groups[: len(LEARNED)]:
             (before,), name = group["params"], group["name"]
@@ -130,7 +131,7 @@ class Learner:
             moments = self._optimizer.state.pop(before)
             zeros = torch.zeros(len(new.positions), *leaf.shape[1:])
             for moment in ("exp_avg", "exp_avg_sq"):
-                moments[moment] = torch.cat([moments[moment][torch.from_numpy(kept)], zeros])
+                moments[moment] = torch.cat([moments[moment][torch.from_numpy(rows)], zeros])
             self._optimizer.state[leaf] = moments
             group["params"] = [leaf]
             self._learned[name] = leaf

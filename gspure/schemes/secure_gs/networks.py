@@ -1,4 +1,4 @@
-"""The networks of Scaffold-GS: perceptrons of one hidden layer, as the state dicts that their files hold."""
+"""The networks of Scaffold-GS: perceptrons with one hidden layer, as the state dicts in their files."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Network = Mapping[str, Any]
 """State dict ``0.weight [H,I]``, ``0.bias [H]``, ``2.weight [O,H]``, ``2.bias [O]``: W_2 relu(W_0 x + b_0) + b_2."""
 
 Networks = Mapping[str, Network]
-"""By purpose: ``opacity``, ``cov``, ``color``, sometimes ``feature_bank``; of a hidden branch ``offset`` too."""
+"""By name: ``opacity``, ``cov``, ``color``, optionally ``feature_bank``; in a hidden branch also ``offset``."""
 
 PARAMETERS: Final = ("0.weight", "0.bias", "2.weight", "2.bias")
 DIRECTION: Final = 3
-"""Inputs beside the feature: the direction from the camera; with one more, the distance."""
+"""Inputs besides the feature: the direction from the camera; optionally, one more for the distance."""
 
 OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}
 """Per Gaussian: offset; opacity; scale factors and quaternion; red, green, blue."""
@@ -28,7 +28,7 @@ OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}
 BANK_INPUTS: Final = 4
 BANK_LEVELS: Final = 3
 BANK_STEP: Final = 4
-"""A feature bank: from direction and distance to the shares of three resolutions; the coarsest is every fourth."""
+"""A feature bank maps direction and distance to the weights of three resolutions; the coarsest is every fourth."""
 
 _APPEARANCE: Final = "trained with an appearance embedding per photograph? train with appearance_dim 0"
 
@@ -40,17 +40,17 @@ def perceptron(xp: Any, network: Network, inputs: Any) -> Any:
 
 
 def takes_distance(network: Network, feat_dim: int) -> bool:
-    """Tell whether a network that reads features sees the camera's distance too."""
+    """Tell whether the distance from the camera is among a network's inputs."""
     return bool(network["0.weight"].shape[1] == feat_dim + DIRECTION + 1)
 
 
 def fresh(names: tuple[str, ...], feat_dim: int, k: int, rng: np.random.Generator) -> dict[str, dict[str, Float32]]:
-    """Return untrained networks, drawn as PyTorch draws linear layers; only offsets depend on distance (SecureGS)."""
+    """Return untrained networks with PyTorch's default initialization; only offsets read the distance (SecureGS)."""
     return {name: _drawn(feat_dim + DIRECTION + (name == "offset"), feat_dim, OUTPUTS[name] * k, rng) for name in names}
 
 
 def _drawn(inputs: int, hidden: int, outputs: int, rng: np.random.Generator) -> dict[str, Float32]:
-    """Uniform within 1 / sqrt(inputs) of 0, weights and biases alike."""
+    """Sample weights and biases uniformly within 1 / sqrt(inputs) of 0."""
     shapes = ((hidden, inputs), (hidden,), (outputs, hidden), (outputs,))
     bounds = (inputs**-0.5, inputs**-0.5, hidden**-0.5, hidden**-0.5)
     drawn = (rng.uniform(-bound, bound, shape) for bound, shape in zip(bounds, shapes, strict=True))
@@ -58,18 +58,18 @@ def _drawn(inputs: int, hidden: int, outputs: int, rng: np.random.Generator) -> 
 
 
 def require_networks(source: Path, networks: Networks, feat_dim: int, k: int) -> None:
-    """Refuse networks that do not fit anchors with `feat_dim` features and `k` Gaussians each, or are not finite."""
+    """Refuse networks that are not finite or do not fit anchors of `feat_dim` features and `k` Gaussians."""
     for name, network in networks.items():
         bank = name == "feature_bank"
         inputs = (BANK_INPUTS,) if bank else (feat_dim + DIRECTION, feat_dim + DIRECTION + 1)
         outputs = BANK_LEVELS if bank else OUTPUTS[name] * k
-        found = tuple(network[parameter].shape for parameter in PARAMETERS)
+        shapes = tuple(network[parameter].shape for parameter in PARAMETERS)
         hidden = network["0.bias"].size
-        if found not in [((hidden, n), (hidden,), (outputs, hidden), (outputs,)) for n in inputs]:
+        if shapes not in [((hidden, n), (hidden,), (outputs, hidden), (outputs,)) for n in inputs]:
             expected = f"{' or '.join(map(str, inputs))} inputs and {outputs} outputs"
             hint = _APPEARANCE if name == "color" and network["0.weight"].shape[-1:] > inputs[-1:] else None
-            shapes = ", ".join(str(list(shape)) for shape in found)
-            raise InputError(source, name, expected=expected, found=f"weights and biases {shapes}", hint=hint)
+            found = f"weights and biases {', '.join(str(list(shape)) for shape in shapes)}"
+            raise InputError(source, name, expected=expected, found=found, hint=hint)
         for parameter in PARAMETERS:
             if not np.isfinite(network[parameter]).all():
                 raise InputError(source, f"{name}.{parameter}", expected="finite numbers", found="others")

@@ -1,8 +1,7 @@
-"""Neural Gaussians: what anchors and networks become for one camera.
+"""Neural Gaussians, computed from anchors and networks for one camera (Scaffold-GS, ``generate_neural_gaussians``).
 
-The formulas are written once, over numpy where a model is rendered and measured, and over torch where it is trained
-(`xp` is the library). Scaffold-GS, ``generate_neural_gaussians``; a hidden branch differs in that a network gives its
-offsets too (SecureGS, Eq. 4).
+The formulas serve rendering and measuring with numpy and training with torch (`xp` is the library). In a hidden branch,
+a network computes the offsets too (SecureGS, Eq. 4).
 """
 
 from __future__ import annotations
@@ -19,19 +18,19 @@ from gspure.schemes.secure_gs.anchors import Anchors
 from gspure.schemes.secure_gs.networks import Network, Networks, perceptron, takes_distance
 
 LARGEST_OPACITY: Final = np.float32(1 - 2**-20)
-"""Of a table of Gaussians, which holds logits; alpha is cut at 0.99 anyway."""
+"""Upper bound in tables, so that logits are finite; rendering clips alpha at 0.99 anyway."""
 
 
 @dataclass(frozen=True, eq=False)
 class Neural:
-    """The k Gaussians of each of V anchors, as one camera has them; A of them are active.
+    """The k Gaussians of each of V anchors for one camera; A of them are active.
 
     Parameters
     ----------
     outputs : array [V,k]
-        Of the opacity network, -1 to 1; Gaussians above 0 are active.
+        Of the opacity network, -1 to 1; Gaussians with a positive one are active.
     active : int array [A]
-        Places among the V k, anchor by anchor.
+        Indices into the V k Gaussians, anchor by anchor.
     means, quats, scales, opacities, colors : arrays [A,3], [A,4], [A,3], [A], [A,3]
         Activated.
 
@@ -47,7 +46,7 @@ class Neural:
 
 
 def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural:
-    """Return the Gaussians of `anchors` [V] as seen from `centre` [3]."""
+    """Return the Gaussians of `anchors` [V] for a camera at `centre` [3]."""
     away = anchors.positions - centre
     distances = xp.sqrt((away * away).sum(axis=1))[:, None]
     views = away / distances
@@ -80,21 +79,21 @@ def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural
     )
 
 
-def as_gaussians(found: Neural, k: int, rows: Rows) -> tuple[Gaussians, Rows]:
-    """Return active Gaussians, coloured by degree 0, and the anchor of each; `rows` [V] are those of the anchors."""
+def as_gaussians(gaussians: Neural, rows: Rows, k: int) -> tuple[Gaussians, Rows]:
+    """Return the active Gaussians, with colours of degree 0, and the anchor of each; `rows` [V] are the anchors'."""
     tiny = np.finfo(np.float32).tiny
     table = Gaussians.from_parameters(
-        means=found.means,
-        quats=found.quats,
-        scales=np.maximum(found.scales, tiny),
-        opacities=np.clip(found.opacities, tiny, LARGEST_OPACITY),
-        sh_coeffs=((found.colors - 0.5) / SH_DC)[:, None, :],
+        means=gaussians.means,
+        quats=gaussians.quats,
+        scales=np.maximum(gaussians.scales, tiny),
+        opacities=np.clip(gaussians.opacities, tiny, LARGEST_OPACITY),
+        sh_coeffs=((gaussians.colors - 0.5) / SH_DC)[:, None, :],
     )
-    return table, rows[found.active // k]
+    return table, rows[gaussians.active // k]
 
 
 def _blended(xp: Any, bank: Network, features: Any, views: Any) -> Any:
-    """Blend features at three resolutions by the view: every fourth, every second and every number of them."""
+    """Blend features at three resolutions, every fourth, second and single number, with weights by view."""
     logits = perceptron(xp, bank, views)
     weights = xp.exp(logits - xp.amax(logits, axis=1, keepdims=True))
     weights = weights / weights.sum(axis=1)[:, None]
@@ -103,4 +102,4 @@ def _blended(xp: Any, bank: Network, features: Any, views: Any) -> Any:
 
 
 def _sigmoid(xp: Any, x: Any) -> Any:
-    return (xp.tanh(x / 2) + 1) / 2  # has no overflow, and no gradient that is not a number
+    return (xp.tanh(x / 2) + 1) / 2  # neither overflows nor has a gradient of not-a-number

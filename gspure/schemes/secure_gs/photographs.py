@@ -1,4 +1,4 @@
-"""What a branch is to look like, on the device: the loss of 3DGS and its gradient."""
+"""The photographs of a branch on the device, and the loss of 3DGS with its gradient."""
 
 from __future__ import annotations
 

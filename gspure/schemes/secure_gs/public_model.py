@@ -1,4 +1,4 @@
-"""The public model: anchors in a Scaffold-GS .ply, and the networks beside it."""
+"""The public model: anchors in a Scaffold-GS .ply and the networks beside it."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ Float32 = NDArray[np.float32]
 
 
 class AnchorModel(PublicModel):
-    """A Scaffold-GS model, the public model of SecureGS. Its rows are anchors.
+    """A Scaffold-GS model, the public model of SecureGS; its rows are anchors.
 
     Parameters
     ----------
     model : Gaussians
-        The rows [M] of its file.
+        The table [M] of anchors.
     networks : Networks
-        ``opacity``, ``cov``, ``color`` and, if it has one, ``feature_bank``.
+        ``opacity``, ``cov``, ``color`` and optionally ``feature_bank``.
 
     """
 
@@ -44,7 +44,7 @@ class AnchorModel(PublicModel):
         "scale": ("scale_*",),
         "position": ("x", "y", "z", "f_offset_*"),
     }
-    """Nothing reads the opacities and rotations that Scaffold-GS stores with its anchors."""
+    """Without the opacities and rotations that Scaffold-GS stores but does not use."""
 
     rows_are_gaussians: ClassVar[bool] = False
 
@@ -54,17 +54,17 @@ class AnchorModel(PublicModel):
 
     @cached_property
     def anchors(self) -> Anchors:
-        """The rows as the networks take them."""
+        """The rows as input of the networks."""
         return anchors_of(self.model)
 
     @property
     def visible(self) -> bool:
-        """True: there is no such model without its networks."""
+        """True: a model without its networks cannot be read."""
         return True
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a model: its .ply, or the folder that holds it, and the networks beside the .ply."""
+        """Read a model's .ply, or its folder, and the networks beside the .ply."""
         file = point_cloud(path) if Path(path).is_dir() else Path(path)
         rows = read_model(file)
         require_anchors(file, rows)
@@ -73,46 +73,45 @@ class AnchorModel(PublicModel):
         return public
 
     def write(self, path: Path) -> None:
-        """Write the .ply, and the networks beside it."""
+        """Write the .ply and the networks beside it."""
         write_model(path, self.model)
         write_networks(Path(path).parent, self.networks)
 
     def with_model(self, model: Gaussians) -> Self:
-        """Return the same model with other anchors."""
+        """Return the same networks with other anchors."""
         return type(self)(model, self.networks)
 
-    def seen(self, camera: Camera, networks: Networks | None = None) -> tuple[Neural, Rows]:
-        """Return a camera's Gaussians by these networks (default: the public ones), and the rows of its anchors."""
+    def neural(self, camera: Camera, networks: Networks | None = None) -> tuple[Neural, Rows]:
+        """Return the Gaussians of `networks` (default: the public ones) and the rows of the visible anchors."""
         rows = visible_rows(camera, self.model.means, self.model.quats, self.model.scales)
         with np.errstate(over="ignore"):
-            found = neural(np, self.anchors.at(rows), networks or self.networks, camera.centre.astype(np.float32))
-        return found, rows
+            centre = camera.centre.astype(np.float32)
+            return neural(np, self.anchors.at(rows), networks or self.networks, centre), rows
 
     def gaussians(self, camera: Camera) -> tuple[Gaussians, Rows]:
         """Return the active neural Gaussians of a camera, and the anchor of each."""
-        found, rows = self.seen(camera)
-        return as_gaussians(found, self.anchors.k, rows)
+        return as_gaussians(*self.neural(camera), self.anchors.k)
 
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
-        """Return what everybody sees."""
+        """Return the renderer of the scene."""
         device = device or choose_device()
         return lambda camera: Renderer(self.gaussians(camera)[0], device, energy=energy).image(camera, background)
 
     def opacities(self, cameras: Sequence[Camera]) -> Float32:
-        """Return the opacity [M] of each anchor: the mean of its Gaussians', over the views that have it.
+        """Return the opacity [M] of each anchor, the mean over its Gaussians and the views where it is visible.
 
-        The opacities in the file are one constant. This mean is k times smaller than the sum that Scaffold-GS prunes
-        by. An anchor that no view has gets 0.
+        The opacities in the file are a constant. Scaffold-GS prunes by the sum over the Gaussians, which is k times
+        larger. An anchor that is never visible gets 0.
         """
         total, views = np.zeros(len(self.model)), np.zeros(len(self.model))
         for camera in cameras:
-            found, rows = self.seen(camera)
-            total[rows] += np.maximum(found.outputs, 0).mean(axis=1)
+            gaussians, rows = self.neural(camera)
+            total[rows] += np.maximum(gaussians.outputs, 0).mean(axis=1)
             views[rows] += 1
         return np.asarray(total / np.maximum(views, 1), np.float32)
 
     def contributions(self, device: Device | None = None, energy: Energy = "ray") -> Callable[[Camera], NDArray[Any]]:
-        """Return what gives, for a camera, each touched anchor's contributions: those of its Gaussians together."""
+        """Return a function from a camera to the contributions of each anchor that any of its Gaussians touch."""
         device = device or choose_device()
 
         def of_view(camera: Camera) -> NDArray[Any]:
@@ -122,7 +121,7 @@ class AnchorModel(PublicModel):
         return of_view
 
     def geometry_digest(self) -> str:
-        """Return a digest of the rows, of the networks, and of the code that makes Gaussians of them."""
+        """Return a digest of the rows, the networks, and the code that computes Gaussians from them."""
         weights = [network[name] for network in self.networks.values() for name in sorted(network)]
         code = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("networks", "neural", "visibility")]
         return rows_digest(self, *self.networks, *weights, *code)

@@ -1,7 +1,7 @@
-"""What training does when: Scaffold-GS's learning rates and anchor growing, for runs of any length.
+"""The schedule of training: Scaffold-GS's learning rates and anchor growing, for runs of any length.
 
-The numbers are those of Scaffold-GS for its 30 000 iterations. A run of another length does the same at the same
-fractions of it.
+The numbers are those of Scaffold-GS for its 30 000 iterations. A run of another length has each event at the same
+fraction of it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final
 from gspure.training.schedule import ITERATIONS, LEAST_EVERY
 
 OFFSETS_RATES: Final = (1e-2, 1e-4)
-"""Learning rate of offsets, first and last, as a share of the scene's extent; log-linear in between."""
+"""First and last learning rate of offsets, as a share of the scene's extent; log-linear between them."""
 
 FEATURES_RATE: Final = 7.5e-3
 SCALINGS_RATE: Final = 7e-3
@@ -23,7 +23,7 @@ NETWORK_RATES: Final = {
     "color": (8e-3, 5e-5),
     "offset": (4e-3, 4e-5),
 }
-"""First and last. SecureGS's offset network: ours, that of the covariances, with a decay as offsets have."""
+"""First and last. The rate of SecureGS's offset network is ours: that of ``cov``, with the decay of offsets."""
 
 COUNT_FROM: Final = 500
 ADJUST_FROM: Final = 1_500
@@ -33,16 +33,16 @@ ADJUST_EVERY: Final = 100
 
 @dataclass(frozen=True)
 class AnchorSchedule:
-    """A run's plan. Iterations count from 1; what is due at one happens after its optimizer step.
+    """A run's schedule. Iterations count from 1; events follow the optimizer step of their iteration.
 
     Parameters
     ----------
     iterations : int
         Length of the run.
     count_from : int
-        Statistics are taken after this iteration, up to `adjust_until`.
+        Statistics are collected after this iteration, up to `adjust_until`.
     adjust_from, adjust_until, adjust_every : int
-        Anchors grow and go at the multiples of `adjust_every` strictly between the two others.
+        Anchors grow and are pruned at the multiples of `adjust_every` strictly between the other two.
 
     """
 
@@ -61,7 +61,7 @@ class AnchorSchedule:
         return cls(iterations, count_from, adjust_from, adjust_until, max(every, LEAST_EVERY))
 
     def rates(self, iteration: int, extent: float) -> dict[str, float]:
-        """Return the learning rates of one iteration, by what they move; `extent` is the scene's, in world units."""
+        """Return the learning rates of one iteration by parameter; `extent` is the scene's, in world units."""
         share = iteration / self.iterations
         rates = {name: first * (last / first) ** share for name, (first, last) in NETWORK_RATES.items()}
         first, last = OFFSETS_RATES
@@ -69,9 +69,9 @@ class AnchorSchedule:
         return rates | {"offsets": offsets, "features": FEATURES_RATE, "log_scalings": SCALINGS_RATE}
 
     def counts(self, iteration: int) -> bool:
-        """Tell whether statistics are taken at this iteration."""
+        """Tell whether statistics are collected at this iteration."""
         return self.count_from < iteration < self.adjust_until
 
     def adjusts(self, iteration: int) -> bool:
-        """Tell whether anchors grow and go after this iteration."""
+        """Tell whether anchors grow and are pruned after this iteration."""
         return self.adjust_from < iteration < self.adjust_until and iteration % self.adjust_every == 0

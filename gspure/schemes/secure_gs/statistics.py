@@ -1,4 +1,4 @@
-"""What training has seen of anchors, by which they grow and go (Scaffold-GS, section 3.3)."""
+"""The statistics by which anchors grow and are pruned (Scaffold-GS, section 3.3)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Float32 = NDArray[np.float32]
 
 
 class Statistics:
-    """Sums over the views of one branch, since each was last reset.
+    """Sums over the views of one branch since their last reset.
 
     Parameters
     ----------
@@ -23,54 +23,54 @@ class Statistics:
 
     Attributes
     ----------
-    norms, seen : array [M,k]
-        Sum of the gradients' norms (see `screen_norms`), and in how many views a Gaussian was active.
-    places : array [M,k,3]
+    norms, active_views : array [M,k]
+        Sum of the gradients' norms (see `screen_norms`), and number of views in which a Gaussian was active.
+    centres : array [M,k,3]
         Sum of a Gaussian's centres in those views.
-    opacities, visits : array [M]
-        Sum of an anchor's opacities, and how many views had it.
+    opacities, views : array [M]
+        Sum of an anchor's opacities, and number of views in which it was visible.
 
     """
 
     def __init__(self, count: int, k: int) -> None:
         self.norms = np.zeros((count, k), np.float32)
-        self.seen = np.zeros((count, k), np.float32)
-        self.places = np.zeros((count, k, 3), np.float32)
+        self.active_views = np.zeros((count, k), np.float32)
+        self.centres = np.zeros((count, k, 3), np.float32)
         self.opacities = np.zeros(count, np.float32)
-        self.visits = np.zeros(count, np.float32)
+        self.views = np.zeros(count, np.float32)
 
-    def note(self, rows: NDArray[np.intp], found: Neural, norms: Float32) -> None:
+    def add(self, rows: NDArray[np.intp], gaussians: Neural, norms: Float32) -> None:
         """Add a view: the `rows` [V] of its anchors, their Gaussians (as arrays), the norms [A] of their gradients."""
-        k = self.seen.shape[1]
-        self.visits[rows] += 1
-        self.opacities[rows] += np.maximum(found.outputs, 0).sum(axis=1)
-        places = rows[found.active // k], found.active % k
-        self.seen[places] += 1
-        self.norms[places] += norms
-        self.places[places] += found.means
+        k = self.active_views.shape[1]
+        self.views[rows] += 1
+        self.opacities[rows] += np.maximum(gaussians.outputs, 0).sum(axis=1)
+        active = rows[gaussians.active // k], gaussians.active % k
+        self.active_views[active] += 1
+        self.norms[active] += norms
+        self.centres[active] += gaussians.means
 
     def means(self) -> tuple[Float32, Float32]:
         """Return the mean norm [M,k] and the mean centre [M,k,3] of each Gaussian."""
-        seen = np.maximum(self.seen, np.float32(1))
-        return np.asarray(self.norms / seen), np.asarray(self.places / seen[..., None])
+        views = np.maximum(self.active_views, np.float32(1))
+        return np.asarray(self.norms / views), np.asarray(self.centres / views[..., None])
 
-    def forget(self, gaussians: NDArray[np.bool_], anchors: NDArray[np.bool_]) -> None:
-        """Begin anew for these Gaussians [M,k] and these anchors [M]."""
-        for sums, mask in ((self.norms, gaussians), (self.seen, gaussians), (self.places, gaussians)):
-            sums[mask] = 0
-        self.opacities[anchors] = self.visits[anchors] = 0
+    def reset(self, gaussians: NDArray[np.bool_], anchors: NDArray[np.bool_]) -> None:
+        """Zero the sums of these Gaussians [M,k] and these anchors [M]."""
+        for sums in (self.norms, self.active_views, self.centres):
+            sums[gaussians] = 0
+        self.opacities[anchors] = self.views[anchors] = 0
 
-    def follow(self, kept: NDArray[np.intp], new: int) -> None:
-        """Keep the sums of the anchors that stay, and begin those of new ones."""
+    def replace_anchors(self, rows: NDArray[np.intp], new: int) -> None:
+        """Keep the sums of the anchors `rows` and append zeros for new ones."""
         for name, sums in vars(self).items():
-            setattr(self, name, np.concatenate([sums[kept], np.zeros((new, *sums.shape[1:]), np.float32)]))
+            setattr(self, name, np.concatenate([sums[rows], np.zeros((new, *sums.shape[1:]), np.float32)]))
 
 
 def screen_norms(camera: Camera, means: NDArray[Any], gradients: NDArray[Any]) -> Float32:
     """Return the norms [A] of dL/d(projected centre), in 3DGS's NDC units, from dL/d(centre) [A,3].
 
-    Across the line of sight a centre moves its projection by f / z pixels; that its covariance on the screen changes
-    too is left out, a share of about scale / depth.
+    A unit step across the line of sight moves the projection by f / z pixels. The change of the projected covariance,
+    a share of about scale / depth, is neglected.
     """
     rotation = camera.viewmat[:3, :3]
     depths = means @ rotation[2] + camera.viewmat[2, 3]

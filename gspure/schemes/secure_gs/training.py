@@ -1,4 +1,4 @@
-"""The training loop: each iteration, one view of the scene and of the message over the same anchors."""
+"""The training loop: each iteration renders one view of the scene and of the message from the same anchors."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ from gspure.schemes.secure_gs.schedule import AnchorSchedule
 from gspure.schemes.secure_gs.statistics import Statistics, screen_norms
 from gspure.schemes.secure_gs.visibility import visible_rows
 
-SEEN_SHARE: Final = 0.8
-"""An anchor is judged once more than this share of the views between two adjustments had it (Scaffold-GS)."""
+VISIBLE_SHARE: Final = 0.8
+"""Least share of the views between two adjustments in which an anchor must be visible to be pruned (Scaffold-GS)."""
 
 OPACITY_MIN: Final = 0.005
-"""An anchor whose Gaussians' opacities add up to less, on average over the views, goes (Scaffold-GS)."""
+"""Anchors whose Gaussians' opacities have a lower sum, averaged over the views, are pruned (Scaffold-GS)."""
 
 Float32 = NDArray[np.float32]
 
 
 class Training:
-    """One run; iterating over it trains, and yields the loss of each iteration.
+    """A run; iterating over it trains and yields the loss of each iteration.
 
-    The same arguments give the same bits, on one thread of PyTorch's.
+    The same arguments give the same bits with one thread of PyTorch.
 
     Parameters
     ----------
     pair : Pair
     anchors : Anchors
-        Where they start.
+        The initial anchors.
     voxel : float
-        Side of the finest cells, world units.
+        Side of the smallest cells, world units.
     branches : sequence of Networks
-        The scene's, and the message's if one is hidden.
+        The scene's, and the message's unless a clean model is trained.
     iterations : int
     message_weight : float
         lambda in L = L_scene + lambda L_message.
     density : float
         r_down of RDO; 1 switches it off.
     max_anchors : int
-        More than that do not grow.
+        Upper bound of growth.
     seed : int
     device : Device
 
@@ -86,10 +86,10 @@ class Training:
         return len(self._statistics) > 1
 
     def __iter__(self) -> Iterator[float]:
-        unseen: list[int] = []
+        pending_views: list[int] = []
         for iteration in range(1, self._schedule.iterations + 1):
-            unseen = unseen or self._rng.permutation(len(self.pair.views)).tolist()
-            yield self._iterate(iteration, unseen.pop())
+            pending_views = pending_views or self._rng.permutation(len(self.pair.views)).tolist()
+            yield self._iterate(iteration, pending_views.pop())
 
     def _iterate(self, iteration: int, view: int) -> float:
         camera, anchors = self.pair.views[view], self.learner.anchors
@@ -97,53 +97,53 @@ class Training:
         rows = visible_rows(camera, anchors.positions, upright, np.exp(anchors.log_scalings[:, :3]))
         total = 0.0
         for branch, statistics in enumerate(self._statistics):
-            loss, found, gradients = self.learner.differentiate(branch, camera, rows, view, self._weights[branch])
+            loss, gaussians, gradients = self.learner.differentiate(branch, camera, rows, view, self._weights[branch])
             total += loss
             if self._schedule.counts(iteration):
-                statistics.note(rows, found, screen_norms(camera, found.means, gradients))
+                statistics.add(rows, gaussians, screen_norms(camera, gaussians.means, gradients))
         self.learner.step(self._schedule.rates(iteration, self.pair.dataset.extent))
         if self._schedule.adjusts(iteration):
             self._adjust()
         return total
 
     def _adjust(self) -> None:
-        """Let anchors grow, then prune those that neither branch uses."""
-        visits = SEEN_SHARE * self._schedule.adjust_every
-        new = self._grown(visits / 2)
-        judged = [statistics.visits > visits for statistics in self._statistics]
-        clear = [s.opacities < OPACITY_MIN * s.visits for s in self._statistics]
-        kept = np.flatnonzero(~np.all([*judged, *clear], axis=0))
-        for statistics, anchors in zip(self._statistics, judged, strict=True):
-            statistics.forget(statistics.seen > visits / 2, anchors)
-            statistics.follow(kept, len(new.positions))
-        self.learner.follow(kept, new)
-        if not len(kept) + len(new.positions):
+        """Grow anchors, then prune those that neither branch uses."""
+        least_views = VISIBLE_SHARE * self._schedule.adjust_every
+        new = self._grown(least_views / 2)
+        measured = [s.views > least_views for s in self._statistics]
+        transparent = [s.opacities < OPACITY_MIN * s.views for s in self._statistics]
+        rows = np.flatnonzero(~np.all([*measured, *transparent], axis=0))
+        for statistics, anchors in zip(self._statistics, measured, strict=True):
+            statistics.reset(statistics.active_views > least_views / 2, anchors)
+            statistics.replace_anchors(rows, len(new.positions))
+        self.learner.replace_anchors(rows, new)
+        if not len(rows) + len(new.positions):
             raise InputError("secure_gs", "anchors", expected="at least one", found="none: all became transparent")
 
     def _grown(self, least_views: float) -> Anchors:
-        """Return new anchors: beside Gaussians of the scene, and of the message, which needs some of its own (ours)."""
+        """Return new anchors near Gaussians of the scene and, our choice, of the message."""
         anchors = self.learner.anchors
         means = [statistics.means() for statistics in self._statistics]
-        known = [statistics.seen > least_views for statistics in self._statistics]
-        reached = anchors.positions[:, None] + anchors.offsets * np.exp(anchors.log_scalings[:, None, :3])
-        places = [reached, *(hidden for _, hidden in means[1:])]  # hidden Gaussians move with the view
-        thresholds = [np.full(mask.shape, GRADIENT_THRESHOLD, np.float32) for mask in known]
+        measured = [statistics.active_views > least_views for statistics in self._statistics]
+        centres = anchors.positions[:, None] + anchors.offsets * np.exp(anchors.log_scalings[:, None, :3])
+        positions = [centres, *(hidden for _, hidden in means[1:])]  # hidden Gaussians move with the view
+        thresholds = [np.full(mask.shape, GRADIENT_THRESHOLD, np.float32) for mask in measured]
         if self.hides:
-            asking = known[1] & (means[1][0] >= GRADIENT_THRESHOLD)
-            thresholds[0][self._masking(places[1][asking], reached)] /= self._density
-        features = np.broadcast_to(anchors.features[:, None], (*known[0].shape, anchors.feat_dim))
+            growing = measured[1] & (means[1][0] >= GRADIENT_THRESHOLD)
+            thresholds[0][self._masking(positions[1][growing], centres)] /= self._density
+        features = np.broadcast_to(anchors.features[:, None], (*measured[0].shape, anchors.feat_dim))
         candidates = Candidates(
             *(
-                np.concatenate([part[mask] for part, mask in zip(parts, known, strict=True)])
-                for parts in (places, [norms for norms, _ in means], thresholds, [features] * len(known))
+                np.concatenate([part[mask] for part, mask in zip(parts, measured, strict=True)])
+                for parts in (positions, [norms for norms, _ in means], thresholds, [features] * len(measured))
             )
         )
         room = max(0, self._max_anchors - len(anchors.positions))
         return grown(anchors.positions, candidates, self._voxel, anchors.k, room, self._rng)
 
-    def _masking(self, hidden: Float32, reached: Float32) -> NDArray[np.bool_]:
-        """Tell which of the scene's Gaussians [M,k] lie where hidden ones [C,3] ask for more (RDO)."""
+    def _masking(self, hidden: Float32, centres: Float32) -> NDArray[np.bool_]:
+        """Return the mask of the scene's Gaussians [M,k,3] in the region of growing hidden ones [C,3] (RDO)."""
         box = hidden_box(hidden, self._voxel) if self._density > 1 else None
-        masking = inside(box, reached)
+        masking = inside(box, centres)
         self.boxed = max(self.boxed, float(masking.mean()))
         return masking

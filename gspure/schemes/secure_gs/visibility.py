@@ -1,4 +1,4 @@
-"""Which anchors a view has: Scaffold-GS asks the rasterizer, as if each were a Gaussian itself."""
+"""Visible anchors, by the rasterizer's rule for Gaussians, as in Scaffold-GS."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Float64 = NDArray[np.float64]
 
 
 def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scales: NDArray[Any]) -> NDArray[np.intp]:
-    """Return the rows of those Gaussians [M] whose three-sigma square on the screen overlaps a tile of the image.
+    """Return the rows of the Gaussians [M] whose three-sigma square on the screen overlaps a tile of the image.
 
     (Scaffold-GS, ``prefilter_voxel``; the bounds of the 3DGS rasterizer.)
     """
@@ -38,11 +38,11 @@ def _bounds(camera: Camera, centres: Float64, axes: Float64) -> tuple[Float64, F
     size = np.array([camera.width, camera.height])
     slopes = centres[:, :2] / centres[:, 2:]
     margin = EWA_FRUSTUM_MARGIN * size / (2 * focal)
-    held = np.clip(slopes, -principal / focal - margin, (size - principal) / focal + margin)
+    clipped = np.clip(slopes, -principal / focal - margin, (size - principal) / focal + margin)
     # J A: the axes on the screen, J = f / z (I | -slope) of the perspective projection
-    spread = (axes[:, :2] - held[:, :, None] * axes[:, 2:]) * (focal / centres[:, 2:])[:, :, None]
+    spread = (axes[:, :2] - clipped[:, :, None] * axes[:, 2:]) * (focal / centres[:, 2:])[:, :, None]
     a, b = np.square(spread).sum(axis=2).T + EWA_DILATION
     middle, determinant = (a + b) / 2, a * b - (spread[:, 0] * spread[:, 1]).sum(axis=1) ** 2
     largest = middle + np.sqrt(np.maximum(0.1, middle**2 - determinant))
-    # the rasterizer's samples lie at whole numbers
+    # the rasterizer samples at integer coordinates
     return slopes * focal + principal - 0.5, np.ceil(3 * np.sqrt(largest))[:, None]

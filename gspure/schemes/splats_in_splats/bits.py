@@ -1,14 +1,14 @@
-r"""The hidden colours in the low bits of the shown ones: importance-graded embedding (arXiv 2412.03121).
+r"""Hidden colours in the low bits of the public ones: importance-graded embedding (arXiv 2412.03121).
 
-Both are spherical-harmonic coefficients, as IEEE-754 words of 32 bits. Of the n coefficients of a channel, number j (of
+Both are spherical-harmonic coefficients, as IEEE-754 words of 32 bits. Public coefficient j of the n of a channel (of
 degree :math:`\lfloor\sqrt j\rfloor`) gives up its low
 
 .. math:: b_j = k + \lfloor\sqrt j\rfloor
 
-bits to the leading bits of the hidden coefficient number n - 1 - j: what matters most of the hidden colour, its zeroth
-harmonic, gets the most room, in the shown coefficient that matters least. Signs and exponents of the shown colour stay
-as they are for b <= 23. The paper does not say how its integers represent numbers; IEEE words are our choice: they
-survive a float32 file exactly.
+bits to the leading bits of the hidden coefficient number n - 1 - j. So the zeroth hidden harmonic, the most important
+one, gets the most bits, in the least important public coefficient. Signs and exponents of the public colour are
+unchanged for b <= 23. The paper does not say how its integers represent numbers. IEEE words are our choice: a float32
+file stores them exactly.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ SHIFT: Final = 17
 """k of the paper."""
 
 SHIFT_RANGE: Final = (9, 20)
-"""Least: sign and exponent of a hidden word fit. Most: no exponent of a shown word is touched, at degree 3. Ours."""
+"""Lower: sign and exponent of a hidden word fit. Upper: exponents of public words are unchanged at degree 3. Ours."""
 
 LARGEST: Final = 8.0
-"""Magnitudes above this, which no trained colour has, come from words that were tampered with. Ours."""
+"""Largest extracted magnitude. No trained colour has it, but changed words may. Ours."""
 
 
 def embed(shown: Float32, hidden: Float32, shift: int = SHIFT) -> Float32:
@@ -40,9 +40,9 @@ def embed(shown: Float32, hidden: Float32, shift: int = SHIFT) -> Float32:
 
 
 def extract(carrier: Float32, shift: int = SHIFT) -> Float32:
-    """Return the hidden coefficients [K,n,3], each in the middle of what its bits leave open.
+    """Return the hidden coefficients [K,n,3], each in the middle of the interval that its bits define.
 
-    Words that were tampered with may mean anything: what is no number gives 0, what is too large `LARGEST`.
+    Changed words may represent anything: not-a-number gives 0, and magnitudes are clipped to `LARGEST`.
     """
     room = _room(carrier.shape[1], shift)
     words = (_words(carrier) & _low(room)) << (WORD - room) | np.uint32(1) << (WORD - 1 - room)
@@ -51,7 +51,7 @@ def extract(carrier: Float32, shift: int = SHIFT) -> Float32:
 
 
 def _room(count: int, shift: int) -> Words:
-    """Return b_j, to be broadcast over [K,n,3]."""
+    """Return b_j [n,1], which broadcasts over [K,n,3]."""
     return np.array([shift + int(j**0.5) for j in range(count)], np.uint32)[:, None]
 
 

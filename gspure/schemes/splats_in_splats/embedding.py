@@ -1,8 +1,8 @@
 """Embedding: train both scenes, map the opacities, hide the colours, publish (arXiv 2412.03121).
 
-What the paper leaves open is ours: the loss is L(scene) + message_weight L(message), both as in 3DGS; means,
-quaternions and scales are shared; and once the opacity mapping is known, the hidden colours are trained on for a while
-under the opacities that it gives, since those, not the trained ones, are what the owner will see.
+The paper leaves some choices open. Ours: the loss is L(scene) + message_weight L(message), both as in 3DGS; means,
+quaternions and scales are shared; after the opacity mapping is fitted, the hidden colours are trained further with the
+mapped opacities, which extraction uses instead of the trained ones.
 """
 
 from __future__ import annotations
@@ -19,22 +19,21 @@ from gspure.opencl.trainable import Parameters
 from gspure.progress import say
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import require
+from gspure.schemes.scheme import initial_gaussians, require
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
 from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
 from gspure.schemes.vanilla import train
-from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
 from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 from gspure.training.schedule import Schedule
 
 OPACITY_THRESHOLD: Final = 0.25
-"""tau of the paper: Gaussians that are more opaque than this in the message are those that the key remembers."""
+"""tau of the paper: the key holds the Gaussians whose opacity in the message is higher."""
 
 REFINED: Final = 0.2
-"""Iterations under the mapped opacities, as a share of those before. Ours."""
+"""Iterations with the mapped opacities, as a share of those of the joint training. Ours."""
 
 
 def embed(
@@ -59,22 +58,15 @@ def embed(
     message_weight : float
         Share of the message's loss; that of the scene is 1.
     max_gaussians : int
-        More than that do not grow.
+        Upper bound of growth.
     shift : int
         k of `gspure.schemes.splats_in_splats.bits`.
 
     """
     least, most = bits.SHIFT_RANGE
-    require(
-        "splats_in_splats",
-        "max_gaussians",
-        max_gaussians,
-        f"at least {LEAST_POINTS}",
-        fits=max_gaussians >= LEAST_POINTS,
-    )
     require("splats_in_splats", "shift", shift, f"{least} to {most}", fits=least <= shift <= most)
+    begin = initial_gaussians("splats_in_splats", pair, max_gaussians, seed)
     device = device or choose_device()
-    begin = gaussians_at(*thinned(*pair.points, max_gaussians, seed))
     if not message_weight:
         clean = train(
             *(pair, pair.scene, begin), iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device
@@ -100,16 +92,14 @@ def embed(
 def _published(
     pair: Pair, shown: Parameters, hidden: Parameters, shift: int, steps: int, seed: int, device: Device
 ) -> tuple[PublicModel, SplatsInSplatsKey]:
-    """Return the public model, and the key to what it hides."""
+    """Return the public model and its key."""
     known = np.flatnonzero(sigmoid(hidden.opacity_logits) > OPACITY_THRESHOLD)
     known = known[morton_order(hidden.means[known])]
     opacities = sigmoid(shown.opacity_logits)[known]
     mapping = fit(opacities, sigmoid(hidden.opacity_logits)[known], np.random.default_rng(seed))
-    # What the owner will see: these Gaussians with mapped opacities, and no others.
-    seen = replace(hidden.rows(known), opacity_logits=logit(mapping(opacities), LEAST_OPACITY))
-    seen = refine(seen, pair.views, pair.message, steps, seed, device)
+    extracted = replace(hidden.rows(known), opacity_logits=logit(mapping(opacities), LEAST_OPACITY))
     colours = hidden.sh_coeffs.copy()
-    colours[known] = seen.sh_coeffs
+    colours[known] = refine(extracted, pair.views, pair.message, steps, seed, device).sh_coeffs
     public = replace(shown, sh_coeffs=bits.embed(shown.sh_coeffs, colours, shift))
     say(f"{len(known)} of {len(shown)} Gaussians are more than {OPACITY_THRESHOLD} opaque in the message")
     return PublicModel(as_gaussians(public)), SplatsInSplatsKey(

@@ -1,9 +1,9 @@
-"""The owner's key: the opacity mapping and where the message's Gaussians stand; and, apart, what was hidden.
+"""The key: the opacity mapping and the positions of the message's Gaussians; and, separately, the exact message.
 
 ::
 
-    <key>/splats_in_splats.npz   the key proper: mapping, positions of the Gaussians that the message needs, shift
-    <key>/hidden.ply             all Gaussians with their hidden attributes, exactly: for `message_oracle` only
+    <key>/splats_in_splats.npz   the key proper: mapping, positions of the message's Gaussians, shift
+    <key>/hidden.ply             all Gaussians with their exact hidden attributes: for `message_oracle` only
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Float32 = NDArray[np.float32]
 ORACLE: Final = "message_oracle"
 
 NEAR: Final = 1e-6
-"""A Gaussian is found again within this share of the key's extent: files that went through text are not exact. Ours."""
+"""Largest distance of a matching Gaussian, as a share of the key's extent: text files are not exact. Ours."""
 
 _FILE: Final = "splats_in_splats.npz"
 _HIDDEN: Final = "hidden.ply"
@@ -41,14 +41,14 @@ _HIDDEN: Final = "hidden.ply"
 
 @dataclass(frozen=True, eq=False)
 class SplatsInSplatsKey(Key):
-    """What is private.
+    """The private part of the scheme.
 
     Parameters
     ----------
     positions : float32 [I,3]
-        Centres of the Gaussians that the message needs, along a space-filling curve.
+        Centres of the message's Gaussians, along a space-filling curve.
     mapping : OpacityMapping
-        Their hidden opacities, given their shown ones in this order.
+        From their public opacities, in this order, to their hidden ones.
     shift : int
         k of `gspure.schemes.splats_in_splats.bits`.
     hidden : Gaussians
@@ -64,26 +64,25 @@ class SplatsInSplatsKey(Key):
     def message(
         self, public: PublicModel, extraction: str, device: Device | None = None, background: Background = BLACK
     ) -> RenderView:
-        """Return the message's view."""
+        """Return the renderer of the message."""
         renderer = Renderer(self._revealed(public, extraction)[0], device)
         return lambda camera: renderer.image(camera, background)
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the message that a model still holds, and its rows there.
+        """Return the Gaussians that show the message, and the row of each.
 
-        ``message`` reads the model alone, as the scheme has it: colours from the bits, opacities from the mapping, and
-        nothing of Gaussians that the key does not know. ``message_oracle`` gives each surviving Gaussian exactly what
-        was hidden in it. Geometry is the model's own in both.
+        ``message`` reads the model as the scheme does: colours from the bits and opacities from the mapping, for the
+        Gaussians of the key. ``message_oracle`` gives each surviving Gaussian its exact hidden colour and opacity. Both
+        use the geometry of the model.
         """
         return self._revealed(public, extraction)
 
     def wrong(self, rng: np.random.Generator) -> SplatsInSplatsKey:
-        """Return an untrained mapping, over the same number of Gaussians at places drawn from all, and no truth."""
+        """Return an untrained mapping and as many random Gaussians, with shuffled hidden attributes."""
         chosen = np.sort(rng.choice(len(self.hidden), len(self.positions), replace=False))
-        strange = rng.permutation(len(self.hidden))
-        opacities, sh_coeffs = self.hidden.table["opacity"][strange], self.hidden.sh_coeffs[strange]
-        stranger = self.hidden.with_appearance(opacities, sh_coeffs)
-        return SplatsInSplatsKey(self.hidden.means[chosen], OpacityMapping.fresh(rng), self.shift, stranger)
+        order = rng.permutation(len(self.hidden))
+        shuffled = self.hidden.with_appearance(self.hidden.table["opacity"][order], self.hidden.sh_coeffs[order])
+        return SplatsInSplatsKey(self.hidden.means[chosen], OpacityMapping.fresh(rng), self.shift, shuffled)
 
     def write(self, folder: Path) -> None:
         """Write both files."""
@@ -98,7 +97,7 @@ class SplatsInSplatsKey(Key):
         Raises
         ------
         InputError
-            A file is missing or unreadable, or an array is of another type or shape, or not finite.
+            A file is missing or unreadable, or an array has another type or shape or is not finite.
 
         """
         path = Path(folder) / _FILE
@@ -118,7 +117,7 @@ class SplatsInSplatsKey(Key):
         return SplatsInSplatsKey(arrays["positions"], mapping, int(shift), hidden)
 
     def _revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
-        places = _found(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
+        places = _matches(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
         rows = np.flatnonzero(places >= 0)
         survivors, places = public.model.subset(places >= 0), places[rows]
         if extraction == ORACLE:
@@ -131,22 +130,22 @@ class SplatsInSplatsKey(Key):
         return message.with_columns(geometry).with_appearance(opacities, sh_coeffs), rows
 
     def _mapped(self, opacities: Float32, places: Rows) -> Float32:
-        """Return the hidden logits of survivors; what is gone leaves its place as a Gaussian that shows nothing."""
+        """Return the hidden logits of the Gaussians at `places`; the mapping reads opacity 0 at all other places."""
         sequence = np.zeros(len(self.positions), np.float32)
         sequence[places] = opacities
         return logit(self.mapping(sequence)[places], LEAST_OPACITY)
 
 
 def _of_degree(sh_coeffs: Float32, degree: int) -> Float32:
-    """Return coefficients [K,S,3] of this degree: those above are dropped, those that are missing are zero."""
-    found = np.zeros((len(sh_coeffs), (degree + 1) ** 2, 3), np.float32)
-    shared = min(found.shape[1], sh_coeffs.shape[1])
-    found[:, :shared] = sh_coeffs[:, :shared]
-    return found
+    """Return coefficients [K,S,3] of this degree: higher ones are dropped, missing ones are zero."""
+    coefficients = np.zeros((len(sh_coeffs), (degree + 1) ** 2, 3), np.float32)
+    shared = min(coefficients.shape[1], sh_coeffs.shape[1])
+    coefficients[:, :shared] = sh_coeffs[:, :shared]
+    return coefficients
 
 
-def _found(known: Float32, means: Float32) -> NDArray[np.intp]:
-    """Return for each centre [K,3] its place among the known ones, or -1."""
+def _matches(known: Float32, means: Float32) -> NDArray[np.intp]:
+    """Return the index of each centre [K,3] in `known`, or -1."""
     from scipy.spatial import KDTree
 
     if not len(known):

@@ -1,10 +1,10 @@
-r"""The opacity mapping: a small autoencoder that knows the hidden opacities from the shown ones (arXiv 2412.03121).
+r"""The opacity mapping: a small autoencoder from public to hidden opacities (arXiv 2412.03121).
 
 .. math:: W^* = \arg\min_W \| D(E(1 - \alpha_I)) - \alpha'_I \|^2
 
-over the Gaussians I that the message needs. The paper says that encoder and decoder are simple convolutions; their
-sizes and training are ours: two of stride 2 along the sequence of Gaussians (which is ordered along a space-filling
-curve, so that neighbours in it are neighbours in space), and two that undo them.
+over the Gaussians I of the message. In the paper, encoder and decoder are simple convolutions. Sizes and training are
+ours: two convolutions of stride 2 along the sequence of Gaussians, whose order follows a space-filling curve, and two
+transposed ones. Written in numpy, since the default scheme does not need PyTorch and gives the same bits on every run.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _UNIT: Final = STRIDE ** (len(WIDTHS) - 1)
 
 @dataclass(frozen=True, eq=False)
 class OpacityMapping:
-    """Weights and biases of the four layers: kernels [taps * in, out], first of the encoder, then of the decoder."""
+    """Weights of the four layers, encoder first: kernels [taps * in, out] and biases [out]."""
 
     kernels: Weights
     biases: Weights
@@ -48,7 +48,7 @@ class OpacityMapping:
 
     @classmethod
     def of(cls, arrays: Mapping[str, Float32]) -> OpacityMapping:
-        """Return the mapping of `arrays`, as its method of that name gives them."""
+        """Return the mapping with these weights, the inverse of `arrays`."""
         kernels, biases = ([a for n, a in sorted(arrays.items()) if n.startswith(kind)] for kind in ("kernel", "bias"))
         return cls(tuple(kernels), tuple(biases))
 
@@ -58,17 +58,14 @@ class OpacityMapping:
         return named | {f"bias_{i}": bias for i, bias in enumerate(self.biases)}
 
     def __call__(self, opacities: Float32) -> Float32:
-        """Return the hidden opacities [N] of a sequence of shown ones [N]."""
+        """Return the hidden opacities [N] of a sequence of public ones [N]."""
         if not len(opacities):
             return opacities
         return _forward(self, opacities)[-1][: len(opacities), 0]
 
 
 def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> OpacityMapping:
-    """Train a mapping from shown opacities [N] to hidden ones [N]; the same bits for the same arguments.
-
-    Each step sees one stretch of the sequence.
-    """
+    """Train a mapping from public opacities [N] to hidden ones [N], on a random stretch of the sequence per step."""
     mapping = OpacityMapping.fresh(rng)
     if not len(opacities):
         return mapping
@@ -77,7 +74,7 @@ def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> Opacit
     layers = len(mapping.kernels)
     for step in range(1, STEPS + 1):
         mapping = OpacityMapping(tuple(parameters[:layers]), tuple(parameters[layers:]))
-        rate = np.float32(RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS)))  # cosine, to rest at the end
+        rate = np.float32(RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS)))  # cosine decay
         start = _UNIT * int(rng.integers(max(len(opacities) - STRETCH, 0) // _UNIT + 1))
         stretch = slice(start, start + STRETCH)
         for i, gradient in enumerate(_gradients(mapping, opacities[stretch], hidden[stretch])):
@@ -89,7 +86,7 @@ def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> Opacit
 
 
 def _forward(mapping: OpacityMapping, opacities: Float32) -> list[Float32]:
-    """Return the input [L,1], what each layer gives, and the output [L,1]; L is N, filled up to whole strides."""
+    """Return the input [L,1] and the output of each layer, the last one [L,1]; L is N rounded up to whole strides."""
     filled = np.zeros(-(-len(opacities) // _UNIT) * _UNIT, np.float32)
     filled[: len(opacities)] = opacities
     values = [1 - filled[:, None]]
@@ -124,14 +121,14 @@ def _gradients(mapping: OpacityMapping, opacities: Float32, hidden: Float32) -> 
 
 
 def _windows(sequence: Float32, stride: int) -> Float32:
-    """Return the `TAPS` neighbours [L / stride, TAPS * C] around every `stride`-th place of [L,C]; zeros beyond."""
+    """Return the `TAPS` neighbours [L / stride, TAPS * C] of every `stride`-th element of [L,C]; zero padding."""
     padded = np.pad(sequence, ((TAPS // 2, TAPS // 2), (0, 0)))
     windows = np.lib.stride_tricks.sliding_window_view(padded, TAPS, axis=0)[::stride]
     return np.ascontiguousarray(windows.transpose(0, 2, 1)).reshape(len(windows), -1)
 
 
 def _unwindowed(gradient: Float32, length: int, stride: int) -> Float32:
-    """Carry a gradient of windows [L / stride, TAPS * C] back to their sequence [L,C]."""
+    """Return the gradient of a sequence [L,C], given that of its windows [L / stride, TAPS * C]."""
     padded = np.zeros((length + TAPS - 1, gradient.shape[1] // TAPS), gradient.dtype)
     for tap, part in enumerate(np.split(gradient, TAPS, axis=1)):
         padded[tap : tap + stride * len(part) : stride] += part
@@ -139,7 +136,7 @@ def _unwindowed(gradient: Float32, length: int, stride: int) -> Float32:
 
 
 def _spread(sequence: Float32) -> Float32:
-    """Return [2 L,C] with zeros between the places of [L,C]: what a transposed convolution slides over."""
+    """Return [2 L,C], the elements of [L,C] with zeros between them: the input of a transposed convolution."""
     spread = np.zeros((STRIDE * len(sequence), sequence.shape[1]), sequence.dtype)
     spread[::STRIDE] = sequence
     return spread

@@ -1,4 +1,4 @@
-"""Joint training: one set of Gaussians that shows the scene by one opacity and colour, and the message by another."""
+"""Joint training: one set of Gaussians, with one opacity and colour for the scene and another for the message."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ REFINING: Final = LearningRates(0.0, 0.0, 0.0, 0.0, SH_DC_RATE, SH_REST_RATE)
 
 
 class TwinTrainer:
-    """One run; iterating over it trains, and yields the loss of each iteration.
+    """A run; iterating over it trains and yields the loss of each iteration.
 
-    The rules are those of 3DGS, with what the scheme needs: growth follows the gradient of the summed losses, a
-    Gaussian goes only if it is transparent in both scenes (else none could serve the message alone), opacities of both
-    are reset.
+    The rules are those of 3DGS, with three changes: growth follows the gradient of the summed losses; a Gaussian is
+    pruned only if it is transparent in both scenes, so that some can serve the message alone; opacities of both are
+    reset.
 
     Parameters
     ----------
     pair : Pair
     begin : Parameters
-        Gaussians to start from, for both scenes.
+        The initial Gaussians of both scenes.
     schedule : Schedule
     message_weight : float
         Share of the message's loss; that of the scene is 1.
     max_gaussians : int
-        More than that do not grow.
+        Upper bound of growth.
     seed : int
     device : Device, optional
 
@@ -100,7 +100,7 @@ def refine(
     seed: int,
     device: Device | None,
 ) -> Parameters:
-    """Return `parameters` with colours that suit their opacities; all else stays bit for bit."""
+    """Return `parameters` with colours trained for their opacities; everything else is bit-identical."""
     model = TrainableModel(TrainState.fresh(parameters), device=device)
     model.set_targets(images)
     order = shuffled(len(views), np.random.default_rng(seed))

@@ -1,15 +1,14 @@
-"""PyTorch, which schemes with networks need and all else does without; whoever imports this without it is told so."""
+"""PyTorch, which is optional: importing this module without it raises `InputError`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from gspure.errors import InputError
-from gspure.schemes.scheme import PYTORCH
 
 try:
     import torch
 except ImportError as error:
-    hint = f"pip install {PYTORCH['torch']}"
+    hint = "pip install gspure[torch]"
     raise InputError("torch", "package", expected="PyTorch", found=str(error), hint=hint) from None
 
 __all__ = ["single_threaded", "torch"]
@@ -17,9 +16,9 @@ __all__ = ["single_threaded", "torch"]
 
 @contextmanager
 def single_threaded() -> Iterator[None]:
-    """Let PyTorch use one thread per calling thread in the block: its sums do not depend on how many cores there are.
+    """Let PyTorch use one thread per calling thread in the block, so that its sums do not depend on the cores.
 
-    Over tensors as small as these it is also faster: its threads would mostly wait for each other.
+    For small tensors this is also faster.
     """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
