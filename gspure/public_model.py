@@ -1,4 +1,4 @@
-"""A public model: what everybody gets, in the form that its scheme publishes."""
+"""A public model, as its scheme publishes it."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ Background = Sequence[float]
 BLACK: Background = (0.0, 0.0, 0.0)
 
 GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
-"""The columns that contributions depend on: colours are not among them."""
+"""The columns that contributions depend on."""
 
 ATTRIBUTES: Final = ("colour", "base_colour", "opacity", "scale", "rotation", "position")
-"""What attacks on attributes can ask for. ``base_colour`` is the part of the colour that has no direction."""
+"""Attributes that attacks can request; ``base_colour`` is the view-independent part of the colour."""
 
 Columns = Mapping[str, tuple[str, ...]]
 """The columns of a model by attribute."""
@@ -38,8 +38,8 @@ Columns = Mapping[str, tuple[str, ...]]
 class PublicModel:
     """A public model whose Gaussians are its rows: vanilla 3DGS, and the base of all others.
 
-    *Rows* are the rows of its file, which attacks remove or change: Gaussians here, anchors in Scaffold-GS. What else
-    belongs to the model (decoders, networks) lies in files beside it and stays as it is.
+    *Rows* are the rows of its file, which attacks remove or change: Gaussians here, anchors in Scaffold-GS. Attacks do
+    not change the files beside it (decoders, networks).
 
     Parameters
     ----------
@@ -56,17 +56,17 @@ class PublicModel:
         "rotation": ("rot_*",),
         "position": ("x", "y", "z"),
     }
-    """The columns that hold each of `ATTRIBUTES`: names, or ``prefix*`` for numbered ones. Absent: rows have none."""
+    """The columns of each of `ATTRIBUTES` that rows have: names, or ``prefix*`` for numbered ones."""
 
     rows_are_gaussians: ClassVar[bool] = True
-    """Whether every view shows the rows themselves; false where Gaussians are computed from them for each view."""
+    """Whether rows are Gaussians; false if Gaussians are computed from them for each view."""
 
     def __init__(self, model: Gaussians) -> None:
         self.model = model
 
     @property
     def columns(self) -> Columns:
-        """The columns of this model by attribute; those of one prefix in the order of their numbers."""
+        """The columns of this model by attribute; numbered ones are sorted by number."""
         names = self.model.table.dtype.names or ()
 
         def matching(pattern: str) -> tuple[str, ...]:
@@ -81,15 +81,15 @@ class PublicModel:
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a model: its .ply, or the folder that holds it; what belongs to it lies beside the .ply."""
+        """Read a model's .ply, or its folder, and the files beside the .ply."""
         return cls(read_model(path))
 
     def write(self, path: Path) -> None:
-        """Write the .ply, and what belongs to the model beside it."""
+        """Write the .ply and the files beside it."""
         write_model(path, self.model)
 
     def with_model(self, model: Gaussians) -> Self:
-        """Return the same model with other rows: what an attack leaves of it."""
+        """Return the same model with other rows, such as attacked ones."""
         return type(self)(model)
 
     def drawable(self, source: str | Path) -> Self:
@@ -102,12 +102,12 @@ class PublicModel:
         return self.with_model(self.model.subset(~pruned))
 
     def gaussians(self, camera: Camera) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the Gaussians that a camera sees, and the row that owns each."""
+        """Return the Gaussians that a camera sees, and the row of each."""
         return self.model, np.arange(len(self.model))
 
     @property
     def visible(self) -> bool:
-        """Whether everything needed to render the scene is there."""
+        """Whether the model has everything needed to render the scene."""
         return self.model.sh_degree >= 0
 
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
@@ -120,16 +120,16 @@ class PublicModel:
         return self.model.opacities
 
     def contributions(self, device: Device | None = None, energy: Energy = "ray") -> Callable[[Camera], NDArray[Any]]:
-        """Return what gives, for a camera, each touched row's `gspure.renderer.CONTRIBUTION`."""
+        """Return a function from a camera to the `gspure.renderer.CONTRIBUTION` records of the rows in its image."""
         return Renderer(self.model, device, energy=energy).contributions
 
     def geometry_digest(self) -> str:
-        """Return a digest of all that contributions depend on."""
+        """Return a digest of everything in the model that contributions depend on."""
         return digest(self.model.columns(*GEOMETRY))
 
 
 def merge_by_row(records: NDArray[Any], owners: Rows) -> NDArray[Any]:
-    """Return the contributions of rows, given those of Gaussians and the row that owns each Gaussian.
+    """Return the contributions of rows, given those of Gaussians and the row of each Gaussian.
 
     A row's sum and pixels are the sums over its Gaussians; its maximum is the largest of theirs.
     """

@@ -52,7 +52,7 @@ def test_of_a_trained_scheme_the_weights_of_the_message_stand_for_the_truth(tmp_
     trained = replace(evidence, carries_message=None, hidden=hidden, rows="anchors")
     captions = {path.stem: caption for path, caption in gallery.draw(tmp_path, trained).items()}
     assert captions.keys() == {"clusters", "ranks", "kept", "hidden", "purification", "weights"}
-    assert "Pruning takes 100.0% of the weight in the message" in captions["purification"]
+    assert "Pruning removes 100.0% of the weight in the message" in captions["purification"]
     assert not any("Gaussians" in caption for caption in captions.values())
     unmarked = gallery.draw(tmp_path / "unmarked", replace(evidence, carries_message=None))
     assert {path.stem for path in unmarked} == {"clusters", "ranks", "kept", "weights"}

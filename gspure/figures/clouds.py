@@ -1,9 +1,7 @@
-"""What a point-cloud figure shows: points, a colour and scalars for each, and the legend that explains them.
+"""Point clouds of figures: points, their colours and scalars, and the legend.
 
-The three clouds of the method are those of the paper's figures of point clouds: by cluster, by the rank of the weight
-that decides about a Gaussian (low ranks are pruned first), and kept against pruned. Two more say where the message is:
-which Gaussians carry it, if that is known, or else how much of each one's weight goes to it. All of it is plain arrays;
-how they become a picture or a file is left to `portrait` and `export`.
+Three clouds show the method, as in the paper: clusters, ranks of the weights that decide about pruning, and the prune
+mask. Two show the message: the Gaussians that carry it, if they are known, or its share of each Gaussian's weight.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ Legend = tuple[tuple[tuple[str, str], ...], ...]
 
 @dataclass(frozen=True)
 class Scale:
-    """Colours from one end of a quantity to the other: uint8 [S,3], with words for both ends and the middle."""
+    """A colour scale: uint8 [S,3] from lowest to highest, with labels of the low end, the middle and the high end."""
 
     colours: NDArray[np.uint8]
     words: tuple[str, str, str]
@@ -46,9 +44,9 @@ class Cloud:
     scalars : mapping of str to array [N]
         The data behind the colours, for export.
     legend : rows of (label, colour)
-        What the colours mean; empty where they are a scale.
+        The colours' meaning; empty if there is a scale.
     scale : Scale, optional
-        What the colours mean where they are a scale.
+        The scale of continuous colours.
 
     """
 
@@ -62,13 +60,13 @@ class Cloud:
         return len(self.points)
 
     def subset(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Cloud:
-        """Return the points in `rows` (indices or a mask [N]), under the legend of all."""
+        """Return the points in `rows` (indices or a mask [N]), with the legend of all."""
         scalars = {name: values[rows] for name, values in self.scalars.items()}
         return replace(self, points=self.points[rows], colours=self.colours[rows], scalars=scalars)
 
 
 def cluster_cloud(means: NDArray[np.float32], labels: NDArray[np.int32]) -> Cloud:
-    """Colour each Gaussian by its cluster: the largest have a colour each, smaller ones share tints, noise is grey.
+    """Colour each Gaussian by its cluster: one colour for each of the largest, shared tints for others, grey for noise.
 
     Parameters
     ----------
@@ -77,24 +75,24 @@ def cluster_cloud(means: NDArray[np.float32], labels: NDArray[np.int32]) -> Clou
         Cluster of each Gaussian, -1 for noise.
 
     """
-    own = len(style.CLUSTERS)
+    coloured = len(style.CLUSTERS)
     palette = [style.rgb(c) for c in (*style.CLUSTERS, *(style.tint(c, _TINT) for c in style.CLUSTERS), style.NOISE)]
     sizes = np.bincount(labels[labels != NOISE_LABEL])
-    place = np.empty(len(sizes) + 1, np.intp)  # in the palette, by label; the noise label -1 is the last entry
+    entry = np.empty(len(sizes) + 1, np.intp)  # of the palette, by label; the noise label -1 is the last one
     largest_first = np.argsort(-sizes, kind="stable")
     order = np.arange(len(sizes))
-    place[largest_first] = np.where(order < own, order, own + order % own)
-    place[NOISE_LABEL] = -1
-    return Cloud(means, np.array(palette)[place[labels]], {"cluster": labels}, _cluster_legend(sizes, len(labels)))
+    entry[largest_first] = np.where(order < coloured, order, coloured + order % coloured)
+    entry[NOISE_LABEL] = -1
+    return Cloud(means, np.array(palette)[entry[labels]], {"cluster": labels}, _cluster_legend(sizes, len(labels)))
 
 
 def _cluster_legend(sizes: NDArray[np.intp], total: int) -> Legend:
     sizes = np.sort(sizes)[::-1]
-    own = len(style.CLUSTERS)
+    coloured = len(style.CLUSTERS)
     first = tuple((f"{n / total:.1%}", colour) for n, colour in zip(sizes, style.CLUSTERS, strict=False))
     second = [(f"noise: {1 - sizes.sum() / max(total, 1):.1%}", style.NOISE)]
-    if len(sizes) > own:
-        rest = f"{len(sizes) - own} smaller clusters (tints): {sizes[own:].sum() / total:.1%}"
+    if len(sizes) > coloured:
+        rest = f"{len(sizes) - coloured} smaller clusters (tints): {sizes[coloured:].sum() / total:.1%}"
         second.insert(0, (rest, style.tint(style.CLUSTERS[0], _TINT)))
     return (first, tuple(second)) if first else (tuple(second),)
 
@@ -102,8 +100,8 @@ def _cluster_legend(sizes: NDArray[np.intp], total: int) -> Legend:
 def rank_cloud(means: NDArray[np.float32], labels: NDArray[np.int32], weights: NDArray[np.float32]) -> Cloud:
     """Colour each Gaussian by the rank of the weight that decides about it.
 
-    That is the mean weight of its cluster, or its own weight if it is noise (paper, §Adaptive Pruning). The rank is the
-    share of Gaussians that go before it, equal weights sharing their mean rank: 0 is pruned first, 1 last.
+    That is the mean weight of its cluster, or for noise its weight (paper, §Adaptive Pruning). The rank is the share of
+    Gaussians with a lower deciding weight, from 0 to 1; equal weights share their mean rank.
 
     Parameters
     ----------
@@ -137,19 +135,19 @@ def _colour_map(values: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def kept_cloud(means: NDArray[np.float32], pruned: NDArray[np.bool_]) -> Cloud:
-    """Colour each Gaussian by whether it is pruned (bool [K], true where it is)."""
+    """Colour each Gaussian by the prune mask (bool [K])."""
     return _two_kinds(means, pruned, "pruned", ("kept", style.KEPT), ("pruned", style.PRUNED))
 
 
 def truth_cloud(means: NDArray[np.float32], carries_message: NDArray[np.bool_]) -> Cloud:
-    """Colour each Gaussian by whether it carries the message (bool [K]), where that is known."""
+    """Colour each Gaussian by whether it carries the message (bool [K])."""
     return _two_kinds(means, carries_message, "message", ("scene", style.KEPT), ("message", style.MESSAGE))
 
 
 def share_cloud(means: NDArray[np.float32], weights: NDArray[np.float32], hidden: NDArray[np.float32]) -> Cloud:
-    """Colour each Gaussian by the share of its weight that goes to the message; grey if no view shows it in either.
+    """Colour each Gaussian by the message's share of its weight, h / (h + ω); grey if both are 0.
 
-    That is h / (h + ω), of its mean contributions to views of the message (h) and of the scene (ω).
+    h is its weight in views of the message, ω in views of the scene.
 
     Parameters
     ----------
@@ -162,12 +160,12 @@ def share_cloud(means: NDArray[np.float32], weights: NDArray[np.float32], hidden
     share = np.divide(hidden, total, where=total > 0, out=np.full(len(total), np.nan))
     colours = np.where(total[:, None] > 0, _between(np.nan_to_num(share)), style.rgb(style.NOISE)).astype(np.uint8)
     scalars = {"message_share": share.astype(np.float32), "weight": weights, "hidden_weight": hidden}
-    scale = Scale(_between(np.linspace(0, 1, _STEPS)), ("scene only", "both alike", "message only"))
+    scale = Scale(_between(np.linspace(0, 1, _STEPS)), ("scene only", "equal", "message only"))
     return Cloud(means, colours, scalars, scale=scale)
 
 
 def _between(share: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return colours [S,3] from that of the scene (0) to that of the message (1)."""
+    """Return colours [S,3] between those of the scene (0) and of the message (1)."""
     ends = [style.rgb(colour).astype(np.float64) for colour in (style.KEPT, style.MESSAGE)]
     return np.rint(ends[0] + share[:, None] * (ends[1] - ends[0])).astype(np.uint8)
 

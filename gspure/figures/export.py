@@ -1,4 +1,4 @@
-"""Point clouds as files for other programs: glTF for viewers, VTP for ParaView and VTK."""
+"""Point clouds as files: glTF for viewers, VTP for ParaView and VTK."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def write_vtp(path: Path, cloud: Cloud) -> None:
 def write_gltf(path: Path, cloud: Cloud, axes: NDArray[np.floating]) -> None:
     """Write a cloud as one self-contained glTF 2.0 file of unlit points.
 
-    Scalars become application-specific attributes (``_RANK``, ...). VTK's own exporter would need OpenGL, and keeps
-    neither vertex colours nor scalars of points.
+    Scalars become application-specific attributes (``_RANK``, ...). VTK's exporter needs OpenGL and stores neither
+    vertex colours nor scalars of points.
 
     Parameters
     ----------
@@ -88,15 +88,8 @@ def write_gltf(path: Path, cloud: Cloud, axes: NDArray[np.floating]) -> None:
 
 def _accessor(array: NDArray[Any], view: int) -> dict[str, Any]:
     kind = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[array.shape[1] if array.ndim > 1 else 1]
-    if array.dtype == np.dtype("<u2"):
-        return {
-            "bufferView": view,
-            "componentType": _UNSIGNED_SHORT,
-            "normalized": True,
-            "count": len(array),
-            "type": kind,
-        }
-    return {"bufferView": view, "componentType": _FLOAT, "count": len(array), "type": kind}
+    accessor = {"bufferView": view, "componentType": _FLOAT, "count": len(array), "type": kind}
+    return accessor | ({"componentType": _UNSIGNED_SHORT, "normalized": True} if array.dtype == "<u2" else {})
 
 
 def _linear_rgba(colours: NDArray[np.uint8]) -> NDArray[np.uint16]:

@@ -1,7 +1,7 @@
-"""Eye-dome lighting: shade a pixel by how far its neighbours stand before it (Boucheny 2009).
+"""Eye-dome lighting: shade a pixel by the distance of its neighbours in front of it (Boucheny 2009).
 
-It gives point clouds, which have no normals, edges and depth. Done on the finished picture rather than in VTK, whose
-own filter has a fixed strength that drowns the colours of small dots in their outlines.
+It shows edges and depth of point clouds, which have no normals. It is applied to the finished picture, since VTK's
+filter has a fixed strength, at which the outlines of small dots hide their colours.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ _DIRECTIONS: Final = 8
 
 
 def eye_dome(image: NDArray[np.uint8], depth: NDArray[np.float32], radius: int) -> NDArray[np.uint8]:
-    """Return the image with depth made visible.
+    """Return the image shaded by depth.
 
     Parameters
     ----------
     image : uint8 array [H,W,3]
     depth : float32 array [H,W]
-        Distance along the view, inf where there is nothing; such pixels stay as they are.
+        Distance along the view; inf in the background, which is left unchanged.
     radius : int
-        Distance in pixels to the neighbours that are looked at.
+        Distance to the neighbours in pixels.
 
     """
     octaves = np.log2(depth)

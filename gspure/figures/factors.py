@@ -29,14 +29,14 @@ class Point(NamedTuple):
     """Mean over scenes, dB, of scene and message."""
 
 
-def curve(points: Sequence[Point], axis: int, own: tuple[float, float]) -> list[Point]:
-    """Return the points along one factor, in ascending order, where the other is that of the method's `own`."""
-    chosen = {p.factors[axis]: p for p in points if p.factors[1 - axis] == own[1 - axis]}
+def curve(points: Sequence[Point], axis: int, method: tuple[float, float]) -> list[Point]:
+    """Return the points along one factor, in ascending order, where the other one is that of `method`."""
+    chosen = {p.factors[axis]: p for p in points if p.factors[1 - axis] == method[1 - axis]}
     return [chosen[factor] for factor in sorted(chosen)]
 
 
-def write_factor_curves(path: Path, points: Sequence[Point], own: tuple[float, float]) -> None:
-    """Write a panel for each factor and target as a PNG; the method's own factors are marked by a ring.
+def write_factor_curves(path: Path, points: Sequence[Point], method: tuple[float, float]) -> None:
+    """Write a panel for each factor and target as a PNG; a ring marks the factors of the method.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def write_factor_curves(path: Path, points: Sequence[Point], own: tuple[float, f
         PNG to write.
     points : sequence of Point
         All with the same targets.
-    own : tuple of float
+    method : tuple of float
         tau_n and tau_c of the method.
 
     """
@@ -53,19 +53,19 @@ def write_factor_curves(path: Path, points: Sequence[Point], own: tuple[float, f
         grid = figure.subplots(len(targets), 2, sharex="col", sharey="row", squeeze=False)
         for row, target in zip(grid, targets, strict=True):
             for axis, axes in enumerate(row):
-                _draw(axes, curve(points, axis, own), axis, target, own)
+                _draw(axes, curve(points, axis, method), axis, target, method)
             row[0].set_ylabel(f"{target} PSNR (dB)")
         for axes, label in zip(grid[-1], _AXES, strict=True):
             axes.set_xlabel(label, parse_math=True)
 
 
-def _draw(axes: Axes, points: Sequence[Point], axis: int, target: str, own: tuple[float, float]) -> None:
+def _draw(axes: Axes, points: Sequence[Point], axis: int, target: str, method: tuple[float, float]) -> None:
     factors = [point.factors[axis] for point in points]
     means, low, high = np.array([point.psnr[target][:3] for point in points]).T
     axes.fill_between(factors, low, high, color=style.tint(_COLOURS[target], 0.82), linewidth=0)
     axes.plot(factors, means, "o-", color=_COLOURS[target], linewidth=1.1, markersize=2.6)
-    at = factors.index(own[axis])
-    axes.plot(own[axis], means[at], "o", markersize=6, markerfacecolor="none", markeredgecolor=style.INK, mew=0.7)
+    at = factors.index(method[axis])
+    axes.plot(method[axis], means[at], "o", markersize=6, markerfacecolor="none", markeredgecolor=style.INK, mew=0.7)
     axes.set_xticks(factors, [f"{factor:g}" for factor in factors])
     axes.grid(axis="y", color=style.tint(style.FAINT, 0.75), linewidth=0.4)
     axes.set_axisbelow(True)

@@ -21,18 +21,18 @@ from gspure.figures.portrait import portrait
 from gspure.figures.probe import gl_problem
 from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
 
-TITLES: Final = ("where the message is", "what goes first", "where it is after pruning")
-"""Of the three clouds of a purification."""
+TITLES: Final = ("message before pruning", "rank of the weight", "message after pruning")
+"""Titles of the three clouds of a purification."""
 
 _RANKS: Final = (
-    "Rank of the weight that decides about a row: the mean of its cluster, or its own if it is noise. Low ranks are "
-    "pruned first."
+    "Rank of the weight that decides about each row: the mean weight of its cluster or, for noise, its weight. "
+    "Low ranks are pruned first."
 )
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the figures of one model show.
+    """The data of the figures of one model.
 
     Parameters
     ----------
@@ -45,13 +45,13 @@ class Evidence:
     pruned : bool array [K]
         True where a Gaussian is pruned.
     carries_message : bool array [K], optional
-        True where a Gaussian is known to carry the message.
+        True where a Gaussian carries the message, if known.
     hidden : float32 array [K], optional
-        Where that is not known, the weights of the Gaussians in views of the message.
+        Otherwise, the weights of the Gaussians in views of the message.
     tau_c, tau_n : float
         Pruning factors.
     rows : str
-        What the rows of the model are: Gaussians, or anchors.
+        Gaussians or anchors.
 
     """
 
@@ -68,12 +68,12 @@ class Evidence:
 
     @property
     def shows_message(self) -> bool:
-        """Whether it is known where the message is, or what of each row's weight goes to it."""
+        """Whether the message's Gaussians, or its weights, are known."""
         return self.carries_message is not None or self.hidden is not None
 
 
 class Drawing(NamedTuple):
-    """A figure to be drawn."""
+    """A figure before it is drawn."""
 
     path: Path
     caption: str
@@ -83,7 +83,7 @@ class Drawing(NamedTuple):
 def draw(
     folder: Path, evidence: Evidence, cameras: Sequence[Camera] = (), view: Camera | None = None
 ) -> dict[Path, str]:
-    """Draw every one of `drawings`; return their captions."""
+    """Draw all `drawings`; return their captions."""
     captions = {}
     for drawing in drawings(folder, evidence, cameras, view):
         drawing.draw()
@@ -94,22 +94,21 @@ def draw(
 def drawings(
     folder: Path, evidence: Evidence, cameras: Sequence[Camera] = (), view: Camera | None = None
 ) -> Iterator[Drawing]:
-    """Yield every figure of a model, to be drawn into a folder.
+    """Yield every figure of a model.
 
-    They write ``clusters``, ``ranks``, ``kept`` and, if it is known where the message is, ``truth`` or ``hidden``, each
-    as .png, .gltf and .vtp, and ``weights.png``. ``purification.png`` is as the paper's Fig. 6: where the message is,
-    the ranks, and where the message is after pruning. Without a working OpenGL numpy draws the clouds, and their
-    captions say so.
+    They write ``clusters``, ``ranks``, ``kept`` and, if the message is known, ``truth`` or ``hidden``, each as .png,
+    .gltf and .vtp, and ``weights.png``. ``purification.png`` follows the paper's Fig. 6: the message before pruning,
+    the ranks, and the message after pruning. Without OpenGL numpy draws the clouds, and their captions say so.
 
     Parameters
     ----------
     folder : Path
-        Created if need be.
+        Of the files; created if it does not exist.
     evidence : Evidence
     cameras : sequence of Camera
-        The model's views: they say which way is up, and whether to look from outside or from within.
+        The model's views, which determine the up direction and whether to look from outside or from within.
     view : Camera, optional
-        Where to look from instead.
+        The viewpoint; by default chosen from `cameras`.
 
     """
     means = evidence.means
@@ -140,15 +139,15 @@ def drawings(
         caption = " ".join([_message_caption(evidence), _RANKS, *_pruned_weight(evidence), *remarks])
         yield Drawing(folder / "purification.png", caption, draw_purification)
     histogram = folder / "weights.png"
-    shown = histogram, evidence.weights, evidence.pruned, evidence.tau_c, evidence.tau_n, evidence.rows
-    yield Drawing(histogram, _histogram_caption(evidence), partial(write_weight_histogram, *shown))
+    arguments = histogram, evidence.weights, evidence.pruned, evidence.tau_c, evidence.tau_n, evidence.rows
+    yield Drawing(histogram, _histogram_caption(evidence), partial(write_weight_histogram, *arguments))
 
 
 def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]]:
     means, labels, rows = evidence.means, evidence.labels, evidence.rows
     clusters = int(labels.max(initial=NOISE_LABEL)) + 1
     caption = f"{clusters} clusters of the {len(means):,} {rows}, by HDBSCAN on position, opacity and weight."
-    caption += " Each has its share in the legend; noise is grey."
+    caption += " The legend gives their shares; noise is grey."
     yield "clusters", partial(cluster_cloud, means, labels), caption
     yield "ranks", partial(rank_cloud, means, labels, evidence.weights), _RANKS
     caption = f"{evidence.pruned.sum():,} of {len(means):,} {rows} are pruned."
@@ -159,18 +158,18 @@ def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]
 
 
 def _purification(evidence: Evidence) -> list[Cloud]:
-    """Return where the message is, the ranks, and where it is after pruning."""
+    """Return the message before pruning, the ranks, and the message after pruning."""
     before, after = (_message_cloud(evidence, chosen) for chosen in (np.ones_like(evidence.pruned), ~evidence.pruned))
     return [before, rank_cloud(evidence.means, evidence.labels, evidence.weights), after]
 
 
 def _message_cloud(evidence: Evidence, chosen: NDArray[np.bool_]) -> Cloud:
-    """Return where among the `chosen` rows (bool [K]) the message is; `Evidence.shows_message` must hold."""
+    """Return the message among the `chosen` rows (bool [K]); `Evidence.shows_message` must hold."""
     means = evidence.means[chosen]
     if evidence.carries_message is not None:
         return truth_cloud(means, evidence.carries_message[chosen])
     if evidence.hidden is None:
-        raise ValueError("it is not known where the message is")
+        raise ValueError("neither the message's Gaussians nor its weights are known")
     return share_cloud(means, evidence.weights[chosen], evidence.hidden[chosen])
 
 
@@ -178,19 +177,19 @@ def _message_caption(evidence: Evidence) -> str:
     if evidence.carries_message is not None:
         return f"Ground truth: {evidence.carries_message.sum():,} {evidence.rows} carry the message."
     caption = (
-        f"The share of the weight of each of the {evidence.rows} that goes to the message: h / (h + ω), of what it "
-        "contributes to views of the message (h) and of the scene (ω); grey where both are 0."
+        f"The message's share of the weight of all {evidence.rows}: h / (h + ω), with the weight h in views of the "
+        "message and ω in views of the scene; grey where both are 0."
     )
     if evidence.hidden is not None and np.allclose(evidence.hidden, evidence.weights):
-        caption += " Each serves both alike: what tells message from scene is not where it is."
+        caption += " Both weights are equal everywhere: message and scene share all Gaussians."
     return caption
 
 
 def _pruned_weight(evidence: Evidence) -> Iterator[str]:
-    """Say what pruning takes from scene and message, where both have a weight."""
+    """Yield the shares of the weight of message and scene that pruning removes, if both are known."""
     if evidence.hidden is not None:
-        taken = [_share(values, evidence.pruned) for values in (evidence.hidden, evidence.weights)]
-        yield f"Pruning takes {taken[0]:.1%} of the weight in the message and {taken[1]:.1%} of that in the scene."
+        message, scene = (_share(values, evidence.pruned) for values in (evidence.hidden, evidence.weights))
+        yield f"Pruning removes {message:.1%} of the weight in the message and {scene:.1%} of that in the scene."
 
 
 def _share(values: NDArray[np.float32], chosen: NDArray[np.bool_]) -> float:
@@ -200,16 +199,16 @@ def _share(values: NDArray[np.float32], chosen: NDArray[np.bool_]) -> float:
 
 def _remarks(count: int, problem: str | None) -> Iterator[str]:
     if count > MAX_POINTS:
-        yield f"{MAX_POINTS:,} of them are drawn, chosen at random."
+        yield f"A random {MAX_POINTS:,} of them are drawn."
     if problem:
         yield f"Drawn without OpenGL ({problem})."
 
 
 def _histogram_caption(evidence: Evidence) -> str:
-    unseen = float(np.mean(evidence.weights == 0))
+    zero = float(np.mean(evidence.weights == 0))
     return (
-        f"Weights of the {evidence.rows}, averaged over the views; {unseen:.1%} have weight 0, as no view shows them. "
-        f"Pruned are clusters whose mean weight is below the mean of all / {evidence.tau_c:g}, and noise points whose "
-        f"own is below the mean of all / {evidence.tau_n:g}. "
-        "What is kept left of the threshold, or pruned right of it, is in a cluster that was judged as a whole."
+        f"Weights of the {evidence.rows}, averaged over the views; {zero:.1%} have weight 0, as no view shows them. "
+        f"GSPure prunes clusters with a mean weight below the mean of all / {evidence.tau_c:g}, and noise points with "
+        f"a weight below the mean of all / {evidence.tau_n:g}. "
+        f"A cluster is pruned or kept as a whole, so some {evidence.rows} on either side of the threshold differ."
     )

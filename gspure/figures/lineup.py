@@ -1,4 +1,4 @@
-"""What every attack leaves, side by side: scene above message, as in the paper's qualitative comparison (Fig. 3)."""
+"""Scene and message after every attack, side by side, as in the paper's qualitative comparison (Fig. 3)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLUMNS: Final = 6
-"""Columns in a block, at most: their titles are then still to be read on a page."""
+"""Most columns in a block, so that their titles are legible on a page."""
 
 _TITLE: Final = 0.26  # height of a block's titles, inches: two lines
 _TITLE_WIDTH: Final = 16  # letters in a line of them
@@ -35,12 +35,12 @@ _LINES: Final = 6  # and its lines
 
 @dataclass(frozen=True)
 class Column:
-    """What one variant shows.
+    """The images of one variant.
 
     Parameters
     ----------
     name : str
-        The variant, or what all are compared with.
+        The variant, or the reference.
     images : mapping of str to float32 array [H,W,3]
         By target; none if it failed.
     unreached : collection of str
@@ -59,8 +59,8 @@ class Column:
 def chosen(outcomes: Sequence[Outcome], sweeps: Mapping[str, Sequence[str]]) -> list[Outcome]:
     """Return one variant of each attack, in the order of `outcomes`.
 
-    Of the variants that are one attack at several strengths (`sweeps`), it is the one with the highest Score, and of
-    GSPure's the method itself; the first, if no Score is known.
+    Of the variants of one attack at several strengths (`sweeps`), it is the one with the highest Score, or the first
+    if no Score is known; of GSPure's variants, the method itself.
     """
     by_name = {outcome.variant: outcome for outcome in outcomes}
     passed = set()
@@ -76,7 +76,7 @@ def _merit(outcome: Outcome) -> tuple[bool, float]:
 
 
 def typical(truth: Mapping[str, Image], shown: Mapping[str, Image]) -> str:
-    """Return the view whose PSNR is the median of all, the lower one of two: neither the best nor the worst to show."""
+    """Return the view with the median PSNR, the lower one of two."""
     ranked = sorted(shown, key=lambda view: (psnr(truth[view], shown[view]), view))
     return ranked[(len(ranked) - 1) // 2]
 
@@ -84,7 +84,7 @@ def typical(truth: Mapping[str, Image], shown: Mapping[str, Image]) -> str:
 def write_lineup(path: Path, targets: Sequence[str], columns: Sequence[Column]) -> None:
     """Write a column of images for every variant and a row for every target as a PNG, as wide as a page.
 
-    Columns that are too many for the page go on below, in blocks of about as many each.
+    More than `COLUMNS` columns are split into blocks of about equal size, one below the other.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def write_lineup(path: Path, targets: Sequence[str], columns: Sequence[Column]) 
     targets : sequence of str
         The rows.
     columns : sequence of Column
-        At least one. The first is the reference: it has an image of every target, and the others show their PSNR
+        At least one. The first is the reference: it has an image of every target; the PSNR of the others is measured
         against it.
 
     """

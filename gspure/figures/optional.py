@@ -1,4 +1,4 @@
-"""Figures that may fail: what they illustrate has been computed, and stays."""
+"""Figures that may fail without losing the results that they illustrate."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from gspure.progress import say
 
 @contextmanager
 def optional(path: Path) -> Iterator[None]:
-    """Draw the figure `path` in the block; if that fails, warn, and leave no older figure in its place."""
+    """Draw the figure `path` in the block; on failure, warn and delete an older figure."""
     try:
         yield
-    except Exception as error:  # noqa: BLE001 - whatever a plotting library raises
+    except Exception as error:  # noqa: BLE001 - plotting libraries raise many types
         path.unlink(missing_ok=True)
         reason = " ".join(str(error).split()) or type(error).__name__
         say(f"warning: {path}: not drawn: {reason}")

@@ -1,4 +1,4 @@
-"""Images side by side: the same views in several renderings, each labelled with its PSNR."""
+"""The same views in several renderings, side by side, each labelled with its PSNR."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Image = NDArray[np.float32]
 
 GAIN: Final = 5
-"""Factor by which differences are brightened."""
+"""Factor of the displayed differences."""
 
 
 def write_panels(
@@ -32,7 +32,7 @@ def write_panels(
     path : Path
         PNG to write.
     columns : mapping of title to (mapping of view to float32 array [H,W,3])
-        At least one. The first is the reference, with which the others are compared.
+        At least one. The first is the reference of the PSNR.
     views : sequence of str
         Views to show, one row each; every column has them.
     difference : bool
@@ -59,7 +59,7 @@ def write_panels(
 
 
 def show(axes: Axes, image: Image, label: str) -> None:
-    """Draw an image [H,W,3] and nothing else, with a label below."""
+    """Draw an image [H,W,3] without axes, with a label below."""
     axes.imshow(np.clip(image, 0, 1))
     axes.set_xticks([])
     axes.set_yticks([])

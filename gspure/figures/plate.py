@@ -1,4 +1,4 @@
-"""A figure of point clouds beside each other: each picture above its legend."""
+"""A figure of point clouds side by side, each picture above its legend."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 PICTURE_WIDTH: Final = round(style.COLUMN * style.DPI)
-"""Width in pixels at which a portrait is printed dot for dot in a column."""
+"""Width in pixels of a picture in a column, without resampling."""
 
 THIRD_WIDTH: Final = round(style.PAGE / 3 * style.DPI)
-"""The same, of one of three across the page."""
+"""Width in pixels of one of three pictures across the page."""
 
 _ROW: Final = 0.15  # height of a row of the legend, inches
 _TITLE: Final = 0.2  # height of a title
@@ -28,7 +28,7 @@ _TITLE: Final = 0.2  # height of a title
 def write_plate(
     path: Path, pictures: Sequence[NDArray[np.uint8]], clouds: Sequence[Cloud], titles: Sequence[str] = ()
 ) -> None:
-    """Write pictures of clouds, all of one size, each with its legend or scale and perhaps a title, as a PNG."""
+    """Write pictures of clouds, all of one size, each with its legend or scale and an optional title, as a PNG."""
     height, width = pictures[0].shape[:2]
     above, below = _TITLE if titles else 0.0, _ROW * (max(len(cloud.legend) or 2 for cloud in clouds) + 0.7)
     total = above + height / style.DPI + below

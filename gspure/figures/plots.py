@@ -1,4 +1,4 @@
-"""Charts: the distribution of weights with its thresholds, and what each variant did to scene and message."""
+"""Charts: the distribution of weights with its thresholds, and the PSNR of scene and message by variant."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _COLOURS: Final = {SCENE: style.SCENE, MESSAGE: style.MESSAGE}
 _BINS: Final = 72
 _DECADES: Final = 9  # at most, below the largest weight
-_TAIL: Final = 5e-4  # share of the weights that may lie below the axis; they are drawn in its lowest bin
+_TAIL: Final = 5e-4  # share of the weights below the axis, which are drawn in its lowest bin
 
 
 def write_weight_histogram(
@@ -32,9 +32,9 @@ def write_weight_histogram(
     tau_n: float,
     rows: str = "Gaussians",
 ) -> None:
-    """Write a histogram of the weights, in which weights of zero have a bar of their own.
+    """Write a histogram of the weights, with a separate bar for zero.
 
-    Weights that are negative or not finite are counted in a label, not drawn.
+    The number of negative and non-finite weights is a label.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def write_weight_histogram(
     tau_c, tau_n : float
         Pruning factors: the thresholds are mean / tau.
     rows : str
-        What the rows of the model are: Gaussians, or anchors.
+        Gaussians or anchors.
 
     """
     zero, shown = weights == 0, np.isfinite(weights) & (weights > 0)
@@ -83,7 +83,7 @@ def write_weight_histogram(
 
 
 def _range(decades: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the decades that the axis spans: up to the largest weight, down to all but a few of the smallest."""
+    """Return the lowest and highest decade of the axis, without a share of `_TAIL` of the smallest weights."""
     if not len(decades):
         return -3.0, 0.0
     high = float(decades.max()) + 0.05
@@ -91,7 +91,7 @@ def _range(decades: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> list[Artist]:
-    """Mark the mean weight and the thresholds below which clusters and noise points go; return the lines."""
+    """Mark the mean weight and the thresholds of clusters and noise points; return the lines."""
     marks = [(r"mean $\bar\omega$", mean, "-")]
     if tau_c == tau_n:
         marks.append((rf"$\bar\omega/{tau_c:g}$", mean / tau_c, "--"))
@@ -145,5 +145,5 @@ def _signed(score: float) -> str:
 
 
 def _format(value: float, decimals: int) -> str:
-    """Return how a number is printed: one too long for a label has an exponent."""
+    """Return the format of a number; one that is too long for a label has an exponent."""
     return f".{decimals}f" if abs(value) < style.MOST_DECIBELS else ".1e"

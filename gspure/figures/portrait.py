@@ -1,6 +1,6 @@
-"""A picture of a point cloud: dots by pyvista, or by numpy where OpenGL does not work, under eye-dome lighting.
+"""A picture of a point cloud with eye-dome lighting, drawn by pyvista, or by numpy without OpenGL.
 
-Both draw the same dots from the same camera onto white; those of pyvista are lit as little balls.
+Both draw the same dots on white; those of pyvista are shaded as spheres.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from gspure.figures.eyedome import eye_dome
 from gspure.figures.probe import prefer_egl
 from gspure.figures.viewpoint import in_view, project
 
-_SMOOTHING: Final = 2  # the picture is drawn at this multiple of its size and averaged
+_SMOOTHING: Final = 2  # factor of supersampling
 
 
 def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> NDArray[np.uint8]:
@@ -29,8 +29,8 @@ def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> NDArray[np.uint8]
     camera : Camera
         With square pixels (see `gspure.figures.viewpoint.fitted`); its size is the picture's.
     opengl : bool
-        Whether to draw with pyvista. Without a working OpenGL that ends the process, so ask
-        `gspure.figures.probe.gl_problem` first.
+        Whether to draw with pyvista, which ends the process if OpenGL does not work (see
+        `gspure.figures.probe.gl_problem`).
 
     """
     cloud = cloud.subset(in_view(cloud.points, camera))
@@ -46,12 +46,12 @@ def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> NDArray[np.uint8]
 
 
 def dot_size(count: int, camera: Camera) -> int:
-    """Return the diameter in pixels at which `count` dots, spread over the image, would just about close it."""
+    """Return the diameter in pixels at which `count` evenly spread dots cover the image."""
     return max(int(min(2 * np.sqrt(camera.width * camera.height / count), camera.width / 150)), 2)
 
 
 def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """Do what `zbuffer.draw` does, with pyvista."""
+    """Draw like `zbuffer.draw`, with pyvista."""
     prefer_egl()
     import pyvista as pv
 
@@ -80,7 +80,7 @@ def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uin
 
 
 def _aim(vtk_camera: Any, camera: Camera) -> None:
-    """Give VTK's camera the pose and the intrinsics of ours."""
+    """Set pose and intrinsics of VTK's camera."""
     _, down, forward = camera.viewmat[:3, :3]
     vtk_camera.position = camera.centre
     vtk_camera.focal_point = camera.centre + forward

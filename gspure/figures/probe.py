@@ -1,4 +1,4 @@
-"""Does OpenGL work here? Asked in a process of its own, since VTK without a working OpenGL ends its process.
+"""Test of OpenGL in a separate process, since VTK ends its process if OpenGL does not work.
 
 ``python -m gspure.figures.probe`` renders a small picture off screen and prints the name of the renderer.
 """
@@ -20,21 +20,21 @@ _SECONDS: Final = 60
 
 @dataclass(frozen=True)
 class OpenGL:
-    """What became of one small off-screen picture: the name of the renderer that drew it, or else the problem."""
+    """The result of the test: the name of OpenGL's renderer, or the problem."""
 
     renderer: str | None
     problem: str | None
 
 
 def prefer_egl() -> None:
-    """Let VTK render through EGL, unless the user chose otherwise: it looks for an X server first, even off screen."""
+    """Let VTK render with EGL unless the user chose otherwise; by default it needs an X server, even off screen."""
     if sys.platform == "linux":
         os.environ.setdefault(WINDOW_VARIABLE, "vtkEGLRenderWindow")
 
 
 @cache
 def try_opengl() -> OpenGL:
-    """Draw one small picture off screen, in a process of its own."""
+    """Draw a small picture off screen in a separate process."""
     command = [sys.executable, "-m", "gspure.figures.probe"]
     try:
         child = subprocess.run(command, capture_output=True, text=True, check=False, timeout=_SECONDS)
@@ -42,12 +42,12 @@ def try_opengl() -> OpenGL:
         return OpenGL(None, f"no answer within {_SECONDS} s")
     if child.returncode == 0:
         return OpenGL(child.stdout.strip(), None)
-    last_words = child.stderr.strip().splitlines()[-1:] if child.returncode > 0 else []
-    return OpenGL(None, (last_words or [f"off-screen rendering ends the process (status {child.returncode})"])[0])
+    last_line = child.stderr.strip().splitlines()[-1:] if child.returncode > 0 else []
+    return OpenGL(None, (last_line or [f"off-screen rendering ends the process (status {child.returncode})"])[0])
 
 
 def gl_problem() -> str | None:
-    """Return why 3-D pictures cannot be drawn with OpenGL, and what helps; None if they can."""
+    """Return why OpenGL does not work, with a remedy; None if it works."""
     problem = try_opengl().problem
     return problem and f"{problem}: {INSTALL_HINT}"
 

@@ -1,4 +1,4 @@
-"""The look that all figures share: sizes, type, colours, and how a page becomes a PNG."""
+"""The common style of all figures: sizes, fonts, colours, and writing of PNG files."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ PAGE: Final = 7.0
 DPI: Final = 400
 
 MOST_DECIBELS: Final = 1e4
-"""A PSNR that no two images have; from there on a value is told, not drawn."""
+"""Upper bound of drawn values, above the PSNR of any two images; larger ones are labels only."""
 
 INK: Final = "#222222"
 FAINT: Final = "#8a8a8a"
 
-# Colour-blind safe throughout. A thing keeps its colour in every figure: what goes is vermilion, the message is wine.
+# Colour-blind safe. Meanings keep their colour in all figures.
 KEPT: Final = "#9fb4c7"
 PRUNED: Final = "#d55e00"  # Okabe and Ito's vermilion
 SCENE: Final = "#4d7ea8"
@@ -51,10 +51,10 @@ CLUSTERS: Final = (
 """Paul Tol's muted scheme, ordered so that neighbours in the list differ in lightness."""
 
 _RC: Final[dict[str, Any]] = {
-    "font.family": "DejaVu Sans",  # ships with matplotlib: the same letters on every machine
+    "font.family": "DejaVu Sans",  # ships with matplotlib, so it is the same on every machine
     "font.size": 7,
     "mathtext.fontset": "dejavusans",
-    "text.parse_math": False,  # a name from a file is no formula; text of ours that is one says so
+    "text.parse_math": False,  # names from files are not formulas
     "text.usetex": False,
     "text.color": INK,
     "axes.edgecolor": INK,
@@ -86,7 +86,7 @@ _RC: Final[dict[str, Any]] = {
 def page(
     path: Path, width: float, height: float, layout: Literal["constrained"] | None = "constrained"
 ) -> Iterator[Figure]:
-    """Yield an empty figure of this size in inches; when the block ends well, it becomes the PNG at `path`."""
+    """Yield an empty figure of this size in inches, and write it as the PNG `path` after the block."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -94,7 +94,7 @@ def page(
         figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="white")
         yield figure
         with replacing(path) as temporary:
-            # Without the Software entry the bytes do not change with matplotlib's version string.
+            # Without the Software entry, the bytes do not depend on matplotlib's version.
             figure.savefig(temporary, metadata={"Software": None})
 
 

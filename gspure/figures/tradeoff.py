@@ -1,4 +1,4 @@
-"""All variants of a scheme by what they cost the scene and what they leave of the message, with the Pareto front."""
+"""Trade-off of all variants of a scheme: damage to the scene against quality of the message, with the Pareto front."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _LINEAR: Final = 2.0  # dB; further right the axis is logarithmic, for attacks that destroy the scene
-_LETTERS: Final = 70  # that a line of the key has room for
+_LETTERS: Final = 70  # in a line of the key
 _APART: Final = 7.0  # points of type, between two numbers
 _TICKS: Final = (0, 0.5, 1, 1.5, 2, 3, 5, 10, 20)
 
 
 class Place(NamedTuple):
-    """Variants that do the same, and where they lie: means over the scenes."""
+    """Variants with equal results, and these results as means over the scenes."""
 
     damage: float
-    """How far the scene's PSNR fell, dB."""
+    """Drop of the scene's PSNR, dB."""
 
     residual: float
     """PSNR of the message, dB."""
@@ -37,7 +37,7 @@ class Place(NamedTuple):
 
 
 def places(outcomes: Sequence[Outcome]) -> list[Place]:
-    """Return where the variants of one scheme lie, by damage. One that lacks a scene that others have is left out."""
+    """Return the results of the variants of one scheme, by damage; variants that lack a scene are left out."""
     known: dict[str, list[tuple[float, float]]] = {}
     for o in outcomes:
         drops = np.array([o.psnr_drop(SCENE), o.psnr_drop(MESSAGE)])
@@ -50,7 +50,7 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
 
 
 def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None = None) -> list[Place]:
-    """Write the variants of one scheme as points of a PNG; return those on the front, numbered there in this order.
+    """Write the variants of one scheme as points of a PNG; return those on the front, in the order of their numbers.
 
     Parameters
     ----------
@@ -59,13 +59,13 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
     outcomes : sequence of Outcome
         All variants of one scheme.
     floor : float, optional
-        Mean over the scenes of the highest control (`gspure.evaluation.survival.floor`), dB: a line to mark.
+        Mean over the scenes of the highest control (`gspure.evaluation.survival.floor`), dB; drawn as a line.
 
     """
-    found = places(outcomes)
-    damage, residual = [place.damage for place in found], [place.residual for place in found]
+    listed = places(outcomes)
+    damage, residual = [place.damage for place in listed], [place.residual for place in listed]
     on_front = pareto_front(damage, residual)
-    front = [place for place, chosen in zip(found, on_front, strict=True) if chosen]
+    front = [place for place, chosen in zip(listed, on_front, strict=True) if chosen]
     with style.page(path, style.COLUMN, 2.3 + 0.13 * len(front)) as figure:
         axes = figure.add_subplot()
         axes.plot(damage, residual, "o", color=style.KEPT, markersize=2.4, label="variant")
@@ -73,15 +73,15 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
         axes.step(*zip(*line, strict=True), where="post", color=style.INK, linewidth=0.8)
         axes.plot(*zip(*line, strict=True), "o", color=style.INK, markersize=3.2, label="Pareto front")
         for name, marker in ((UNATTACKED, "s"), (GSPURE, "D")):
-            for place in (place for place in found if name in place.variants):
+            for place in (place for place in listed if name in place.variants):
                 colour = style.PRUNED if name == GSPURE else style.SCENE
                 axes.plot(*place[:2], marker, color=colour, markersize=4.4, label=display_name(name), linestyle="none")
         if floor is not None:
             axes.axhline(floor, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="floor (highest control)")
         _scale(axes, damage)
         _number(axes, line)
-        axes.set_xlabel("damage to the scene: drop of its PSNR (dB)")
-        axes.set_ylabel("left of the message: PSNR (dB)")
+        axes.set_xlabel("damage to the scene: drop of PSNR (dB)")
+        axes.set_ylabel("quality of the message: PSNR (dB)")
         figure.legend(loc="outside upper center", ncols=3)
         key = "\n".join(f"{i}  {_named(place)}" for i, place in enumerate(front, start=1))
         axes.annotate(
@@ -103,7 +103,7 @@ def _scale(axes: Axes, damage: Sequence[float]) -> None:
 
 
 def _number(axes: Axes, line: Sequence[tuple[float, float]]) -> None:
-    """Write numbers on the empty side of the front; neighbours too close for one of their own share one."""
+    """Write numbers on the empty side of the front; neighbours that are too close share a label."""
     at = axes.transData.transform(line) * 72 / style.DPI  # in points
     starts = [0, *(np.flatnonzero(np.hypot(*np.diff(at, axis=0).T) > _APART) + 1).tolist(), len(line)]
     for first, end in pairwise(starts):

@@ -1,4 +1,4 @@
-"""Where a point cloud is looked at from, and which of its points are worth drawing."""
+"""Viewpoints of point clouds, and the choice of the points to draw."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from gspure.cameras.camera import Camera, intrinsics
 Float64 = NDArray[np.float64]
 
 MAX_POINTS = 2_000_000
-"""A cloud with more points than this is thinned, always to the same points."""
+"""Larger clouds are thinned to this number of points, always the same ones."""
 
-_BULK = (0.02, 0.98)  # quantiles that bound the bulk of the points, by which floaters are told
-_NEAREST = 0.1  # least distance from the camera of an overview to what it frames, times the extent of that
-_MARGIN = 1.04  # of an overview, times the extent of what it frames
+_BULK = (0.02, 0.98)  # quantiles that bound the points without floaters
+_NEAREST = 0.1  # least distance of an overview from the framed points, times their extent
+_MARGIN = 1.04  # of an overview, times the extent of the framed points
 _TALLEST, _FLATTEST = 0.8, 0.45  # height over width of an overview
 _FIELD_OF_VIEW = np.radians(35.0)
 _ELEVATION = np.radians(25.0)
 _AZIMUTH = np.radians(30.0)
-_AGREEMENT = 0.25  # length of a mean over the mean length, below which directions do not agree
-_UP = (0.0, -1.0, 0.0)  # COLMAP's y points down, and a 3DGS model lives in COLMAP's world
+_AGREEMENT = 0.25  # least length of the mean over mean length for which directions agree
+_UP = (0.0, -1.0, 0.0)  # COLMAP's y points down, and 3DGS models use COLMAP's world
 
 
 def thinned(count: int) -> NDArray[np.intp]:
-    """Return the sorted rows to draw out of `count`: all, or `MAX_POINTS` of them drawn with a fixed seed."""
+    """Return the sorted rows to draw of `count`: all, or `MAX_POINTS` of them, sampled with a fixed seed."""
     if count <= MAX_POINTS:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, MAX_POINTS, replace=False))
 
 
 def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float64:
-    """Return which way is right, up and front in the model's world, as the rows of a rotation [3,3].
+    """Return the directions right, up and front of the model's world, as the rows of a rotation [3,3].
 
-    Up is that of the cameras on average. The front is the side on which most of them stand; where they stand all round,
-    or there are none, it is -z, or -y if z is up.
+    Up is the mean up direction of the cameras. The front is the side with most cameras; without a preferred side or
+    cameras, it is -z, or -y if z is up.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float6
 
 
 def _agreed(vectors: Float64, otherwise: Float64) -> Float64:
-    """Return the unit vector along the mean of `vectors` [N,3], or along `otherwise` if they point all ways."""
+    """Return the unit vector along the mean of `vectors` [N,3], or along `otherwise` if they do not agree."""
     total = vectors.sum(axis=0)
     if np.linalg.norm(total) <= _AGREEMENT * np.linalg.norm(vectors, axis=1).sum():
         total = otherwise
@@ -62,9 +62,10 @@ def _agreed(vectors: Float64, otherwise: Float64) -> Float64:
 
 
 def choose(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
-    """Return a view for pictures of the whole cloud: from outside if the cameras stand round it, else one of them.
+    """Return a view of the whole cloud: from outside if the cameras surround it, else one of them.
 
-    Among cameras inside the cloud (of a room, of an open landscape) it is the first by name that sees the most of it.
+    If most cameras are inside the cloud (a room, an open landscape), it is the one that sees the most points, the first
+    by name if there are several.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def choose(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
 
 
 def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
-    """Return a camera outside the cloud that frames all of it but floaters, seen from above and a little aside.
+    """Return a camera outside the cloud that frames it without floaters, from above and from one side.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
 
 
 def _framing(slopes: Float64, viewmat: Float64) -> Camera:
-    """Return the camera in which directions with these slopes (x / z, y / z) just fill an image of a handy shape."""
+    """Return the camera whose image is filled by directions with these slopes (x / z, y / z)."""
     low, high = slopes.min(axis=0), slopes.max(axis=0)
     width, height = np.maximum((high - low) * _MARGIN, 1e-3)
     width = max(width, height / _TALLEST)
@@ -127,7 +128,7 @@ def _framing(slopes: Float64, viewmat: Float64) -> Camera:
 
 
 def _without_floaters(means: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Return which rows lie in the box round the bulk of the points, widened on every side by half its extent."""
+    """Return the mask of the points in the box around the bulk, widened on every side by half its extent."""
     low, high = np.quantile(means, _BULK, axis=0)
     slack = (high - low) / 2
     inside: NDArray[np.bool_] = ((means >= low - slack) & (means <= high + slack)).all(axis=1)
@@ -144,9 +145,9 @@ def project(means: NDArray[np.floating], camera: Camera) -> tuple[Float64, Float
 
 
 def in_view(means: NDArray[np.floating], camera: Camera) -> NDArray[np.intp]:
-    """Return the rows that a picture from `camera` shows, without floaters far before or behind all others.
+    """Return the rows that a picture from `camera` shows, without floaters far in front of or behind all others.
 
-    Stray points would else spread the depth range, and with it the shading of depth, over empty space.
+    Floaters would extend the depth range, and with it the shading, over empty space.
     """
     pixels, depth = project(means, camera)
     with np.errstate(invalid="ignore"):

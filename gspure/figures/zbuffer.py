@@ -1,4 +1,4 @@
-"""Dots drawn by numpy alone, for machines without OpenGL."""
+"""Drawing of dots with numpy, for machines without OpenGL."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ _PIXELS_AT_ONCE: Final = 4_000_000
 
 
 def draw(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """Draw a cloud as dots of `size` pixels across on white; the nearest wins.
+    """Draw a cloud as dots with a diameter of `size` pixels on white; the nearest dot is visible.
 
     Parameters
     ----------
     cloud : Cloud
-        Every point in view (see `gspure.figures.viewpoint.in_view`).
+        All points are in view (see `gspure.figures.viewpoint.in_view`).
     camera : Camera
     size : int
 
     Returns
     -------
     uint8 array [H,W,3], float32 array [H,W]
-        Colour, and depth along the view (inf beside the dots).
+        Colour, and depth along the view (inf in the background).
 
     """
     pixels, depth = project(cloud.points, camera)
-    shape = (camera.height + 2 * size, camera.width + 2 * size)  # dots at the border hang over the edge
+    shape = (camera.height + 2 * size, camera.width + 2 * size)  # dots may cross the border
     image = np.full((*shape, 3), 255, np.uint8)
     nearest = np.full(shape, np.inf, np.float32)
     grid = np.indices((size, size)).reshape(2, -1).T
@@ -40,7 +40,7 @@ def draw(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], ND
     for rows in np.array_split(far_to_near, len(depth) * len(dot) // _PIXELS_AT_ONCE + 1):
         corner = np.rint(pixels[rows, ::-1] - size / 2).astype(np.intp) + size
         y, x = (corner[:, None] + dot).reshape(-1, 2).T
-        image[y, x] = np.repeat(cloud.colours[rows], len(dot), axis=0)  # the last write stays
+        image[y, x] = np.repeat(cloud.colours[rows], len(dot), axis=0)  # the last write is kept
         nearest[y, x] = np.repeat(depth[rows], len(dot))
     inner = slice(size, -size)
     return image[inner, inner], nearest[inner, inner]
