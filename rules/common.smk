@@ -24,13 +24,13 @@ except InputError as error:
     print(f"gspure: {error}", file=sys.stderr)
     sys.exit(2)
 
-# By scheme, the scenes of each: planted messages, the user's own models, and pairs that schemes are trained on. `raised@1`
-# is the pair `raised` again, with other seeds.
+# By scheme, the scenes of each: the user's own models, and pairs that schemes are trained on. `raised@1` is the pair
+# `raised` again, with other seeds.
 WATERMARKS = {name: find_scheme(name) for name in config["schemes"]}
 REPEATED = {
     f"{pair}@{n}" if n else pair: own for pair, own in config["pairs"].items() for n in range(config["repetitions"])
 }
-SCHEMES = {"planted": config["planted"], "vanilla": config["assets"], **dict.fromkeys(WATERMARKS, REPEATED)}
+SCHEMES = {"vanilla": config["assets"], **dict.fromkeys(WATERMARKS, REPEATED)}
 MODELS = [f"{scheme}/{scene}" for scheme, scenes in SCHEMES.items() for scene in scenes]
 VARIANTS = config["variants"]
 

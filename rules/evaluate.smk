@@ -2,43 +2,18 @@
 # unattacked model shows.
 
 
-ruleorder: extract_message > render_target
-
-
-rule reveal_planted:
-    input:
-        model="results/planted/{scene}/{variant}/public/point_cloud.ply",
-        key="results/planted/{scene}/key/planted_key.npz",
-    output:
-        model=temp("results/planted/{scene}/{variant}/message.ply"),
-    log:
-        "results/logs/planted/{scene}/{variant}/message.log",
-    benchmark:
-        "results/benchmarks/planted/{scene}/{variant}/message.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    params:
-        code=code_digest("gspure.cli.message"),
-    message:
-        "Revealing the message of {wildcards.variant} of planted/{wildcards.scene}"
-    shell:
-        job("message {input.model:q} --key {input.key:q} --out {output.model:q}")
-
-
-rule render_target:
+rule render_scene:
     input:
         unpack(world_of),
         unpack(off_path),
         model=model_of,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
-        images=directory("results/{scheme}/{scene}/{variant}/renders/{target}"),
+        images=directory("results/{scheme}/{scene}/{variant}/renders/scene"),
     log:
-        "results/logs/{scheme}/{scene}/{variant}/render_{target}.log",
+        "results/logs/{scheme}/{scene}/{variant}/render_scene.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/{variant}/render_{target}.tsv"
-    wildcard_constraints:
-        target="scene|message",
+        "results/benchmarks/{scheme}/{scene}/{variant}/render_scene.tsv"
     conda:
         "../envs/gspure.yaml"
     threads: THREADS
@@ -51,7 +26,7 @@ rule render_target:
         views=view_options,
         scheme=get_scheme,
     message:
-        "Rendering the {wildcards.target} of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
+        "Rendering the scene of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job(
             "render {input.model:q} {params.scheme} --cameras {input.cameras:q}"
@@ -123,7 +98,7 @@ rule tabulate_metrics:
         metrics=get_finished(path for model in MODELS for path in metrics_files(*model.split("/"))),
         masks=get_finished(expand("results/{model}/{variant}/prune_mask.npy", model=MODELS, variant=VARIANTS)),
         verdicts=get_finished(expand("results/{model}/{variant}/verdict.json", model=MODELS, variant=VARIANTS)),
-        truth=get_finished(expand("results/planted/{scene}/key/carriers.npy", scene=SCHEMES["planted"])),
+        key_folders=get_finished(f"results/{scheme}/{scene}/key" for scheme in WATERMARKS for scene in SCHEMES[scheme]),
         failures=[status_of(failure.log) for failure in FAILURES],
     output:
         table="results/tables/results.csv",
@@ -143,7 +118,7 @@ rule tabulate_metrics:
         "Tabulating all variants"
     shell:
         job(
-            "table --metrics {input.metrics:q} --prune-masks {input.masks:q} --truth {input.truth:q}"
+            "table --metrics {input.metrics:q} --prune-masks {input.masks:q} --keys {input.key_folders:q}"
             " --verdicts {input.verdicts:q} --failures {input.failures:q} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q}"
             " --latex {output.latex:q}"
         )

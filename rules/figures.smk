@@ -5,7 +5,6 @@ rule draw_model:
         clusters="results/{scheme}/{scene}/clusters.npz",
         mask="results/{scheme}/{scene}/prune_mask.npy",
         cameras="results/{scheme}/{scene}/cameras.json",
-        truth=lambda wildcards: truth_of(**wildcards),
         hidden=lambda wildcards: hidden_of(**wildcards),
     output:
         figures=report(
@@ -24,7 +23,7 @@ rule draw_model:
     params:
         code=code_digest("gspure.cli.figures"),
         factors=method_options("tau_c", "tau_n"),
-        message=lambda wildcards, input: options(input, *(name for name in ("truth", "hidden") if input[name])),
+        message=lambda wildcards, input: options(input, "hidden") if input.hidden else "",
     message:
         "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"
     shell:

@@ -11,8 +11,7 @@ from gspure.workflow.pairs import (
 )
 
 EXTRACTIONS = {name: scheme.extractions for name, scheme in WATERMARKS.items()}
-TARGETS = {"planted": ["scene", "message"], "vanilla": ["scene"]}
-TARGETS |= {name: ["scene", *extractions] for name, extractions in EXTRACTIONS.items()}
+TARGETS = {"vanilla": ["scene"]} | {name: ["scene", *extractions] for name, extractions in EXTRACTIONS.items()}
 
 
 def pair_inputs(wildcards):
@@ -23,7 +22,7 @@ def pair_inputs(wildcards):
 
 
 def public_model(wildcards):
-    """The model that everybody sees: the user's file where it lies, or the one that is planted or trained here."""
+    """The model that everybody sees: the user's file where it lies, or the one that is trained here."""
     made = f"results/{wildcards.scheme}/{wildcards.scene}/public/point_cloud.ply"
     return SCHEMES[wildcards.scheme][wildcards.scene].get("model", made)
 
@@ -130,8 +129,6 @@ def model_of(wildcards):
         return f"results/{wildcards.scheme}/{other}/public/point_cloud.ply"
     if wildcards.variant == WRONG_KEY:
         return f"{folder}/public/point_cloud.ply"
-    if wildcards.scheme == "planted" and wildcards.target == "message":
-        return f"{folder}/{wildcards.variant}/message.ply"
     return f"{folder}/{wildcards.variant}/public/point_cloud.ply"
 
 
@@ -183,8 +180,6 @@ def renders(wildcards):
 
 def references(wildcards):
     """The folders of images that a variant is compared with."""
-    if wildcards.scheme == "planted":
-        return expand("results/planted/{scene}/truth/{target}", target=TARGETS["planted"], scene=wildcards.scene)
     if wildcards.scheme in WATERMARKS:
         return [pair_inputs(wildcards)[target] for target in ("scene", "message")]
     return expand("results/vanilla/{scene}/unattacked/renders/scene", scene=wildcards.scene)
@@ -200,8 +195,7 @@ def comparison_options(wildcards):
 def shown_folders(wildcards):
     """The folders of images, with one folder for each target, by title: the truth where it is known, then variants."""
     folder = f"results/{wildcards.scheme}/{wildcards.scene}"
-    truths = {"planted": f"{folder}/truth"} | dict.fromkeys(WATERMARKS, f"results/pairs/{pair_of(wildcards.scene)}")
-    truth = {"truth": truths[wildcards.scheme]} if wildcards.scheme in truths else {}
+    truth = {"truth": f"results/pairs/{pair_of(wildcards.scene)}"} if wildcards.scheme in WATERMARKS else {}
     others = sorted(VARIANTS, key=lambda variant: variant != "unattacked")
     return truth | {variant: f"{folder}/{variant}/renders" for variant in others}
 
@@ -217,11 +211,6 @@ def panel_columns(wildcards):
 def metrics_files(scheme, scene):
     """The metrics of all variants and controls of a model."""
     return [f"results/{scheme}/{scene}/{variant}/metrics.csv" for variant in [*VARIANTS, *controls(scheme, scene)]]
-
-
-def truth_of(scheme, scene):
-    """The mask of the Gaussians that carry the message, where it is known."""
-    return [f"results/planted/{scene}/key/carriers.npy"] if scheme == "planted" else []
 
 
 def hidden_of(scheme, scene):

@@ -1,32 +1,3 @@
-rule plant_scene:
-    output:
-        model="results/planted/{scene}/public/point_cloud.ply",
-        cameras="results/planted/{scene}/cameras.json",
-        points="results/planted/{scene}/points3D.ply",
-        key="results/planted/{scene}/key/planted_key.npz",
-        carriers="results/planted/{scene}/key/carriers.npy",
-        scene=directory("results/planted/{scene}/truth/scene"),
-        message=directory("results/planted/{scene}/truth/message"),
-    log:
-        "results/logs/planted/{scene}/plant.log",
-    benchmark:
-        "results/benchmarks/planted/{scene}/plant.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    params:
-        code=code_digest("gspure.cli.plant"),
-        folder="results/planted/{scene}",
-        options=lambda wildcards: options(
-            {**config["planted"][wildcards.scene], "off_path": config["views"]["off_path"]},
-            *sorted(config["planted"][wildcards.scene]),
-            "off_path",
-        ),
-    message:
-        "Planting a message in {wildcards.scene}"
-    shell:
-        job("plant {params.options} --out {params.folder:q}")
-
-
 rule step_off_path:
     input:
         cameras="results/{scheme}/{scene}/cameras.json",
@@ -57,8 +28,6 @@ rule prepare_cameras:
         "results/logs/{scheme}/{scene}/cameras.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/cameras.tsv"
-    wildcard_constraints:
-        scheme="|".join(["vanilla", *WATERMARKS]),
     conda:
         "../envs/gspure.yaml"
     params:

@@ -15,7 +15,7 @@ COUNT = 200
 
 
 def settled() -> dict:
-    config = {"planted": {"room": {}}, "variants": GRID}
+    config = {"pairs": {"room": {}}, "schemes": {"planted": {}}, "variants": GRID}
     return resolved(validated(config, ROOT / "schemas" / "config.schema.yaml", "severity.yaml"), "severity.yaml")
 
 

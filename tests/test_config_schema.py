@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
@@ -21,15 +22,17 @@ from gspure.method.clustering.selection import SELECTIONS
 from gspure.method.features import PARTS
 from gspure.method.weights import REDUCTIONS
 from gspure.scenes.placement import PLACEMENTS
-from gspure.scenes.planted import STAGES
+from gspure.scenes.staging import STAGES
 from gspure.schemes.registry import schemes
 from gspure.workflow.configuration import resolved, validated
 from tests.models import camera
+from tests.training_cases import colmap_project, ring
 
 ROOT = Path(__file__).parents[1]
 SCHEMA_FILE = ROOT / "schemas" / "config.schema.yaml"
 SCHEMA = yaml.safe_load(SCHEMA_FILE.read_text())
 BOT = {"model": "bot.ply", "cameras": "orbit"}
+PLANTED = {"pairs": {"room": {}}, "schemes": {"planted": {}}}
 ASSET = {"assets": {"bot": BOT}}
 
 
@@ -76,7 +79,7 @@ def test_names_that_yaml_does_not_read_as_text_are_refused(name):
 def test_naming_a_model_and_its_cameras_is_enough():
     config = filled(ASSET)
     assert config["assets"]["bot"].items() >= BOT.items()
-    assert config["planted"] == {}
+    assert config["pairs"] == {}
     assert {"unattacked", "gspure"} <= config["variants"].keys()
 
 
@@ -105,10 +108,8 @@ def test_choices_are_those_of_the_code():
     assert set(method["selection"]["enum"]) == set(SELECTIONS)
     assert set(method["reduction"]["enum"]) == set(REDUCTIONS)
     assert set(method["energy"]["enum"]) == set(ENERGIES)
-    planted = SCHEMA["properties"]["planted"]["additionalProperties"]["properties"]
-    assert set(planted["scene"]["enum"]) == set(planted["message"]["enum"]) == set(STAGES)
     pair = SCHEMA["properties"]["pairs"]["additionalProperties"]["properties"]
-    assert set(planted["placement"]["enum"]) == set(pair["placement"]["enum"]) == set(PLACEMENTS)
+    assert set(pair["placement"]["enum"]) == set(PLACEMENTS)
     assert {pair["scene"]["default"], pair["message"]["default"]} <= set(STAGES)
     assert set(SCHEMA["properties"]["views"]["properties"]["evaluate"]["enum"]) == set(SPLITS)
 
@@ -118,7 +119,7 @@ def test_the_guide_shows_every_setting_with_its_default():
     shown = yaml.safe_load(re.findall(r"```yaml\n(.*?)```", guide, flags=re.DOTALL)[2])
     files = {"model": shown["assets"]["bicycle"]["model"], "cameras": shown["assets"]["bicycle"]["cameras"]}
     decided = {name: {"tau_n": decision["tau_n"]} for name, decision in shown["decisions"].items()}
-    named = {"decisions": decided, "planted": {"room": {}}, "pairs": {"room": {}}, "schemes": {"splats_in_splats": {}}}
+    named = {"decisions": decided, "pairs": {"room": {}}, "schemes": {"splats_in_splats": {}}}
     config = filled({"assets": {"bicycle": files}, **named})
     for kind, available in (("variants", attacks()), ("schemes", schemes())):
         for name, settings in config[kind].items():
@@ -159,7 +160,7 @@ def test_the_configuration_handed_in_is_left_alone():
         ({"assets": {"bot": {**BOT, "scale": "half"}}}, "assets.bot.scale: .* found 'half'"),
         ({"views": {"parts": 1.5}}, "views.parts: expected type integer, found 1.5"),
         ({"variants": {"gspure": {}}}, "variants.unattacked: expected an entry, found nothing"),
-        ({"planted": {"room": {"views": 1}}}, "planted.room.views: expected at least 2, found 1"),
+        ({"pairs": {"room": {"views": 1}}}, "pairs.room.views: expected at least 2, found 1"),
         ({"method": None}, "method: expected type object, found None"),
         ({"decisions": {"gentle": {"tau": 2}}}, "decisions.gentle.tau: expected one of cluster_on, .* unknown key"),
         ({"decisions": {"gentle": {"tau_n": 0}}}, "decisions.gentle.tau_n: expected more than 0, found 0"),
@@ -177,9 +178,7 @@ def test_a_wrong_setting_is_refused_in_one_line_that_names_it(config, line):
 
 
 def test_a_variant_is_an_attack_of_the_same_name_unless_it_names_one():
-    config = filled(
-        {"planted": {"room": {}}, "variants": {"unattacked": {}, "gspure": {}, "half": {"attack": "random_pruning"}}}
-    )
+    config = filled({**PLANTED, "variants": {"unattacked": {}, "gspure": {}, "half": {"attack": "random_pruning"}}})
     attacks_of = {name: variant["attack"] for name, variant in resolved(config, "mine.yaml")["variants"].items()}
     assert attacks_of == {"unattacked": "unattacked", "gspure": "gspure", "half": "random_pruning"}
 
@@ -220,34 +219,34 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         ({"assets": {"bot": {"train": ".", "model": __file__}}}, "assets.bot.model: expected nothing beside train"),
         ({"assets": {"bot": {"train": ".", "cameras": "orbit"}}}, "assets.bot.cameras: expected nothing beside train"),
         (
-            {"planted": {"room": {}}, "variants": {"unattacked": {}, "gspure": {}, "random_pruning": {"share": 1}}},
+            {**PLANTED, "variants": {"unattacked": {}, "gspure": {}, "random_pruning": {"share": 1}}},
             "variants.random_pruning.share: expected one of fraction, found an unknown key",
         ),
         (
             {
-                "planted": {"room": {}},
+                **PLANTED,
                 "variants": {"unattacked": {}, "gspure": {}, "random_pruning": {"fraction": "x"}},
             },
             "variants.random_pruning.fraction: expected a number, found 'x'",
         ),
         (
-            {"planted": {"room": {}}, "variants": {"unattacked": {"sigma": 1}, "gspure": {}}},
+            {**PLANTED, "variants": {"unattacked": {"sigma": 1}, "gspure": {}}},
             "variants.unattacked.sigma: expected one of no settings, found an unknown key",
         ),
         (
-            {"planted": {"room": {}}, "variants": {"unattacked": {}, "gspure": {"decision": "gentle"}}},
+            {**PLANTED, "variants": {"unattacked": {}, "gspure": {"decision": "gentle"}}},
             "variants.gspure.decision: expected one of no decisions, found 'gentle'",
         ),
         (
             {
-                "planted": {"room": {}},
+                **PLANTED,
                 "decisions": {"gentle": {}},
                 "variants": {"unattacked": {}, "gspure": {}, "reorder": {"decision": "gentle"}},
             },
             "variants.reorder.decision: expected nothing, since reorder goes by no decision, found 'gentle'",
         ),
         (
-            {"planted": {"room": {}}, "variants": {"unattacked": {}, "gspure": {}, "gspur": {}}},
+            {**PLANTED, "variants": {"unattacked": {}, "gspure": {}, "gspur": {}}},
             "variants.gspur: expected one of .*plain_weight.*, found 'gspur'",
         ),
     ],
@@ -256,6 +255,14 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
 def test_what_the_configuration_names_must_exist(config, line):
     with pytest.raises(InputError, match="^mine.yaml: " + line):
         resolved(filled(config), "mine.yaml")
+
+
+def test_a_scheme_that_needs_ray_traced_pairs_is_refused_on_photographs(tmp_path):
+    photos = str(colmap_project(tmp_path / "photos", ring(), np.zeros((1, 3))))
+    pairs = {"room": {}, "photos": {"scene": photos, "message": photos}}
+    assert resolved(filled({"pairs": pairs, "schemes": {"splats_in_splats": {}}}), "mine.yaml")
+    with pytest.raises(InputError, match=r"schemes\.planted: expected ray-traced pairs .* pairs\.photos"):
+        resolved(filled({"pairs": pairs, "schemes": {"splats_in_splats": {}, "planted": {}}}), "mine.yaml")
 
 
 @pytest.mark.parametrize("name", ["a\n", "../a", "a/b", ".a", "", "a" * 101, "\x1b[2J"])

@@ -18,7 +18,9 @@ SHIPPED = {name: yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text()) 
 
 def settled(**config):
     schema = ROOT / "schemas" / "config.schema.yaml"
-    return resolved(validated({"planted": {"room": {}}, **config}, schema, "mine.yaml"), "mine.yaml")
+    return resolved(
+        validated({"pairs": {"room": {}}, "schemes": {"planted": {}}, **config}, schema, "mine.yaml"), "mine.yaml"
+    )
 
 
 def made(config):

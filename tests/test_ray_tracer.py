@@ -10,10 +10,10 @@ from gspure.scenes import scene as scene_module
 from gspure.scenes.camera_path import stage_cameras
 from gspure.scenes.lighting import bake
 from gspure.scenes.placement import PLACEMENTS
-from gspure.scenes.planted import STAGES
 from gspure.scenes.ray_tracer import trace
 from gspure.scenes.scene import Lamp, Scene, displayed, first_hits
 from gspure.scenes.solids import BACK, BOTTOM, Box, Room, Sphere
+from gspure.scenes.staging import STAGES
 from gspure.scenes.textures import banded, checker, inlaid, plain, reflectance, rings, stripes
 from tests.models import camera
 

@@ -12,8 +12,9 @@ import pytest
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.model import read_model, write_model
-from gspure.scenes import lighting, plant
+from gspure.scenes import lighting, stage_cameras
 from tests.documentation import ROOT, blocks, edges, workflow_edges
+from tests.planted_cases import planted_model
 from tests.training_cases import colmap_project, ring
 
 README = ROOT / "README.md"
@@ -24,14 +25,14 @@ def planted():
     with pytest.MonkeyPatch.context() as patch:  # light maps that are quick to bake
         for name, value in {"NODE_SPACING": 0.5, "DIRECTIONS": 4, "LAMP_SAMPLES": 2}.items():
             patch.setattr(lighting, name, value)
-        return plant(0, gaussians=600, views=9, width=48, height=36)
+        return planted_model(gaussians=600)[0].model
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch, planted):
     """A user's folder with a model and its cameras, which is the current one."""
-    write_model(tmp_path / "point_cloud.ply", planted.public)
-    write_cameras(tmp_path / "cameras.json", planted.cameras)
+    write_model(tmp_path / "point_cloud.ply", planted)
+    write_cameras(tmp_path / "cameras.json", stage_cameras(9, 48, 36))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -48,7 +49,7 @@ def test_the_program_runs(folder, planted):
     assert names["image"].shape == (36, 48, 3)
     assert names["gradients"].means.shape == names["purified"].model.means.shape
     kept = ~names["purified"].prune_mask
-    assert read_model(Path("purified.ply")).table.tobytes() == planted.public.table[kept].tobytes()
+    assert read_model(Path("purified.ply")).table.tobytes() == planted.table[kept].tobytes()
 
 
 def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys):

@@ -48,8 +48,8 @@ def results(tmp_path: Path, scene: str = "room") -> tuple[list[Path], list[Path]
         masks[-1].parent.mkdir()
         np.save(masks[-1], np.array(pruned[variant], bool))
     (folder / "key").mkdir()
-    np.save(folder / "key" / "message.npy", truth)
-    return metrics, masks, folder / "key" / "message.npy"
+    np.save(folder / "key" / "carriers.npy", truth)
+    return metrics, masks, folder / "key" / "carriers.npy"
 
 
 def test_equation_of_the_score_is_message_drop_minus_scene_drop(tmp_path: Path) -> None:
@@ -124,8 +124,8 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
     for path in metrics:
         verdicts.append(path.with_name("verdict.json"))
         write_json(verdicts[-1], {"reached": {"message": "noise" not in path.parent.name}})
-    arguments = ["--metrics", *metrics, "--prune-masks", *masks, "--truth", truth, "--out", out, "--markdown", text]
-    arguments += ["--verdicts", *verdicts]
+    arguments = ["--metrics", *metrics, "--prune-masks", *masks, "--keys", truth.parent, "--out", out]
+    arguments += ["--markdown", text, "--verdicts", *verdicts]
     assert main(["table", *map(str, arguments)]) == 0
     rows = list(csv.DictReader(out.read_text().splitlines()))
     assert len(rows) == 6
@@ -170,7 +170,7 @@ def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
 def test_masks_of_different_models_are_refused(tmp_path: Path) -> None:
     metrics, masks, truth = results(tmp_path)
     np.save(truth, np.zeros(6, bool))
-    with pytest.raises(InputError, match=r"message\.npy: array: expected bool \[5\], found bool \[6\]"):
+    with pytest.raises(InputError, match=r"carriers\.npy: array: expected bool \[5\], found bool \[6\]"):
         collect(metrics, masks, [truth])
 
 

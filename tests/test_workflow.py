@@ -20,6 +20,7 @@ import pytest
 import yaml
 
 from gspure.cameras import read_cameras, split, write_cameras
+from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
 from gspure.model import write_model
 from gspure.renderer import Renderer
 from tests.models import blobs, gaussians, tilted_camera
@@ -188,7 +189,7 @@ def test_a_kernel_edited_every_view_recomputed(tmp_path, project):
 AFTER_PRUNING = {
     "decide_pruning": 1,
     "attack_model": 2,
-    "render_target": 2,
+    "render_scene": 2,
     "compare_renders": 2,
     "tabulate_metrics": 1,
 }
@@ -213,7 +214,7 @@ def test_a_variant_added_only_that_variant_made(project):
     project.configure(
         {**CONFIG, "variants": {**CONFIG["variants"], "half": {"attack": "random_pruning", "fraction": 0.5}}}
     )
-    expected = {"attack_model": 1, "render_target": 1, "compare_renders": 1, "tabulate_metrics": 1}
+    expected = {"attack_model": 1, "render_scene": 1, "compare_renders": 1, "tabulate_metrics": 1}
     assert rules_run(project.run(TABLE)) == expected
     assert np.load(project.folder / BOT / "half" / "prune_mask.npy").mean() == 0.5
 
@@ -294,15 +295,16 @@ def test_a_model_of_ones_own_is_compared_with_its_own_renders(finished):
 
 def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(tmp_path, started):
     project = started.copy(tmp_path / "project")
-    scene = {"gaussians": 600, "views": 9, "width": 48, "height": 36}
-    project.configure({"planted": {"room": scene}, **{name: CONFIG[name] for name in ("method", "variants")}})
+    planted = {"pairs": {"room": {"views": 9, "width": 48, "height": 36}}, "schemes": {"planted": {"gaussians": 600}}}
+    project.configure({**planted, **{name: CONFIG[name] for name in ("method", "variants")}})
     project.run()
     results = project.folder / "results"
     with (results / "tables" / "results.csv").open() as table:
         rows = list(csv.DictReader(table))
-    found = {(row["variant"], row["target"]) for row in rows}
-    assert found == {(variant, target) for variant in CONFIG["variants"] for target in ("scene", "message")}
-    assert all(float(row["recall"]) >= 0 for row in rows)
+    shown = {(row["variant"], row["target"]) for row in rows}
+    assert shown >= {(variant, target) for variant in CONFIG["variants"] for target in ("scene", "message")}
+    assert {row["variant"] for row in rows} == {*CONFIG["variants"], *CONTROLS} - {OTHER_SCENE}
+    assert all(float(row["recall"]) >= 0 for row in rows if row["variant"] in CONFIG["variants"])
     assert {row["reference"] for row in rows} == {"truth"}
     assert "planted/room" in (results / "report.html").read_text()
     assert "Nothing to be done" in project.run()

@@ -20,7 +20,7 @@ def zeroed(path):
     [
         (OMEGA, "build_features", BOT / "features.npy", "accumulate_weights"),
         (BOT / "gspure" / "prune_mask.npy", "tabulate_metrics", TABLE, "attack_model"),
-        (BOT / "gspure/public/point_cloud.ply", "render_target", BOT / "gspure/renders/scene", "attack_model"),
+        (BOT / "gspure/public/point_cloud.ply", "render_scene", BOT / "gspure/renders/scene", "attack_model"),
     ],
     ids=["weights", "kept rows", "model"],
 )

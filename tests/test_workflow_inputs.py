@@ -66,7 +66,7 @@ def test_the_held_out_views_of_a_blender_scene_are_files_of_its_training(tmp_pat
     for split in ("train", "test"):
         content = {"w": 8, "h": 6, "fl_x": 8.0, "frames": [{**frame, "file_path": f"{split}/r_{split}"}]}
         (tmp_path / f"transforms_{split}.json").write_text(json.dumps(content))
-    config = {"planted": {}, "pairs": {}, "schemes": {}, "variants": {}, "assets": {"lego": {"train": "."}}}
+    config = {"pairs": {}, "schemes": {}, "variants": {}, "assets": {"lego": {"train": "."}}}
     photographs = resolved(config, "mine.yaml")["assets"]["lego"]["photographs"]
     assert photographs == ["train/r_train.png", "test/r_test.png"]
     assert capture_files(".", photographs) == ["transforms_train.json", "transforms_test.json", *photographs]

@@ -10,8 +10,9 @@ EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
   gspure embed gs_hider pair --out marked --set iterations=2000 --set message_weight=0.5
   gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
+  gspure embed planted pair --out marked                                   # a test fixture with known ground truth
 
-Writes public/, the public model, and key/, the owner's key.
+Writes public/, the public model, and key/, the owner's key. planted is not trained and takes ray-traced pairs only.
 gs_hider and secure_gs need PyTorch: pip install gspure[torch].
 """
 

@@ -96,15 +96,14 @@ def _traced(args: argparse.Namespace) -> dict[str, Any]:
 
     from gspure.cameras import off_path_cameras, write_cameras
     from gspure.model.points import write_point_ply
-    from gspure.scenes import PLACEMENTS, STAGES, bake, stage_cameras
+    from gspure.scenes import Staging, stage_cameras
     from gspure.scenes.photography import photograph, picture
 
     views = stage_cameras(args.views, args.width, args.height)
     aside = off_path_cameras(views, args.off_path)
-    placements = {"scene": PLACEMENTS["coincident"], "message": PLACEMENTS[args.placement]}
+    staging = Staging(args.scene, args.message, args.placement)
     rng = np.random.default_rng(args.seed)
-    for kind, placement in placements.items():
-        lit = bake(STAGES[getattr(args, kind)](placement))
+    for kind, lit in (("scene", staging.lit_scene()), ("message", staging.lit_message())):
         points = photograph(lit, views, args.out / kind, rng)
         write_point_ply(args.out / ("." if kind == "scene" else kind) / "points3D.ply", *points)
         picture(lit, aside, args.out / kind)

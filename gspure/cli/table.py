@@ -9,7 +9,7 @@ HELP = "collect the metrics of all variants in one table, with the Score"
 EXAMPLES = """\
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md
   gspure table --metrics results/planted/room/*/metrics.csv --prune-masks results/planted/room/*/prune_mask.npy \\
-      --truth results/planted/room/key/carriers.npy --out results.csv --markdown results.md
+      --keys results/planted/room/key --out results.csv --markdown results.md
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md \\
       --summary summary.csv --latex summary.tex                        # means over scenes, with intervals
 """
@@ -29,12 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="masks of removed rows, below SCHEME/SCENE/VARIANT",
     )
     parser.add_argument(
-        "--truth",
+        "--keys",
         type=Path,
         nargs="*",
         default=[],
-        metavar="NPY",
-        help="bool [K], true for rows that carry the message, below SCHEME/SCENE",
+        metavar="DIR",
+        help="owners' keys, below SCHEME/SCENE: for precision and recall of pruning, where carriers.npy is in one",
     )
     parser.add_argument(
         "--verdicts",
@@ -62,14 +62,16 @@ def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.outcomes import collect
+    from gspure.evaluation.recall import CARRIERS
     from gspure.evaluation.records import write_records
     from gspure.evaluation.results import write_results
     from gspure.evaluation.summary import Summary, summarize
     from gspure.report.tables import results_markdown, summary_table
 
-    outcomes = collect(args.metrics, args.prune_masks, args.truth, args.verdicts, args.failures)
+    truth = [mask for key in args.keys if (mask := key / CARRIERS).is_file()]
+    outcomes = collect(args.metrics, args.prune_masks, truth, args.verdicts, args.failures)
     write_results(args.out, outcomes)
-    files = (*args.metrics, *args.prune_masks, *args.truth, *args.verdicts, *args.failures)
+    files = (*args.metrics, *args.prune_masks, *truth, *args.verdicts, *args.failures)
     write_provenance(args.out, inputs={path.as_posix(): path for path in files}, settings={})
     write_text(args.markdown, results_markdown(outcomes))
     if args.summary:

@@ -23,8 +23,8 @@ HELP = "train a 3DGS model from photographs"
 EXAMPLES = """\
   gspure train scene --out trained                     # COLMAP project: scene/images and scene/sparse/0
   gspure train scene/transforms.json --out trained --resolution 1/4 --iterations 7000
-  gspure train planted --out trained                   # the ray-traced scene of `gspure plant`
-  gspure train planted --out message --images planted/truth/message
+  gspure train pair --out trained                      # the ray-traced scene of `gspure pair room vault --out pair`
+  gspure train pair --out message --images pair/message
   gspure train scene --out trained --resume            # continue an interrupted run
 
 3DGS's own settings are --iterations 30000 --resolution 1600px; the defaults suit a laptop without a GPU.

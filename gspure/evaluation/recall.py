@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.errors import InputError
+
+CARRIERS: Final = "carriers.npy"
+"""File of a key, of schemes that know which rows carry the message: bool [K]."""
 
 
 class Recall(NamedTuple):

@@ -3,6 +3,7 @@
 ::
 
     <pair>/cameras.json             the views; each names its photograph scene/<view>.png
+    <pair>/cameras.json.json        their provenance: what a ray-traced pair shows
     <pair>/points3D.ply             points on the scene's surfaces
     <pair>/scene/<view>.png
     <pair>/message/<view>.png
@@ -19,11 +20,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.artifacts.checksums import record_of
 from gspure.cameras import Camera
 from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
 from gspure.images import read_image
 from gspure.model.points import read_point_ply
+from gspure.scenes import PLACEMENTS, STAGES, Staging
 from gspure.training.dataset import Dataset, read_dataset, read_photographs
 
 Float32 = NDArray[np.float32]
@@ -47,6 +50,8 @@ class Pair:
         On the message's surfaces; P may be 0.
     probes : list of (Camera, scene, message)
         A few views for progress reports, held-out ones if there are any.
+    staging : Staging, optional
+        What a ray-traced pair shows; None of photographs.
 
     """
 
@@ -55,6 +60,7 @@ class Pair:
     message: list[Float32]
     message_points: Points
     probes: list[tuple[Camera, Float32, Float32]]
+    staging: Staging | None = None
 
     @property
     def views(self) -> list[Camera]:
@@ -95,6 +101,7 @@ def read_pair(folder: Path, resolution: str = "native") -> Pair:
         _messages(folder, dataset.train),
         read_point_ply(points) if points.is_file() else (np.empty((0, 3)), np.empty((0, 3), np.uint8)),
         list(zip(probes, read_photographs(probes), _messages(folder, probes), strict=True)),
+        _staging(folder / "cameras.json"),
     )
 
 
@@ -109,3 +116,11 @@ def _messages(folder: Path, views: Sequence[Camera]) -> list[Float32]:
         if not file.is_file():
             raise InputError(file, "file", expected="the message at this view", found="nothing")
     return [read_image(f, (c.width, c.height)) for f, c in zip(files, views, strict=True)]
+
+
+def _staging(cameras: Path) -> Staging | None:
+    match (record_of(cameras) or {}).get("settings"):
+        case {"scene": str(scene), "message": str(message), "placement": str(placement)}:
+            known = {scene, message} <= STAGES.keys() and placement in PLACEMENTS
+            return Staging(scene, message, placement) if known else None
+    return None

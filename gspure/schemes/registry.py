@@ -8,10 +8,10 @@ from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
 from gspure.plugins import registered
 from gspure.public_model import PublicModel
-from gspure.schemes import gs_hider, secure_gs, splats_in_splats
+from gspure.schemes import gs_hider, planted, secure_gs, splats_in_splats
 from gspure.schemes.scheme import REQUIRED, Scheme
 
-BUILT_IN = (splats_in_splats.SCHEME, gs_hider.SCHEME, secure_gs.SCHEME)
+BUILT_IN = (splats_in_splats.SCHEME, gs_hider.SCHEME, secure_gs.SCHEME, planted.SCHEME)
 GROUP = "gspure.schemes"
 
 

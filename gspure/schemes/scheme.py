@@ -26,8 +26,8 @@ Setting = float | int | str
 MESSAGE: Final = "message"
 """The extraction that every scheme has."""
 
-REQUIRED: Final = frozenset({"iterations", "message_weight"})
-"""Settings that every scheme has: the length of its training, and the message's share in its loss (0 hides nothing)."""
+REQUIRED: Final = frozenset({"message_weight"})
+"""Settings that every scheme has: the message's share in its loss, 0 to hide nothing."""
 
 PYTORCH: Final = {"torch": "gspure[torch]"}
 """The package that schemes with networks import."""
@@ -64,7 +64,7 @@ class Scheme:
     name : str
         Unique; a folder of results.
     embed : callable
-        ``embed(pair, seed, device, *, iterations=..., message_weight=..., ...) -> (PublicModel, Key)``: trains;
+        ``embed(pair, seed, device, *, message_weight=..., ...) -> (PublicModel, Key)``: trains;
         the same arguments give the same bits. ``message_weight=0`` gives a clean model of the same form, and None.
     read_public : callable
         ``read_public(path) -> PublicModel``; the path is the model's .ply or its folder.
@@ -80,6 +80,8 @@ class Scheme:
         commands need ``--scheme``.
     packages : mapping of str to str
         Optional packages that it imports, each with its requirement for pip.
+    ray_traced_only : bool
+        Whether the scheme needs ray-traced pairs.
 
     """
 
@@ -92,6 +94,7 @@ class Scheme:
     tau_n: float = TAU_N
     signature: tuple[str, ...] = ()
     packages: Mapping[str, str] = field(default_factory=dict)
+    ray_traced_only: bool = False
 
     @property
     def settings(self) -> dict[str, Setting]:
@@ -131,7 +134,8 @@ def hide(
     """
     scheme.require_settings(settings)
     chosen = scheme.settings | settings
-    require(scheme.name, "iterations", chosen["iterations"], "at least 1", fits=float(chosen["iterations"]) >= 1)
+    iterations = chosen.get("iterations", 1)
+    require(scheme.name, "iterations", iterations, "at least 1", fits=float(iterations) >= 1)
     weight = float(chosen["message_weight"])
     require(scheme.name, "message_weight", chosen["message_weight"], "at least 0", fits=0 <= weight < math.inf)
     require(scheme.name, "seed", seed, "at least 0", fits=seed >= 0)

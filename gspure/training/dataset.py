@@ -31,7 +31,7 @@ ASPECT_TOLERANCE: Final = 0.01
 """Relative. Rounding to whole pixels stays within it; cropping and turning do not."""
 
 POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.ply")
-"""Files of sparse points beside a camera file: COLMAP's and `gspure plant`'s, 3DGS's for Blender scenes, nerfstudio's,
+"""Files of sparse points beside a camera file: COLMAP's and `gspure pair`'s, 3DGS's for Blender scenes, nerfstudio's,
 3DGS's output."""
 
 _GREY: Final = 128

@@ -80,7 +80,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     from gspure.schemes.registry import schemes
 
     settled = deepcopy(dict(config))
-    if not settled["assets"] and not settled["planted"] and not (settled["pairs"] and settled["schemes"]):
+    if not settled["assets"] and not (settled["pairs"] and settled["schemes"]):
         raise InputError(source, "assets", expected="at least one model, or a pair and a scheme", found="none")
     for scene, asset in settled["assets"].items():
         _settle_asset(asset, source, f"assets.{scene}")
@@ -91,10 +91,13 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
         attack = settings.setdefault("attack", variant)
         _check_settings(settings, attack, available, source, f"variants.{variant}")
         _check_decision(settings, settled["decisions"], source, f"variants.{variant}")
-    if settled["schemes"]:
-        available = {name: scheme.settings for name, scheme in schemes().items()}
+    known = schemes() if settled["schemes"] else {}
+    available = {name: scheme.settings for name, scheme in known.items()}
+    photographed = [f"pairs.{name} of photographs" for name, pair in settled["pairs"].items() if "photographs" in pair]
     for scheme, settings in settled["schemes"].items():
         _check_settings(settings, scheme, available, source, f"schemes.{scheme}")
+        if photographed and known[scheme].ray_traced_only:
+            raise InputError(source, f"schemes.{scheme}", expected="ray-traced pairs only", found=photographed[0])
     return settled
 
 

@@ -27,10 +27,8 @@ VARYING = {"logs", "benchmarks", "cfg_args"}
 TARGETS = {"all", "purified"}
 """Rules that only ask for files."""
 
-_SMALL = {"views": 9, "width": 48, "height": 36}
 CONFIG = {
     "assets": {"desk": {"train": "photos", "training": {"iterations": 60}}},
-    "planted": {"room": {"gaussians": 600, **_SMALL}},
     "pairs": {"hung": {"scene": "photos", "message": "hidden", "resolution": "native", "iterations": 40}},
     "schemes": {"splats_in_splats": {"iterations": 60, "max_gaussians": 400}},
     "views": {"parts": 2},

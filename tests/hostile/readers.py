@@ -33,10 +33,10 @@ from gspure.model import Gaussians, read_model, require_finite, write_model
 from gspure.model.inria import saved_iterations, training_arguments
 from gspure.model.points import read_point_ply, write_point_ply
 from gspure.renderer import CONTRIBUTION
-from gspure.scenes.planted_key import PlantedKey, read_key, write_key
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import COLUMNS as FEATURE_COLUMNS
 from gspure.schemes.gs_hider.layout import read_rows
+from gspure.schemes.planted.key import PlantedKey
 from gspure.schemes.secure_gs.files import PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.public_model import AnchorModel
@@ -235,7 +235,7 @@ def _splats_key(folder: Path) -> None:
 def _planted_key(folder: Path) -> None:
     rng = np.random.default_rng(0)
     positions, f_dc = rng.normal(size=(2, ROWS, 3)).astype(np.float32)
-    write_key(folder / "key.npz", PlantedKey(np.arange(ROWS), positions, f_dc[:, 0].copy(), f_dc))
+    PlantedKey(np.ones(ROWS, np.bool_), positions, f_dc[:, 0].copy(), f_dc).write(folder)
 
 
 def _decoder(folder: Path) -> None:
@@ -300,7 +300,8 @@ def _configuration(folder: Path) -> None:
         "assets": {
             "bot": {"model": str(folder / "model.ply"), "cameras": "orbit", "generated": {"count": 9, "width": 32}}
         },
-        "planted": {"room": {"gaussians": 600, "views": 9}},
+        "pairs": {"room": {"views": 9}},
+        "schemes": {"planted": {"gaussians": 600}},
         "method": {"min_samples": 3, "tau_n": 2.5},
         "decisions": {"finer": {"min_samples": 5}},
         "variants": {"unattacked": {}, "gspure": {}, "half": {"attack": "random_pruning", "fraction": 0.5, "seed": 1}},
@@ -317,7 +318,7 @@ def _read_configuration(folder: Path) -> None:
     if not isinstance(config, dict):
         raise InputError(path, "file", expected="settings", found=type(config).__name__)
     settled = resolved(validated(config, SCHEMA, path), path)
-    for name in (*settled["assets"], *settled["planted"], *settled["variants"], *settled["decisions"]):
+    for name in (*settled["assets"], *settled["pairs"], *settled["variants"], *settled["decisions"]):
         assert Path(name).name == name
 
 
@@ -492,7 +493,7 @@ READERS = (
         {"splats_in_splats.npz": "npz", "hidden.ply": "ply"},
     ),
     Reader("key of SecureGS", lambda f: random_key().write(f), HiddenKey.read, {"securegs_hidden.npz": "npz"}),
-    Reader("key of the planted pair", _planted_key, lambda f: read_key(f / "key.npz"), {"key.npz": "npz"}),
+    Reader("key of the planted pair", _planted_key, PlantedKey.read, {"planted.npz": "npz", "carriers.npy": "npy"}),
     Reader(
         "decoder of GS-Hider",
         _decoder,

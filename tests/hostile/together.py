@@ -11,7 +11,7 @@ from tests.hostile.journal import Journal, Record
 from tests.hostile.kills import copied, difference, made_by, remove
 from tests.hostile.project import contents, environment, one_per_rule, snakemake
 
-TWICE = ("measure_contributions", "attack_model", "draw_model", "plant_scene", "embed_message")
+TWICE = ("measure_contributions", "attack_model", "draw_model", "embed_message")
 """Rules whose job is started twice at the same moment."""
 
 

@@ -1,39 +1,31 @@
-"""A public model in which a message is planted, with the truth about every Gaussian.
+"""Planting: the Gaussians of a second scene stand in the public model with next to no opacity.
 
-This is a fixture, not a watermarking scheme: no training embeds anything. The Gaussians of a second scene stand in the
-public model with next to no opacity, and the owner's key holds their private opacity and colour. What makes real
-models hard to purify is imitated: scene Gaussians that contribute little (`gspure.scenes.population`), carriers that
-still touch pixels, and Gaussians that serve scene and message at once where their surfaces coincide.
+This is a fixture with known ground truth, not a published scheme: nothing is trained, and the Gaussians of both scenes
+tile the surfaces of a ray-traced pair. What makes real models hard to purify is imitated: scene Gaussians that
+contribute little (`gspure.scenes.population`), carriers that still touch pixels, and Gaussians that serve scene and
+message at once where their surfaces coincide.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
 from gspure.constants import SH_DC
 from gspure.errors import InputError
+from gspure.model import Gaussians
 from gspure.model.activations import logit
-from gspure.model.gaussians import Gaussians
-from gspure.scenes.camera_path import stage_cameras
-from gspure.scenes.lighting import LitScene, bake
-from gspure.scenes.placement import PLACEMENTS
-from gspure.scenes.planted_key import PlantedKey
+from gspure.opencl.device import Device
+from gspure.public_model import PublicModel
 from gspure.scenes.population import SOLID, log_even, populate
-from gspure.scenes.room import room
 from gspure.scenes.surfels import Surfels, tile
-from gspure.scenes.vault import vault
+from gspure.schemes.pair import Pair
+from gspure.schemes.planted.key import PlantedKey
+from gspure.schemes.scheme import require
 
 Float64 = NDArray[np.float64]
-Value = TypeVar("Value")
-
-STAGES = {"room": room, "vault": vault}
-"""Procedural scenes by name; each may be the scene or the message."""
 
 MESSAGE_SHARE = 0.42
 """Share of all Gaussians that is spread over the message's surfaces."""
@@ -44,82 +36,50 @@ HIDDEN = (0.002, 0.02)
 REST_SIGMA = 0.004
 """Standard deviation of the higher spherical-harmonic coefficients."""
 
-
-@dataclass(frozen=True, eq=False)
-class Planted:
-    """A planted pair.
-
-    Parameters
-    ----------
-    public : Gaussians
-        What everybody gets.
-    key : PlantedKey
-        What the owner keeps.
-    cameras : list of Camera
-    carries_message : bool [K]
-        The truth about each public row.
-    scene, message : LitScene
-        What `gspure.scenes.ray_tracer.trace` photographs.
-
-    """
-
-    public: Gaussians
-    key: PlantedKey
-    cameras: list[Camera]
-    carries_message: NDArray[np.bool_]
-    scene: LitScene
-    message: LitScene
+LEAST_GAUSSIANS = 100
 
 
-def plant(
+def embed(
+    pair: Pair,
     seed: int,
+    device: Device | None = None,  # noqa: ARG001
     *,
-    scene: str = "room",
-    message: str = "vault",
-    placement: str = "raised",
+    message_weight: float = 1.0,
     gaussians: int = 24_000,
-    views: int = 24,
-    width: int = 320,
-    height: int = 240,
-) -> Planted:
-    """Plant a message in a scene.
+) -> tuple[PublicModel, PlantedKey | None]:
+    """Plant the pair's message in its scene.
 
     Parameters
     ----------
+    pair : Pair
+        A ray-traced one.
     seed : int
-    scene, message : str
-        Names in `STAGES`.
-    placement : str
-        Where the message's stage stands, a name in `gspure.scenes.placement.PLACEMENTS`.
+    device : Device, optional
+        Not used.
+    message_weight : float
+        1, or 0 for the scene's clean model, and no key.
     gaussians : int
         Of scene and message together; fewer come out where some serve both.
-    views, width, height : int
-        Number of cameras, and their size in pixels.
 
     Raises
     ------
     InputError
-        A name is unknown.
+        A setting is out of range, or the pair is not a ray-traced one.
 
     """
-    build_scene, build_message = _named("scene", scene, STAGES), _named("message", message, STAGES)
-    scene_lit = bake(build_scene(PLACEMENTS["coincident"]))
-    message_lit = bake(build_message(_named("placement", placement, PLACEMENTS)))
+    require("planted", "message_weight", message_weight, "0 or 1", fits=message_weight in (0, 1))
+    require("planted", "gaussians", gaussians, f"at least {LEAST_GAUSSIANS}", fits=gaussians >= LEAST_GAUSSIANS)
+    if pair.staging is None:
+        raise InputError("scheme planted", "pair", expected="a ray-traced pair", found="no record of its scenes")
     rng = np.random.default_rng(seed)
     message_count = round(MESSAGE_SHARE * gaussians)
-    shown, opacities = populate(scene_lit, gaussians - message_count, rng)
-    hidden = tile(message_lit, message_count, rng)
+    shown, opacities = populate(pair.staging.lit_scene(), gaussians - message_count, rng)
+    if not message_weight:
+        clean = _gaussians(shown, opacities, rng)
+        return PublicModel(Gaussians(clean.table[rng.permutation(len(clean))])), None
+    hidden = tile(pair.staging.lit_message(), message_count, rng)
     public, rows = _mixed(shown, opacities, hidden, rng)
-    key = _key(public, rows, rng.uniform(*SOLID, message_count), hidden.colours)
-    carries = np.zeros(len(public), np.bool_)
-    carries[key.rows] = True
-    return Planted(public, key, stage_cameras(views, width, height), carries, scene_lit, message_lit)
-
-
-def _named(field: str, name: str, known: Mapping[str, Value]) -> Value:
-    if name not in known:
-        raise InputError("plant", field, expected=f"one of {', '.join(known)}", found=repr(name))
-    return known[name]
+    return PublicModel(public), _key(public, rows, rng.uniform(*SOLID, message_count), hidden.colours)
 
 
 def _mixed(
@@ -172,12 +132,10 @@ def _gaussians(surfels: Surfels, opacities: Float64, rng: np.random.Generator) -
 
 def _key(public: Gaussians, rows: NDArray[np.intp], opacities: Float64, colours: Float64) -> PlantedKey:
     order = np.argsort(rows)
-    rows, opacities = rows[order], opacities[order]
+    carriers = np.zeros(len(public), np.bool_)
+    carriers[rows] = True
     return PlantedKey(
-        rows=rows.astype(np.int64),
-        positions=public.means[rows],
-        opacity=logit(opacities),
-        f_dc=_dc(colours[order]).astype(np.float32),
+        carriers, public.means, opacity=logit(opacities[order]), f_dc=_dc(colours[order]).astype(np.float32)
     )
 
 

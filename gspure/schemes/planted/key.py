@@ -1,0 +1,119 @@
+"""The owner's key to a planted message, and the truth about every row.
+
+::
+
+    <key>/planted.npz     positions of all rows of the public model; private opacity and colour of those that carry
+    <key>/carriers.npy    the rows that carry the message
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import load_array, load_arrays, save_array, save_arrays
+from gspure.artifacts.arrays import Kind
+from gspure.cameras.camera import Camera
+from gspure.errors import InputError
+from gspure.evaluation.recall import CARRIERS
+from gspure.model import Gaussians
+from gspure.opencl.device import Device
+from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
+from gspure.renderer import Renderer
+from gspure.schemes.scheme import Key
+
+Float32 = NDArray[np.float32]
+
+_FILE: Final = "planted.npz"
+_ARRAYS: Final[dict[str, Kind]] = {
+    "positions": (np.float32, (None, 3)),
+    "opacity": (np.float32, (None,)),
+    "f_dc": (np.float32, (None, 3)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class PlantedKey(Key):
+    """What is private of the M rows that carry a message.
+
+    Parameters
+    ----------
+    carriers : bool [K]
+        True where a row of the public model carries the message.
+    positions : float32 [K,3]
+        Centres of all rows, by which carriers are found again in an attacked model.
+    opacity : float32 [M]
+        Private opacity, logit.
+    f_dc : float32 [M,3]
+        Private colour: the zeroth spherical-harmonic coefficient.
+
+    """
+
+    carriers: NDArray[np.bool_]
+    positions: Float32
+    opacity: Float32
+    f_dc: Float32
+
+    def message(
+        self,
+        public: PublicModel,
+        extraction: str,  # noqa: ARG002
+        device: Device | None = None,
+        background: Background = BLACK,
+    ) -> RenderView:
+        """Return the message's view."""
+        renderer = Renderer(self._revealed(public)[0], device)
+        return lambda camera: renderer.image(camera, background)
+
+    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
+        """Return the surviving carriers with their private opacity and colour, and their rows."""
+        return self._revealed(public)
+
+    def wrong(self, rng: np.random.Generator) -> PlantedKey:
+        """Return a key to as many other rows, drawn from all, with the private values in another order."""
+        order = rng.permutation(len(self.opacity))
+        return PlantedKey(rng.permutation(self.carriers), self.positions, self.opacity[order], self.f_dc[order])
+
+    def write(self, folder: Path) -> None:
+        """Write both files."""
+        save_array(folder / CARRIERS, self.carriers)
+        save_arrays(folder / _FILE, {name: getattr(self, name) for name in _ARRAYS})
+
+    @staticmethod
+    def read(folder: Path) -> PlantedKey:
+        """Read a key.
+
+        Raises
+        ------
+        InputError
+            A file is missing or unreadable, or an array is of another type or shape, or not finite.
+
+        """
+        path = Path(folder) / _FILE
+        arrays = load_arrays(path, _ARRAYS, "a key to a planted message")
+        carriers = load_array(Path(folder) / CARRIERS, dtype=np.bool_, shape=(len(arrays["positions"]),))
+        for name in ("opacity", "f_dc"):
+            if len(arrays[name]) != carriers.sum():
+                expected = f"{carriers.sum()} entries, one per row that carries the message"
+                raise InputError(path, name, expected=expected, found=str(len(arrays[name])))
+        return PlantedKey(carriers, **{name: arrays[name] for name in _ARRAYS})
+
+    def _revealed(self, public: PublicModel) -> tuple[Gaussians, Rows]:
+        """Return the message that a model still holds, and its rows there.
+
+        A row is a carrier when its position is that of one, bit for bit; so rows may be missing, or in any order.
+        Geometry is the model's own.
+        """
+        if public.model.sh_degree < 0:
+            raise InputError("public model", "f_dc_0", expected="spherical-harmonic colour", found="none")
+        known = {position.tobytes(): i for i, position in enumerate(self.positions[self.carriers])}
+        places = np.array([known.get(position.tobytes(), -1) for position in public.model.means], np.intp)
+        rows = np.flatnonzero(places >= 0)
+        survivors, places = public.model.subset(places >= 0), places[rows]
+        columns = {name: np.zeros(len(rows), np.float32) for name in survivors.columns_named("f_rest_")}
+        columns |= {f"f_dc_{i}": self.f_dc[places, i] for i in range(3)}
+        return survivors.with_columns(columns | {"opacity": self.opacity[places]}), rows
