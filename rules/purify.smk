@@ -98,6 +98,7 @@ rule decide_pruning:
     input:
         clusters=made("clusters.npz"),
         weights=decisive,
+        model=public_model,
     output:
         mask="results/{scheme}/{scene}{decision}/prune_mask.npy",
         diagnosis="results/{scheme}/{scene}{decision}/diagnosis.json",
@@ -115,5 +116,5 @@ rule decide_pruning:
     shell:
         job(
             "prune --clusters {input.clusters:q} --weights {input.weights:q} {params.options}"
-            " --out {output.mask:q} --diagnosis {output.diagnosis:q}"
+            " --model {input.model:q} --out {output.mask:q} --diagnosis {output.diagnosis:q}"
         )

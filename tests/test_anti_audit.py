@@ -134,7 +134,9 @@ def test_info_names_them(folder: Path, capsys) -> None:
 
 def test_every_stage_of_the_workflow_goes_on(folder: Path, capsys) -> None:
     model, cameras = str(folder / "planted.ply"), ["--cameras", str(folder / "cameras.json")]
-    at = {name: str(folder / name) for name in ("i.tsv", "w.npy", "f.npy", "t.npy", "c.npz", "p.npy", "out.ply")}
+    at = {
+        name: str(folder / name) for name in ("i.tsv", "w.npy", "f.npy", "t.npy", "c.npz", "p.npy", "d.json", "out.ply")
+    }
     weights = ["--weights", at["w.npy"]]
     figures = ["--clusters", at["c.npz"], "--prune-mask", at["p.npy"], "--out", str(folder / "figures")]
     for command in (
@@ -143,7 +145,18 @@ def test_every_stage_of_the_workflow_goes_on(folder: Path, capsys) -> None:
         ["features", "--model", model, *weights, "--out", at["f.npy"]],
         ["tree", "--features", at["f.npy"], "--min-samples", "5", "--out", at["t.npy"]],
         ["cluster", "--tree", at["t.npy"], "--min-cluster-size", "20", "--selection", "leaf", "--out", at["c.npz"]],
-        ["prune", "--clusters", at["c.npz"], *weights, "--out", at["p.npy"]],
+        [
+            "prune",
+            "--clusters",
+            at["c.npz"],
+            *weights,
+            "--model",
+            model,
+            "--diagnosis",
+            at["d.json"],
+            "--out",
+            at["p.npy"],
+        ],
         ["attack", "gspure", "--model", model, "--prune-mask", at["p.npy"], "--out", at["out.ply"]],
         ["attack", "quantize", "--model", model, "--out", str(folder / "quantized.ply")],
         ["render", at["out.ply"], *cameras, "--out", str(folder / "renders")],
@@ -154,6 +167,7 @@ def test_every_stage_of_the_workflow_goes_on(folder: Path, capsys) -> None:
         if command[0] == "contributions":
             assert "suspicious rows" in capsys.readouterr().err
     assert purify(folder) == 0
+    assert read_json(folder / "d.json") == read_json(folder / "out" / "diagnosis.json")
     for name, stage in (("weights.npy", "w.npy"), ("prune_mask.npy", "p.npy")):
         np.testing.assert_array_equal(np.load(folder / "out" / name), np.load(at[stage]))
 

@@ -20,6 +20,7 @@ from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.results import read_results, write_results
 from gspure.figures import style
 from gspure.images import write_image
+from gspure.model.suspicious import REASONS
 from gspure.report.findings import findings, limits
 from gspure.report.page import write_report
 from tests.contest_cases import measured
@@ -170,6 +171,17 @@ def test_models_have_their_own_figures_and_diagnosis(tmp_path: Path, figures: li
     for expected in ("the clustering has collapsed", "<dd>1,234</dd>", "<dd>25.0%</dd>"):
         assert expected in chair
     assert "<figure" not in chair
+
+
+def test_suspicious_rows_are_counted_with_the_reason_beside_the_clustering(tmp_path: Path) -> None:
+    diagnosis = tmp_path / "vanilla" / "chair" / "diagnosis.json"
+    for suspects, shown in (({"non_finite": [3], "needle": [5, 6]}, True), ({}, False)):
+        write_json(diagnosis, {"clusters": 2, "suspicious": suspects})
+        write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, diagnoses=[diagnosis])
+        text = Page(tmp_path / "report.html").text
+        assert (f"1 non-finite ({REASONS['non_finite']})" in text) == shown
+        assert (f"2 needle ({REASONS['needle']})" in text) == shown
+        assert ("diagnosis.json" in text) == shown
 
 
 def test_a_scheme_s_attacks_are_compared_over_its_scenes(tmp_path: Path, figures: list[Path]) -> None:

@@ -9,7 +9,9 @@ from gspure.cli.method_options import add_factors
 
 HELP = "decide which Gaussians to prune, and diagnose the clustering"
 EXAMPLES = """\
-  gspure prune --clusters clusters.npz --weights weights.npy --out prune_mask.npy --diagnosis diagnosis.json
+  gspure prune --clusters clusters.npz --weights weights.npy --out prune_mask.npy
+  gspure prune --clusters clusters.npz --weights weights.npy --model point_cloud.ply --out prune_mask.npy \\
+      --diagnosis diagnosis.json
 """
 
 
@@ -26,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_factors(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="bool [K], true where pruned")
     parser.add_argument("--diagnosis", type=Path, metavar="JSON", help="also write the diagnosis here")
+    parser.add_argument("--model", type=Path, metavar="PLY", help="list its suspicious rows in the diagnosis")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -36,6 +39,8 @@ def run(args: argparse.Namespace) -> None:
     from gspure.method.clustering.diagnosis import diagnose
     from gspure.method.clustering.store import read_clusters
     from gspure.method.pruning import prune_mask
+    from gspure.model.ply import read_ply
+    from gspure.model.suspicious import suspicious_rows, to_json
 
     labels, coincident = read_clusters(args.clusters)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),), least=0)
@@ -44,7 +49,9 @@ def run(args: argparse.Namespace) -> None:
     inputs = {"clusters": args.clusters, "weights": args.weights}
     settings = {"tau_c": args.tau_c, "tau_n": args.tau_n}
     if args.diagnosis:
-        write_json(args.diagnosis, diagnosis.to_json())
-        write_provenance(args.diagnosis, inputs=inputs, settings=settings)
+        suspects = {"suspicious": to_json(suspicious_rows(read_ply(args.model)))} if args.model else {}
+        write_json(args.diagnosis, diagnosis.to_json() | suspects)
+        model = {"model": args.model} if args.model else {}
+        write_provenance(args.diagnosis, inputs=inputs | model, settings=settings)
     save_array(args.out, prune_mask(labels, weights, args.tau_c, args.tau_n))
     write_provenance(args.out, inputs=inputs, settings=settings)

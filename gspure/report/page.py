@@ -20,6 +20,7 @@ from gspure.evaluation.names import display_name, model_name
 from gspure.evaluation.outcomes import Outcome, by_model
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.figures import style
+from gspure.model.suspicious import REASONS
 from gspure.report.audit import SIGNIFICANT, audits
 from gspure.report.findings import findings, limits
 from gspure.report.table import Table
@@ -137,6 +138,7 @@ def write_report(
         findings=findings,
         limits=limits(outcomes),
         diagnosis_terms=DIAGNOSIS_TERMS,
+        suspicions=REASONS,
         sources=[file.as_posix() for file in sources],
         records=[(file.as_posix(), _record(file)) for file in provenance],
     )
