@@ -179,3 +179,14 @@ def test_planted_rows_that_are_not_drawn_leave_weights_as_they_are(folder: Path)
     found = method.purify(joined(scene, broken), views(), min_cluster_size=20, min_samples=5, selection="leaf")
     np.testing.assert_array_equal(found.weights[: len(scene)], expected.weights)
     assert found.prune_mask[len(scene) :].all()
+
+
+@pytest.mark.parametrize("selection", ["leaf", "eom_capped"])
+def test_planted_far_rows_change_no_cluster_and_no_decision_of_other_rows(selection: str) -> None:
+    scene = honest()
+    far = gaussians(means=[[1e30, 0, 0], [-1e30, 1e30, 4]], scales=0.1, opacities=[0.9, 0.001])
+    settings = {"min_cluster_size": 20, "min_samples": 5, "selection": selection}
+    expected = method.purify(scene, views(), **settings)
+    found = method.purify(joined(far, scene), views(), **settings)
+    np.testing.assert_array_equal(found.labels[2:], expected.labels)
+    np.testing.assert_array_equal(found.prune_mask[2:], expected.prune_mask)

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
 from gspure.method.features import PARTS, features, standardize, take
+from gspure.model.suspicious import extent_and_far
 
 COLUMNS = hnp.arrays(np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-1e3, 1e3, width=32))
 
@@ -70,8 +71,28 @@ def test_parts_are_columns_in_their_own_order_whatever_that_of_asking() -> None:
     assert take(found, PARTS).tolist() == found.tolist()
 
 
+@pytest.mark.parametrize("distance", [1e5, 1e30, 3e38])
+def test_far_rows_change_the_features_of_no_other_row(distance: float) -> None:
+    rng = np.random.default_rng(0)
+    means, opacities, weights = rng.normal(5, 3, (200, 3)), rng.uniform(0, 1, 200), rng.lognormal(0, 2, 200)
+    alone = features(means, opacities, weights)
+    planted = np.array([[distance, 0, 0], [0, -distance, 5], [distance, distance, distance]])
+    found = features(np.concatenate([planted, means]), [1, 0, 0.5, *opacities], [1e9, 0, 3, *weights])
+    np.testing.assert_array_equal(found[3:], alone)
+    assert np.isfinite(found).all()
+    assert (np.abs(found[:3, :3]).max(axis=1) > 100 * np.abs(alone).max()).all()
+
+
+def test_without_far_rows_all_count_towards_the_mean() -> None:
+    rng = np.random.default_rng(0)
+    means = rng.normal(5, 3, (200, 3)) * np.where(np.arange(200) < 5, 100, 1)[:, None]  # floaters, not far
+    found = features(means, rng.uniform(0, 1, 200), rng.lognormal(0, 2, 200))
+    assert found[:, :3].tobytes() == standardize(means).tobytes()
+
+
 @given(COLUMNS)
 def test_parts_are_standardized_as_if_they_were_alone(columns: np.ndarray) -> None:
+    assume(not extent_and_far(columns)[1].any())
     rest = np.arange(len(columns))
     found = features(columns, rest, rest**2)
     np.testing.assert_array_equal(take(found, ["position"]), standardize(columns))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.errors import InputError
+from gspure.model.suspicious import extent_and_far
 
 COLUMNS = ("x", "y", "z", "opacity", "weight")
 
@@ -16,7 +17,11 @@ PARTS: Final = {"position": COLUMNS[:3], "opacity": COLUMNS[3:4], "weight": COLU
 """What features consist of; the clustering sees all of it, or for an ablation some."""
 
 
-def standardize(columns: NDArray[Any]) -> NDArray[np.float64]:
+LARGEST: Final = 1e6
+"""Far rows get features up to this; others stay within the square root of their number. Ours."""
+
+
+def standardize(columns: NDArray[Any], near: NDArray[np.bool_] | slice = slice(None)) -> NDArray[np.float64]:
     r"""Return each column with mean 0 and standard deviation 1; a constant column becomes 0.
 
     .. math:: (x - \mu) / \sigma
@@ -27,16 +32,18 @@ def standardize(columns: NDArray[Any]) -> NDArray[np.float64]:
     ----------
     columns : array [K,C]
         Finite values in the range of float32.
+    near : array [K], bool, optional
+        The rows that mean and standard deviation are taken over; the result of others is clipped to `LARGEST`.
 
     """
     columns = np.asarray(columns, np.float64)
     if not len(columns):
         return columns.copy()
-    ordered = np.sort(columns.T, axis=1)  # sums over sorted values do not depend on the order of rows
+    ordered = np.sort(columns[near].T, axis=1)  # sums over sorted values do not depend on the order of rows
     mean, deviation = ordered.mean(axis=1), ordered.std(axis=1)
     # Rounding in the mean can give a constant column a deviation of 1e-17.
     constant = ordered[:, 0] == ordered[:, -1]
-    return np.where(constant, 0.0, (columns - mean) / np.where(constant, 1.0, deviation))
+    return np.clip(np.where(constant, 0.0, (columns - mean) / np.where(constant, 1.0, deviation)), -LARGEST, LARGEST)
 
 
 def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:
@@ -46,7 +53,9 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
         F_k = \mathrm{Concat}\left(\frac{p_k - \mu_p}{\sigma_p}, \frac{\alpha_k - \mu_\alpha}{\sigma_\alpha},
         \frac{\omega_k - \mu_\omega}{\sigma_\omega}\right)
 
-    (paper, §Geometrically Accurate Feature Clustering.) Positions are standardized per coordinate, over all Gaussians.
+    (paper, §Geometrically Accurate Feature Clustering.) Positions are standardized per coordinate. Far rows
+    (`gspure.model.suspicious`) are left out of means and standard deviations, as one of them would make all other
+    positions equal.
 
     Parameters
     ----------
@@ -74,7 +83,7 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
         names = ", ".join(COLUMNS[i] for i in np.flatnonzero(bad.any(axis=0)))
         found = f"others in {len(rows)} of {len(raw)} rows, first in row {rows[0]}"
         raise InputError("features", names, expected="finite values", found=found)
-    return standardize(raw)
+    return standardize(raw, ~extent_and_far(raw[:, :3])[1])
 
 
 def take(found: NDArray[np.float64], parts: Collection[str]) -> NDArray[np.float64]:

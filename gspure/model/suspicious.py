@@ -46,13 +46,13 @@ def suspicious_rows(model: Gaussians) -> dict[str, Rows]:
     drawn[undrawable] = False
     rows = np.flatnonzero(drawn)
     means, scales = model.means[rows].astype(np.float64), np.sort(model.scales[rows].astype(np.float64), axis=1)
-    extent, distances = _extent(means)
+    extent, far = extent_and_far(means)
     pile, repeated = coincident_rows(model.means[rows])
     found = {
         "non_finite": undrawable,
         "needle": rows[scales[:, 2] > NEEDLE_ASPECT * scales[:, 1]],
         "oversized": rows[(scales[:, 2] > extent) & (extent > 0)],
-        "far": rows[(distances > FAR * extent) & (extent > 0)],
+        "far": rows[far],
         "duplicate": _copies(model, rows[np.sort(repeated)]),
         "pile": rows[np.sort(pile)],
     }
@@ -82,12 +82,13 @@ def coincident_rows(means: NDArray[np.float32]) -> tuple[Rows, Rows]:
     return order[size_of >= PILE], order[size_of > 1]
 
 
-def _extent(means: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Return the extent of the scene, and how far each of the centres [K,3] is from their median."""
+def extent_and_far(means: NDArray[np.float64]) -> tuple[float, NDArray[np.bool_]]:
+    """Return the extent of the scene, and which of the finite centres [K,3] are far."""
     if not len(means):
-        return 0.0, np.zeros(0)
+        return 0.0, np.zeros(0, np.bool_)
     low, high = np.quantile(means, BULK, axis=0)
-    return float(np.linalg.norm(high - low)), np.linalg.norm(means - np.median(means, axis=0), axis=1)
+    extent = float(np.linalg.norm(high - low))
+    return extent, (np.linalg.norm(means - np.median(means, axis=0), axis=1) > FAR * extent) & (extent > 0)
 
 
 def _copies(model: Gaussians, rows: Rows) -> Rows:
