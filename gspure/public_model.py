@@ -97,10 +97,6 @@ class PublicModel:
         rows = drawable(self.model, source)
         return self if rows is self.model else self.with_model(rows)
 
-    def prune(self, pruned: NDArray[np.bool_]) -> Self:
-        """Return the model without the rows where `pruned` [K] is true."""
-        return self.with_model(self.model.subset(~pruned))
-
     def gaussians(self, camera: Camera) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians that a camera sees, and the row of each."""
         return self.model, np.arange(len(self.model))

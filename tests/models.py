@@ -60,6 +60,11 @@ def blobs(count: int, seed: int = 0, *, sh_degree: int = 3, size=(0.02, 0.4)) ->
     )
 
 
+def without(public, prune_mask):
+    """The public model without the rows where `prune_mask` [K] is true."""
+    return public.with_model(public.model.subset(~prune_mask))
+
+
 def joined(*models: Gaussians) -> Gaussians:
     """All rows, one model after the other."""
     return Gaussians(np.concatenate([model.table for model in models]))

@@ -22,6 +22,7 @@ from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
 from gspure.training.initialization import gaussians_at  # noqa: E402
 from gspure.training.schedule import Schedule  # noqa: E402
+from tests.models import without  # noqa: E402
 
 ITERATIONS = 40
 
@@ -142,7 +143,7 @@ def test_features_are_blended_after_their_sigmoid(hidden, pair):
 
 def test_pruned_models_keep_their_decoder(hidden, pair):
     public, key = hidden
-    pruned = public.prune(np.arange(len(public.model)) % 2 == 0)
+    pruned = without(public, np.arange(len(public.model)) % 2 == 0)
     assert len(pruned.model) == len(public.model) // 2
     assert pruned.decoder is public.decoder
     assert not np.array_equal(pruned.scene()(pair.views[0]), public.scene()(pair.views[0]))

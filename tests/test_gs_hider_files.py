@@ -13,6 +13,7 @@ from gspure.schemes.gs_hider import SCHEME
 from gspure.schemes.gs_hider.decoder_file import LARGEST, DecoderFile
 from gspure.schemes.gs_hider.layout import COLUMNS, MESSAGE, SCENE
 from gspure.schemes.gs_hider.public_model import FeatureModel
+from tests.models import without
 
 NAME = "chkpnt7_net.pth"
 
@@ -122,7 +123,7 @@ def test_a_model_without_its_decoder_can_be_attacked_not_seen(tmp_path):
     write_model(tmp_path / "lone.ply", rows())
     public = SCHEME.read_public(tmp_path / "lone.ply")
     assert not public.visible
-    assert len(public.prune(np.arange(5) < 2).model) == 3
+    assert len(without(public, np.arange(5) < 2).model) == 3
     with pytest.raises(InputError, match=r"decoder: expected chkpntN_net\.pth"):
         public.scene()
     with pytest.raises(InputError, match=r"key: expected chkpntN_waternet\.pth"):
@@ -235,7 +236,7 @@ def test_without_torch_models_are_attacked_and_images_say_what_to_install(monkey
     for name in ("decoder", "branch", "loss", "training"):
         monkeypatch.delitem(sys.modules, f"gspure.schemes.gs_hider.{name}", raising=False)
     public = FeatureModel(rows(), DecoderFile(tmp_path / NAME, b"any"))
-    public.prune(np.arange(5) < 2).write(tmp_path / "pruned" / "point_cloud.ply")
+    without(public, np.arange(5) < 2).write(tmp_path / "pruned" / "point_cloud.ply")
     assert SCHEME.read_public(tmp_path / "pruned").decoder.content == b"any"
     with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install gspure\[torch\]"):
         public.scene()

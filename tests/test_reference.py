@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, EWA_DILATION, NEAR_PLANE
 from gspure.model.rotations import rotation_matrices
 from gspure.reference.blending import render
-from gspure.reference.footprint import extents, touched_tiles
+from gspure.reference.footprint import extents
 from gspure.reference.projection import pixel_centres, project
 from gspure.reference.spherical_harmonics import sh_basis, sh_colors
 from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
@@ -191,15 +191,6 @@ def test_a_gaussian_below_the_cut_off_has_no_box_and_no_tile():
     for energy in ENERGIES:
         projection = project(model, camera(), energy)
         assert np.isnan(extents(projection)).all()
-        assert not touched_tiles(projection, camera()).any()
-
-
-def test_touched_tiles_are_those_of_the_touched_pixels():
-    view = camera(33, 31)
-    model = gaussians(means=[0, 0, 6], scales=0.05, opacities=0.9)  # half a pixel wide at (16.5, 15.5)
-    tiles = touched_tiles(project(model, view, "ewa"), view)
-    assert tiles.shape == (1, 2, 3)
-    assert tiles[0].tolist() == [[True, True, False], [True, True, False]]
 
 
 # --- blending ---------------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from gspure.schemes.secure_gs.neural import neural
 from gspure.schemes.secure_gs.public_model import AnchorModel
 from gspure.schemes.secure_gs.visibility import visible_rows
 from tests.anchor_cases import closed, distant, feature_bank, random_anchors, random_public
-from tests.models import blobs, camera, tilted_camera
+from tests.models import blobs, camera, tilted_camera, without
 from tests.training_cases import ring
 
 VIEWS = (camera(), tilted_camera())
@@ -145,7 +145,7 @@ def test_pruning_anchors_removes_exactly_their_gaussians():
     public, view = random_public(), VIEWS[1]
     pruned = np.random.default_rng(1).random(40) < 0.4
     whole, rows = public.gaussians(view)
-    left, owners = public.prune(pruned).gaussians(view)
+    left, owners = without(public, pruned).gaussians(view)
     assert np.flatnonzero(~pruned)[owners].tolist() == rows[~pruned[rows]].tolist()
     names = whole.table.dtype.names
     np.testing.assert_allclose(left.columns(*names), whole.subset(~pruned[rows]).columns(*names), rtol=1e-4, atol=1e-5)
@@ -177,7 +177,7 @@ def test_opacities_are_means_over_the_views_that_have_an_anchor():
 def test_views_without_active_gaussians_show_the_background(kept):
     public = closed(random_public())
     if kept == "none":
-        public = random_public().prune(np.ones(40, bool))
+        public = without(random_public(), np.ones(40, bool))
     image = public.scene(background=(0.1, 0.2, 0.3))(VIEWS[0])
     assert (image == np.array([0.1, 0.2, 0.3], np.float32)).all()
     assert public.contributions()(VIEWS[0]).size == 0

@@ -24,7 +24,7 @@ from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme, read_public_model, schemes
 from gspure.schemes.scheme import Scheme, hide
 from tests.documentation import blocks
-from tests.models import blobs
+from tests.models import blobs, without
 
 ROOT = Path(__file__).parents[1]
 SMALL = {
@@ -94,7 +94,7 @@ def test_a_wrong_key_shows_something_else(embedded):
 
 def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
     pruned = np.random.default_rng(0).random(len(embedded.public.model)) < 0.5
-    smaller = embedded.public.prune(pruned)
+    smaller = without(embedded.public, pruned)
     assert smaller.model.table.tobytes() == embedded.public.model.table[~pruned].tobytes()
     camera = embedded.pair.views[0]
     assert np.isfinite(smaller.scene()(camera)).all()
@@ -103,7 +103,7 @@ def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
 
 
 def test_a_model_without_units_shows_its_background(embedded):
-    empty = embedded.public.prune(np.ones(len(embedded.public.model), np.bool_))
+    empty = without(embedded.public, np.ones(len(embedded.public.model), np.bool_))
     camera = embedded.pair.views[0]
     assert np.isfinite(empty.scene()(camera)).all()
     assert len(empty.contributions()(camera)) == 0

@@ -13,6 +13,7 @@ from gspure.model.signature import Signature
 from gspure.schemes.pair import message_view, read_pair
 from gspure.schemes.scheme import hide
 from gspure.schemes.splats_in_splats import SCHEME
+from tests.models import without
 
 SETTINGS = {"iterations": 300, "max_gaussians": 3000}
 LITERAL, ORACLE = SCHEME.extractions
@@ -112,7 +113,7 @@ def test_lost_colours_are_read_as_nothing(public, key, pair):
 def test_low_weights_carry_the_message(public, key, quality, pair):
     contributions = public.contributions()
     weights = accumulate([contributions(camera) for camera in pair.views], len(public.model))
-    purified = public.prune(plain_prune_mask(weights))
+    purified = without(public, plain_prune_mask(weights))
     lost = quality(key.message(public, ORACLE)) - quality(key.message(purified, ORACLE))
     assert lost > 5 + quality(public.scene(), "scene") - quality(purified.scene(), "scene")
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
-from gspure.constants import ALPHA_MAX, ALPHA_MIN, TILE
-from gspure.reference.projection import Rays, Splats, pixel_centres
+from gspure.constants import ALPHA_MIN
+from gspure.reference.projection import Rays, Splats
 
 Float64 = NDArray[np.float64]
 
@@ -50,15 +49,3 @@ def ray_extents(rays: Rays, cutoff: Float64) -> Float64:
         low[:, axis] = np.where(a > 0, focal * (b - half) / a + principal, -np.inf)
         high[:, axis] = np.where(a > 0, focal * (b + half) / a + principal, np.inf)
     return np.concatenate([low, high], axis=1)
-
-
-def touched_tiles(projection: Splats | Rays, camera: Camera) -> NDArray[np.bool_]:
-    """Return, as [V, tile rows, tile columns], whether any pixel centre of the tile has alpha >= 1/255."""
-    tiles = (-(-camera.height // TILE), -(-camera.width // TILE))
-    u, v = pixel_centres(camera)
-    touched = np.zeros((len(projection.rows), *tiles), bool)
-    for i, opacity in enumerate(projection.opacities):
-        alpha = np.minimum(ALPHA_MAX, opacity * projection.evaluate(i, u, v)[0])
-        rows, columns = np.nonzero(alpha >= ALPHA_MIN)
-        touched[i, rows // TILE, columns // TILE] = True
-    return touched
