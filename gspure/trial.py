@@ -94,10 +94,10 @@ def _main(arguments: list[str]) -> str | None:
 
 
 def _listing() -> list[dict[str, Any]]:
-    from gspure.opencl.device import devices_meant, list_devices
+    from gspure.opencl.device import list_devices, matching_devices
 
     try:
-        meant = devices_meant()
+        meant = matching_devices()
     except InputError:
         meant = ()
     fields = ("index", "kind", "name", "platform", "driver")

@@ -12,7 +12,7 @@ import pytest
 
 from gspure.errors import InputError
 from gspure.opencl import device as devices
-from gspure.opencl.device import choose_device, devices_meant, list_devices
+from gspure.opencl.device import choose_device, list_devices, matching_devices
 from gspure.opencl.engine import device_digest
 
 CPU, GPU = cl.device_type.CPU, cl.device_type.GPU
@@ -105,7 +105,7 @@ def test_a_named_device_that_does_not_work_is_not_replaced(machine, monkeypatch)
 def test_a_device_that_is_not_there_is_refused_with_those_that_are(machine, spec: str) -> None:
     machine(POCL)
     with pytest.raises(InputError, match=r"OpenCL: device: .*0: pthread-EPYC"):
-        devices_meant(spec)
+        matching_devices(spec)
 
 
 @pytest.mark.parametrize("spec", [None, "0"])

@@ -14,12 +14,12 @@ pytestmark = pytest.mark.oclgrind
 LIBRARY = "liboclgrind-rt-icd.so"
 
 RENDER = """
-from gspure.opencl.device import devices_meant
+from gspure.opencl.device import matching_devices
 from gspure.reference.blending import render
 from gspure.renderer import Renderer
 from tests.comparison import assert_pixels_agree
 from tests.models import blobs, tilted_camera
-device = devices_meant("oclgrind")[0]
+device = matching_devices("oclgrind")[0]
 model, view = blobs(150, 1, sh_degree=1), tilted_camera(40, 30)
 renderer = Renderer(model, device, energy={energy!r}, style={style!r})
 expected = render(model, view, {energy!r})
@@ -30,11 +30,11 @@ renderer.contributions(view)
 
 POINTS = """
 import numpy as np
-from gspure.opencl.device import devices_meant
+from gspure.opencl.device import matching_devices
 from gspure.renderer import Renderer
 from tests.models import blobs, tilted_camera
 from tests.test_opacity_field import assert_agrees
-device = devices_meant("oclgrind")[0]
+device = matching_devices("oclgrind")[0]
 model, view = blobs(40, 1, sh_degree=0), tilted_camera(20, 18)
 renderer = Renderer(model, device, energy="ray", style={style!r})
 assert_agrees(renderer.opacities_at(view, model.means), model, view, model.means)
@@ -42,13 +42,13 @@ assert_agrees(renderer.opacities_at(view, model.means), model, view, model.means
 
 GRADIENTS = """
 import numpy as np
-from gspure.opencl.device import devices_meant
+from gspure.opencl.device import matching_devices
 from gspure.reference.blending import render
 from gspure.reference.gradients import pull_back
 from gspure.renderer import Renderer
 from tests.comparison import assert_gradients_agree, steady_pixels
 from tests.models import blobs, tilted_camera
-device = devices_meant("oclgrind")[0]
+device = matching_devices("oclgrind")[0]
 model, view = blobs(17, 1, sh_degree=1), tilted_camera(20, 18)
 _, pullback = Renderer(model, device, style={style!r}).vjp(view)
 gradient = np.random.default_rng(0).normal(size=(18, 20, 3)).astype(np.float32)
@@ -58,11 +58,11 @@ assert_gradients_agree(pullback(gradient), pull_back(model, view, gradient), mod
 
 TRAIN = """
 import numpy as np
-from gspure.opencl.device import devices_meant
+from gspure.opencl.device import matching_devices
 from gspure.opencl.trainable import TrainableModel, TrainState
 from tests.models import tilted_camera
 from tests.test_trainable import RATES, parameters, scene
-device = devices_meant("oclgrind")[0]
+device = matching_devices("oclgrind")[0]
 model = TrainableModel(TrainState.fresh(parameters(scene(17))), device=device, style={style!r})
 model.set_targets([np.random.default_rng(0).random((18, 20, 3), np.float32)])
 model.step(tilted_camera(20, 18), 0, RATES)
@@ -72,9 +72,9 @@ model.replace(model.state())
 
 CLUSTER = """
 from gspure.method.clustering import select, spanning_tree
-from gspure.opencl.device import devices_meant
+from gspure.opencl.device import matching_devices
 from tests.test_clustering import with_ties
-device = devices_meant("oclgrind")[0]
+device = matching_devices("oclgrind")[0]
 tree = spanning_tree(with_ties(1, 300), 5, device=device)
 assert select(tree, 10, "leaf", device=device).max() > 0
 """

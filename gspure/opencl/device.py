@@ -74,7 +74,7 @@ def list_devices() -> tuple[Device, ...]:
     )
 
 
-def devices_meant(spec: str | None = None) -> tuple[Device, ...]:
+def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
     """Return the devices that `spec` means, or else the environment variable GSPURE_DEVICE, or else all.
 
     Parameters
@@ -147,7 +147,7 @@ def choose_device(spec: str | None = None) -> Device:
     Parameters
     ----------
     spec : str, optional
-        As of `devices_meant`.
+        As of `matching_devices`.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def choose_device(spec: str | None = None) -> Device:
         If no device is meant, or none of them works.
 
     """
-    meant = devices_meant(spec)
+    meant = matching_devices(spec)
     for device in meant:
         if works(device):
             return device
