@@ -16,22 +16,21 @@ from stages import Stages
 from timing import Measure
 
 from gspure.opencl.engine import Engine
-from gspure.opencl.frame import Energy, Pass
+from gspure.opencl.frame import Energy, Traversal
 
-FRAME = Pass("ewa", channels=3, sh_degree=3, contributions=True)
+TRAVERSAL = Traversal("ewa", channels=3, sh_degree=3, contributions=True)
 
 
 @pytest.mark.parametrize("energy", ["ewa", "ray"])
 @each_scene
 def test_stages(scene: Scene, energy: Energy, engine: Engine, measure: Measure, findings: Findings) -> None:
-    frame = replace(FRAME, energy=energy)
-    stages = Stages(engine, scene.model, scene.camera, frame)
+    stages = Stages(engine, scene.model, scene.camera, replace(TRAVERSAL, energy=energy))
     times = measure(
         {
             "project": stages.project,
             "sort by depth": stages.sort,
             "bin": stages.bin,
-            "blend without contributions": partial(stages.blend, replace(frame, contributions=False)),
+            "blend without contributions": partial(stages.blend, contributions=False),
             "blend": stages.blend,
             "sum contributions": stages.sum,
         },
@@ -61,7 +60,7 @@ def test_blending_against_the_peak(
     """Which share of all multiply-adds that the processor can do go into evaluating splats."""
     if engine.style == "gpu":
         pytest.skip("the native peak is a processor's")
-    stages = Stages(engine, scene.model, scene.camera, replace(FRAME, contributions=False))
+    stages = Stages(engine, scene.model, scene.camera, replace(TRAVERSAL, contributions=False))
     for stage in (stages.project, stages.sort, stages.bin):
         stage()
     peaks = {"FMA, OpenCL": peak.opencl(engine), "FMA, native": peak.native(tmp_path)}
@@ -79,7 +78,7 @@ def test_blending_against_the_peak(
 @each_scene
 def test_binning_against_one_sort(scene: Scene, engine: Engine, measure: Measure, findings: Findings) -> None:
     """What tile lists cost, beside a stable sort of as many (tile, depth) keys."""
-    stages = Stages(engine, scene.model, scene.camera, FRAME)
+    stages = Stages(engine, scene.model, scene.camera, TRAVERSAL)
     stages.project()
     stages.sort()
     stages.bin()
@@ -98,7 +97,7 @@ def test_styles(engine: Engine, measure: Measure, findings: Findings) -> None:
     """The two kernel styles on one device: on a processor, barriers cost most of the time."""
     variants = {}
     for style in ("cpu", "gpu"):
-        stages = Stages(Engine(engine.device, style), SMALL.model, SMALL.camera, FRAME)
+        stages = Stages(Engine(engine.device, style), SMALL.model, SMALL.camera, TRAVERSAL)
         stages.project()
         stages.sort()
         stages.bin()

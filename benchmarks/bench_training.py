@@ -13,16 +13,16 @@ from stages import Stages
 from timing import Measure
 
 from gspure.cameras.camera import Camera
+from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
 from gspure.model import Gaussians
-from gspure.opencl.adam import LearningRates, Moments, activate, adam_step
+from gspure.opencl.adam import Adam, LearningRates, Moments
 from gspure.opencl.engine import Engine
-from gspure.opencl.frame import Pass
+from gspure.opencl.frame import Traversal
 from gspure.opencl.gradients import DeviceGradients, blend_band_backward, clear_splat_gradients, project_backward
-from gspure.opencl.losses import Plane, image_loss, padded_target
-from gspure.opencl.storage import BLOCK, GEOMETRY_ATTRIBUTES
+from gspure.opencl.losses import upload_photographs
 from gspure.opencl.trainable import SSIM_WEIGHT, Parameters, TrainableModel, TrainState
 
-FRAME = Pass("ewa", channels=3, sh_degree=3)
+TRAVERSAL = Traversal("ewa", channels=3, sh_degree=3)
 AT_REST = LearningRates(*(0.0,) * 6)
 """Adam does all its work, but every iteration meets the same model."""
 ITERATIONS = 5
@@ -68,44 +68,42 @@ class TrainingStages(Stages):
     """The stages of one iteration: those of a frame, and those from its image back to its parameters."""
 
     image_gradient: object
+    splat_gradients: object
     gradients: DeviceGradients
 
     def __init__(self, engine: Engine, model: Gaussians, case: Case) -> None:
-        super().__init__(engine, model, case.camera, FRAME)
-        self.plane = Plane(case.height, case.width, 3)
-        self.target = engine.uploaded(padded_target(case.photograph))
-        floats = {"geometry": GEOMETRY_ATTRIBUTES, "sh_coeffs": FRAME.channel_attributes}
-        self.moments = {name: Moments(*(self._zeros(n) for _ in range(3))) for name, n in floats.items()}
-        self.activated = self._zeros(GEOMETRY_ATTRIBUTES)
-        activate(engine, self.storage.count, self.moments["geometry"].raw, self.activated)
+        super().__init__(engine, model, case.camera, TRAVERSAL)
+        (self.photograph,) = upload_photographs(engine, [case.photograph])
+        attributes = TRAVERSAL.channel_attributes
+        geometry, channels = (Moments(*(self._zeros(n) for _ in range(3))) for n in (GEOMETRY_ATTRIBUTES, attributes))
+        # Other parameters than those that are rendered, which stay as they are.
+        activated = self._zeros(GEOMETRY_ATTRIBUTES)
+        self.optimizer = Adam(engine, self.frame.storage.count, geometry, channels, attributes, activated)
 
     def loss(self) -> None:
         """Compare the image with the photograph."""
-        _, self.image_gradient = image_loss(self.engine, self.plane, self.canvas.image, self.target, SSIM_WEIGHT)
+        _, self.image_gradient = self.photograph.compare(self.canvas.image, SSIM_WEIGHT)
         self.engine.queue.finish()
 
     def blend_backward(self) -> None:
         """Carry the image's gradient to the splats."""
-        clear_splat_gradients(self.engine, self.frame, self.storage)
-        arguments = (self.projected, self.order, self.lists, self.canvas.image, self.image_gradient)
-        blend_band_backward(self.engine, self.frame, self.camera, *arguments)
+        self.splat_gradients = clear_splat_gradients(self.frame)
+        gradients = (self.image_gradient, self.splat_gradients)
+        blend_band_backward(self.frame, self.projected, self.lists, self.canvas, *gradients)
         self.engine.queue.finish()
 
     def project_backward(self) -> None:
         """Carry the splats' gradients to the Gaussians."""
-        arguments = (self.frame, self.camera, self.storage, self.sh_coeffs, self.projected)
-        self.gradients = project_backward(self.engine, *arguments)
+        self.gradients = project_backward(self.frame, self.projected, self.splat_gradients)
         self.engine.queue.finish()
 
     def adam(self) -> None:
-        """Take a step, with other parameters than those that are rendered: these stay as they are."""
-        geometry, channels = self.moments["geometry"], self.moments["sh_coeffs"]
-        arguments = (self.gradients, geometry, self.activated, channels, FRAME.channel_attributes)
-        adam_step(self.engine, self.storage.count, 1, AT_REST, *arguments)
+        """Take a step."""
+        self.optimizer.step(1, AT_REST, self.gradients)
         self.engine.queue.finish()
 
     def _zeros(self, floats: int) -> object:
-        nbytes = 4 * floats * (self.storage.count + BLOCK)
+        nbytes = 4 * floats * (self.frame.storage.count + BLOCK)
         self.engine.clear(buffer := self.engine.allocate(nbytes), nbytes)
         return buffer
 

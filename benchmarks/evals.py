@@ -9,7 +9,7 @@ import numpy as np
 import pyopencl as cl
 from stages import Stages
 
-from gspure.opencl.engine import LANES, Engine
+from gspure.opencl.engine import LANES, Engine, Program
 from gspure.opencl.program import build_options, kernel_source
 from gspure.renderer import CONTRIBUTION
 
@@ -27,19 +27,20 @@ inline V evaluation(V exponent, V *transmittance) {
 
 
 class _CountingEngine(Engine):
-    def kernel(self, name: str, *sources: str, **defines: int) -> cl.Kernel:
-        if name != "blend_tiles":
-            return super().kernel(name, *sources, **defines)
+    def program(self, *sources: str, **defines: int) -> Program:
         *shared, blending = sources
+        if not blending.startswith("blending_"):
+            return super().program(*sources, **defines)
         text = kernel_source(*shared) + _COUNTING + kernel_source(blending)
         options = build_options({"LANES": LANES[self.style], **defines})
-        return cl.Kernel(cl.Program(self.context, text).build(options=options), name)
+        return Program(cl.Program(self.context, text).build(options=options), self.queue, 1)
 
 
 def count_evals(stages: Stages) -> int:
     """Return at how many pixels a frame evaluates a splat: all lanes of the rows that it visits."""
     engine = _CountingEngine(stages.engine.device, stages.engine.style)
-    counting = Stages(engine, stages.model, stages.camera, replace(stages.frame, contributions=True))
+    traversal = replace(stages.frame.traversal, contributions=True)
+    counting = Stages(engine, stages.model, stages.frame.camera, traversal)
     for stage in (counting.project, counting.sort, counting.bin, counting.blend, counting.sum):
         stage()
     records: Any = engine.read(counting.canvas.records, (len(stages.model),), CONTRIBUTION)

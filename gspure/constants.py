@@ -55,6 +55,26 @@ EWA_DEVIATION_MAX: Final = 1e8
 COLOUR_MAX: Final = 1e30
 """Upper clamp of a colour."""
 
+# --- Device memory. Ours. --------------------------------------------------------------------------------------------
+
+BLOCK: Final = 16
+"""Gaussians of a block: attributes are stored as [blocks][attributes][BLOCK], one vector load each."""
+
+GEOMETRY_ATTRIBUTES: Final = 11
+"""Means 3, quaternions 4, scales 3, opacity 1."""
+
+FOOTPRINT_FLOATS: Final = 8
+"""Floats of a footprint, the input of binning."""
+
+MOMENTS: Final = 6
+"""Moments of a splat's gradient over the pixels of a tile."""
+
+SCAN_BINS: Final = 64
+"""Bins of a histogram that one work-item scans."""
+
+LEAF: Final = 16
+"""Most points in a leaf of the k-d tree."""
+
 # --- GSPure, paper §Methodology; where the paper names no value, the choice is ours -----------------------------------
 
 TAU_C: Final = 4.0

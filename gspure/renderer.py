@@ -11,16 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.constants import GEOMETRY_ATTRIBUTES
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.conservation import require_conservation
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
-from gspure.opencl.frame import ENERGIES, Energy, Pass
+from gspure.opencl.frame import ENERGIES, Energy, Frame, Traversal
 from gspure.opencl.gradients import by_row
 from gspure.opencl.opacity_field import opacities_at
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
-from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, store, upload_features, upload_sh_coeffs
+from gspure.opencl.storage import store, upload_features, upload_sh_coeffs
 
 Float32 = NDArray[np.float32]
 
@@ -104,29 +105,24 @@ class Renderer:
             If the model holds no colour (no ``f_dc`` columns).
 
         """
-        frame, channels = self._channels(None)
-        canvas = self._render(frame, camera, channels, background).canvas
-        return self._engine.read(canvas.image, (camera.height, camera.width, 3), np.float32)
+        return self._render(camera, *self._channels(None), background).image()
 
     def feature_map(self, camera: Camera, features: Float32, background: Sequence[float] | None = None) -> Float32:
         """Return the blended `features` [K,C] of a view: [H,W,C]. `background` [C] is zero by default."""
-        frame, channels = self._channels(features)
-        background = [0.0] * frame.channels if background is None else background
-        canvas = self._render(frame, camera, channels, background).canvas
-        return self._engine.read(canvas.image, (camera.height, camera.width, frame.channels), np.float32)
+        return self._render(camera, *self._channels(features), background).image()
 
     def contributions(self, camera: Camera) -> NDArray[np.void]:
-        """Return omega_{k,v} (paper, Eq. for omega): what each touched Gaussian gives to the view, as `CONTRIBUTION`.
+        """Return omega_{k,v} (paper, Eq. for omega) of each touched Gaussian, as `CONTRIBUTION`.
 
-        Rows are ordered by index; Gaussians that touch no pixel are left out.
+        Rows are ordered by index, without Gaussians that touch no pixel.
 
         Raises
         ------
         InputError
-            If what the device returns does not conserve light (`gspure.opencl.conservation`).
+            If the results of the device do not conserve light (`gspure.opencl.conservation`).
 
         """
-        canvas = self._render(Pass(self.energy, contributions=True), camera).canvas
+        canvas = self._render(camera, Traversal(self.energy, contributions=True)).canvas
         with self._engine.mapped(canvas.records, (len(self.model),), CONTRIBUTION) as records:
             # numpy selects 16-byte numbers several times faster than 16-byte structures.
             touched = records.view(np.complex128).compress(records["pixels"] > 0).view(CONTRIBUTION)
@@ -135,20 +131,20 @@ class Renderer:
         return touched
 
     def transmittance(self, camera: Camera) -> Float32:
-        """Return what is left of the background in each pixel [H,W], 0 to 1."""
-        canvas = self._render(Pass(self.energy), camera).canvas
+        """Return the transmittance [H,W], the background's share of each pixel, 0 to 1."""
+        canvas = self._render(camera, Traversal(self.energy)).canvas
         return self._engine.read(canvas.transmittance, (camera.height, camera.width), np.float32)
 
     def depth(self, camera: Camera) -> Float32:
         """Return the median depth [H,W] along the view axis; infinite where half the light passes."""
-        canvas = self._render(Pass(self.energy, median_depth=True), camera).canvas
+        canvas = self._render(camera, Traversal(self.energy, median_depth=True)).canvas
         return self._engine.read(canvas.median_depth, (camera.height, camera.width), np.float32)
 
     def opacities_at(self, camera: Camera, points: NDArray[np.floating[Any]]) -> Float32:
-        """Return how much of a view's rays is blended away before and at each of the world `points` [P,3] (GOF).
+        """Return the opacity [P] that a view's rays have met at each of the world `points` [P,3] (GOF).
 
-        Each Gaussian counts by its energy "ray" as far as the point: by its maximum if that lies before the point, by
-        its value there if not. 1 where the view does not show the point.
+        Each Gaussian counts by its energy "ray" up to the point: by its maximum if that lies before the point, else by
+        its value at the point. The opacity is 1 where the view does not show the point.
 
         Raises
         ------
@@ -163,7 +159,7 @@ class Renderer:
     def vjp(
         self, camera: Camera, features: Float32 | None = None, background: Sequence[float] | None = None
     ) -> tuple[Float32, Pullback]:
-        """Return an image and the function that carries its gradient back (vector-Jacobian product).
+        """Return an image and its pullback (vector-Jacobian product).
 
         Parameters
         ----------
@@ -182,66 +178,62 @@ class Renderer:
         Raises
         ------
         ValueError
-            If the renderer's energy is not "ewa", the one that models are trained with, or `features` has another
-            number of rows than the model.
+            If the renderer's energy is not "ewa", or `features` and the model differ in their numbers of rows.
         InputError
-            If there are no `features` and the model holds no colour.
+            If neither `features` nor the model's colour exist.
 
         """
         if self.energy != "ewa":
             raise ValueError("gradients exist for the energy that models are trained with, 'ewa'")
-        frame, channels = self._channels(features)
-        seen = self._render(frame, camera, channels, [0.0] * frame.channels if background is None else background)
-        shape = (camera.height, camera.width, frame.channels)
+        rendered = self._render(camera, *self._channels(features), background)
 
         def pullback(image_gradient: Float32) -> Gradients:
-            if self._last is not seen:
+            if self._last is not rendered:
                 raise RuntimeError("the renderer has made another image since; call vjp again")
-            if image_gradient.shape != shape:
-                raise ValueError(f"the gradient is {image_gradient.shape}, the image {shape}")
-            return self._pull_back(seen, np.asarray(image_gradient, np.float32))
+            if image_gradient.shape != rendered.shape:
+                raise ValueError(f"the gradient is {image_gradient.shape}, the image {rendered.shape}")
+            return self._pull_back(rendered, np.asarray(image_gradient, np.float32))
 
-        return self._engine.read(seen.canvas.image, shape, np.float32), pullback
+        return rendered.image(), pullback
 
-    def _pull_back(self, seen: Rendered, image_gradient: Float32) -> Gradients:
-        engine, storage, frame = self._engine, self._storage, seen.frame
-        found = backward(engine, storage, seen, engine.upload("image_gradient", image_gradient))
-        geometry = by_row(engine, storage, found.geometry, GEOMETRY_ATTRIBUTES)
-        channels = by_row(engine, storage, found.channels, frame.channel_attributes)
+    def _pull_back(self, rendered: Rendered, image_gradient: Float32) -> Gradients:
+        engine, storage, traversal = self._engine, self._storage, rendered.frame.traversal
+        gradients = backward(rendered, engine.buffers.image_gradient.holding(image_gradient))
+        geometry = by_row(engine, storage, gradients.geometry, GEOMETRY_ATTRIBUTES)
+        channels = by_row(engine, storage, gradients.channels, traversal.channel_attributes)
         return Gradients(
             means=geometry[:, 0:3],
             quats=geometry[:, 3:7],
             scales=geometry[:, 7:10],
             opacities=geometry[:, 10],
-            channels=channels.reshape(-1, frame.channel_attributes // 3, 3) if frame.sh_degree >= 0 else channels,
-            means2d=by_row(engine, storage, found.centres, 2),
+            channels=channels if traversal.sh_degree < 0 else channels.reshape(len(channels), -1, 3),
+            means2d=by_row(engine, storage, gradients.centres, 2),
         )
 
-    def _channels(self, features: Float32 | None) -> tuple[Pass, object]:
-        """Return the pass that blends `features`, or the model's own colours, and those on the device."""
+    def _channels(self, features: Float32 | None) -> tuple[Traversal, object]:
+        """Return the traversal that blends `features`, or else the model's colours, and these on the device."""
         if features is None:
             if self.model.sh_degree < 0:
                 raise InputError("model", "f_dc_0", expected="spherical-harmonic colour", found="none")
-            return Pass(self.energy, channels=3, sh_degree=self.model.sh_degree), self._sh_coeffs
+            return Traversal(self.energy, channels=3, sh_degree=self.model.sh_degree), self._sh_coeffs
         count, channels = features.shape
         if count != len(self.model):
             raise ValueError(f"features are of {count} Gaussians, the model has {len(self.model)}")
-        return Pass(self.energy, channels=channels), upload_features(self._engine, self._storage, features)
+        return Traversal(self.energy, channels=channels), upload_features(self._engine, self._storage, features)
 
     @cached_property
     def _sh_coeffs(self) -> object:
         return upload_sh_coeffs(self._engine, self._storage, self.model)
 
     def _render(
-        self, frame: Pass, camera: Camera, channels: object | None = None, background: Sequence[float] = (0.0,)
+        self,
+        camera: Camera,
+        traversal: Traversal,
+        channels: object | None = None,
+        background: Sequence[float] | None = None,
     ) -> Rendered:
-        self._last = forward(
-            self._engine,
-            self._storage,
-            frame,
-            camera,
-            channels=channels,
-            background=background,
-            entry_budget=self._entry_budget,
-        )
+        """Render a frame; its background is zero by default."""
+        background = [0.0] * max(traversal.channels, 1) if background is None else background
+        frame = Frame(self._engine, self._storage, camera, traversal, channels)
+        self._last = forward(frame, background, self._entry_budget)
         return self._last

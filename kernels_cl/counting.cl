@@ -1,8 +1,6 @@
 // The step that stable counting sorts share: a histogram [chunks][bins] becomes, bin by bin, exclusive sums over the
 // chunks, and totals [bins]. With prefix sums over the totals, every chunk then knows where its next item of a bin goes.
 
-#define SCAN_BINS 64  // bins of a work-item
-
 __kernel void scan_chunks(uint chunks, uint bins, __global uint *histogram, __global uint *totals) {
     uint begin = get_global_id(0) * SCAN_BINS, end = min(begin + SCAN_BINS, bins);
     if (begin >= end) return;

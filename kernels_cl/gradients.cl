@@ -7,9 +7,9 @@ __kernel void sum_slot_gradients(uint visible, __global const uint *order, __glo
     if (rank >= visible) return;
     uint position = order[rank];
     float sums[SLOT_GRADIENT];
-    __global float *out = splat_gradients + (size_t)(position / 16 * SLOT_GRADIENT) * 16 + position % 16;
-    for (int i = 0; i < SLOT_GRADIENT; i++) sums[i] = out[16 * i];
+    __global float *out = splat_gradients + (size_t)(position / BLOCK * SLOT_GRADIENT) * BLOCK + position % BLOCK;
+    for (int i = 0; i < SLOT_GRADIENT; i++) sums[i] = out[BLOCK * i];
     for (uint slot = slot_ranges[rank].x; slot < slot_ranges[rank].y; slot++)
         for (int i = 0; i < SLOT_GRADIENT; i++) sums[i] += slot_gradients[(size_t)SLOT_GRADIENT * slot + i];
-    for (int i = 0; i < SLOT_GRADIENT; i++) out[16 * i] = sums[i];
+    for (int i = 0; i < SLOT_GRADIENT; i++) out[BLOCK * i] = sums[i];
 }

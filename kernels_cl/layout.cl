@@ -41,10 +41,8 @@
 
 // A *slot gradient* is what the backward pass keeps per entry: the moments of dL/d(log2 alpha) over the tile's pixels (1,
 // a, b, a^2, a b, b^2 with a = A dx + B dy, b = C dy), and dL/dchannel.
-#define MOMENTS 6
 #define SLOT_GRADIENT (MOMENTS + CHANNELS)
 
-#define FOOTPRINT 8
 #define FOOTPRINT_X 0
 #define FOOTPRINT_Y 1
 #define FOOTPRINT_SLOPE 2

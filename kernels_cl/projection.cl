@@ -4,10 +4,10 @@
 // axes into view space; derive the quadratic form of the chosen energy and the ellipse that bounds alpha >= ALPHA_MIN;
 // drop it if that touches no pixel centre; shade it; store.
 
-#define MEAN(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, axis, position)
-#define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 3 + axis, position)
-#define SCALE(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY, 7 + axis, position)
-#define OPACITY LOAD_ATTRIBUTE(geometry, GEOMETRY, 10, position)
+#define MEAN(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, axis, position)
+#define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, GEOMETRY_QUATS + axis, position)
+#define SCALE(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, GEOMETRY_SCALES + axis, position)
+#define OPACITY LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, GEOMETRY_OPACITY, position)
 #define HALF_LOG2E 0.72134752f
 #define TWO_LN2 1.38629436f
 #define IN_RANGE(x) (((x) >= (V)(1.0f / MAGNITUDE_MAX)) & ((x) <= (V)MAGNITUDE_MAX))
@@ -225,8 +225,8 @@ __kernel void project(uint count, int width, int height, __constant const float 
         float f[SPLAT * LANES];
     } splat;
     union {
-        V v[FOOTPRINT];
-        float f[FOOTPRINT * LANES];
+        V v[FOOTPRINT_FLOATS];
+        float f[FOOTPRINT_FLOATS * LANES];
     } footprint;
     if (ANY(visible)) {
         V axes[9], scale[3] = {SCALE(0), SCALE(1), SCALE(2)};
@@ -282,7 +282,7 @@ __kernel void project(uint count, int width, int height, __constant const float 
         if (key.u[lane] == NOT_VISIBLE) continue;
         __global float *s = splats + (size_t)SPLAT * (position + lane);
         for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splat.f[i * LANES + lane];
-        __global float *f = footprints + (size_t)FOOTPRINT * (position + lane);
-        for (int i = 0; i < FOOTPRINT; i++) f[i] = footprint.f[i * LANES + lane];
+        __global float *f = footprints + (size_t)FOOTPRINT_FLOATS * (position + lane);
+        for (int i = 0; i < FOOTPRINT_FLOATS; i++) f[i] = footprint.f[i * LANES + lane];
     }
 }

@@ -42,7 +42,7 @@ __kernel void project_backward(uint count, int width, int height, __constant con
         key.u[lane] = position + lane < count ? depth_keys[position + lane] : NOT_VISIBLE;
     I visible = MASK(key.v != (U)NOT_VISIBLE);
     if (!ANY(visible)) {
-        for (int i = 0; i < GEOMETRY; i++) STORE_ATTRIBUTE((V)0.0f, geometry_gradients, GEOMETRY, i);
+        for (int i = 0; i < GEOMETRY_ATTRIBUTES; i++) STORE_ATTRIBUTE((V)0.0f, geometry_gradients, GEOMETRY_ATTRIBUTES, i);
         for (int i = 0; i < 2; i++) STORE_ATTRIBUTE((V)0.0f, centre_gradients, 2, i);
         for (int i = 0; i < CHANNEL_ATTRIBUTES; i++)
             STORE_ATTRIBUTE((V)0.0f, channel_gradients, CHANNEL_ATTRIBUTES, i);
@@ -132,13 +132,13 @@ __kernel void project_backward(uint count, int width, int height, __constant con
 #endif
 
 #pragma unroll
-    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(USABLE(gworld[i]), geometry_gradients, GEOMETRY, i);
+    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(USABLE(gworld[i]), geometry_gradients, GEOMETRY_ATTRIBUTES, i);
 #pragma unroll
-    for (int i = 0; i < 4; i++) STORE_ATTRIBUTE(USABLE(gq[i]), geometry_gradients, GEOMETRY, 3 + i);
+    for (int i = 0; i < 4; i++) STORE_ATTRIBUTE(USABLE(gq[i]), geometry_gradients, GEOMETRY_ATTRIBUTES, GEOMETRY_QUATS + i);
 #pragma unroll
-    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(USABLE(gscale[i]), geometry_gradients, GEOMETRY, 7 + i);
+    for (int i = 0; i < 3; i++) STORE_ATTRIBUTE(USABLE(gscale[i]), geometry_gradients, GEOMETRY_ATTRIBUTES, GEOMETRY_SCALES + i);
     V gopacity = MOMENT(0) / (LN2 * OPACITY);  // p = log2 o + ...
-    STORE_ATTRIBUTE(USABLE(gopacity), geometry_gradients, GEOMETRY, 10);
+    STORE_ATTRIBUTE(USABLE(gopacity), geometry_gradients, GEOMETRY_ATTRIBUTES, GEOMETRY_OPACITY);
     STORE_ATTRIBUTE(USABLE(gU), centre_gradients, 2, 0);
     STORE_ATTRIBUTE(USABLE(gV), centre_gradients, 2, 1);
 }

@@ -17,7 +17,6 @@
 #define UNROLL _Pragma("unroll")
 
 #define NONE 0xffffffffu
-#define LEAF 16
 #define MARGIN (1.0 + (COLUMNS + 8) * 0x1p-23)  // of bounds in single precision, over the rounding of COLUMNS squares
 #define LEAST_BOUND 1e-37f      // devices may take smaller numbers for zero
 

@@ -43,25 +43,24 @@ inline float sum16(float16 v) {
 }
 #endif
 
-// Attributes of Gaussians lie in blocks of 16, attribute by attribute inside a block ([positions / 16][attributes][16]):
-// a vector load in the cpu style, a coalesced one in the gpu style, and one memory stream for all attributes.
+// Attributes of Gaussians are stored in blocks of 16 positions, [blocks][attributes][BLOCK]: a vector load in the cpu style,
+// a coalesced one in the gpu style, and one memory stream for all attributes.
+#define ELEMENT(attributes, attribute, position) \
+    (((position) / BLOCK * (attributes) + (attribute)) * BLOCK + (position) % BLOCK)
 #if LANES == 16
 #define LOAD_ATTRIBUTE(array, attributes, attribute, position) \
-    vload16(0, (array) + ((position) / 16 * (attributes) + (attribute)) * 16)
+    vload16((position) / BLOCK * (attributes) + (attribute), array)
+#define STORE_ATTRIBUTE(value, array, attributes, attribute) \
+    vstore16(value, position / BLOCK * (attributes) + (attribute), array)
 #else
-#define LOAD_ATTRIBUTE(array, attributes, attribute, position) \
-    (array)[((position) / 16 * (attributes) + (attribute)) * 16 + (position) % 16]
+#define LOAD_ATTRIBUTE(array, attributes, attribute, position) (array)[ELEMENT(attributes, attribute, position)]
+#define STORE_ATTRIBUTE(value, array, attributes, attribute) (array)[ELEMENT(attributes, attribute, position)] = (value)
 #endif
 
-#define GEOMETRY 11  // attributes of the geometry: means 3, quats 4, scales 3, opacity 1
-
-#if LANES == 16
-#define STORE_ATTRIBUTE(value, array, attributes, attribute) \
-    vstore16(value, 0, (array) + (position / 16 * (attributes) + (attribute)) * 16)
-#else
-#define STORE_ATTRIBUTE(value, array, attributes, attribute) \
-    (array)[(position / 16 * (attributes) + (attribute)) * 16 + position % 16] = (value)
-#endif
+// The first attribute of each part of the geometry: means 0, then
+#define GEOMETRY_QUATS 3
+#define GEOMETRY_SCALES 7
+#define GEOMETRY_OPACITY 10
 
 // 2^x for x in [-126, 127], relative error below 4e-7: the degree-5 polynomial on [-1/2, 1/2] with the least relative
 // error (7e-8) among those that are 1 at 0, and its rounding. Adding 1.5 * 2^23 leaves the nearest integer in the low

@@ -5,10 +5,11 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from gspure.opencl.adam import LearningRates, Moments, activate, adam_step
+from gspure.constants import GEOMETRY_ATTRIBUTES
+from gspure.opencl.adam import Adam, LearningRates, Moments
 from gspure.opencl.engine import Engine
 from gspure.opencl.gradients import DeviceGradients, by_row
-from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, Storage, upload_attributes
+from gspure.opencl.storage import Storage, upload_attributes
 from gspure.reference.adam import adam_step as reference_step
 
 RATES = LearningRates(means=1e-3, quats=2e-3, scales=5e-3, opacities=0.05, sh_dc=2.5e-3, sh_rest=1e-4)
@@ -40,18 +41,15 @@ class OnDevice:
             Moments(self.uploaded(part), *(self.uploaded(np.zeros_like(part)) for _ in range(2)))
             for part in (geometry, channels)
         )
-        activate(self.engine, self.count, self.geometry.raw, self.storage.geometry)
+        self.adam = Adam(self.engine, self.count, self.geometry, self.channels, self.attributes, self.storage.geometry)
 
     def uploaded(self, rows, order=None):
         order = self.storage.order if order is None else order
         return upload_attributes(self.engine, order, rows.shape[1], rows.__getitem__)
 
     def step(self, number, geometry_gradients, channel_gradients):
-        found = DeviceGradients(*map(self.uploaded, (geometry_gradients, channel_gradients)), None)
-        adam_step(
-            *(self.engine, self.count, number, RATES, found),
-            *(self.geometry, self.storage.geometry, self.channels, self.attributes),
-        )
+        gradients = DeviceGradients(*map(self.uploaded, (geometry_gradients, channel_gradients)), None)
+        self.adam.step(number, RATES, gradients)
 
     def rows(self, buffer, attributes=GEOMETRY_ATTRIBUTES):
         return by_row(self.engine, self.storage, buffer, attributes)

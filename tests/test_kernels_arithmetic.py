@@ -3,7 +3,7 @@
 import numpy as np
 import pyopencl as cl
 
-from gspure.opencl.engine import Engine
+from gspure.opencl.engine import Engine, Program
 from gspure.opencl.program import build_options, kernel_source
 
 EVALUATE = """
@@ -18,6 +18,6 @@ def test_exp2_is_within_four_ten_millionths(device, style):
     x = np.linspace(-126, 127, 1 << 14).astype(np.float32)
     source = kernel_source("vector") + EVALUATE
     program = cl.Program(engine.context, source).build(options=build_options({"LANES": lanes}))
-    result = engine.buffer("result", x.nbytes)
-    engine.run(cl.Kernel(program, "evaluate"), x.size // lanes, engine.upload("x", x), result)
+    result = engine.allocate(x.nbytes)
+    Program(program, engine.queue, 1).launch("evaluate", x.size // lanes, engine.uploaded(x), result)
     np.testing.assert_allclose(engine.read(result, x.shape, np.float32), np.exp2(x.astype(np.float64)), rtol=4e-7)

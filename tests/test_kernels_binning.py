@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from gspure.constants import TILE
+from gspure.constants import ALPHA_MIN, TILE
 from gspure.opencl.binning import bands, bin_tiles, gather_footprints
 from gspure.opencl.engine import Engine
-from gspure.opencl.frame import Pass
+from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import project
 from gspure.opencl.storage import store
-from gspure.reference.footprint import touched_tiles
+from gspure.reference.projection import pixel_centres
 from gspure.reference.projection import project as project_reference
 from tests.models import AWKWARD, blobs, camera, tilted_camera
 
@@ -20,16 +20,17 @@ class Lists:
 
     def __init__(self, device, style, energy, model, view, entry_budget=1 << 20):
         engine = Engine(device.cl_device, style)
-        storage, frame = store(engine, model), Pass(energy)
-        projected = project(engine, frame, view, storage, None)
-        order = sort_by_depth(engine, projected, storage)
-        footprints = gather_footprints(engine, projected, order)
+        storage = store(engine, model)
+        frame = Frame(engine, storage, view, Traversal(energy))
+        projected = project(frame)
+        order = sort_by_depth(engine, storage, projected.depth_keys)
+        footprints = gather_footprints(frame, projected, order)
         self.front_to_back = storage.order[engine.read(order.positions, (order.visible,), np.uint32)]
-        self.bands = bands(engine, footprints, order, view, entry_budget)
+        self.bands = bands(frame, footprints, entry_budget)
         self.tiles, self.capacities = [], []
         for band in self.bands:
-            lists = bin_tiles(engine, frame, projected, footprints, order, view, band)
-            columns = -(-view.width // TILE)
+            lists = bin_tiles(frame, projected, footprints, band)
+            columns, _ = frame.tiles
             starts = engine.read(lists.tile_starts, ((band.last - band.first + 1) * columns + 1,), np.uint32)
             rows = storage.order[engine.read(lists.entries, (starts[-1],), np.uint32)]
             slots = engine.read(lists.slots, (starts[-1],), np.uint32)
@@ -53,10 +54,14 @@ def pairs(lists):
 
 
 def touched_pairs(model, view, energy):
+    """{(tile, row)} of all Gaussians and tiles with a pixel centre of alpha >= 1/255."""
     projection = project_reference(model, view, energy)
-    touched = touched_tiles(projection, view)
-    i, row, column = np.nonzero(touched)
-    return set(zip(row * touched.shape[2] + column, projection.rows[i], strict=True))
+    u, v = pixel_centres(view)
+    touched, columns = set(), -(-view.width // TILE)
+    for i, row in enumerate(projection.rows):
+        y, x = np.nonzero(projection.opacities[i] * projection.evaluate(i, u, v)[0] >= ALPHA_MIN)
+        touched |= {(tile, row) for tile in np.unique(y // TILE * columns + x // TILE)}
+    return touched
 
 
 @pytest.mark.parametrize("case", AWKWARD)

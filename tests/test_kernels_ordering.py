@@ -7,7 +7,6 @@ from gspure.opencl.counting import prefix_sums
 from gspure.opencl.engine import Engine
 from gspure.opencl.morton import morton_order
 from gspure.opencl.ordering import sort_by_depth
-from gspure.opencl.projection import Projected
 from gspure.opencl.storage import store
 from tests.models import blobs
 
@@ -18,8 +17,7 @@ def sorted_rows(device, style, keys_by_row):
     """The rows that `sort_by_depth` leaves, front to back."""
     engine = Engine(device.cl_device, style)
     storage = store(engine, blobs(len(keys_by_row), 1, sh_degree=0))
-    keys = engine.upload("keys", keys_by_row[storage.order])
-    order = sort_by_depth(engine, Projected(len(keys_by_row), keys, keys, keys), storage)
+    order = sort_by_depth(engine, storage, engine.uploaded(keys_by_row[storage.order]))
     return storage.order[engine.read(order.positions, (order.visible,), np.uint32)]
 
 
@@ -43,11 +41,11 @@ def test_a_view_of_nothing_has_an_empty_order(device, style):
     assert sorted_rows(device, style, np.full(40, NOT_VISIBLE, np.uint32)).size == 0
 
 
-def test_a_total_beyond_32_bits_is_told(device):
+def test_a_total_beyond_32_bits_is_exact(device):
     """Bounds of tile entries may add up to more than a band can hold: then the frame is split."""
     engine = Engine(device.cl_device)
-    counts = engine.upload("counts", np.full(4, 2**31, np.uint32))
-    assert prefix_sums(engine, "starts", counts, 4)[1] == 2**33
+    counts = engine.uploaded(np.full(4, 2**31, np.uint32))
+    assert prefix_sums(engine, counts, 4, engine.buffers.chunk_starts)[1] == 2**33
 
 
 def test_the_storage_order_holds_every_row_once_and_keeps_neighbours_together():

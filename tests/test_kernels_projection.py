@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gspure.opencl.engine import Engine
-from gspure.opencl.frame import Pass
+from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import project
 from gspure.opencl.storage import store
@@ -18,11 +18,12 @@ U, V, LOG2_OPACITY, DEPTH, L0, A0, C0 = 0, 1, 5, 6, 9, 10, 11  # layout.cl
 def projected(device, style, energy, model, view):
     """(visible rows front to back, their splats)."""
     engine = Engine(device.cl_device, style)
-    storage, frame = store(engine, model), Pass(energy)
-    buffers = project(engine, frame, view, storage, None)
-    order = sort_by_depth(engine, buffers, storage)
+    storage = store(engine, model)
+    frame = Frame(engine, storage, view, Traversal(energy))
+    buffers = project(frame)
+    order = sort_by_depth(engine, storage, buffers.depth_keys)
     positions = engine.read(order.positions, (order.visible,), np.uint32)
-    splats = engine.read(buffers.splats, (len(model), frame.splat_floats), np.float32)
+    splats = engine.read(buffers.splats, (len(model), frame.traversal.splat_floats), np.float32)
     return storage.order[positions], splats[positions]
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gspure.evaluation.metrics import ssim
 from gspure.opencl.engine import Engine
-from gspure.opencl.losses import Plane, image_loss, padded_target
+from gspure.opencl.losses import upload_photographs
 from gspure.reference.losses import image_loss as reference_loss
 
 SIZES = [(1, 1), (3, 2), (10, 11), (11, 11), (16, 5), (17, 33), (40, 6)]
@@ -20,10 +20,8 @@ def engine(device, style):
 
 def loss_on(engine, image, target, weight):
     """(loss, gradient) on a device."""
-    plane = Plane(*image.shape)
-    loss, gradient = image_loss(
-        engine, plane, engine.upload("image", image), engine.uploaded(padded_target(target)), weight
-    )
+    (photograph,) = upload_photographs(engine, [target])
+    loss, gradient = photograph.compare(engine.uploaded(image), weight)
     return loss, engine.read(gradient, image.shape, np.float32)
 
 
@@ -121,9 +119,12 @@ def test_neither_channels_nor_the_two_axes_mix(engine):
         np.testing.assert_allclose(turned, turn(gradient), atol=1e-9)
 
 
-def test_earlier_sizes_leave_no_trace(device, style):
-    used = Engine(device.cl_device, style)
-    for size in ((33, 20), (5, 7), (33, 20), (20, 33)):
-        again, fresh = (loss_on(e, *pictures(*size), 0.2) for e in (used, Engine(device.cl_device, style)))
-        assert again[0] == fresh[0]
-        assert again[1].tobytes() == fresh[1].tobytes()
+def test_earlier_comparisons_leave_no_trace(device, style):
+    cases = [pictures(*size, seed=seed) for seed, size in enumerate([(33, 20), (5, 7), (33, 20), (20, 33)])]
+    engine = Engine(device.cl_device, style)
+    photographs = upload_photographs(engine, [target for _, target in cases])
+    for (image, target), photograph in zip(cases, photographs, strict=True):
+        loss, gradient = photograph.compare(engine.uploaded(image), 0.2)
+        fresh_loss, fresh_gradient = loss_on(Engine(device.cl_device, style), image, target, 0.2)
+        assert loss == fresh_loss
+        assert engine.read(gradient, image.shape, np.float32).tobytes() == fresh_gradient.tobytes()

@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from gspure.constants import ADAM_BETA1, ADAM_BETA2
-from gspure.opencl.engine import LANES, Engine
+from gspure.opencl.engine import Engine
 from gspure.opencl.gradients import DeviceGradients
 
 
@@ -33,42 +33,51 @@ class Moments:
     second: cl.Buffer
 
 
-def activate(engine: Engine, count: int, raw: cl.Buffer, activated: cl.Buffer) -> None:
-    """Write the activated geometry, as the renderer takes it, of the raw one."""
-    kernel = _kernel(engine, "activate_geometry", 0)
-    engine.run(kernel, -(-count // LANES[engine.style]), np.uint32(count), raw, activated)
+class Adam:
+    """Adam over a geometry and its colours.
 
+    Parameters
+    ----------
+    engine : Engine
+    count : int
+        Number of Gaussians.
+    geometry, channels : Moments
+        [K,GEOMETRY_ATTRIBUTES] and [K,channel_attributes], in blocks.
+    channel_attributes : int
+    activated : pyopencl.Buffer
+        Receives the geometry as the renderer reads it: exp of scales, logistic function of opacities.
 
-def adam_step(
-    engine: Engine,
-    count: int,
-    step: int,
-    rates: LearningRates,
-    gradients: DeviceGradients,
-    geometry: Moments,
-    activated: cl.Buffer,
-    channels: Moments,
-    channel_attributes: int,
-) -> None:
-    """Take step number `step` (from 1 on); `activated` geometry follows the raw one."""
-    if not count:
-        return
-    items = -(-count // LANES[engine.style])
-    corrections = (np.float32(1 / (1 - ADAM_BETA1**step)), np.float32(1 / (1 - ADAM_BETA2**step)))
-    per_attribute = [rates.means] * 3 + [rates.quats] * 4 + [rates.scales] * 3 + [rates.opacities]
-    engine.run(
-        _kernel(engine, "adam_geometry", channel_attributes),
-        items,
-        *(np.uint32(count), engine.upload("rates", np.array(per_attribute, np.float32)), *corrections),
-        *(gradients.geometry, geometry.raw, geometry.first, geometry.second, activated),
-    )
-    engine.run(
-        _kernel(engine, "adam_channels", channel_attributes),
-        items,
-        *(np.uint32(count), np.float32(rates.sh_dc), np.float32(rates.sh_rest), *corrections),
-        *(gradients.channels, channels.raw, channels.first, channels.second),
-    )
+    """
 
+    def __init__(
+        self,
+        engine: Engine,
+        count: int,
+        geometry: Moments,
+        channels: Moments,
+        channel_attributes: int,
+        activated: cl.Buffer,
+    ) -> None:
+        self.geometry, self.channels, self.activated = geometry, channels, activated
+        self._count, self._items = count, engine.vectors(count)
+        self._rates = engine.buffers.rates
+        self._program = engine.program("vector", "adam", CHANNEL_ATTRIBUTES=channel_attributes)
+        self._program.launch("activate_geometry", self._items, count, geometry.raw, activated)
 
-def _kernel(engine: Engine, name: str, channel_attributes: int) -> cl.Kernel:
-    return engine.kernel(name, "vector", "layout", "adam", CHANNEL_ATTRIBUTES=channel_attributes, RAY=0, CHANNELS=0)
+    def step(self, number: int, rates: LearningRates, gradients: DeviceGradients) -> None:
+        """Take step `number`, from 1 on, against the gradients of the activated values."""
+        corrections = (1 / (1 - ADAM_BETA1**number), 1 / (1 - ADAM_BETA2**number))
+        per_attribute = [rates.means] * 3 + [rates.quats] * 4 + [rates.scales] * 3 + [rates.opacities]
+        geometry, channels = self.geometry, self.channels
+        self._program.launch(
+            "adam_geometry",
+            self._items,
+            *(self._count, self._rates.holding(np.array(per_attribute, np.float32)), *corrections),
+            *(gradients.geometry, geometry.raw, geometry.first, geometry.second, self.activated),
+        )
+        self._program.launch(
+            "adam_channels",
+            self._items,
+            *(self._count, float(rates.sh_dc), float(rates.sh_rest), *corrections),
+            *(gradients.channels, channels.raw, channels.first, channels.second),
+        )

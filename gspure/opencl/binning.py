@@ -1,4 +1,4 @@
-"""Tile lists of a band of tile rows, and the split of an image into bands whose lists fit in memory."""
+"""Tile lists of a band of tile rows, and the split of an image into bands whose lists fit in memory (binning.cl)."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
-from gspure.constants import TILE
+from gspure.constants import FOOTPRINT_FLOATS
 from gspure.opencl.counting import chunks, first_places, prefix_sums
-from gspure.opencl.engine import Engine
-from gspure.opencl.frame import Pass
+from gspure.opencl.engine import Engine, Program
+from gspure.opencl.frame import Frame
 from gspure.opencl.ordering import DepthOrder
-from gspure.opencl.projection import FOOTPRINT_FLOATS, Projected
+from gspure.opencl.projection import Projected
 
 
 @dataclass(frozen=True)
@@ -27,21 +26,24 @@ class Band:
 
 @dataclass(frozen=True)
 class Footprints:
-    """Footprints of the visible Gaussians in depth order, and how many entries each chunk of them can have at most."""
+    """Footprints of the visible Gaussians in depth `order`, and the most entries of each of their `chunks`."""
 
+    order: DepthOrder
     ordered: cl.Buffer
     bounds: cl.Buffer
+    chunks: int
 
 
 @dataclass(frozen=True)
 class TileLists:
     """Lists of a band: `entries` (positions) and `slots`, tile by tile in depth order from `tile_starts` on.
 
-    A slot is one of `capacity` places in which an entry's partial sums are kept; `slot_ranges` [visible][2] holds those
-    of each Gaussian, in depth order.
+    A slot is one of `capacity` places for an entry's partial sums; `slot_ranges` [V,2] holds those of each visible
+    Gaussian, in depth order.
     """
 
     band: Band
+    order: DepthOrder
     entries: cl.Buffer
     slots: cl.Buffer
     tile_starts: cl.Buffer
@@ -49,100 +51,66 @@ class TileLists:
     capacity: int
 
 
-def tile_grid(camera: Camera) -> tuple[int, int]:
-    """Return (columns, rows) of tiles."""
-    return -(-camera.width // TILE), -(-camera.height // TILE)
-
-
-def gather_footprints(engine: Engine, projected: Projected, order: DepthOrder) -> Footprints:
+def gather_footprints(frame: Frame, projected: Projected, order: DepthOrder) -> Footprints:
     """Return the footprints of the visible Gaussians in depth order."""
-    parts = chunks(engine, order.visible)
-    footprints = Footprints(
-        engine.buffer("ordered_footprints", 4 * FOOTPRINT_FLOATS * order.visible), engine.buffer("bounds", 4 * parts)
-    )
-    engine.run(
-        _kernel(engine, "gather_footprints"),
-        parts,
-        *(np.uint32(order.visible), np.uint32(parts), order.positions, projected.footprints),
-        *(footprints.ordered, footprints.bounds),
-    )
-    return footprints
+    buffers, parts = frame.engine.buffers, chunks(frame.engine, order.visible)
+    ordered, bounds = buffers.ordered_footprints.sized(order.visible, FOOTPRINT_FLOATS), buffers.bounds.sized(parts)
+    arguments = (order.visible, parts, order.positions, projected.footprints, ordered, bounds)
+    _program(frame).launch("gather_footprints", parts, *arguments)
+    return Footprints(order, ordered, bounds, parts)
 
 
-def bands(engine: Engine, footprints: Footprints, order: DepthOrder, camera: Camera, entry_budget: int) -> list[Band]:
+def bands(frame: Frame, footprints: Footprints, entry_budget: int) -> list[Band]:
     """Split the tile rows so that no band can hold more than `entry_budget` entries, unless a single row does."""
-    _, rows = tile_grid(camera)
-    with engine.mapped(footprints.bounds, (chunks(engine, order.visible),), np.uint32) as bounds:
+    _, rows = frame.tiles
+    with frame.engine.mapped(footprints.bounds, (footprints.chunks,), np.uint32) as bounds:
         most = int(bounds.sum(dtype=np.uint64))
     if most <= entry_budget:
         return [Band(0, rows - 1)]
-    found, first, held = [], 0, 0
-    for row, bound in enumerate(_entries_per_row(engine, footprints.ordered, order, rows)):
+    split, first, held = [], 0, 0
+    for row, bound in enumerate(_entries_per_row(frame.engine, footprints, rows)):
         if held and held + bound > entry_budget:
-            found.append(Band(first, row - 1))
+            split.append(Band(first, row - 1))
             first, held = row, 0
         held += int(bound)
-    return [*found, Band(first, rows - 1)]
+    return [*split, Band(first, rows - 1)]
 
 
-def bin_tiles(
-    engine: Engine,
-    frame: Pass,
-    projected: Projected,
-    footprints: Footprints,
-    order: DepthOrder,
-    camera: Camera,
-    band: Band,
-) -> TileLists:
-    """Build the tile lists of one band (binning.cl)."""
-    columns, rows = tile_grid(camera)
+def bin_tiles(frame: Frame, projected: Projected, footprints: Footprints, band: Band) -> TileLists:
+    """Build the tile lists of one band."""
+    engine, buffers, program = frame.engine, frame.engine.buffers, _program(frame)
+    columns, rows = frame.tiles
     tiles = (band.last - band.first + 1) * columns
-    visible, parts = order.visible, chunks(engine, order.visible)
-    bounds = footprints.bounds if band == Band(0, rows - 1) else _bounds_of(engine, footprints, order, band)
-    chunk_starts, capacity = prefix_sums(engine, "chunk_starts", bounds, parts)
-    chunk_ends = engine.buffer("chunk_ends", 4 * parts)
-    slot_ranges = engine.buffer("slot_ranges", 8 * visible)
-    histogram = engine.buffer("histogram", 4 * parts * tiles)
-    emitted_tiles, emitted_positions, entries, slots = (
-        engine.buffer(name, 4 * capacity) for name in ("emitted_tiles", "emitted_positions", "entries", "slots")
-    )
-    engine.run(
-        engine.kernel("emit_entries", "layout", "binning", **frame.layout),
+    order, parts = footprints.order, footprints.chunks
+    shape = (order.visible, parts)
+    bounds = footprints.bounds
+    if band != Band(0, rows - 1):
+        bounds = buffers.band_bounds.sized(parts)
+        program.launch("bound_entries", parts, *shape, band.first, band.last, footprints.ordered, bounds)
+    chunk_starts, capacity = prefix_sums(engine, bounds, parts, buffers.chunk_starts)
+    chunk_ends, slot_ranges = buffers.chunk_ends.sized(parts), buffers.slot_ranges.sized(order.visible, 2)
+    histogram = buffers.histogram.sized(parts, tiles)
+    emitted = (buffers.emitted_tiles.sized(capacity), buffers.emitted_positions.sized(capacity))
+    entries, slots = buffers.entries.sized(capacity), buffers.slots.sized(capacity)
+    program.launch(
+        "emit_entries",
         parts,
-        *(np.uint32(visible), np.uint32(parts), np.int32(columns), np.int32(band.first), np.int32(band.last)),
-        *(order.positions, projected.splats, footprints.ordered, chunk_starts, chunk_ends),
-        *(emitted_tiles, emitted_positions, slot_ranges, histogram),
+        *(*shape, columns, band.first, band.last, order.positions, projected.splats, footprints.ordered),
+        *(chunk_starts, chunk_ends, *emitted, slot_ranges, histogram),
     )
-    tile_starts, _ = first_places(engine, "tile_starts", histogram, parts, tiles)
-    engine.run(
-        _kernel(engine, "scatter_entries"),
-        parts,
-        *(np.uint32(parts), np.uint32(tiles), chunk_starts, chunk_ends, emitted_tiles, emitted_positions),
-        *(histogram, tile_starts, entries, slots),
-    )
-    return TileLists(band, entries, slots, tile_starts, slot_ranges, capacity)
+    tile_starts, _ = first_places(engine, histogram, parts, tiles, buffers.tile_starts)
+    arguments = (chunk_starts, chunk_ends, *emitted, histogram, tile_starts, entries, slots)
+    program.launch("scatter_entries", parts, parts, tiles, *arguments)
+    return TileLists(band, order, entries, slots, tile_starts, slot_ranges, capacity)
 
 
-def _kernel(engine: Engine, name: str) -> cl.Kernel:
-    return engine.kernel(name, "layout", "binning", RAY=0, CHANNELS=0)
+def _program(frame: Frame) -> Program:
+    return frame.program("layout", "binning")
 
 
-def _bounds_of(engine: Engine, footprints: Footprints, order: DepthOrder, band: Band) -> cl.Buffer:
-    """Return how many entries each chunk can have at most in one of several bands."""
-    parts = chunks(engine, order.visible)
-    bounds = engine.buffer("band_bounds", 4 * parts)
-    engine.run(
-        _kernel(engine, "bound_entries"),
-        parts,
-        *(np.uint32(order.visible), np.uint32(parts), np.int32(band.first), np.int32(band.last)),
-        *(footprints.ordered, bounds),
-    )
-    return bounds
-
-
-def _entries_per_row(engine: Engine, footprints: cl.Buffer, order: DepthOrder, rows: int) -> NDArray[np.int64]:
+def _entries_per_row(engine: Engine, footprints: Footprints, rows: int) -> NDArray[np.int64]:
     """Return an upper bound of the entries of each tile row, from the tile rectangles."""
-    with engine.mapped(footprints, (order.visible, FOOTPRINT_FLOATS), np.uint32) as words:
+    with engine.mapped(footprints.ordered, (footprints.order.visible, FOOTPRINT_FLOATS), np.uint32) as words:
         first, last = words[:, 5:7] & 0xFFFF, words[:, 5:7] >> 16
     widths = last[:, 0] - first[:, 0] + 1
     begun = np.bincount(first[:, 1], widths, rows + 1)

@@ -8,16 +8,15 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
 from gspure.constants import TILE
-from gspure.opencl.binning import TileLists, tile_grid
-from gspure.opencl.engine import Engine
-from gspure.opencl.frame import Pass
-from gspure.opencl.ordering import DepthOrder
+from gspure.opencl.binning import TileLists
+from gspure.opencl.engine import Program
+from gspure.opencl.frame import Frame
 from gspure.opencl.projection import Projected
-from gspure.opencl.storage import Storage
 
-_GROUP = TILE * TILE
+_PIXELS = TILE * TILE
+SUM_GROUP = 64
+"""Work-group of the kernels that handle one Gaussian per work-item in both styles."""
 
 
 @dataclass(frozen=True)
@@ -30,69 +29,60 @@ class Canvas:
     records: cl.Buffer
 
 
-def prepare_canvas(engine: Engine, frame: Pass, camera: Camera, count: int) -> Canvas:
-    """Return buffers for one frame; the contributions start at zero."""
-    size = camera.width * camera.height
-    rows = count if frame.contributions else 0
+def prepare_canvas(frame: Frame) -> Canvas:
+    """Return the canvas of a frame; its contributions are zero."""
+    buffers, traversal = frame.engine.buffers, frame.traversal
+    rows = frame.storage.count * traversal.contributions
     canvas = Canvas(
-        engine.buffer("image", 4 * size * frame.channels),
-        engine.buffer("transmittance", 4 * size),
-        engine.buffer("median_depth", 4 * size * frame.median_depth),
-        engine.buffer("records", 16 * rows),
+        buffers.image.sized(*frame.size, traversal.channels),
+        buffers.transmittance.sized(*frame.size),
+        buffers.median_depth.sized(*frame.size, traversal.median_depth),
+        buffers.records.sized(rows, 4),
     )
-    engine.clear(canvas.records, 16 * rows)
+    frame.engine.clear(canvas.records, 16 * rows)
     return canvas
 
 
 def blend_band(
-    engine: Engine,
-    frame: Pass,
-    camera: Camera,
-    projected: Projected,
-    lists: TileLists,
-    background: NDArray[np.float32],
-    canvas: Canvas,
+    frame: Frame, projected: Projected, lists: TileLists, background: NDArray[np.float32], canvas: Canvas
 ) -> None:
-    """Blend one band of tiles into `canvas` (blending_cpu.cl, blending_gpu.cl; contributions.cl)."""
-    columns, _ = tile_grid(camera)
-    tiles = (lists.band.last - lists.band.first + 1) * columns
-    partials = engine.buffer("partials", 12 * lists.capacity * frame.contributions)
-    gpu = engine.style == "gpu"
-    kernel = engine.kernel(
-        "blend_tiles",
-        "vector",
-        "layout",
-        "blending",
-        f"blending_{engine.style}",
-        CONTRIBUTIONS=int(frame.contributions),
-        MEDIAN_DEPTH=int(frame.median_depth),
-        **({"BATCH": _batch(engine, frame)} if gpu else {}),
-        **frame.layout,
+    """Blend one band of tiles into `canvas` (blending_cpu.cl, blending_gpu.cl)."""
+    engine, buffers, traversal = frame.engine, frame.engine.buffers, frame.traversal
+    program = frame.program(
+        *("vector", "layout", "blending", f"blending_{engine.style}"),
+        CONTRIBUTIONS=int(traversal.contributions),
+        MEDIAN_DEPTH=int(traversal.median_depth),
+        **({"BATCH": _batch(frame)} if engine.style == "gpu" else {}),
     )
-    engine.run(
+    partials = buffers.partials.sized(lists.capacity * traversal.contributions, 3)
+    outputs = (canvas.image, canvas.transmittance, canvas.median_depth, partials)
+    walk_tiles(program, "blend_tiles", frame, projected, lists, buffers.background.holding(background), *outputs)
+
+
+def walk_tiles(
+    program: Program, kernel: str, frame: Frame, projected: Projected, lists: TileLists, *args: cl.Buffer
+) -> None:
+    """Launch `kernel` over the tiles of a band: one work-item per tile (cpu style), or per pixel (gpu style)."""
+    group = _PIXELS if frame.engine.style == "gpu" else 1
+    columns, _ = frame.tiles
+    program.launch(
         kernel,
-        tiles * (_GROUP if gpu else 1),
-        *(np.int32(camera.width), np.int32(camera.height), np.int32(columns), np.int32(lists.band.first * columns)),
-        *(projected.splats, lists.entries, lists.slots, lists.tile_starts, engine.upload("background", background)),
-        *(canvas.image, canvas.transmittance, canvas.median_depth, partials),
-        group=_GROUP if gpu else 1,
+        (lists.band.last - lists.band.first + 1) * columns * group,
+        *(*frame.size, columns, lists.band.first * columns),
+        *(projected.splats, lists.entries, lists.slots, lists.tile_starts, *args),
+        group=group,
     )
 
 
-def sum_slots(engine: Engine, order: DepthOrder, storage: Storage, lists: TileLists, canvas: Canvas) -> None:
-    """Add what each Gaussian gave to the tiles of a band to its contributions (contributions.cl)."""
-    if order.visible:
-        engine.run(
-            engine.kernel("sum_slots", "contributions"),
-            order.visible,
-            *(np.uint32(order.visible), order.positions, storage.rows, lists.slot_ranges, engine.buffer("partials", 0)),
-            canvas.records,
-            group=64,
-        )
+def sum_slots(frame: Frame, lists: TileLists, canvas: Canvas) -> None:
+    """Add the slots of a band to the contributions of their Gaussians (contributions.cl)."""
+    order, partials = lists.order, frame.engine.buffers.partials.sized(lists.capacity, 3)
+    arguments = (order.visible, order.positions, frame.storage.rows, lists.slot_ranges, partials, canvas.records)
+    frame.engine.program("contributions").launch("sum_slots", order.visible, *arguments, group=SUM_GROUP)
 
 
-def _batch(engine: Engine, frame: Pass) -> int:
+def _batch(frame: Frame) -> int:
     """Return how many splats a work-group stages at a time: as many as three quarters of its local memory hold."""
-    entry = 4 * (frame.staged_floats + 3 * frame.contributions)
-    fitting = engine.device.local_mem_size * 3 // 4 // entry
-    return min(_GROUP, 1 << max(int(fitting).bit_length() - 1, 0))
+    entry = 4 * (frame.traversal.staged_floats + 3 * frame.traversal.contributions)
+    fitting = frame.engine.device.local_mem_size * 3 // 4 // entry
+    return min(_PIXELS, 1 << max(int(fitting).bit_length() - 1, 0))

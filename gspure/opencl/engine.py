@@ -1,4 +1,4 @@
-"""One OpenCL device at work: its context and queue, its built kernels, its reusable buffers."""
+"""One OpenCL device: its queue, its built programs and its reusable buffers."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import digest
 from gspure.errors import InputError
+from gspure.opencl.buffers import Buffers
 from gspure.opencl.device import Device
 from gspure.opencl.program import build_options, kernel_source
 
 Style = Literal["cpu", "gpu"]
 LANES = {"cpu": 16, "gpu": 1}
+_GROUP = {"cpu": 1, "gpu": 64}
 
 
 def suited_style(device: cl.Device) -> Style:
@@ -29,8 +31,8 @@ def suited_style(device: cl.Device) -> Style:
 def device_digest(device: Device, style: Style | None = None) -> str:
     """Return a digest of driver, device and kernel style (by default the suited one), for keys of stored results.
 
-    Drivers, CPUs and kernel styles round differently: results are bit-identical only where this digest is the same. A
-    driver's compiler and the CPU that it targets are part of its version strings.
+    Drivers, CPUs and kernel styles round differently: results are bit-identical only where this digest is the same. The
+    version strings of a driver name its compiler and the CPU that it targets.
     """
     target = device.cl_device
     return digest(
@@ -45,19 +47,51 @@ def _context(device: cl.Device) -> cl.Context:
 
 
 @cache
-def _program(context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[str, int], ...]) -> cl.Program:
+def _built(context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[str, int], ...]) -> cl.Program:
     return cl.Program(context, kernel_source(*sources)).build(options=build_options(dict(defines)))
 
 
+class Program:
+    """The kernels of a program, with the queue and the group size that they are launched with.
+
+    Parameters
+    ----------
+    program : pyopencl.Program
+    queue : pyopencl.CommandQueue
+    group : int
+        Work-items of a work-group, unless a launch names another number.
+
+    """
+
+    def __init__(self, program: cl.Program, queue: cl.CommandQueue, group: int) -> None:
+        self._kernels = {kernel.function_name: kernel for kernel in program.all_kernels()}
+        self._queue = queue
+        self._group = group
+
+    def launch(self, name: str, items: int, *args: cl.Buffer | float, group: int | None = None) -> None:
+        """Enqueue a kernel over `items` work-items, rounded up to whole groups; do nothing if there are none.
+
+        An int is passed as a 32-bit integer, a float as a single-precision number.
+        """
+        if items:
+            group = group or self._group
+            self._kernels[name](self._queue, (-(-items // group) * group,), (group,), *map(_argument, args))
+
+
+def _argument(value: cl.Buffer | float) -> Any:
+    if isinstance(value, int):
+        return np.uint32(value)
+    return np.float32(value) if isinstance(value, float) else value
+
+
 class Engine:
-    """Queue, kernels and buffers of one device; programs are built once per process and shared.
+    """Queue, programs and buffers of one device; programs are built once per process and shared.
 
     Parameters
     ----------
     device : pyopencl.Device
-        Where to run.
     style : "cpu" or "gpu", optional
-        Which of the two kernel styles; by default the one that suits the device's type.
+        Kernel style; by default the one that suits the device's type.
 
     """
 
@@ -66,39 +100,28 @@ class Engine:
         self.style: Style = style or suited_style(device)
         self.context = _context(device)
         self.queue = cl.CommandQueue(self.context)
+        self.buffers = Buffers(self)
         # On a device that shares the host's memory, mapping such a buffer costs nothing.
         self._flags = cl.mem_flags.READ_WRITE | (cl.mem_flags.ALLOC_HOST_PTR if device.host_unified_memory else 0)
-        self._buffers: dict[str, cl.Buffer] = {}
-        self._kernels: dict[tuple[Any, ...], dict[str, cl.Kernel]] = {}
+        self._programs: dict[tuple[Any, ...], Program] = {}
 
     def beside(self) -> Engine:
-        """Return an engine of the same device, queue and kernels, with buffers of its own."""
-        other = copy(self)
-        other._buffers = {}  # noqa: SLF001
-        return other
+        """Return an engine with the same device, queue and programs, but its own buffers."""
+        engine = copy(self)
+        engine.buffers = Buffers(engine)
+        return engine
 
-    def kernel(self, name: str, *sources: str, **defines: int) -> cl.Kernel:
-        """Return kernel `name` of the program made of `sources` (built once, then kept)."""
+    def program(self, *sources: str, **defines: int) -> Program:
+        """Return the program of the named .cl files, concatenated in this order; it is built once."""
         defines = {"LANES": LANES[self.style], **defines}
         key = (sources, tuple(sorted(defines.items())))
-        if key not in self._kernels:
-            program = _program(self.context, *key)
-            self._kernels[key] = {kernel.function_name: kernel for kernel in program.all_kernels()}
-        return self._kernels[key][name]
+        if key not in self._programs:
+            self._programs[key] = Program(_built(self.context, *key), self.queue, _GROUP[self.style])
+        return self._programs[key]
 
-    def run(self, kernel: cl.Kernel, items: int, *args: Any, group: int | None = None) -> None:
-        """Enqueue `kernel` over `items` work-items, in groups of `group` (rounded up to whole groups)."""
-        group = group or (1 if self.style == "cpu" else 64)
-        kernel(self.queue, (-(-items // group) * group,), (group,), *args)
-
-    def buffer(self, name: str, nbytes: int) -> cl.Buffer:
-        """Return the buffer kept under `name`, grown to at least `nbytes`; its contents do not survive growing."""
-        kept = self._buffers.get(name)
-        if kept is None or kept.size < nbytes:
-            if kept is not None:
-                kept.release()
-            self._buffers[name] = kept = self.allocate(nbytes)
-        return kept
+    def vectors(self, count: int) -> int:
+        """Return the number of vectors of LANES values that hold `count` values."""
+        return -(-count // LANES[self.style])
 
     def allocate(self, nbytes: int) -> cl.Buffer:
         """Return a new buffer of at least `nbytes`.
@@ -106,7 +129,7 @@ class Engine:
         Raises
         ------
         InputError
-            The device has no room for it.
+            If the device is out of memory.
 
         """
         try:
@@ -116,20 +139,12 @@ class Engine:
             hint = "smaller images need less"
             raise InputError(self.device.name, "memory", expected=room, found=str(error), hint=hint) from None
 
-    def has(self, name: str) -> bool:
-        """Return whether a buffer is kept under `name`."""
-        return name in self._buffers
-
     def uploaded(self, array: NDArray[Any]) -> cl.Buffer:
         """Return a new buffer that holds `array`."""
-        buffer = self.allocate(array.nbytes)
-        if array.nbytes:
-            cl.enqueue_copy(self.queue, buffer, np.ascontiguousarray(array))
-        return buffer
+        return self.copied(array, self.allocate(array.nbytes))
 
-    def upload(self, name: str, array: NDArray[Any]) -> cl.Buffer:
-        """Copy `array` into the buffer kept under `name`."""
-        buffer = self.buffer(name, array.nbytes)
+    def copied(self, array: NDArray[Any], buffer: cl.Buffer) -> cl.Buffer:
+        """Copy `array` into `buffer`, and return it."""
         if array.nbytes:
             cl.enqueue_copy(self.queue, buffer, np.ascontiguousarray(array))
         return buffer

@@ -1,17 +1,24 @@
-"""The variants of a frame: which energy, how many channels, which accumulators."""
+"""A frame: what its traversal computes, and what its stages share."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
+import pyopencl as cl
+
+from gspure.cameras.camera import Camera
+from gspure.constants import TILE
+from gspure.opencl.engine import Engine, Program
+from gspure.opencl.storage import Storage
+
 Energy = Literal["ewa", "ray"]
 ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)
 
 
 @dataclass(frozen=True)
-class Pass:
-    """What one traversal computes; every combination is a program of its own.
+class Traversal:
+    """What one traversal of the tile lists computes; every combination is a program of its own.
 
     Parameters
     ----------
@@ -22,11 +29,11 @@ class Pass:
     sh_degree : int
         0 to 3: the channels are colours from spherical harmonics; -1: they are stored features.
     contributions, median_depth : bool
-        Which accumulators run along.
+        Whether these are accumulated too.
     stored_sh_degree : int, optional
-        Degree of the stored coefficients, where it is higher than the one in use.
+        Degree of the stored coefficients, if higher than `sh_degree`.
     points : bool
-        Made for points in space, not for pixel centres (energy "ray").
+        For points in space instead of pixel centres (energy "ray").
 
     """
 
@@ -39,23 +46,60 @@ class Pass:
     points: bool = False
 
     @property
-    def layout(self) -> dict[str, int]:
-        """Definitions that fix the splat's layout (layout.cl)."""
+    def defines(self) -> dict[str, int]:
+        """Definitions of the layout of splats (layout.cl) and of footprints."""
         return {"RAY": int(self.energy == "ray"), "CHANNELS": self.channels, "POINTS": int(self.points)}
 
     @property
     def channel_attributes(self) -> int:
-        """Numbers stored per Gaussian that its channels come from: SH coefficients, or the channels themselves."""
+        """Numbers stored per Gaussian for its channels: SH coefficients, or the channels themselves."""
         if self.sh_degree < 0:
             return self.channels
         return 3 * (1 + (self.sh_degree if self.stored_sh_degree is None else self.stored_sh_degree)) ** 2
 
     @property
     def splat_floats(self) -> int:
-        """Floats of one splat, and of its used part: as layout.cl computes them."""
+        """Floats of a splat, with padding: SPLAT in layout.cl."""
         return -(-self.staged_floats // 16) * 16
 
     @property
     def staged_floats(self) -> int:
-        """Floats of a splat that blending reads."""
+        """Floats of a splat that blending reads: SPLAT_CHANNELS + CHANNELS in layout.cl."""
         return (12 if self.energy == "ray" else 7) + self.channels
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One view of a model on an engine.
+
+    Parameters
+    ----------
+    engine : Engine
+    storage : Storage
+        The model's geometry.
+    camera : Camera
+    traversal : Traversal
+    channels : pyopencl.Buffer, optional
+        SH coefficients or features, as `traversal` says, in the order of `storage`.
+
+    """
+
+    engine: Engine
+    storage: Storage
+    camera: Camera
+    traversal: Traversal
+    channels: cl.Buffer | None = None
+
+    @property
+    def tiles(self) -> tuple[int, int]:
+        """Columns and rows of tiles."""
+        return -(-self.camera.width // TILE), -(-self.camera.height // TILE)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.camera.width, self.camera.height
+
+    def program(self, *sources: str, **defines: int) -> Program:
+        """Return the program of these sources, built for the frame's traversal."""
+        return self.engine.program(*sources, **self.traversal.defines, **defines)

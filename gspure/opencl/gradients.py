@@ -1,23 +1,21 @@
-"""The backward pass: from the gradient of an image to the gradients of everything it was rendered from."""
+"""The backward pass: from the gradient of an image to the gradients of the Gaussians' parameters."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
-from gspure.opencl.binning import TileLists, tile_grid
-from gspure.opencl.engine import LANES, Engine
-from gspure.opencl.frame import Pass
-from gspure.opencl.ordering import DepthOrder
+from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES, MOMENTS
+from gspure.opencl.binning import TileLists
+from gspure.opencl.blending import SUM_GROUP, Canvas, walk_tiles
+from gspure.opencl.engine import Engine
+from gspure.opencl.frame import Frame
 from gspure.opencl.projection import Projected
-from gspure.opencl.storage import BLOCK, GEOMETRY_ATTRIBUTES, Storage
-
-MOMENTS = 6  # layout.cl
-_GROUP = 256
+from gspure.opencl.storage import Storage
 
 
 @dataclass(frozen=True)
@@ -29,85 +27,58 @@ class DeviceGradients:
     centres: cl.Buffer
 
 
-def clear_splat_gradients(engine: Engine, frame: Pass, storage: Storage) -> None:
-    """Set the gradients that the bands of a frame add up to zero."""
-    nbytes = _blocked_bytes(storage, MOMENTS + frame.channels)
-    engine.clear(engine.buffer("splat_gradients", nbytes), nbytes)
+def clear_splat_gradients(frame: Frame) -> cl.Buffer:
+    """Return the gradients that the bands of a frame add up, all zero."""
+    shape = (frame.storage.blocks, MOMENTS + frame.traversal.channels, BLOCK)
+    buffer = frame.engine.buffers.splat_gradients.sized(*shape)
+    frame.engine.clear(buffer, 4 * prod(shape))
+    return buffer
 
 
 def blend_band_backward(
-    engine: Engine,
-    frame: Pass,
-    camera: Camera,
+    frame: Frame,
     projected: Projected,
-    order: DepthOrder,
     lists: TileLists,
-    image: cl.Buffer,
+    canvas: Canvas,
     image_gradient: cl.Buffer,
+    splat_gradients: cl.Buffer,
 ) -> None:
     """Walk one band of tiles backward (blending_backward_*.cl) and add up each Gaussian's slots (gradients.cl)."""
-    columns, _ = tile_grid(camera)
-    tiles = (lists.band.last - lists.band.first + 1) * columns
-    gpu = engine.style == "gpu"
-    slot_gradients = engine.buffer("slot_gradients", 4 * (MOMENTS + frame.channels) * lists.capacity)
-    engine.run(
-        engine.kernel(
-            "blend_tiles_backward",
-            *("vector", "layout", "blending", f"blending_backward_{engine.style}"),
-            **frame.layout,
-        ),
-        tiles * (_GROUP if gpu else 1),
-        *(np.int32(camera.width), np.int32(camera.height), np.int32(columns), np.int32(lists.band.first * columns)),
-        *(projected.splats, lists.entries, lists.slots, lists.tile_starts, image, image_gradient, slot_gradients),
-        group=_GROUP if gpu else 1,
-    )
-    if order.visible:
-        engine.run(
-            engine.kernel("sum_slot_gradients", "layout", "gradients", **frame.layout),
-            order.visible,
-            *(np.uint32(order.visible), order.positions, lists.slot_ranges, slot_gradients),
-            engine.buffer("splat_gradients", 0),
-            group=64,
-        )
+    slot_gradients = frame.engine.buffers.slot_gradients.sized(lists.capacity, MOMENTS + frame.traversal.channels)
+    program = frame.program("vector", "layout", "blending", f"blending_backward_{frame.engine.style}")
+    gradients = (image_gradient, slot_gradients)
+    walk_tiles(program, "blend_tiles_backward", frame, projected, lists, canvas.image, *gradients)
+    order = lists.order
+    arguments = (order.visible, order.positions, lists.slot_ranges, slot_gradients, splat_gradients)
+    frame.program("layout", "gradients").launch("sum_slot_gradients", order.visible, *arguments, group=SUM_GROUP)
 
 
-def project_backward(
-    engine: Engine, frame: Pass, camera: Camera, storage: Storage, channels: cl.Buffer, projected: Projected
-) -> DeviceGradients:
+def project_backward(frame: Frame, projected: Projected, splat_gradients: cl.Buffer) -> DeviceGradients:
     """Carry the splats' gradients back to the Gaussians' parameters (projection_backward.cl)."""
-    attributes = frame.channel_attributes
+    storage, traversal, buffers = frame.storage, frame.traversal, frame.engine.buffers
     gradients = DeviceGradients(
-        *(
-            engine.buffer(f"{name}_gradients", _blocked_bytes(storage, n))
-            for name, n in (("geometry", GEOMETRY_ATTRIBUTES), ("channel", attributes), ("centre", 2))
-        )
+        buffers.geometry_gradients.sized(storage.blocks, GEOMETRY_ATTRIBUTES, BLOCK),
+        buffers.channel_gradients.sized(storage.blocks, traversal.channel_attributes, BLOCK),
+        buffers.centre_gradients.sized(storage.blocks, 2, BLOCK),
     )
-    if storage.count:
-        sources = ("spherical_harmonics", "spherical_harmonics_backward", "projection", "projection_backward")
-        engine.run(
-            engine.kernel(
-                "project_backward",
-                *("vector", "layout", *sources),
-                SH_DEGREE=frame.sh_degree,
-                CHANNEL_ATTRIBUTES=attributes,
-                **frame.layout,
-            ),
-            -(-storage.count // LANES[engine.style]),
-            *(np.uint32(storage.count), np.int32(camera.width), np.int32(camera.height), engine.buffer("camera", 0)),
-            *(storage.geometry, channels, projected.depth_keys, engine.buffer("splat_gradients", 0)),
-            *(gradients.geometry, gradients.channels, gradients.centres),
-        )
+    program = frame.program(
+        *("vector", "layout", "spherical_harmonics", "spherical_harmonics_backward"),
+        *("projection", "projection_backward"),
+        SH_DEGREE=traversal.sh_degree,
+        CHANNEL_ATTRIBUTES=traversal.channel_attributes,
+    )
+    program.launch(
+        "project_backward",
+        frame.engine.vectors(storage.count),
+        *(storage.count, *frame.size, projected.camera, storage.geometry, frame.channels, projected.depth_keys),
+        *(splat_gradients, gradients.geometry, gradients.channels, gradients.centres),
+    )
     return gradients
 
 
-def by_row(engine: Engine, storage: Storage, gradients: cl.Buffer, attributes: int) -> NDArray[np.float32]:
-    """Return blocked device gradients as an array [K,attributes] in row order."""
-    blocks = -(-storage.count // BLOCK)
-    found = np.empty((storage.count, attributes), np.float32)
-    with engine.mapped(gradients, (max(blocks, 1), attributes, BLOCK), np.float32) as blocked:
-        found[storage.order] = blocked.transpose(0, 2, 1).reshape(-1, attributes)[: storage.count]
-    return found
-
-
-def _blocked_bytes(storage: Storage, attributes: int) -> int:
-    return 4 * attributes * BLOCK * max(-(-storage.count // BLOCK), 1)
+def by_row(engine: Engine, storage: Storage, blocks: cl.Buffer, attributes: int) -> NDArray[np.float32]:
+    """Return values that lie in storage order and blocks as an array [K,attributes] in row order."""
+    rows = np.empty((storage.count, attributes), np.float32)
+    with engine.mapped(blocks, (storage.blocks, attributes, BLOCK), np.float32) as blocked:
+        rows[storage.order] = blocked.transpose(0, 2, 1).reshape(-1, attributes)[: storage.count]
+    return rows

@@ -43,23 +43,19 @@ def condense(engine: Engine, edges: NDArray[Any], level_starts: NDArray[Any], mi
     """
     count = len(edges) + 1
     most = 2 * (count // min_cluster_size)
-    state = [
-        engine.buffer(f"hierarchy_{name}", 4 * count)
-        for name in ("up", "sizes", "clusters", "heads", "tails", "next", "merged")
-    ]
-    points = [engine.buffer(f"hierarchy_{name}", 4 * count) for name in ("joined", "point_clusters", "point_levels")]
-    clusters = [engine.buffer(f"hierarchy_{name}", 4 * most) for name in ("parents", "parent_levels")]
-    formed = engine.buffer("hierarchy_count", 4)
-    engine.run(
-        engine.kernel("condense", "hierarchy"),
+    state = [engine.allocate(4 * count) for _ in range(7)]
+    points = [engine.allocate(4 * count) for _ in range(3)]
+    clusters = [engine.allocate(4 * most) for _ in range(2)]
+    cluster_count = engine.allocate(4)
+    engine.program("hierarchy").launch(
+        "condense",
         1,
-        *(np.uint32(count), np.uint32(len(level_starts) - 1), np.uint32(min_cluster_size)),
-        engine.upload("hierarchy_edges", edges.astype(np.uint32)),
-        engine.upload("hierarchy_levels", level_starts.astype(np.uint32)),
-        *(*state, *points, *clusters, formed),
+        *(count, len(level_starts) - 1, min_cluster_size),
+        *(engine.uploaded(edges.astype(np.uint32)), engine.uploaded(level_starts.astype(np.uint32))),
+        *(*state, *points, *clusters, cluster_count),
         group=1,
     )
-    (inner,) = engine.read(formed, (1,), np.uint32) - 1
+    (inner,) = engine.read(cluster_count, (1,), np.uint32) - 1
     return Condensed(
         *(engine.read(buffer, (int(inner),), np.uint32) for buffer in clusters),
         *(engine.read(buffer, (count,), np.uint32) for buffer in points),

@@ -1,4 +1,4 @@
-"""Opacity at points in space, as one view sees them."""
+"""Opacity at points in space in one view (opacity_field.cl)."""
 
 from __future__ import annotations
 
@@ -10,17 +10,15 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.cameras.projection import points_shown
 from gspure.constants import TILE
-from gspure.opencl.binning import TileLists, bands, bin_tiles, gather_footprints, tile_grid
+from gspure.opencl.binning import TileLists, bands, bin_tiles, gather_footprints
 from gspure.opencl.engine import LANES, Engine
-from gspure.opencl.frame import Pass
+from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import Projected, project
 from gspure.opencl.storage import Storage
 
 FINER = 4
 """Tiles of points are this many times smaller than those of pixels: lists are shorter, opacities the same. Ours."""
-
-_FRAME = Pass("ray", points=True)
 
 Float32 = NDArray[np.float32]
 
@@ -37,50 +35,51 @@ class Placed:
 def opacities_at(
     engine: Engine, storage: Storage, camera: Camera, points: NDArray[np.floating], entry_budget: int
 ) -> Float32:
-    """Return how much is blended before and at each of the `points` [P,3]; 1 where the view does not show it."""
+    """Return the opacity [P] blended up to each of the `points` [P,3]; 1 where the view does not show it."""
     fine = camera.resized(FINER * camera.width, FINER * camera.height)
-    placed = place(fine, points)
+    frame = Frame(engine, storage, fine, Traversal("ray", points=True))
+    placed = place(frame, points)
     opacities = np.ones(len(points), np.float32)
     if not len(placed.rows):
         return opacities
-    projected = project(engine, _FRAME, fine, storage, None)
-    order = sort_by_depth(engine, projected, storage)
-    footprints = gather_footprints(engine, projected, order)
-    columns, _ = tile_grid(fine)
-    for band in bands(engine, footprints, order, fine, entry_budget):
+    projected = project(frame)
+    order = sort_by_depth(engine, storage, projected.depth_keys)
+    footprints = gather_footprints(frame, projected, order)
+    columns, _ = frame.tiles
+    for band in bands(frame, footprints, entry_budget):
         begin, end = np.searchsorted(placed.tiles, (band.first * columns, (band.last + 1) * columns))
         if begin < end:
-            lists = bin_tiles(engine, _FRAME, projected, footprints, order, fine, band)
+            lists = bin_tiles(frame, projected, footprints, band)
             inside = Placed(*(part[begin:end] for part in vars(placed).values()))
-            opacities[inside.rows] = _blend_points(engine, projected, lists, columns, inside)
+            opacities[inside.rows] = _blend_points(frame, projected, lists, inside)
     return opacities
 
 
-def place(camera: Camera, points: NDArray[np.floating]) -> Placed:
+def place(frame: Frame, points: NDArray[np.floating]) -> Placed:
     """Project points, and sort those that the view shows by tile."""
-    rows, positions = points_shown(camera, points)
-    columns, _ = tile_grid(camera)
+    rows, positions = points_shown(frame.camera, points)
+    columns, _ = frame.tiles
     tiles = (positions[:, 1] // TILE).astype(np.intp) * columns + (positions[:, 0] // TILE).astype(np.intp)
     order = np.argsort(tiles, kind="stable")
     return Placed(rows[order], tiles[order], positions[order].astype(np.float32))
 
 
-def _blend_points(engine: Engine, projected: Projected, lists: TileLists, columns: int, placed: Placed) -> Float32:
-    """Return the opacity at each of a band's points (opacity_field.cl)."""
-    lanes = LANES[engine.style]
-    tiles, sources = _dealt(placed.tiles, lanes)
-    positions = placed.positions[sources].transpose(0, 2, 1)
-    opacities = engine.buffer("point_opacities", 4 * sources.size)
-    engine.run(
-        engine.kernel("blend_points", "vector", "layout", "blending", "opacity_field", **_FRAME.layout),
+def _blend_points(frame: Frame, projected: Projected, lists: TileLists, placed: Placed) -> Float32:
+    """Return the opacity at each of a band's points."""
+    engine, buffers = frame.engine, frame.engine.buffers
+    tiles, sources = _dealt(placed.tiles, LANES[engine.style])
+    first_tile = lists.band.first * frame.tiles[0]
+    point_opacities = buffers.point_opacities.sized(*sources.shape)
+    frame.program("vector", "layout", "blending", "opacity_field").launch(
+        "blend_points",
         len(tiles),
-        *(np.uint32(len(tiles)), engine.upload("points", positions)),
-        engine.upload("point_tiles", (tiles - lists.band.first * columns).astype(np.uint32)),
-        *(projected.splats, lists.entries, lists.tile_starts, opacities),
+        *(len(tiles), buffers.points.holding(placed.positions[sources].transpose(0, 2, 1))),
+        buffers.point_tiles.holding((tiles - first_tile).astype(np.uint32)),
+        *(projected.splats, lists.entries, lists.tile_starts, point_opacities),
     )
-    found = np.empty(len(placed.rows), np.float32)
-    found[sources] = engine.read(opacities, sources.shape, np.float32)
-    return found
+    opacities = np.empty(len(placed.rows), np.float32)
+    opacities[sources] = engine.read(point_opacities, sources.shape, np.float32)
+    return opacities
 
 
 def _dealt(tiles: NDArray[np.intp], lanes: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

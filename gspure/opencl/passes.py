@@ -8,15 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from gspure.cameras.camera import Camera
 from gspure.opencl.binning import Band, Footprints, TileLists, bands, bin_tiles, gather_footprints
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
-from gspure.opencl.engine import Engine
-from gspure.opencl.frame import Pass
+from gspure.opencl.frame import Frame
 from gspure.opencl.gradients import DeviceGradients, blend_band_backward, clear_splat_gradients, project_backward
-from gspure.opencl.ordering import DepthOrder, sort_by_depth
+from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import Projected, project
-from gspure.opencl.storage import Storage
 
 ENTRY_BUDGET = 1 << 26
 """Most tile entries held at a time; at 28 bytes each, 1.9 GB. Larger frames are rendered in bands, to the same bits."""
@@ -24,52 +21,58 @@ ENTRY_BUDGET = 1 << 26
 
 @dataclass(frozen=True)
 class Rendered:
-    """A frame on the device, valid until the engine renders the next one; `lists` are good if it has one band."""
+    """A frame on the device, valid until its engine renders the next one; `lists` are those of the last band."""
 
-    frame: Pass
-    camera: Camera
-    channels: cl.Buffer | None
+    frame: Frame
     projected: Projected
-    order: DepthOrder
     footprints: Footprints
-    bands: tuple[Band, ...]
+    bands: list[Band]
     lists: TileLists
     canvas: Canvas
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Of the image: [H,W,C]."""
+        return self.frame.camera.height, self.frame.camera.width, self.frame.traversal.channels
 
-def forward(
-    engine: Engine,
-    storage: Storage,
-    frame: Pass,
-    camera: Camera,
-    *,
-    channels: cl.Buffer | None = None,
-    background: Sequence[float] = (0.0,),
-    entry_budget: int,
-) -> Rendered:
-    """Render one frame; `channels` holds SH coefficients or features, as `frame` says."""
-    if len(background) != max(frame.channels, 1):
-        raise ValueError(f"background has {len(background)} values for {frame.channels} channels")
-    projected = project(engine, frame, camera, storage, channels)
-    order = sort_by_depth(engine, projected, storage)
-    canvas = prepare_canvas(engine, frame, camera, storage.count)
-    footprints = gather_footprints(engine, projected, order)
-    split = tuple(bands(engine, footprints, order, camera, entry_budget))
+    def image(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+        """Read the image [H,W,C]."""
+        return self.frame.engine.read(self.canvas.image, self.shape, np.float32)
+
+
+def forward(frame: Frame, background: Sequence[float] = (0.0,), entry_budget: int = ENTRY_BUDGET) -> Rendered:
+    """Render a frame.
+
+    Parameters
+    ----------
+    frame : Frame
+    background : sequence of C floats
+        One value where the frame has no channels.
+    entry_budget : int
+        Most tile entries held at a time.
+
+    """
+    if len(background) != max(frame.traversal.channels, 1):
+        raise ValueError(f"background has {len(background)} values for {frame.traversal.channels} channels")
+    projected = project(frame)
+    order = sort_by_depth(frame.engine, frame.storage, projected.depth_keys)
+    canvas = prepare_canvas(frame)
+    footprints = gather_footprints(frame, projected, order)
+    split = bands(frame, footprints, entry_budget)
     for band in split:
-        lists = bin_tiles(engine, frame, projected, footprints, order, camera, band)
-        blend_band(engine, frame, camera, projected, lists, np.asarray(background, np.float32), canvas)
-        if frame.contributions:
-            sum_slots(engine, order, storage, lists, canvas)
-    return Rendered(frame, camera, channels, projected, order, footprints, split, lists, canvas)
+        lists = bin_tiles(frame, projected, footprints, band)
+        blend_band(frame, projected, lists, np.asarray(background, np.float32), canvas)
+        if frame.traversal.contributions:
+            sum_slots(frame, lists, canvas)
+    return Rendered(frame, projected, footprints, split, lists, canvas)
 
 
-def backward(engine: Engine, storage: Storage, seen: Rendered, image_gradient: cl.Buffer) -> DeviceGradients:
-    """Carry dL/dimage of the last frame back to the Gaussians' parameters (energy "ewa")."""
-    frame, camera = seen.frame, seen.camera
-    clear_splat_gradients(engine, frame, storage)
-    for band in seen.bands:
-        lists = seen.lists
-        if len(seen.bands) > 1:  # all bands share the lists' buffers
-            lists = bin_tiles(engine, frame, seen.projected, seen.footprints, seen.order, camera, band)
-        blend_band_backward(engine, frame, camera, seen.projected, seen.order, lists, seen.canvas.image, image_gradient)
-    return project_backward(engine, frame, camera, storage, seen.channels, seen.projected)
+def backward(rendered: Rendered, image_gradient: cl.Buffer) -> DeviceGradients:
+    """Carry dL/dimage [H,W,C] of the last frame back to the Gaussians' parameters (energy "ewa")."""
+    frame, projected, lists = rendered.frame, rendered.projected, rendered.lists
+    splat_gradients = clear_splat_gradients(frame)
+    for band in rendered.bands:
+        if len(rendered.bands) > 1:  # all bands share the lists' buffers
+            lists = bin_tiles(frame, projected, rendered.footprints, band)
+        blend_band_backward(frame, projected, lists, rendered.canvas, image_gradient, splat_gradients)
+    return project_backward(frame, projected, splat_gradients)

@@ -34,6 +34,12 @@ RENDERER_CONSTANTS = {
         "ADAM_BETA1",
         "ADAM_BETA2",
         "ADAM_EPSILON",
+        "BLOCK",
+        "GEOMETRY_ATTRIBUTES",
+        "FOOTPRINT_FLOATS",
+        "MOMENTS",
+        "SCAN_BINS",
+        "LEAF",
     )
 } | {
     "LOG2_ALPHA_MIN": math.log2(constants.ALPHA_MIN),

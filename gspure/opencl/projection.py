@@ -1,4 +1,4 @@
-"""Projection of a model into one view."""
+"""Projection of a model into one view (projection.cl)."""
 
 from __future__ import annotations
 
@@ -7,54 +7,41 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from gspure.cameras.camera import Camera
-from gspure.opencl.engine import LANES, Engine
-from gspure.opencl.frame import Pass
-from gspure.opencl.storage import Storage
-
-FOOTPRINT_FLOATS = 8
+from gspure.constants import FOOTPRINT_FLOATS
+from gspure.opencl.frame import Frame
 
 
 @dataclass(frozen=True)
 class Projected:
-    """What projection leaves on the device, by position [K]; depth keys mark what is NOT_VISIBLE (layout.cl)."""
+    """The projected Gaussians on the device, by position; the depth key of an invisible one is NOT_VISIBLE (layout.cl).
 
-    count: int
+    `camera` holds the numbers of the view as kernels read them.
+    """
+
+    camera: cl.Buffer
     splats: cl.Buffer
     footprints: cl.Buffer
     depth_keys: cl.Buffer
 
 
-def project(engine: Engine, frame: Pass, camera: Camera, storage: Storage, channels: cl.Buffer | None) -> Projected:
-    """Project all Gaussians; `channels` holds SH coefficients or features, as `frame` says."""
-    count = storage.count
-    kernel = engine.kernel(
-        "project",
-        "vector",
-        "layout",
-        "spherical_harmonics",
-        "projection",
-        SH_DEGREE=frame.sh_degree,
-        CHANNEL_ATTRIBUTES=frame.channel_attributes,
-        **frame.layout,
+def project(frame: Frame) -> Projected:
+    """Project all Gaussians of a frame."""
+    storage, traversal, buffers = frame.storage, frame.traversal, frame.engine.buffers
+    projected = Projected(
+        buffers.camera.holding(np.concatenate([frame.camera.numbers, frame.camera.centre]).astype(np.float32)),
+        buffers.splats.sized(storage.count, traversal.splat_floats),
+        buffers.footprints.sized(storage.count, FOOTPRINT_FLOATS),
+        buffers.depth_keys.sized(storage.count),
     )
-    splats = engine.buffer("splats", 4 * frame.splat_floats * count)
-    footprints = engine.buffer("footprints", 4 * FOOTPRINT_FLOATS * count)
-    depth_keys = engine.buffer("depth_keys", 4 * count)
-    numbers = engine.upload("camera", np.concatenate([camera.numbers, camera.centre]).astype(np.float32))
-    if count:
-        items = -(-count // LANES[engine.style])
-        engine.run(
-            kernel,
-            items,
-            np.uint32(count),
-            np.int32(camera.width),
-            np.int32(camera.height),
-            numbers,
-            storage.geometry,
-            channels or storage.geometry,
-            splats,
-            footprints,
-            depth_keys,
-        )
-    return Projected(count, splats, footprints, depth_keys)
+    program = frame.program(
+        *("vector", "layout", "spherical_harmonics", "projection"),
+        SH_DEGREE=traversal.sh_degree,
+        CHANNEL_ATTRIBUTES=traversal.channel_attributes,
+    )
+    program.launch(
+        "project",
+        frame.engine.vectors(storage.count),
+        *(storage.count, *frame.size, projected.camera, storage.geometry, frame.channels or storage.geometry),
+        *(projected.splats, projected.footprints, projected.depth_keys),
+    )
+    return projected

@@ -8,9 +8,9 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from gspure.constants import LEAF
 from gspure.opencl.engine import Engine
 
-_LEAF = 16  # spanning.cl
 _NONE = 0xFFFFFFFF
 
 Indices = NDArray[np.uint32]
@@ -22,10 +22,11 @@ class _Search:
 
     def __init__(self, engine: Engine, points: Floats, copies: NDArray[Any], min_samples: int) -> None:
         self.count, columns = points.shape
-        self.levels = max(0, int(np.ceil(np.log2(self.count / _LEAF))))
+        self.levels = max(0, int(np.ceil(np.log2(self.count / LEAF))))
         self.leaves = 1 << self.levels
         self._engine = engine
-        self._defines = {"COLUMNS": columns, "NEIGHBOURS": min_samples}
+        self._shape = (self.count, self.levels)
+        self._launch = engine.program("spanning", COLUMNS=columns, NEIGHBOURS=min_samples).launch
         self._build(points)
         self._find_cores(copies, min_samples)
 
@@ -35,32 +36,32 @@ class _Search:
         self._order = engine.uploaded(np.arange(self.count, dtype=np.uint32))
         keys = engine.allocate(8 * self.count)
         for level in range(self.levels):
-            self._run("split_nodes", 1 << level, *self._shape, np.uint32(level), self._points, self._order, keys)
-        self._blocks = engine.allocate(8 * self.leaves * columns * _LEAF)
+            self._launch("split_nodes", 1 << level, *self._shape, level, self._points, self._order, keys)
+        self._blocks = engine.allocate(8 * self.leaves * columns * LEAF)
         self._boxes = engine.allocate(4 * 2 * self.leaves * 2 * columns)
-        self._run("fill_leaves", self.leaves, *self._shape, self._points, self._order, self._blocks, self._boxes)
+        self._launch("fill_leaves", self.leaves, *self._shape, self._points, self._order, self._blocks, self._boxes)
         self._join("join_boxes", self._boxes)
         self.order = engine.read(self._order, (self.count,), np.uint32)
 
     def _find_cores(self, copies: NDArray[Any], min_samples: int) -> None:
         engine = self._engine
-        self._neighbours = engine.allocate(4 * self.count * self._defines["NEIGHBOURS"])
+        self._neighbours = engine.allocate(4 * self.count * min_samples)
         self._core = engine.allocate(8 * self.count)
         copies = engine.uploaded(copies[self.order].astype(np.uint32))
-        self._run(
+        self._launch(
             "find_neighbours",
             self.leaves,
-            *(*self._shape, np.uint32(min_samples)),
+            *(*self._shape, min_samples),
             *(self._blocks, self._boxes, copies, self._neighbours, self._core),
         )
-        self._cores = engine.allocate(8 * self.leaves * _LEAF)
+        self._cores = engine.allocate(8 * self.leaves * LEAF)
         self._least_cores = engine.allocate(4 * 2 * self.leaves)
-        self._run("fill_cores", self.leaves, *self._shape, self._core, self._cores, self._least_cores)
+        self._launch("fill_cores", self.leaves, *self._shape, self._core, self._cores, self._least_cores)
         self._join("join_cores", self._least_cores)
         self.core = engine.read(self._core, (self.count,), np.float64)
-        # What Boruvka's rounds remember of each point.
+        # The state of each point between Boruvka's rounds.
         self._component = engine.allocate(4 * self.count)
-        self._components = engine.allocate(8 * self.leaves * _LEAF)
+        self._components = engine.allocate(8 * self.leaves * LEAF)
         self._node_components = engine.allocate(4 * 2 * self.leaves)
         self._partners = engine.uploaded(np.full(self.count, _NONE, np.uint32))
         self._lengths = engine.uploaded(np.full(self.count, np.inf))
@@ -69,44 +70,37 @@ class _Search:
     def edges(self, component: Indices, components: int) -> tuple[Indices, Indices, Floats]:
         """Return (points, partners, squared lengths) of the shortest edge that leaves each component."""
         engine = self._engine
-        cl.enqueue_copy(engine.queue, self._component, component)
-        self._run(
+        engine.copied(component, self._component)
+        self._launch(
             "fill_components", self.leaves, *self._shape, self._component, self._components, self._node_components
         )
         self._join("join_components", self._node_components)
         unbounded = np.full(components, np.inf, np.float32)
-        bounds, found = engine.upload("spanning_bounds", unbounded), engine.upload("spanning_found", unbounded)
-        self._run(
+        bounds, shortest = engine.uploaded(unbounded), engine.uploaded(unbounded)
+        self._launch(
             "offer_edges",
             self.count,
-            *(np.uint32(self.count), self._points, self._order, self._neighbours, self._core, self._component),
+            *(self.count, self._points, self._order, self._neighbours, self._core, self._component),
             *(self._partners, self._lengths, bounds),
         )
-        self._run(
+        self._launch(
             "find_edges",
             self.leaves,
             *(*self._shape, self._blocks, self._boxes, self._cores, self._least_cores, self._components),
-            *(self._node_components, bounds, self._partners, self._lengths, self._least_lengths, found),
+            *(self._node_components, bounds, self._partners, self._lengths, self._least_lengths, shortest),
         )
         lengths = engine.read(self._lengths, (self.count,), np.float64)
         partners = engine.read(self._partners, (self.count,), np.uint32)
-        shortest = engine.read(found, (components,), np.float32)
-        points = np.flatnonzero(lengths <= shortest[component]).astype(np.uint32)
+        least = engine.read(shortest, (components,), np.float32)
+        points = np.flatnonzero(lengths <= least[component]).astype(np.uint32)
         points = points[np.argsort(lengths[points], kind="stable")][::-1]
         first = np.empty(components, np.uint32)
         first[component[points]] = points  # the last one written stays: the shortest, the first of equals
         return first, partners[first], lengths[first]
 
-    @property
-    def _shape(self) -> tuple[np.uint32, np.uint32]:
-        return np.uint32(self.count), np.uint32(self.levels)
-
-    def _run(self, name: str, items: int, *args: Any) -> None:
-        self._engine.run(self._engine.kernel(name, "spanning", **self._defines), items, *args)
-
     def _join(self, name: str, values: cl.Buffer) -> None:
         for level in reversed(range(self.levels)):
-            self._run(name, 1 << level, np.uint32(level), values)
+            self._launch(name, 1 << level, level, values)
 
 
 def minimum_spanning_tree(

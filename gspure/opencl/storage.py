@@ -1,33 +1,40 @@
-"""A model's arrays on the device: along a space-filling curve, in blocks of 16 (see vector.cl)."""
+"""A model's arrays on the device: along a space-filling curve, in blocks (see vector.cl)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
 from gspure.model.activations import sigmoid
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.engine import Engine
 from gspure.opencl.morton import morton_order
 
-BLOCK = 16
-_CHUNK = 1 << 14  # Gaussians converted at a time, so that no second copy of the model is ever held
+_CHUNK = 1 << 14  # Gaussians converted at a time, to avoid a second copy of the model
 _GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
-GEOMETRY_ATTRIBUTES = len(_GEOMETRY)
 
 Rows = NDArray[np.uint32]
 
 
 @dataclass(frozen=True)
 class Storage:
-    """Where each Gaussian lies: `order` [K] holds the row at each position.
+    """The geometry of a model on the device, and where each Gaussian lies.
 
-    On the device: the same as `rows`, its inverse as `positions`, and the geometry (means, quaternions, scales,
-    opacity).
+    Parameters
+    ----------
+    order : array [K]
+        The row at each position.
+    rows, positions : pyopencl.Buffer
+        `order` on the device, and its inverse.
+    geometry : pyopencl.Buffer
+        Activated means, quaternions, scales and opacities, in blocks.
+
     """
 
     order: Rows
@@ -40,14 +47,24 @@ class Storage:
         """Number of Gaussians."""
         return len(self.order)
 
+    @property
+    def blocks(self) -> int:
+        """Number of blocks, at least one."""
+        return blocks(self.count)
+
     @staticmethod
     def along(engine: Engine, order: Rows, geometry: cl.Buffer) -> Storage:
-        """Take activated geometry [K,11] that was uploaded in `order`."""
-        return Storage(order, engine.upload("rows", order), engine.upload("positions", _positions(order)), geometry)
+        """Take activated geometry [K,GEOMETRY_ATTRIBUTES] that was uploaded in `order`."""
+        return Storage(order, engine.uploaded(order), engine.uploaded(_positions(order)), geometry)
+
+
+def blocks(count: int) -> int:
+    """Return the number of blocks of `count` Gaussians, at least one."""
+    return max(-(-count // BLOCK), 1)
 
 
 def store(engine: Engine, model: Gaussians) -> Storage:
-    """Upload what a model's projection needs."""
+    """Upload the geometry of a model, activated."""
 
     def geometry(rows: slice) -> NDArray[np.float32]:
         stored = Gaussians(model.table[rows]).columns(*_GEOMETRY)
@@ -74,17 +91,17 @@ def upload_sh_coeffs(engine: Engine, storage: Storage, model: Gaussians) -> cl.B
 
 
 def upload_features(engine: Engine, storage: Storage, features: NDArray[np.float32]) -> cl.Buffer:
-    """Upload any-channel features [K,C]."""
+    """Upload features [K,C]."""
     return upload_attributes(engine, storage.order, features.shape[1], lambda rows: features[rows])
 
 
 def upload_attributes(
     engine: Engine, order: Rows, attributes: int, values: Callable[[slice], NDArray[np.float32]]
 ) -> cl.Buffer:
-    """Upload ``values(rows)`` [n,attributes] in storage order; what pads the last block is zero, hence transparent."""
-    blocks = max(-(-len(order) // BLOCK), 1)
-    buffer = engine.allocate(4 * blocks * attributes * BLOCK)
-    with engine.mapped(buffer, (blocks, attributes, BLOCK), np.float32, write=True) as blocked:
+    """Upload ``values(rows)`` [n,attributes] in storage order; the last block is padded with zeros: transparent."""
+    shape = (blocks(len(order)), attributes, BLOCK)
+    buffer = engine.allocate(4 * prod(shape))
+    with engine.mapped(buffer, shape, np.float32, write=True) as blocked:
         blocked[-1] = 0.0
         positions = _positions(order)
         for begin in range(0, len(order), _CHUNK):  # row by row, so that a mapped file is read once through

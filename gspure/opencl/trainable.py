@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.opencl.adam import LearningRates, Moments, activate, adam_step
+from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
+from gspure.opencl.adam import Adam, LearningRates, Moments
+from gspure.opencl.blending import SUM_GROUP
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
-from gspure.opencl.frame import Pass
+from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import DeviceGradients, by_row
-from gspure.opencl.losses import Plane, image_loss, padded_target
+from gspure.opencl.losses import Photograph, upload_photographs
 from gspure.opencl.morton import morton_order
-from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
-from gspure.opencl.storage import BLOCK, GEOMETRY_ATTRIBUTES, Storage, upload_attributes
+from gspure.opencl.passes import Rendered, backward, forward
+from gspure.opencl.storage import Storage, upload_attributes
 
 Float32 = NDArray[np.float32]
 SSIM_WEIGHT = 0.2
@@ -40,17 +42,17 @@ class Parameters:
 
     @property
     def geometry(self) -> Float32:
-        """[K,11]: all but the colours."""
+        """All but the colours, [K,GEOMETRY_ATTRIBUTES]."""
         return np.concatenate([self.means, self.quats, self.log_scales, self.opacity_logits[:, None]], axis=1)
 
     @property
     def channels(self) -> Float32:
-        """[K,3 S]: the colours."""
+        """The colours, [K,3 S]."""
         return self.sh_coeffs.reshape(len(self), 3 * self.sh_coeffs.shape[1])
 
     @staticmethod
     def of(geometry: Float32, sh_coeffs: Float32) -> Parameters:
-        """Take `geometry` [K,11] and `sh_coeffs` [K,3 S] apart."""
+        """Split `geometry` [K,GEOMETRY_ATTRIBUTES] and `sh_coeffs` [K,3 S] into parameters."""
         means, quats, log_scales, logits = (
             np.ascontiguousarray(part) for part in np.split(geometry, [3, 7, 10], axis=1)
         )
@@ -81,7 +83,7 @@ class TrainState:
 
 @dataclass(frozen=True)
 class Statistics:
-    """What densification looks at, by row, since the last reset.
+    """Statistics of densification by row, since the last reset.
 
     Parameters
     ----------
@@ -105,13 +107,13 @@ class TrainableModel:
     Parameters
     ----------
     state : TrainState
-        Where to begin.
+        The start.
     step_count : int
         Steps already taken (Adam's bias correction).
     device : Device, optional
     style : "cpu" or "gpu", optional
     beside : TrainableModel, optional
-        Work on its device and in its queue, with buffers of one's own.
+        Share its device and queue, but not its buffers.
 
     """
 
@@ -127,7 +129,7 @@ class TrainableModel:
         self.sh_degree = round(state.parameters.sh_coeffs.shape[1] ** 0.5) - 1
         self.sh_degree_active = self.sh_degree
         self.engine: Engine = beside.engine.beside() if beside else Engine((device or choose_device()).cl_device, style)
-        self._targets: list[tuple[Plane, object]] = []
+        self._photographs: list[Photograph] = []
         self.replace(state)
 
     @property
@@ -137,7 +139,7 @@ class TrainableModel:
 
     def set_targets(self, images: Sequence[Float32]) -> None:
         """Upload the photographs [H,W,3], values 0 to 1."""
-        self._targets = [(Plane(*image.shape), self.engine.uploaded(padded_target(image))) for image in images]
+        self._photographs = upload_photographs(self.engine, images)
 
     def step(
         self,
@@ -156,8 +158,8 @@ class TrainableModel:
             If the photograph is not of the camera's size.
 
         """
-        loss, seen, gradients = self.differentiate(camera, target, background, ssim_weight)
-        self._note(seen, gradients)
+        loss, rendered, gradients = self.differentiate(camera, target, background, ssim_weight)
+        self._count_view(rendered, gradients)
         self.update(rates, gradients)
         return loss
 
@@ -169,27 +171,22 @@ class TrainableModel:
         ssim_weight: float = SSIM_WEIGHT,
     ) -> tuple[float, Rendered, DeviceGradients]:
         """Return the loss of a view, its frame and gradients; these stay valid until the next view."""
-        plane, photograph = self._targets[target]
-        if (plane.width, plane.height) != (camera.width, camera.height):
-            raise ValueError(
-                f"a photograph of {plane.width}x{plane.height} for a view of {camera.width}x{camera.height}"
-            )
-        seen = self._forward(camera, background)
-        loss, image_gradient = image_loss(self.engine, plane, seen.canvas.image, photograph, ssim_weight)
-        return loss, seen, backward(self.engine, self._storage, seen, image_gradient)
+        photograph = self._photographs[target]
+        height, width, _ = photograph.planes.shape
+        if (width, height) != (camera.width, camera.height):
+            raise ValueError(f"a photograph of {width}x{height} for a view of {camera.width}x{camera.height}")
+        rendered = self._forward(camera, background)
+        loss, image_gradient = photograph.compare(rendered.canvas.image, ssim_weight)
+        return loss, rendered, backward(rendered, image_gradient)
 
     def update(self, rates: LearningRates, gradients: DeviceGradients) -> None:
         """Move every parameter against its gradient."""
         self.step_count += 1
-        adam_step(
-            *(self.engine, self.count, self.step_count, rates, gradients),
-            *(self._geometry, self._storage.geometry, self._sh_coeffs, 3 * (self.sh_degree + 1) ** 2),
-        )
+        self._adam.step(self.step_count, rates, gradients)
 
     def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
         """Return the image [H,W,3] of a view."""
-        canvas = self._forward(camera, background).canvas
-        return self.engine.read(canvas.image, (camera.height, camera.width, 3), np.float32)
+        return self._forward(camera, background).image()
 
     @property
     def statistics_buffers(self) -> tuple[object, object]:
@@ -205,25 +202,26 @@ class TrainableModel:
         return Statistics(norms, views)
 
     def reset_statistics(self) -> None:
-        """Begin the statistics anew."""
+        """Set the statistics to zero."""
         for buffer in (self._norms, self._views):
             self.engine.clear(buffer, 4 * self.count)
 
     def state(self) -> TrainState:
         """Read parameters and moments."""
         attributes = 3 * (self.sh_degree + 1) ** 2
+        groups = zip(*(vars(group).values() for group in (self._adam.geometry, self._adam.channels)), strict=True)
         return TrainState(
             *(
                 Parameters.of(
-                    by_row(self.engine, self._storage, getattr(self._geometry, part), GEOMETRY_ATTRIBUTES),
-                    by_row(self.engine, self._storage, getattr(self._sh_coeffs, part), attributes),
+                    by_row(self.engine, self._storage, geometry, GEOMETRY_ATTRIBUTES),
+                    by_row(self.engine, self._storage, channels, attributes),
                 )
-                for part in ("raw", "first", "second")
+                for geometry, channels in groups
             )
         )
 
     def replace(self, state: TrainState) -> None:
-        """Go on from `state`, of any number of Gaussians; the statistics begin anew."""
+        """Continue from `state`, of any number of Gaussians, with statistics of zero."""
         engine, parameters, count = self.engine, state.parameters, len(state.parameters)
         order = morton_order(parameters.means)
 
@@ -233,34 +231,24 @@ class TrainableModel:
             )
 
         parts = (parameters, state.first, state.second)
-        self._geometry = uploaded(*(part.geometry for part in parts))
-        self._sh_coeffs = uploaded(*(part.channels for part in parts))
+        geometry, channels = uploaded(*(part.geometry for part in parts)), uploaded(*(part.channels for part in parts))
         activated = engine.allocate(4 * GEOMETRY_ATTRIBUTES * (count + BLOCK))
         self._storage = Storage.along(engine, order, activated)
-        if count:
-            activate(engine, count, self._geometry.raw, activated)
+        self._adam = Adam(engine, count, geometry, channels, 3 * (self.sh_degree + 1) ** 2, activated)
         self._norms, self._views = engine.allocate(4 * count), engine.allocate(4 * count)
         self.reset_statistics()
 
-    def _note(self, seen: Rendered, gradients: DeviceGradients) -> None:
-        """Add a view to the statistics."""
-        if self.count:
-            kernel = self.engine.kernel(
-                "accumulate_statistics", *("vector", "layout", "adam"), CHANNEL_ATTRIBUTES=0, RAY=0, CHANNELS=0
-            )
-            self.engine.run(
-                kernel,
-                self.count,
-                *(np.uint32(self.count), np.float32(seen.camera.width / 2), np.float32(seen.camera.height / 2)),
-                *(seen.projected.depth_keys, gradients.centres, self._norms, self._views),
-                group=64,
-            )
+    def _count_view(self, rendered: Rendered, gradients: DeviceGradients) -> None:
+        """Add a view to the statistics (statistics.cl)."""
+        camera = rendered.frame.camera
+        self.engine.program("vector", "layout", "statistics").launch(
+            "accumulate_statistics",
+            self.count,
+            *(self.count, camera.width / 2, camera.height / 2),
+            *(rendered.projected.depth_keys, gradients.centres, self._norms, self._views),
+            group=SUM_GROUP,
+        )
 
     def _forward(self, camera: Camera, background: Sequence[float]) -> Rendered:
-        frame = Pass("ewa", channels=3, sh_degree=self.sh_degree_active, stored_sh_degree=self.sh_degree)
-        return forward(
-            *(self.engine, self._storage, frame, camera),
-            channels=self._sh_coeffs.raw,
-            background=background,
-            entry_budget=ENTRY_BUDGET,
-        )
+        traversal = Traversal("ewa", channels=3, sh_degree=self.sh_degree_active, stored_sh_degree=self.sh_degree)
+        return forward(Frame(self.engine, self._storage, camera, traversal, self._adam.channels.raw), background)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
-from gspure.opencl.engine import LANES, Style
+from gspure.opencl.engine import Style
 from gspure.opencl.trainable import Statistics, TrainableModel, TrainState
 
 Float32 = NDArray[np.float32]
@@ -25,7 +25,7 @@ class TwinModel:
     Parameters
     ----------
     states : two of TrainState
-        Where to begin; the same geometry in both, bit for bit.
+        The start, with the same geometry in both, bit for bit.
     weight : float
         Share of the second scene's loss in what the geometry learns; that of the first is 1.
     device : Device, optional
@@ -49,7 +49,7 @@ class TwinModel:
             model.set_targets(images)
 
     def use_sh_degree(self, degree: int) -> None:
-        """Let spherical harmonics up to this degree take part."""
+        """Use spherical harmonics up to this degree."""
         for model in self.models:
             model.sh_degree_active = degree
 
@@ -57,25 +57,20 @@ class TwinModel:
         self, camera: Camera, target: int, rates: LearningRates, background: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> float:
         """Render both scenes at `camera`, and move every parameter; return the first loss plus the weighted second."""
-        found = [model.differentiate(camera, target, background) for model in self.models]
-        (loss, seen, gradients), (other_loss, other_seen, other_gradients) = found
+        views = [model.differentiate(camera, target, background) for model in self.models]
+        (loss, rendered, gradients), (second_loss, second_rendered, second_gradients) = views
         engine = self.models[0].engine
-        if self.count:
-            kernel = engine.kernel(
-                "share_gradients", *("vector", "layout", "twins"), CHANNEL_ATTRIBUTES=0, RAY=0, CHANNELS=0
-            )
-            engine.run(
-                kernel,
-                -(-self.count // LANES[engine.style]),
-                *(np.uint32(self.count), np.float32(self._weight)),
-                *(np.float32(camera.width / 2), np.float32(camera.height / 2)),
-                *(seen.projected.depth_keys, other_seen.projected.depth_keys),
-                *(gradients.geometry, other_gradients.geometry, gradients.centres, other_gradients.centres),
-                *self.models[0].statistics_buffers,
-            )
-        for model, (_, _, own) in zip(self.models, found, strict=True):
-            model.update(rates, own)
-        return loss + self._weight * other_loss
+        engine.program("vector", "layout", "statistics", "twins").launch(
+            "share_gradients",
+            engine.vectors(self.count),
+            *(self.count, float(self._weight), camera.width / 2, camera.height / 2),
+            *(rendered.projected.depth_keys, second_rendered.projected.depth_keys),
+            *(gradients.geometry, second_gradients.geometry, gradients.centres, second_gradients.centres),
+            *self.models[0].statistics_buffers,
+        )
+        for model, (_, _, model_gradients) in zip(self.models, views, strict=True):
+            model.update(rates, model_gradients)
+        return loss + self._weight * second_loss
 
     def statistics(self) -> Statistics:
         """Read the statistics of the sum of both losses."""
@@ -87,6 +82,6 @@ class TwinModel:
         return first, second
 
     def replace(self, states: States) -> None:
-        """Go on from `states`, of any number of Gaussians; the statistics begin anew."""
+        """Continue from `states`, of any number of Gaussians, with statistics of zero."""
         for model, state in zip(self.models, states, strict=True):
             model.replace(state)

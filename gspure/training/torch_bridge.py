@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.constants import GEOMETRY_ATTRIBUTES
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
-from gspure.opencl.frame import Pass
+from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import by_row
 from gspure.opencl.morton import morton_order
-from gspure.opencl.passes import ENTRY_BUDGET, backward, forward
-from gspure.opencl.storage import GEOMETRY_ATTRIBUTES, Storage, upload_attributes
+from gspure.opencl.passes import backward, forward
+from gspure.opencl.storage import Storage, upload_attributes
 from gspure.training.pytorch import torch
 
 Float32 = NDArray[np.float32]
@@ -128,42 +129,37 @@ class _Frames:
         self.last += 1
         engine, order = self._engine, morton_order(means)
         sh_degree = _BANDS.index(channels.shape[1]) if channels.ndim == 3 else -1
-        frame = Pass("ewa", channels=channels.shape[-1], sh_degree=sh_degree)
+        traversal = Traversal("ewa", channels=channels.shape[-1], sh_degree=sh_degree)
 
         def uploaded(rows: Float32) -> Any:
             return upload_attributes(engine, order, rows.shape[1], rows.__getitem__)
 
         # One table is permuted many times faster than its narrow parts.
         geometry = np.concatenate([means, quats, scales, opacities[:, None]], axis=1)
-        self._storage = Storage.along(engine, order, uploaded(geometry))
-        self._frame = forward(
-            *(engine, self._storage, frame, camera),
-            channels=uploaded(channels.reshape(len(channels), frame.channel_attributes)),
-            background=background.tolist(),
-            entry_budget=ENTRY_BUDGET,
-        )
+        storage = Storage.along(engine, order, uploaded(geometry))
+        attributes = uploaded(channels.reshape(len(channels), traversal.channel_attributes))
+        self._rendered = forward(Frame(engine, storage, camera, traversal, attributes), background.tolist())
         return self.last
 
     def image(self) -> Float32:
         """Return the last frame's image [H,W,C]."""
-        camera, canvas = self._frame.camera, self._frame.canvas
-        shape = (camera.height, camera.width, self._frame.frame.channels)
-        return self._engine.read(canvas.image, shape, np.float32)
+        return self._rendered.image()
 
     def pull_back(self, image_gradient: Float32, requested: Sequence[bool]) -> list[Float32 | None]:
         """Return the `requested` gradients of the last frame, in the order of `draw`: [C], [K,...]; or None."""
-        engine, storage, drawn = self._engine, self._storage, self._frame
+        engine, rendered = self._engine, self._rendered
+        storage, attributes = rendered.frame.storage, rendered.frame.traversal.channel_attributes
         gradients: list[Float32 | None] = [None] * 6
-        by_splat = backward(engine, storage, drawn, engine.upload("image_gradient", image_gradient))
+        by_splat = backward(rendered, engine.buffers.image_gradient.holding(image_gradient))
         if requested[0]:
-            transmittance = engine.read(drawn.canvas.transmittance, image_gradient.shape[:2], np.float32)
+            transmittance = engine.read(rendered.canvas.transmittance, image_gradient.shape[:2], np.float32)
             behind = np.einsum("hw,hwc->c", transmittance, image_gradient, dtype=np.float64)
             gradients[0] = behind.astype(np.float32)
         if any(requested[1:5]):
             geometry = by_row(engine, storage, by_splat.geometry, GEOMETRY_ATTRIBUTES)
             gradients[1:5] = np.split(geometry, [3, 7, 10], axis=1)
         if requested[5]:
-            gradients[5] = by_row(engine, storage, by_splat.channels, drawn.frame.channel_attributes)
+            gradients[5] = by_row(engine, storage, by_splat.channels, attributes)
         return gradients
 
 

@@ -1,0 +1,93 @@
+"""The buffers that an engine keeps from frame to frame."""
+
+from __future__ import annotations
+
+from math import prod
+from typing import TYPE_CHECKING, Any
+
+import pyopencl as cl
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from gspure.opencl.engine import Engine
+
+
+class Scratch:
+    """A buffer that grows as needed; growing loses its contents."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._buffer: cl.Buffer | None = None
+
+    def sized(self, *shape: int) -> cl.Buffer:
+        """Return the buffer, with room for at least `shape` numbers of 4 bytes."""
+        nbytes = 4 * prod(shape)
+        if self._buffer is None or self._buffer.size < nbytes:
+            if self._buffer is not None:
+                self._buffer.release()
+            self._buffer = self._engine.allocate(nbytes)
+        return self._buffer
+
+    def holding(self, array: NDArray[Any]) -> cl.Buffer:
+        """Return the buffer, with a copy of `array`."""
+        return self._engine.copied(array, self.sized(-(-array.nbytes // 4)))
+
+
+class Buffers:
+    """Buffers of the stages of a frame, each for one purpose.
+
+    Shapes: K Gaussians in blocks of 16, V visible ones, H x W pixels, C channels, T tiles of a band, E entries at most,
+    P chunks of a counting sort.
+    """
+
+    # projection
+    camera: Scratch  # [21]
+    splats: Scratch  # [K,SPLAT]
+    footprints: Scratch  # [K,FOOTPRINT_FLOATS]
+    depth_keys: Scratch  # [K]
+    # ordering
+    row_keys: Scratch  # [K]
+    even_keys: Scratch  # [K]
+    even_positions: Scratch  # [K]
+    odd_keys: Scratch  # [K]
+    odd_positions: Scratch  # [K]
+    digit_starts: Scratch  # [digits + 1]
+    # counting sorts
+    histogram: Scratch  # [P,bins]
+    totals: Scratch  # [bins]
+    # binning
+    ordered_footprints: Scratch  # [V,FOOTPRINT_FLOATS]
+    bounds: Scratch  # [P]
+    band_bounds: Scratch  # [P]
+    chunk_starts: Scratch  # [P+1]
+    chunk_ends: Scratch  # [P]
+    slot_ranges: Scratch  # [V,2]
+    emitted_tiles: Scratch  # [E]
+    emitted_positions: Scratch  # [E]
+    entries: Scratch  # [E]
+    slots: Scratch  # [E]
+    tile_starts: Scratch  # [T+1]
+    # blending
+    background: Scratch  # [C]
+    image: Scratch  # [H,W,C]
+    transmittance: Scratch  # [H,W]
+    median_depth: Scratch  # [H,W]
+    partials: Scratch  # [E,3]
+    records: Scratch  # [K,4]
+    # opacities of points
+    points: Scratch  # [items,3,LANES]
+    point_tiles: Scratch  # [items]
+    point_opacities: Scratch  # [items,LANES]
+    # the backward pass and training
+    image_gradient: Scratch  # [H,W,C]
+    item_losses: Scratch  # [items]
+    slot_gradients: Scratch  # [E,MOMENTS+C]
+    splat_gradients: Scratch  # [K,MOMENTS+C]
+    geometry_gradients: Scratch  # [K,GEOMETRY_ATTRIBUTES]
+    channel_gradients: Scratch  # [K,CHANNEL_ATTRIBUTES]
+    centre_gradients: Scratch  # [K,2]
+    rates: Scratch  # [GEOMETRY_ATTRIBUTES]
+
+    def __init__(self, engine: Engine) -> None:
+        for name in Buffers.__annotations__:
+            setattr(self, name, Scratch(engine))
