@@ -1,4 +1,4 @@
-"""The one entry to the device: images, feature maps, contributions and depths of a model's views."""
+"""The only entry to the device: images, feature maps, contributions and depths of a model's views."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from gspure.opencl.storage import store, upload_features, upload_sh_coeffs
 Float32 = NDArray[np.float32]
 
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
-"""One touched Gaussian of one view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""
+"""A touched Gaussian of a view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""
 
 
 @dataclass(frozen=True)
 class Gradients:
-    """Gradients of a loss with respect to what an image was rendered from, row by row.
+    """Gradients of a loss with respect to the inputs of an image, by row.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Gradients:
     channels : array [K,S,3] or [K,C]
         Of the SH coefficients, or of the features.
     means2d : array [K,2]
-        Of the projected centres, per pixel of displacement: what densification looks at.
+        Of the projected centres, per pixel; for densification.
 
     """
 
@@ -70,8 +70,8 @@ class Renderer:
     device : Device, optional
         By default the one that `gspure.opencl.device.choose_device` picks.
     energy : "ewa" or "ray"
-        How a Gaussian falls off: as a 2-D splat with dilation, which vanilla models are trained with, or by its maximum
-        along the pixel's ray (paper, Eq. E).
+        Fall-off of a Gaussian: a 2-D splat with dilation, as in the training of vanilla models, or its maximum along
+        the pixel's ray (paper, Eq. E).
     style : "cpu" or "gpu", optional
         Kernel style; by default the one that suits the device.
     entry_budget : int

@@ -272,9 +272,9 @@ def test_a_folder_without_permission_is_named_and_not_a_temporary_file(folder, c
 def test_a_device_that_is_not_there_is_refused(folder, capsys, monkeypatch, command):
     monkeypatch.setenv("GSPURE_DEVICE", "nope")
     error = refusal(folder, capsys, COMMANDS[command])
-    assert error.startswith("OpenCL: device: expected one that 'nope' means, found ")
+    assert error.startswith("OpenCL: device: expected one that matches 'nope', found ")
     assert refusal(folder, capsys, COMMANDS[command] + " --device 99").startswith(
-        "OpenCL: device: expected one that '99'"
+        "OpenCL: device: expected one that matches '99'"
     )
 
 

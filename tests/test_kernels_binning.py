@@ -31,7 +31,7 @@ class Lists:
         for band in self.bands:
             lists = bin_tiles(frame, projected, footprints, band)
             columns, _ = frame.tiles
-            starts = engine.read(lists.tile_starts, ((band.last - band.first + 1) * columns + 1,), np.uint32)
+            starts = engine.read(lists.tile_starts, (len(band) * columns + 1,), np.uint32)
             rows = storage.order[engine.read(lists.entries, (starts[-1],), np.uint32)]
             slots = engine.read(lists.slots, (starts[-1],), np.uint32)
             ranges = engine.read(lists.slot_ranges, (order.visible, 2), np.uint32)
@@ -88,7 +88,7 @@ def test_bands_split_the_image_and_keep_to_the_budget(device, style, energy):
     assert len(whole.bands) == 1
     banded = Lists(device, style, energy, model, view, entry_budget=150)
     assert 1 < len(banded.bands) < 7
-    assert [band.first for band in banded.bands] == [0] + [band.last + 1 for band in banded.bands[:-1]]
+    assert [band.start for band in banded.bands] == [0] + [band.stop for band in banded.bands[:-1]]
     assert max(banded.capacities) <= 150
     for a, b in zip(whole.tiles, banded.tiles, strict=True):
         assert np.array_equal(a, b)

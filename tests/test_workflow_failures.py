@@ -149,5 +149,7 @@ def test_a_scheme_without_its_package_is_refused_before_any_job(tmp_path, checko
 def test_without_the_device_that_is_named_no_job_is_started(tmp_path, started):  # noqa: F811
     project = started.copy(tmp_path / "project")
     project.configure({**CONFIG, "device": "nonsuch"})
-    assert project.run(status=2).splitlines()[-1].startswith("gspure: OpenCL: device: expected one that 'nonsuch'")
+    assert (
+        project.run(status=2).splitlines()[-1].startswith("gspure: OpenCL: device: expected one that matches 'nonsuch'")
+    )
     assert not (project.folder / "results").exists()

@@ -34,19 +34,9 @@ class Moments:
 
 
 class Adam:
-    """Adam over a geometry and its colours.
+    """Adam over the geometry [K,GEOMETRY_ATTRIBUTES] and the colours [K,channel_attributes] of K = `count` Gaussians.
 
-    Parameters
-    ----------
-    engine : Engine
-    count : int
-        Number of Gaussians.
-    geometry, channels : Moments
-        [K,GEOMETRY_ATTRIBUTES] and [K,channel_attributes], in blocks.
-    channel_attributes : int
-    activated : pyopencl.Buffer
-        Receives the geometry as the renderer reads it: exp of scales, logistic function of opacities.
-
+    `activated` receives the geometry as the renderer reads it: exp of scales, logistic function of opacities.
     """
 
     def __init__(

@@ -17,14 +17,6 @@ from gspure.opencl.projection import Projected
 
 
 @dataclass(frozen=True)
-class Band:
-    """Tile rows `first` to `last`, both inclusive."""
-
-    first: int
-    last: int
-
-
-@dataclass(frozen=True)
 class Footprints:
     """Footprints of the visible Gaussians in depth `order`, and the most entries of each of their `chunks`."""
 
@@ -36,13 +28,13 @@ class Footprints:
 
 @dataclass(frozen=True)
 class TileLists:
-    """Lists of a band: `entries` (positions) and `slots`, tile by tile in depth order from `tile_starts` on.
+    """Lists of a band of tile rows: `entries` (positions) and `slots` by tile from `tile_starts` on, in depth order.
 
     A slot is one of `capacity` places for an entry's partial sums; `slot_ranges` [V,2] holds those of each visible
     Gaussian, in depth order.
     """
 
-    band: Band
+    band: range
     order: DepthOrder
     entries: cl.Buffer
     slots: cl.Buffer
@@ -60,33 +52,33 @@ def gather_footprints(frame: Frame, projected: Projected, order: DepthOrder) -> 
     return Footprints(order, ordered, bounds, parts)
 
 
-def bands(frame: Frame, footprints: Footprints, entry_budget: int) -> list[Band]:
+def bands(frame: Frame, footprints: Footprints, entry_budget: int) -> list[range]:
     """Split the tile rows so that no band can hold more than `entry_budget` entries, unless a single row does."""
     _, rows = frame.tiles
     with frame.engine.mapped(footprints.bounds, (footprints.chunks,), np.uint32) as bounds:
         most = int(bounds.sum(dtype=np.uint64))
     if most <= entry_budget:
-        return [Band(0, rows - 1)]
+        return [range(rows)]
     split, first, held = [], 0, 0
     for row, bound in enumerate(_entries_per_row(frame.engine, footprints, rows)):
         if held and held + bound > entry_budget:
-            split.append(Band(first, row - 1))
+            split.append(range(first, row))
             first, held = row, 0
         held += int(bound)
-    return [*split, Band(first, rows - 1)]
+    return [*split, range(first, rows)]
 
 
-def bin_tiles(frame: Frame, projected: Projected, footprints: Footprints, band: Band) -> TileLists:
+def bin_tiles(frame: Frame, projected: Projected, footprints: Footprints, band: range) -> TileLists:
     """Build the tile lists of one band."""
     engine, buffers, program = frame.engine, frame.engine.buffers, _program(frame)
     columns, rows = frame.tiles
-    tiles = (band.last - band.first + 1) * columns
+    tiles, band_rows = len(band) * columns, (band[0], band[-1])
     order, parts = footprints.order, footprints.chunks
     shape = (order.visible, parts)
     bounds = footprints.bounds
-    if band != Band(0, rows - 1):
+    if len(band) < rows:
         bounds = buffers.band_bounds.sized(parts)
-        program.launch("bound_entries", parts, *shape, band.first, band.last, footprints.ordered, bounds)
+        program.launch("bound_entries", parts, *shape, *band_rows, footprints.ordered, bounds)
     chunk_starts, capacity = prefix_sums(engine, bounds, parts, buffers.chunk_starts)
     chunk_ends, slot_ranges = buffers.chunk_ends.sized(parts), buffers.slot_ranges.sized(order.visible, 2)
     histogram = buffers.histogram.sized(parts, tiles)
@@ -95,7 +87,7 @@ def bin_tiles(frame: Frame, projected: Projected, footprints: Footprints, band: 
     program.launch(
         "emit_entries",
         parts,
-        *(*shape, columns, band.first, band.last, order.positions, projected.splats, footprints.ordered),
+        *(*shape, columns, *band_rows, order.positions, projected.splats, footprints.ordered),
         *(chunk_starts, chunk_ends, *emitted, slot_ranges, histogram),
     )
     tile_starts, _ = first_places(engine, histogram, parts, tiles, buffers.tile_starts)

@@ -67,8 +67,8 @@ def walk_tiles(
     columns, _ = frame.tiles
     program.launch(
         kernel,
-        (lists.band.last - lists.band.first + 1) * columns * group,
-        *(*frame.size, columns, lists.band.first * columns),
+        len(lists.band) * columns * group,
+        *(*frame.size, columns, lists.band.start * columns),
         *(projected.splats, lists.entries, lists.slots, lists.tile_starts, *args),
         group=group,
     )

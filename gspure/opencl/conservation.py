@@ -1,4 +1,4 @@
-"""Conservation of light: what holds for the contributions of any model to any view."""
+"""Conservation of light, a property of the contributions of any model to any view."""
 
 from __future__ import annotations
 
@@ -9,46 +9,46 @@ from gspure.constants import ALPHA_MAX
 from gspure.errors import InputError
 
 TOLERANCE = 1e-4
-"""Relative, of the sum over a view; rounding alone stays below a tenth of it."""
+"""Relative, of the sum over a view; rounding errors stay below a tenth of it."""
 
 _HINT = "the OpenCL driver computes wrongly; choose another device: `gspure doctor`"
 
 
 def require_conservation(view: str, contributions: NDArray[np.void], transmittance: NDArray[np.float32]) -> None:
-    """Check that weights and transmittance are shares of the light, and together all of it.
+    """Check that contributions and transmittance are shares of the light and add up to all of it.
 
     Parameters
     ----------
     view : str
-        Name of the view, for the message.
+        Name of the view, for error messages.
     contributions : array [n] of `gspure.renderer.CONTRIBUTION`
     transmittance : array [H,W]
-        What is left of the background in each pixel.
+        Share of the background in each pixel.
 
     Raises
     ------
     InputError
-        Naming view, row (or pixel) and value, if a sum or maximum of a row is negative, infinite or not a number, a
-        maximum exceeds `ALPHA_MAX`, a transmittance lies outside 0 to 1, or the sums do not add up to what is missing
-        in the transmittance.
+        With view, row (or pixel) and value, if a sum or maximum of a row is negative, infinite or not a number, a
+        maximum exceeds `ALPHA_MAX`, a transmittance lies outside 0 to 1, or the sums do not add up to the light that
+        the transmittance lacks.
 
     """
     largest = {"sum": np.finfo(np.float32).max, "max": np.float32(ALPHA_MAX)}
     for name, most in largest.items():
         values = contributions[name]
-        if len(values) and not (values.min() >= 0 and values.max() <= most):  # false for what is not a number
+        if len(values) and not (values.min() >= 0 and values.max() <= most):  # false for NaN
             wrong = np.flatnonzero(~((values >= 0) & (values <= most)))[0]
             row, value = contributions["index"][wrong], values[wrong]
             raise _violation(view, f"contribution ({name})", f"0 to {most:.3g}", f"{value} in row {row}")
     if not (transmittance.min() >= 0 and transmittance.max() <= 1):
         y, x = np.argwhere(~((transmittance >= 0) & (transmittance <= 1)))[0]
         raise _violation(view, "transmittance", "0 to 1", f"{transmittance[y, x]} in column {x}, line {y}")
-    given = float(contributions["sum"].sum(dtype=np.float64))
-    taken = transmittance.size - float(transmittance.sum(axis=1).sum(dtype=np.float64))  # of lines: half the time
-    if abs(given - taken) > TOLERANCE * max(taken, 1.0):
+    gathered = float(contributions["sum"].sum(dtype=np.float64))
+    absorbed = transmittance.size - float(transmittance.sum(axis=1).sum(dtype=np.float64))  # of lines: half the time
+    if abs(gathered - absorbed) > TOLERANCE * max(absorbed, 1.0):
         row = contributions["index"][contributions["sum"].argmax()] if len(contributions) else "none"
-        found = f"{given:.7g} (largest in row {row})"
-        raise _violation(view, "sum of contributions", f"{taken:.7g}, all that is missing in the transmittance", found)
+        found = f"{gathered:.7g} (largest in row {row})"
+        raise _violation(view, "sum of contributions", f"{absorbed:.7g}, the light that the transmittance lacks", found)
 
 
 def _violation(view: str, field: str, expected: str, found: str) -> InputError:

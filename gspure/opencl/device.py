@@ -1,4 +1,4 @@
-"""OpenCL devices: which there are, which of them work, which one to use."""
+"""OpenCL devices: listed, tested, chosen."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class Device:
     Parameters
     ----------
     index : int
-        Its place in `list_devices`, stable as long as the installed drivers are.
+        Its place in `list_devices`, stable as long as the installed drivers stay the same.
     kind : "gpu" or "cpu"
-        Whatever is no GPU counts as a CPU.
+        Everything but a GPU counts as a CPU.
     name, platform, version, driver : str
-        As the driver tells them; `version` is the platform's.
+        As reported by the driver; `version` is the platform's.
     cl_device : pyopencl.Device
 
     """
@@ -59,7 +59,7 @@ class Device:
 @cache
 def list_devices() -> tuple[Device, ...]:
     """Return every device of every platform, GPUs first."""
-    found = sorted((d for p in _platforms() for d in _devices(p)), key=lambda d: not d.type & cl.device_type.GPU)
+    by_kind = sorted((d for p in _platforms() for d in _devices(p)), key=lambda d: not d.type & cl.device_type.GPU)
     return tuple(
         Device(
             index=index,
@@ -70,12 +70,12 @@ def list_devices() -> tuple[Device, ...]:
             driver=device.driver_version.strip(),
             cl_device=device,
         )
-        for index, device in enumerate(found)
+        for index, device in enumerate(by_kind)
     )
 
 
 def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
-    """Return the devices that `spec` means, or else the environment variable GSPURE_DEVICE, or else all.
+    """Return the devices that match `spec`, or else the environment variable GSPURE_DEVICE, or else all.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
     Raises
     ------
     InputError
-        If something was named and no device is meant.
+        If no device matches.
 
     """
     devices = list_devices()
@@ -93,20 +93,18 @@ def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
     if not spec:
         return devices
     if spec.isdecimal():
-        meant = devices[int(spec) :][:1]
+        matching = devices[int(spec) :][:1]
     else:
-        meant = tuple(d for d in devices if spec.casefold() in f"{d.name}\n{d.platform}\n{d.version}".casefold())
-    if not meant:
-        found = "; ".join(map(str, devices)) or "no device"
-        raise InputError(
-            "OpenCL", "device", expected=f"one that {spec!r} means", found=found, hint=None if devices else INSTALL_HINT
-        )
-    return meant
+        matching = tuple(d for d in devices if spec.casefold() in f"{d.name}\n{d.platform}\n{d.version}".casefold())
+    if not matching:
+        found, hint = "; ".join(map(str, devices)) or "no device", None if devices else INSTALL_HINT
+        raise InputError("OpenCL", "device", expected=f"one that matches {spec!r}", found=found, hint=hint)
+    return matching
 
 
 @cache
 def fault(device: Device, factor: int = 3) -> str | None:
-    """Return why a trivial program does not build and run on `device`; None if it does.
+    """Return why a trivial program fails to build or run on `device`; None if it works.
 
     A driver may end the process instead of reporting an error; `gspure.trial` survives that.
 
@@ -114,7 +112,7 @@ def fault(device: Device, factor: int = 3) -> str | None:
     ----------
     device : Device
     factor : int
-        What the program multiplies by. One that was not used before makes the driver compile, cache or not.
+        Multiplier in the program. A new one makes the driver compile even if it has a cache.
 
     """
     numbers = np.arange(64, dtype=np.float32)
@@ -135,35 +133,35 @@ def fault(device: Device, factor: int = 3) -> str | None:
 
 
 def works(device: Device) -> bool:
-    """Return whether a trivial program builds and runs on `device`, here and now."""
+    """Return whether a trivial program builds and runs on `device`."""
     return fault(device) is None
 
 
 def choose_device(spec: str | None = None) -> Device:
-    """Return the device to use: the first that works among those meant, GPUs before CPUs.
+    """Return the first matching device that works, GPUs before CPUs.
 
-    A device that was named is never replaced by another.
+    If devices are named, no other one replaces them.
 
     Parameters
     ----------
     spec : str, optional
-        As of `matching_devices`.
+        As for `matching_devices`.
 
     Raises
     ------
     InputError
-        If no device is meant, or none of them works.
+        If no device matches, or none that matches works.
 
     """
-    meant = matching_devices(spec)
-    for device in meant:
+    matching = matching_devices(spec)
+    for device in matching:
         if works(device):
             return device
     raise InputError(
         "OpenCL",
         "device",
         expected="a device on which a trivial program builds and runs",
-        found="; ".join(f"{device}: {fault(device)}" for device in meant) or "no device",
+        found="; ".join(f"{device}: {fault(device)}" for device in matching) or "no device",
         hint=INSTALL_HINT,
     )
 
@@ -180,7 +178,7 @@ def _platforms() -> list[cl.Platform]:
 
 
 def _can_cache() -> bool:
-    """Return whether caches can be written: where not, PoCL shows no device and pyopencl runs no kernel."""
+    """Return whether caches can be written; otherwise, PoCL lists no device and pyopencl runs no kernel."""
     try:
         folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         folder.mkdir(parents=True, exist_ok=True)
@@ -198,6 +196,6 @@ def _devices(platform: cl.Platform) -> list[cl.Device]:
 
 
 def _first_line(message: str) -> str:
-    """Return the line of a driver's message that tells most: its first with "error", else its first."""
+    """Return the first line of a driver's message with "error", else its first line."""
     lines = [line.strip() for line in message.splitlines() if line.strip()]
     return next((line for line in lines if "error" in line.casefold()), (lines or ["unknown error"])[0])

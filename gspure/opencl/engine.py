@@ -52,16 +52,7 @@ def _built(context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[s
 
 
 class Program:
-    """The kernels of a program, with the queue and the group size that they are launched with.
-
-    Parameters
-    ----------
-    program : pyopencl.Program
-    queue : pyopencl.CommandQueue
-    group : int
-        Work-items of a work-group, unless a launch names another number.
-
-    """
+    """The kernels of a program, launched in one queue in work-groups of `group` items by default."""
 
     def __init__(self, program: cl.Program, queue: cl.CommandQueue, group: int) -> None:
         self._kernels = {kernel.function_name: kernel for kernel in program.all_kernels()}

@@ -9,13 +9,13 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES, MOMENTS
+from gspure.constants import GEOMETRY_ATTRIBUTES, MOMENTS
 from gspure.opencl.binning import TileLists
 from gspure.opencl.blending import SUM_GROUP, Canvas, walk_tiles
 from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Frame
 from gspure.opencl.projection import Projected
-from gspure.opencl.storage import Storage
+from gspure.opencl.storage import Storage, blocked_shape
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class DeviceGradients:
 
 def clear_splat_gradients(frame: Frame) -> cl.Buffer:
     """Return the gradients that the bands of a frame add up, all zero."""
-    shape = (frame.storage.blocks, MOMENTS + frame.traversal.channels, BLOCK)
+    shape = blocked_shape(frame.storage.count, MOMENTS + frame.traversal.channels)
     buffer = frame.engine.buffers.splat_gradients.sized(*shape)
     frame.engine.clear(buffer, 4 * prod(shape))
     return buffer
@@ -57,9 +57,9 @@ def project_backward(frame: Frame, projected: Projected, splat_gradients: cl.Buf
     """Carry the splats' gradients back to the Gaussians' parameters (projection_backward.cl)."""
     storage, traversal, buffers = frame.storage, frame.traversal, frame.engine.buffers
     gradients = DeviceGradients(
-        buffers.geometry_gradients.sized(storage.blocks, GEOMETRY_ATTRIBUTES, BLOCK),
-        buffers.channel_gradients.sized(storage.blocks, traversal.channel_attributes, BLOCK),
-        buffers.centre_gradients.sized(storage.blocks, 2, BLOCK),
+        buffers.geometry_gradients.sized(*blocked_shape(storage.count, GEOMETRY_ATTRIBUTES)),
+        buffers.channel_gradients.sized(*blocked_shape(storage.count, traversal.channel_attributes)),
+        buffers.centre_gradients.sized(*blocked_shape(storage.count, 2)),
     )
     program = frame.program(
         *("vector", "layout", "spherical_harmonics", "spherical_harmonics_backward"),
@@ -79,6 +79,6 @@ def project_backward(frame: Frame, projected: Projected, splat_gradients: cl.Buf
 def by_row(engine: Engine, storage: Storage, blocks: cl.Buffer, attributes: int) -> NDArray[np.float32]:
     """Return values that lie in storage order and blocks as an array [K,attributes] in row order."""
     rows = np.empty((storage.count, attributes), np.float32)
-    with engine.mapped(blocks, (storage.blocks, attributes, BLOCK), np.float32) as blocked:
+    with engine.mapped(blocks, blocked_shape(storage.count, attributes), np.float32) as blocked:
         rows[storage.order] = blocked.transpose(0, 2, 1).reshape(-1, attributes)[: storage.count]
     return rows

@@ -25,7 +25,7 @@ Float32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Placed:
-    """Those S of the points that a view shows, tile by tile: `rows`, `tiles`, and `positions` (u, v, z) [S,3]."""
+    """The S points that a view shows, tile by tile: `rows`, `tiles`, and `positions` (u, v, z) [S,3]."""
 
     rows: NDArray[np.intp]
     tiles: NDArray[np.intp]
@@ -47,7 +47,7 @@ def opacities_at(
     footprints = gather_footprints(frame, projected, order)
     columns, _ = frame.tiles
     for band in bands(frame, footprints, entry_budget):
-        begin, end = np.searchsorted(placed.tiles, (band.first * columns, (band.last + 1) * columns))
+        begin, end = np.searchsorted(placed.tiles, (band.start * columns, band.stop * columns))
         if begin < end:
             lists = bin_tiles(frame, projected, footprints, band)
             inside = Placed(*(part[begin:end] for part in vars(placed).values()))
@@ -67,8 +67,8 @@ def place(frame: Frame, points: NDArray[np.floating]) -> Placed:
 def _blend_points(frame: Frame, projected: Projected, lists: TileLists, placed: Placed) -> Float32:
     """Return the opacity at each of a band's points."""
     engine, buffers = frame.engine, frame.engine.buffers
-    tiles, sources = _dealt(placed.tiles, LANES[engine.style])
-    first_tile = lists.band.first * frame.tiles[0]
+    tiles, sources = _work_items(placed.tiles, LANES[engine.style])
+    first_tile = lists.band.start * frame.tiles[0]
     point_opacities = buffers.point_opacities.sized(*sources.shape)
     frame.program("vector", "layout", "blending", "opacity_field").launch(
         "blend_points",
@@ -82,10 +82,10 @@ def _blend_points(frame: Frame, projected: Projected, lists: TileLists, placed: 
     return opacities
 
 
-def _dealt(tiles: NDArray[np.intp], lanes: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Deal points, given the ascending tile of each, to work-items of one tile: its tile [I], its points [I,lanes].
+def _work_items(tiles: NDArray[np.intp], lanes: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Assign points to work-items; return the tile [I] and the points [I,lanes] of each work-item.
 
-    The last point of a tile fills up its last work-item.
+    `tiles` are those of the points, ascending. The last point of a tile is repeated to fill its last work-item.
     """
     present, starts, counts = np.unique(tiles, return_index=True, return_counts=True)
     items = -(-counts // lanes)

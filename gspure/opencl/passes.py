@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from gspure.opencl.binning import Band, Footprints, TileLists, bands, bin_tiles, gather_footprints
+from gspure.opencl.binning import Footprints, TileLists, bands, bin_tiles, gather_footprints
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.frame import Frame
 from gspure.opencl.gradients import DeviceGradients, blend_band_backward, clear_splat_gradients, project_backward
@@ -26,7 +26,7 @@ class Rendered:
     frame: Frame
     projected: Projected
     footprints: Footprints
-    bands: list[Band]
+    bands: list[range]
     lists: TileLists
     canvas: Canvas
 

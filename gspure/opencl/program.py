@@ -1,4 +1,4 @@
-"""Kernel sources: where they are, what they are built with, and their digest."""
+"""Kernel sources: their folder, build options and digest."""
 
 from __future__ import annotations
 
@@ -15,31 +15,11 @@ Defines = Mapping[str, int]
 RENDERER_CONSTANTS = {
     name: getattr(constants, name)
     for name in (
-        "TILE",
-        "NEAR_PLANE",
-        "ALPHA_MIN",
-        "ALPHA_MAX",
-        "TRANSMITTANCE_MIN",
-        "EWA_DILATION",
-        "EWA_FRUSTUM_MARGIN",
-        "MEDIAN_TRANSMITTANCE",
-        "MAGNITUDE_MAX",
-        "COORDINATE_MAX",
-        "RAY_SCALE_RATIO",
-        "EWA_DEVIATION_MAX",
-        "COLOUR_MAX",
-        "SSIM_WINDOW",
-        "SSIM_C1",
-        "SSIM_C2",
-        "ADAM_BETA1",
-        "ADAM_BETA2",
-        "ADAM_EPSILON",
-        "BLOCK",
-        "GEOMETRY_ATTRIBUTES",
-        "FOOTPRINT_FLOATS",
-        "MOMENTS",
-        "SCAN_BINS",
-        "LEAF",
+        *("TILE", "NEAR_PLANE", "ALPHA_MIN", "ALPHA_MAX", "TRANSMITTANCE_MIN", "MEDIAN_TRANSMITTANCE"),
+        *("EWA_DILATION", "EWA_FRUSTUM_MARGIN", "EWA_DEVIATION_MAX", "RAY_SCALE_RATIO"),
+        *("MAGNITUDE_MAX", "COORDINATE_MAX", "COLOUR_MAX"),
+        *("SSIM_WINDOW", "SSIM_C1", "SSIM_C2", "ADAM_BETA1", "ADAM_BETA2", "ADAM_EPSILON"),
+        *("BLOCK", "GEOMETRY_ATTRIBUTES", "FOOTPRINT_FLOATS", "MOMENTS", "SCAN_BINS", "LEAF"),
     )
 } | {
     "LOG2_ALPHA_MIN": math.log2(constants.ALPHA_MIN),
@@ -74,7 +54,7 @@ def build_options(defines: Defines) -> list[str]:
 
 
 def kernel_digest() -> str:
-    """Return a digest of all kernel sources, constants and build options: it changes when a rendering could."""
+    """Return a digest of all kernel sources, constants and build options: of all that can change a rendering."""
     names = sorted(path.stem for path in kernel_folder().glob("*.cl"))
     return digest(*names, kernel_source(*names), " ".join(build_options({})))
 

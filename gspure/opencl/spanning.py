@@ -95,7 +95,7 @@ class _Search:
         points = np.flatnonzero(lengths <= least[component]).astype(np.uint32)
         points = points[np.argsort(lengths[points], kind="stable")][::-1]
         first = np.empty(components, np.uint32)
-        first[component[points]] = points  # the last one written stays: the shortest, the first of equals
+        first[component[points]] = points  # the last write wins: the shortest edge, the first of equal ones
         return first, partners[first], lengths[first]
 
     def _join(self, name: str, values: cl.Buffer) -> None:
@@ -114,7 +114,7 @@ def minimum_spanning_tree(
     points : array [U,C]
         At least two, all different.
     copies : array [U], int
-        How many points each of them stands for.
+        Number of points that each of them stands for.
     min_samples : int
         Counts other points; below the sum of `copies`.
 
@@ -145,15 +145,15 @@ def minimum_spanning_tree(
 def _join(targets: Indices, lengths: Floats) -> tuple[NDArray[np.intp], int, NDArray[np.int32]]:
     """Join each component to its target, without cycles.
 
-    Two components that are each other's target need one edge. Longer cycles are of edges of equal length, one of which
-    is left out.
+    Two components that are each other's target need one edge. Longer cycles have edges of equal length; one of them is
+    left out.
 
     Returns
     -------
     kept : array, int
-        The components whose edges are taken.
+        Components whose edges join the tree.
     joined : int
-        How many components there are now.
+        Number of new components.
     labels : array, int
         The new component of each old one.
 

@@ -47,20 +47,15 @@ class Storage:
         """Number of Gaussians."""
         return len(self.order)
 
-    @property
-    def blocks(self) -> int:
-        """Number of blocks, at least one."""
-        return blocks(self.count)
-
     @staticmethod
     def along(engine: Engine, order: Rows, geometry: cl.Buffer) -> Storage:
         """Take activated geometry [K,GEOMETRY_ATTRIBUTES] that was uploaded in `order`."""
         return Storage(order, engine.uploaded(order), engine.uploaded(_positions(order)), geometry)
 
 
-def blocks(count: int) -> int:
-    """Return the number of blocks of `count` Gaussians, at least one."""
-    return max(-(-count // BLOCK), 1)
+def blocked_shape(count: int, attributes: int) -> tuple[int, int, int]:
+    """Return the shape [blocks,attributes,BLOCK] of the attributes of `count` Gaussians, at least one block."""
+    return max(-(-count // BLOCK), 1), attributes, BLOCK
 
 
 def store(engine: Engine, model: Gaussians) -> Storage:
@@ -99,7 +94,7 @@ def upload_attributes(
     engine: Engine, order: Rows, attributes: int, values: Callable[[slice], NDArray[np.float32]]
 ) -> cl.Buffer:
     """Upload ``values(rows)`` [n,attributes] in storage order; the last block is padded with zeros: transparent."""
-    shape = (blocks(len(order)), attributes, BLOCK)
+    shape = blocked_shape(len(order), attributes)
     buffer = engine.allocate(4 * prod(shape))
     with engine.mapped(buffer, shape, np.float32, write=True) as blocked:
         blocked[-1] = 0.0

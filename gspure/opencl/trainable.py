@@ -1,4 +1,4 @@
-"""A model that is being optimized: parameters, Adam's moments, photographs and statistics live on the device."""
+"""A model in training: parameters, Adam's moments, photographs and statistics on the device."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SSIM_WEIGHT = 0.2
 
 @dataclass(frozen=True)
 class Parameters:
-    """Raw parameters by row, as a 3DGS PLY stores them; or anything of the same shape, such as Adam's moments."""
+    """Raw parameters by row, as a 3DGS PLY stores them; also their moments, of the same shapes."""
 
     means: Float32
     quats: Float32

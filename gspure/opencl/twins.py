@@ -1,4 +1,4 @@
-"""Two models of one geometry that learn together: the same Gaussians, with two opacities and two colours each."""
+"""Two models with one geometry, trained together: the same Gaussians, with two opacities and two colours each."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ States = tuple[TrainState, TrainState]
 
 
 class TwinModel:
-    """Gaussians that learn two scenes at once: means, quaternions and scales from both, the rest from one each.
+    """Gaussians that learn two scenes: means, quaternions and scales from both, opacities and colours from one each.
 
     Results are the same to the last bit from run to run and for any number of threads.
 
@@ -27,7 +27,7 @@ class TwinModel:
     states : two of TrainState
         The start, with the same geometry in both, bit for bit.
     weight : float
-        Share of the second scene's loss in what the geometry learns; that of the first is 1.
+        Weight of the second scene's loss for the geometry; that of the first is 1.
     device : Device, optional
     style : "cpu" or "gpu", optional
 

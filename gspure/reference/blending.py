@@ -21,8 +21,8 @@ Float64 = NDArray[np.float64]
 class Margins:
     """How close each pixel [H,W] comes to a discontinuity of the rules, as relative distances (0: on it, inf: never).
 
-    Where one of these is below the rounding of another implementation, that implementation may decide otherwise and
-    differ by a finite step; everywhere else it must agree closely.
+    Where a margin is below the rounding of another implementation, that implementation may differ by a finite step;
+    everywhere else it must agree closely.
     """
 
     alpha: Float64
@@ -41,7 +41,7 @@ class Margins:
 
 @dataclass(frozen=True)
 class Reference:
-    """Everything that one traversal yields.
+    """The results of a rendering.
 
     Per pixel: `channels` [H,W,C], `transmittance` [H,W], `depth` [H,W] (median depth, inf where the transmittance
     never falls to 0.5), `margins`. Per Gaussian of the model, over w = alpha T: `sums` [K], `maxima` [K], `pixels` [K].
@@ -91,7 +91,7 @@ def blend(projection: Splats | Rays, camera: Camera, features: Float64, backgrou
     depth = np.full(u.shape, np.inf)
     alive = np.ones(u.shape, bool)
     sums, maxima, pixels = (np.zeros(len(features), kind) for kind in (float, float, np.int64))
-    near_misses = Discontinuities(u.shape)
+    steps = Discontinuities(u.shape)
 
     for i, row in enumerate(projection.rows):
         energies, depths = projection.evaluate(i, u, v)
@@ -100,7 +100,7 @@ def blend(projection: Splats | Rays, camera: Camera, features: Float64, backgrou
         after = transmittance * (1 - alpha)
         touched = alive & (alpha >= ALPHA_MIN)
         blended = touched & (after >= TRANSMITTANCE_MIN)
-        near_misses.meet(projection, i, unclamped=unclamped, after=after, depths=depths, alive=alive, touched=touched)
+        steps.meet(projection, i, unclamped=unclamped, after=after, depths=depths, alive=alive, touched=touched)
 
         weight = np.where(blended, alpha * transmittance, 0.0)
         channels += weight[..., None] * features[row]
@@ -111,11 +111,11 @@ def blend(projection: Splats | Rays, camera: Camera, features: Float64, backgrou
         alive &= blended | ~touched
 
     channels += transmittance[..., None] * background
-    return Reference(channels, transmittance, depth, sums, maxima, pixels, near_misses.margins)
+    return Reference(channels, transmittance, depth, sums, maxima, pixels, steps.margins)
 
 
 class Discontinuities:
-    """Collects the margins while the Gaussians go by."""
+    """The margins of an image, updated Gaussian by Gaussian."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self.margins = Margins(*(np.full(shape, np.inf) for _ in range(6)))
@@ -132,7 +132,7 @@ class Discontinuities:
         alive: NDArray[np.bool_],
         touched: NDArray[np.bool_],
     ) -> None:
-        """Take note of the i-th Gaussian at the pixels that it reaches."""
+        """Update the margins with the i-th Gaussian at the pixels that it reaches."""
         margins, z = self.margins, projection.depths[i]
         shrink(margins.alpha, np.abs(unclamped / ALPHA_MIN - 1), alive)
         shrink(margins.clamp, np.abs(unclamped / ALPHA_MAX - 1), touched)
@@ -145,5 +145,5 @@ class Discontinuities:
 
 
 def shrink(smallest: Float64, values: Float64, where: NDArray[np.bool_]) -> None:
-    """Lower `smallest` to `values` where asked, in place."""
+    """Lower `smallest` to `values` in place, at the pixels of `where`."""
     np.minimum(smallest, values, out=smallest, where=where)

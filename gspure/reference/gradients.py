@@ -1,7 +1,7 @@
-"""Gradients of a rendering (energy ``ewa``) with respect to everything it was rendered from, by the chain rule.
+"""Gradients of a rendering (energy ``ewa``) with respect to all of its inputs, by the chain rule.
 
-The rules of blending have steps (the cut-off, the stop, the order of depths); as in every 3DGS trainer, a gradient is
-that of the smooth piece at hand, and nothing flows through a clamp that is active.
+The rules of blending have steps (the cut-off, the stop, the order of depths). As in every 3DGS trainer, a gradient
+ignores these steps, and is zero through an active clamp.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Gradients:
 
 @dataclass(frozen=True)
 class SplatGradients:
-    """Gradients of what blending reads, by row: centres in pixels, Sigma' (symmetric), opacities, channels."""
+    """Gradients of the inputs of blending, by row: centres in pixels, Sigma' (symmetric), opacities, channels."""
 
     means2d: Float64
     covs2d: Float64
@@ -66,13 +66,13 @@ def pull_back(
     splats = cast("Splats", project(model, camera, "ewa"))
     colours = sh_colors(model.sh_coeffs, model.means, camera.centre) if features is None else np.asarray(features)
     background = np.zeros(colours.shape[1]) if background is None else np.asarray(background, np.float64)
-    found = blend_backward(splats, camera, colours, background, np.asarray(image_gradient, np.float64))
-    means, quats, scales = project_backward(model, camera, splats, found)
-    channels = found.channels
+    by_splats = blend_backward(splats, camera, colours, background, np.asarray(image_gradient, np.float64))
+    means, quats, scales = project_backward(model, camera, splats, by_splats)
+    channels = by_splats.channels
     if features is None:
-        channels, by_direction = sh_colors_backward(model.sh_coeffs, model.means, camera.centre, found.channels)
+        channels, by_direction = sh_colors_backward(model.sh_coeffs, model.means, camera.centre, by_splats.channels)
         means += by_direction
-    return Gradients(means, quats, scales, found.opacities, channels, found.means2d)
+    return Gradients(means, quats, scales, by_splats.opacities, channels, by_splats.means2d)
 
 
 def blend_backward(
@@ -86,7 +86,7 @@ def blend_backward(
     """
     u, v = pixel_centres(camera)
     count = len(channels)
-    found = SplatGradients(np.zeros((count, 2)), np.zeros((count, 2, 2)), np.zeros(count), np.zeros(channels.shape))
+    gradients = SplatGradients(np.zeros((count, 2)), np.zeros((count, 2, 2)), np.zeros(count), np.zeros(channels.shape))
     walked = []
     transmittance, alive = np.ones(u.shape), np.ones(u.shape, bool)
     for i in range(len(splats.rows)):
@@ -102,33 +102,33 @@ def blend_backward(
     behind = np.broadcast_to(background, image_gradient.shape)
     for i, (energy, alpha, before) in reversed(list(enumerate(walked))):
         row = splats.rows[i]
-        found.channels[row] = np.einsum("hw,hwc->c", alpha * before, image_gradient)
+        gradients.channels[row] = np.einsum("hw,hwc->c", alpha * before, image_gradient)
         by_alpha = before * np.einsum("hwc,hwc->hw", channels[row] - behind, image_gradient)
         by_alpha[(alpha == 0) | (splats.opacities[i] * energy >= ALPHA_MAX)] = 0.0
         behind = behind + alpha[..., None] * (channels[row] - behind)
 
-        found.opacities[row] = (by_alpha * energy).sum()
+        gradients.opacities[row] = (by_alpha * energy).sum()
         # E = exp(-q / 2) with q = d^T P d, P = Sigma'^-1: dq/dd = 2 P d, dq/dSigma' = -(P d) (P d)^T.
         by_q = -0.5 * by_alpha * splats.opacities[i] * energy
         offset = np.stack([u, v], axis=-1) - splats.means2d[i]
         pulled = offset @ np.linalg.inv(splats.covs2d[i])
-        found.means2d[row] = -2 * np.einsum("hw,hwa->a", by_q, pulled)
-        found.covs2d[row] = -np.einsum("hw,hwa,hwb->ab", by_q, pulled, pulled)
-    return found
+        gradients.means2d[row] = -2 * np.einsum("hw,hwa->a", by_q, pulled)
+        gradients.covs2d[row] = -np.einsum("hw,hwa,hwb->ab", by_q, pulled, pulled)
+    return gradients
 
 
 def project_backward(
-    model: Gaussians, camera: Camera, splats: Splats, found: SplatGradients
+    model: Gaussians, camera: Camera, splats: Splats, by_splats: SplatGradients
 ) -> tuple[Float64, Float64, Float64]:
-    """Return the gradients of means, quaternions and scales; what is not visible has none."""
+    """Return the gradients of means, quaternions and scales; zero for invisible Gaussians."""
     rows, rotation = splats.rows, camera.viewmat[:3, :3]
     scales = bounded_scales(model.scales[rows].astype(np.float64), splats.depths, camera, "ewa")
     axes = rotation @ rotation_matrices(model.quats[rows])
-    by_cov2d, jacobians = found.covs2d[rows], projection_jacobians(splats.means, camera)
+    by_cov2d, jacobians = by_splats.covs2d[rows], projection_jacobians(splats.means, camera)
     by_cov = jacobians.transpose(0, 2, 1) @ by_cov2d @ jacobians  # Sigma' = J Sigma J^T + 0.3 I
     by_jacobian = 2 * by_cov2d @ jacobians @ splats.covs
     by_stretched = 2 * by_cov @ (axes * scales[:, None, :])  # Sigma = (axes S) (axes S)^T
-    by_view = centre_backward(splats.means, camera, found.means2d[rows], by_jacobian)
+    by_view = centre_backward(splats.means, camera, by_splats.means2d[rows], by_jacobian)
 
     by_means, by_quats, by_scales = (np.zeros((len(model.means), size)) for size in (3, 4, 3))
     by_means[rows] = by_view @ rotation
@@ -187,5 +187,5 @@ def sh_colors_backward(
 
 
 def across(units: Float64, gradients: Float64) -> Float64:
-    """Return what of `gradients` is perpendicular to `units`, row by row: a length that is divided out has none."""
+    """Return the part of `gradients` perpendicular to `units`, row by row: normalization removes the rest."""
     return np.asarray(gradients - units * (units * gradients).sum(axis=1, keepdims=True))

@@ -28,7 +28,7 @@ def image_loss(image: NDArray[Any], target: NDArray[Any], ssim_weight: float) ->
 def ssim_map(x: Float64, y: Float64) -> tuple[Float64, Float64]:
     """Return SSIM at each value [H,W,C], and the gradient of its sum with respect to `x`.
 
-    The window is linear and symmetric, so its adjoint is itself: what reaches a windowed moment goes back through it.
+    The window is linear and symmetric, hence its own adjoint: gradients of windowed moments are windowed in turn.
     """
     mean_x, mean_y, square_x, square_y, product = (windowed(plane) for plane in (x, y, x * x, y * y, x * y))
     luminance, contrast = 2 * mean_x * mean_y + SSIM_C1, 2 * (product - mean_x * mean_y) + SSIM_C2

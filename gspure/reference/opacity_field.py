@@ -17,15 +17,14 @@ Float64 = NDArray[np.float64]
 
 
 def opacity_field(model: Gaussians, cameras: Sequence[Camera], points: NDArray[Any]) -> Float64:
-    """Return O [P]: the least opacity of the `points` [P,3] in any view; 1 where none shows them."""
+    """Return the least opacity [P] of the `points` [P,3] in any view; 1 for a point that no view shows."""
     return np.asarray(np.min([opacities_at(model, camera, points)[0] for camera in cameras], axis=0))
 
 
 def opacities_at(model: Gaussians, camera: Camera, points: NDArray[Any]) -> tuple[Float64, Float64]:
-    """Return what a view has blended at each point, and how close it comes to a step there (0: on it, inf: never).
+    """Return a view's opacity at each point, and the relative distance to the next step (0: on it, inf: none).
 
-    Steps are the cut-off of alpha and the near plane, as relative distances. Of a point that the view does not show the
-    opacity is 1.
+    Steps are the cut-off of alpha and the near plane. The opacity of a point that the view does not show is 1.
     """
     projected = cast("Rays", project(model, camera, "ray"))
     view = np.asarray(points, np.float64) @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]

@@ -102,14 +102,14 @@ class Rays(Projected):
         """
         mean, axes, scales = self.means[i], self.axes[i], self.scales[i]
         d, p = rays @ axes / scales, mean @ axes / scales
-        others = scales[[1, 2, 0]] * scales[[2, 0, 1]]
-        miss = np.cross(mean, rays) @ axes / others
+        products = scales[[1, 2, 0]] * scales[[2, 0, 1]]
+        miss = np.cross(mean, rays) @ axes / products
         squared = (d * d).sum(axis=-1)
         return (miss * miss).sum(axis=-1) / squared, d @ p / squared, squared
 
 
 def project(model: Gaussians, camera: Camera, energy: Energy) -> Splats | Rays:
-    """Project a model: drop what is out of range or lies at or before the near plane, sort the rest front to back."""
+    """Project the Gaussians that are in range and beyond the near plane, front to back."""
     rotation, translation = camera.viewmat[:3, :3], camera.viewmat[:3, 3]
     means = model.means.astype(np.float64) @ rotation.T + translation
     rows = np.flatnonzero((means[:, 2] > NEAR_PLANE) & in_range(model, means, energy))
@@ -134,7 +134,7 @@ def project(model: Gaussians, camera: Camera, energy: Energy) -> Splats | Rays:
 
 
 def in_range(model: Gaussians, means: Float64, energy: Energy) -> NDArray[np.bool_]:
-    """Return which rows [K] are drawn at all, given their view-space centres: numbers that float32 can handle."""
+    """Return which rows [K], with view-space centres `means`, have numbers that float32 can handle."""
     quats, scales = np.abs(model.quats).max(axis=1), np.sort(model.scales, axis=1)
     drawn = (np.abs(means) <= COORDINATE_MAX).all(axis=1) & (scales[:, 2] <= MAGNITUDE_MAX)
     drawn &= (quats >= 1 / MAGNITUDE_MAX) & (quats <= MAGNITUDE_MAX)
@@ -170,7 +170,7 @@ def projection_jacobians(means: Float64, camera: Camera) -> Float64:
 
 
 def clamped_slopes(means: Float64, camera: Camera) -> Float64:
-    """Return x/z and y/z [V,2], clamped to what the image sees, widened at both sides by a share of its half extent."""
+    """Return x/z and y/z [V,2], clamped to the image's frustum, widened by a share of its half extent."""
     focal, principal = np.diag(camera.K)[:2], camera.K[:2, 2]
     size = np.array([camera.width, camera.height])
     margin = EWA_FRUSTUM_MARGIN * size / (2 * focal)
