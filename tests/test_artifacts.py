@@ -1,5 +1,6 @@
 """Files and folders of results: whole or absent, and checked when read."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,13 @@ def test_a_file_that_was_there_stays_when_its_successor_fails(tmp_path: Path) ->
     with pytest.raises(ZeroDivisionError), replacing(tmp_path / "file.txt") as temporary:
         half_written(temporary)
     assert content(tmp_path) == {"file.txt": "old"}
+
+
+def test_a_device_or_a_pipe_is_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="pipe: output: expected a regular file"):
+        save_array(tmp_path / "pipe", np.arange(3.0))
+    assert (tmp_path / "pipe").is_fifo()
 
 
 def test_the_files_of_a_folder_appear_together_beside_those_of_others(tmp_path: Path) -> None:

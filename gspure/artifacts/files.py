@@ -27,6 +27,8 @@ def replacing(path: Path, *, checksum: bool = False) -> Iterator[Path]:
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         with _blaming(path, temporary):
+            if path.exists() and not (path.is_file() or path.is_dir()):  # root could replace /dev/null
+                raise InputError(path, "output", expected="a regular file", found="a device or a pipe")
             yield temporary
             if checksum:
                 record = {"artifact": path.name, "bytes": temporary.stat().st_size, "crc32": file_checksum(temporary)}
