@@ -100,7 +100,7 @@ class Watch:
         if isinstance(path, str | bytes | os.PathLike):
             root = f"/proc/self/fd/{base}" if isinstance(base, int) and base >= 0 else ""
             place = os.path.realpath(os.path.join(root, os.fsdecode(path)))  # noqa: PTH118 -- may hold a NUL
-            if not f"{place}{os.sep}".startswith(f"{self.folder}{os.sep}") and place != os.devnull:
+            if not f"{place}{os.sep}".startswith(f"{self.folder}{os.sep}") and (event, place) != ("open", os.devnull):
                 self.seen.append(("writes outside", f"{event} {place}"[:200]))
 
     @contextmanager

@@ -63,7 +63,7 @@ def inputs(job: Job, folder: Path) -> Iterator[str]:
 
 def _files(given: str, folder: Path) -> list[str]:
     path = folder / given
-    return [str(p.relative_to(folder)) for p in path.rglob("*") if p.is_file()] if path.is_dir() else [given]
+    return [str(p.relative_to(folder)) for p in path.rglob("[!.]*") if p.is_file()] if path.is_dir() else [given]
 
 
 def damaged(path: Path, how: str) -> None:
@@ -82,12 +82,13 @@ def read_by(job: Job, name: str, how: str, reference: Path, scratch: Path) -> Re
     after = contents(folder)
     said = done.printed + told(job, folder)
     changed = [path for path in difference(after, before) if path != name and not path.endswith(".damaged")]
-    named = Path(name).name in said
     faults = ["a traceback"] if "Traceback" in said else []
-    if not named and changed:
+    named = bool(done.status) and Path(name).name in said
+    if done.status and not named:
+        faults.append(f"not named: {said[-300:]!r}")
+    if changed and not named:
         faults.append(f"read in silence: {changed[:3]}")
-    unread = not (named or changed or done.status)
-    outcome = "named" if named else "not read" if unread else "silent"
+    outcome = "named" if named else "silent" if faults else "not read"
     return {"rule": job.rule, "file": kind(name), "how": how, "outcome": outcome, "said": said[-300:], "faults": faults}
 
 

@@ -1,7 +1,7 @@
 """Jobs of every rule on a full disk and under a file-size limit; and jobs on the device with too little memory.
 
-A job that lacks room ends with one line that says so, leaves nothing half-written, and makes the same bytes once there
-is room.
+A job that lacks room leaves nothing half-written, and makes the same bytes once there is room. Without room on disk, it
+ends with one line that says so; without memory, libraries may crash or hang.
 """
 
 from __future__ import annotations
@@ -11,15 +11,18 @@ import resource
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 from tests.hostile.journal import Journal, Record
 from tests.hostile.kills import copied, difference, made_by, remove, told
-from tests.hostile.project import Job, contents, ended, one_per_rule
+from tests.hostile.project import Ended, Job, contents, ended, one_per_rule
 
 HUNGRY = ("embed_message", "measure_contributions")
 """Rules that are run with less and less memory."""
+
+PATIENCE = 120.0
+"""Seconds after which a job without room hangs."""
 
 SHARES = (0.3, 0.5, 0.7, 0.8, 0.9, 0.97)
 """Of the address space that a job takes when there is enough."""
@@ -68,17 +71,17 @@ def grown(disk: Path, filler: Path) -> None:
 
 def too_little(kind: str, job: Job, reference: Path, scratch: Path) -> Record:
     """The job's address space is limited to a share of what it takes."""
+    limit = int(float(kind.split()[1]) * address_space(job, reference, scratch))
     folder, _ = prepared(job, reference, scratch)
-    needed = address_space(job, folder)
-    remove(folder, [name for name in contents(reference) if made_by(job, name)])
-    limit = int(float(kind.split()[1]) * needed)
     return judged(kind, job, folder, reference, lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
 
 
-def address_space(job: Job, folder: Path) -> int:
-    """Return the smallest limit, within 64 MiB, under which Python starts the job and it ends well."""
-    low, high = 0, 16 << 30
-    while high - low > 512 << 20:
+@cache
+def address_space(job: Job, reference: Path, scratch: Path) -> int:
+    """Return the smallest limit, within 8 MiB, under which the job ends well."""
+    folder, _ = prepared(job, reference, scratch)
+    low, high = 0, 4 << 30
+    while high - low > 8 << 20:
         middle = (low + high) // 2
         done = ended(job.command, folder, partial(resource.setrlimit, resource.RLIMIT_AS, (middle, middle)))
         low, high = (low, middle) if _made(job, folder) and not done.status else (middle, high)
@@ -111,13 +114,13 @@ def judged(
     """Run a job under limits, and again without them; tell what is wrong with either."""
     expected = contents(reference)
     (folder / job.log).unlink(missing_ok=True)
-    done = ended(job.command, folder, limits)
+    done = ended(job.command, folder, limits, PATIENCE)
     faults = [f"half-written: {name}" for name, digest in contents(folder).items() if expected.get(name) != digest]
     said = done.printed + ((folder / job.log).read_text(errors="replace") if (folder / job.log).is_file() else "")
-    whole = not difference(contents(folder), expected)
-    if "Traceback" in said:
-        faults.append(f"a traceback: {said[-300:]!r}")
-    if not whole and not done.status:
+    outcome = ending(done, said, whole=not difference(contents(folder), expected))
+    if not kind.startswith("memory") and outcome not in {"done", "refused"}:
+        faults.append(f"{outcome}: {said[-300:]!r}")
+    if outcome != "done" and not done.status:
         faults.append("ends with status 0")
     if then:
         then()
@@ -128,8 +131,17 @@ def judged(
     return {
         "rule": job.rule,
         "kind": kind,
-        "refused": not whole,
+        "outcome": outcome,
         "status": done.status,
         "said": said[-300:],
         "faults": faults,
     }
+
+
+def ending(done: Ended, said: str, *, whole: bool) -> str:
+    """Name the way in which a job ended; what it said may be lost for want of room."""
+    if whole:
+        return "done"
+    if done.hangs:
+        return "hangs"
+    return "crashed" if "Traceback" in said or done.status not in {1, 2} else "refused"

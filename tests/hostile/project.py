@@ -6,9 +6,13 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,6 +66,7 @@ class Ended:
     status: int
     printed: str
     seconds: float
+    hangs: bool
 
 
 def rules() -> set[str]:
@@ -79,29 +84,44 @@ def build(folder: Path) -> None:
 
 
 def environment(**more: str) -> dict[str, str]:
+    """Return the environment of jobs; without memory for its threads, OpenBLAS does not end, so it has none."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
-    return {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), **more}
+    fixed = {"PATH": path, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+    return {**os.environ, **fixed, **more}
 
 
-def ended(command: list[str] | str, folder: Path, limits=None, **more: str) -> Ended:
-    """Run a command in a session of its own."""
+def ended(
+    command: list[str] | str,
+    folder: Path,
+    limits: Callable[[], None] | None = None,
+    patience: float = 600.0,
+    **more: str,
+) -> Ended:
+    """Run a command in a session of its own, and kill what is left of it after its end or `patience` seconds."""
     begun = time.monotonic()
-    done = subprocess.run(
-        ["bash", "-c", command] if isinstance(command, str) else command,
-        cwd=folder,
-        env=environment(**more),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        start_new_session=True,
-        preexec_fn=limits,
-        check=False,
-    )
-    return Ended(done.returncode, done.stdout.decode(errors="replace"), time.monotonic() - begun)
+    with tempfile.TemporaryFile() as printed:
+        process = subprocess.Popen(
+            ["bash", "-c", command] if isinstance(command, str) else command,
+            cwd=folder,
+            env=environment(**more),
+            stdout=printed,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=limits,  # noqa: PLW1509
+        )
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(patience)
+        hangs = process.poll() is None
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        status = process.wait()
+        printed.seek(0)
+        return Ended(status, printed.read().decode(errors="replace"), time.monotonic() - begun, hangs)
 
 
 def snakemake(folder: Path, *arguments: str) -> Ended:
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--configfile", "config.yaml"]
-    return ended([*command, "--cores", "2", *arguments], folder)
+    return ended([*command, "--cores", "2", *arguments], folder, patience=3600.0)
 
 
 def finished(folder: Path) -> Path:
