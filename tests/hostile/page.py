@@ -80,8 +80,8 @@ def write(folder: Path) -> bool:
         *(f"- {r['case']}: {'; '.join(r['faults']) or 'as it should'}" for r in together),
         "\n## Mutants\n",
         *table(
-            ("module", "mutants", "noticed"),
-            [(m["module"], m["mutants"], f"{score(m)[0] / m['mutants']:.0%}") for m in mutants],
+            ("module", "mutants", "tried", "noticed"),
+            [(m["module"], m["of"], m["mutants"], f"{score(m)[0] / m['mutants']:.0%}") for m in mutants],
         ),
         "\nSurvivors:\n",
         *(
