@@ -102,6 +102,13 @@ def test_a_bug_keeps_its_traceback(asset, monkeypatch):
         main(["render", "model.ply", "--cameras", "cameras.json", "--out", "out"])
 
 
+def test_a_command_without_memory_ends_in_one_line(capsys, monkeypatch):
+    monkeypatch.setattr("gspure.cli.render.read_views", lambda args: np.empty(1 << 58))
+    status = main(["render", "model.ply", "--cameras", "cameras.json", "--out", "out"])
+    assert status == 2
+    assert re.fullmatch(r"gspure render: .*memory.*\n", capsys.readouterr().err)
+
+
 def test_an_empty_split_is_refused(tmp_path, capsys):
     write_cameras(tmp_path / "cameras.json", [camera()])
     arguments = ["--cameras", str(tmp_path / "cameras.json"), "--split", "train", "--out", "out"]

@@ -64,6 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(args.run(args) or 0)
     except InputError as error:
         return _refuse(argv[0], str(error))
+    except MemoryError as error:
+        return _refuse(argv[0], f"out of memory: {error}")
     except BrokenPipeError:
         # The reader of our output (`| head`) has gone; leave quietly, and keep Python from flushing into it again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
