@@ -10,7 +10,7 @@ from gspure.opencl.adam import Adam, LearningRates, Moments
 from gspure.opencl.engine import Engine
 from gspure.opencl.gradients import DeviceGradients, by_row
 from gspure.opencl.storage import Storage, upload_attributes
-from gspure.reference.adam import adam_step as reference_step
+from gspure.training.adam import adam_step
 
 RATES = LearningRates(means=1e-3, quats=2e-3, scales=5e-3, opacities=0.05, sh_dc=2.5e-3, sh_rest=1e-4)
 OF_GEOMETRY = np.repeat(astuple(RATES)[:4], [3, 4, 3, 1])
@@ -81,10 +81,8 @@ def test_steps_agree_with_the_reference(device, style, count, first_step):
         gradients = [random_gradients(raw.shape, number + i) for i, (raw, _, _) in enumerate(parts)]
         model.step(number, *gradients)
         gradients[0] = gradients[0] * activated(states[0][0])[1]
-        states = [
-            reference_step(*state, gradient, rate, number)
-            for state, gradient, (_, _, rate) in zip(states, gradients, parts, strict=True)
-        ]
+        for state, gradient, (_, _, rate) in zip(states, gradients, parts, strict=True):
+            adam_step(*state, gradient.astype(np.float64), rate, number)
         largest = [np.maximum(most, np.abs(gradient)) for most, gradient in zip(largest, gradients, strict=True)]
     for (_, buffers, rate), state, most in zip(parts, states, largest, strict=True):
         found = (model.rows(buffer, most.shape[1]) for buffer in (buffers.raw, buffers.first, buffers.second))

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.constants import ADAM_BETA1, ADAM_BETA2, ADAM_EPSILON
 from gspure.model import Gaussians
 from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates
@@ -18,6 +16,7 @@ from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 from gspure.renderer import Gradients, Renderer
 from gspure.schemes.gs_hider.layout import CHANNELS, COLUMNS
+from gspure.training.adam import adam_step
 
 Float32 = NDArray[np.float32]
 Pullback = Callable[[Float32], None]
@@ -53,6 +52,11 @@ class Field:
         self._norms = np.zeros(len(self), np.float32)
         self._views = np.zeros(len(self), np.uint32)
 
+    @property
+    def features(self) -> Float32:
+        """Raw features [K,16], before the sigmoid."""
+        return self.state.parameters.sh_coeffs
+
     def statistics(self) -> Statistics:
         """Return the statistics for densification. A view counts for the Gaussians that its loss depends on."""
         return Statistics(self._norms, self._views)
@@ -60,13 +64,13 @@ class Field:
     def model(self) -> Gaussians:
         """Return the Gaussians as a table in the columns of their file."""
         p = self.state.parameters
-        parts = (p.means, np.zeros_like(p.means), p.opacity_logits[:, None], p.log_scales, p.quats, p.sh_coeffs)
+        parts = (p.means, np.zeros_like(p.means), p.opacity_logits[:, None], p.log_scales, p.quats, self.features)
         rows = np.concatenate(parts, axis=1)
         return Gaussians(rows.view([(name, "<f4") for name in COLUMNS])[:, 0])
 
     def feature_map(self, camera: Camera) -> tuple[Float32, Callable[[Float32], Gradients]]:
         """Return a view's blended features [H,W,16] on black, and the function that pulls their gradient back."""
-        return Renderer(self.model(), self._device).vjp(camera, sigmoid(self.state.parameters.sh_coeffs))
+        return Renderer(self.model(), self._device).vjp(camera, sigmoid(self.features))
 
     def step(self, camera: Camera, gradients: Gradients, rates: LearningRates) -> None:
         """Add a view's gradients to the statistics and take an optimizer step."""
@@ -75,12 +79,15 @@ class Field:
         self._norms += norms
         self._views += norms > 0
         self._steps += 1
-        self._descend(self._raw(gradients), rates)
+        groups = (rates.means, rates.quats, rates.scales, rates.opacities, FEATURES_RATE)
+        parts = [vars(part).values() for part in (*vars(self.state).values(), self._raw(gradients))]
+        for values, first, second, gradient, rate in zip(*parts, groups, strict=True):
+            adam_step(values, first, second, gradient, rate, self._steps)
 
     def _raw(self, gradients: Gradients) -> Parameters:
         """Return the gradients of raw parameters, given those of activated ones."""
         p = self.state.parameters
-        opacities, features = sigmoid(p.opacity_logits), sigmoid(p.sh_coeffs)
+        opacities, features = sigmoid(p.opacity_logits), sigmoid(self.features)
         return Parameters(
             gradients.means,
             gradients.quats,
@@ -88,16 +95,3 @@ class Field:
             gradients.opacities * opacities * (1 - opacities),
             gradients.channels * features * (1 - features),
         )
-
-    def _descend(self, gradients: Parameters, rates: LearningRates) -> None:
-        """Take a step of Adam (Kingma & Ba 2015), in place."""
-        first_correction, second_correction = (1 - beta**self._steps for beta in (ADAM_BETA1, ADAM_BETA2))
-        groups = (rates.means, rates.quats, rates.scales, rates.opacities, FEATURES_RATE)
-        for field, rate in zip(fields(Parameters), groups, strict=True):
-            raw, first, second = (getattr(part, field.name) for part in vars(self.state).values())
-            gradient = getattr(gradients, field.name)
-            first *= ADAM_BETA1
-            first += (1 - ADAM_BETA1) * gradient
-            second *= ADAM_BETA2
-            second += (1 - ADAM_BETA2) * np.square(gradient)
-            raw -= rate / first_correction * first / (np.sqrt(second / second_correction) + ADAM_EPSILON)
