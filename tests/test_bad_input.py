@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array
+from gspure.artifacts import save_array, write_provenance
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.images import write_image
@@ -335,3 +335,13 @@ def test_a_path_cannot_send_escape_sequences_to_the_terminal(folder, capsys):
     lines = capsys.readouterr().err.split("\n")
     assert len(lines) == 3
     assert all(line.isprintable() for line in lines)
+
+
+@pytest.mark.parametrize("command", ["features", "attack", "figures"])
+def test_weights_of_another_model_with_as_many_rows_are_refused(folder, capsys, command):
+    write_provenance(Path("weights.npy"), inputs={"model": Path("model.ply")}, settings={})
+    spoil_row(x=9.0)
+    line = refusal(folder, capsys, COMMANDS[command])
+    assert line.startswith("weights.npy: model: expected model.ply, found made from another model")
+    Path("weights.npy.json").unlink()
+    assert main(COMMANDS[command].split()) == 0

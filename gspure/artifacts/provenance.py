@@ -8,6 +8,7 @@ from typing import Any
 
 from gspure.artifacts.checksums import file_checksum, file_digest, record_file, record_of
 from gspure.artifacts.files import write_json
+from gspure.errors import InputError
 
 
 def write_provenance(path: Path, *, inputs: Mapping[str, Path], settings: Mapping[str, Any]) -> None:
@@ -29,6 +30,22 @@ def write_provenance(path: Path, *, inputs: Mapping[str, Path], settings: Mappin
         "settings": dict(settings),
     }
     write_json(record_file(path), record)
+
+
+def require_made_from(model: Path, *artifacts: Path) -> None:
+    """Check artifacts whose records name the model that they were made from; others pass.
+
+    Raises
+    ------
+    InputError
+        Naming the first that was made from another model.
+
+    """
+    for artifact in artifacts if model.is_file() else ():
+        match record_of(artifact):
+            case {"inputs": {"model": {"digest": str(expected)}}} if expected != _known_digest(model):
+                hint = f"if it fits this model too, delete {record_file(artifact).name}"
+                raise InputError(artifact, "model", expected=str(model), found="made from another model", hint=hint)
 
 
 def _known_digest(source: Path) -> str:

@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> None:
     """Attack; write the model and the mask of the removed rows."""
     import numpy as np
 
-    from gspure.artifacts import load_array, save_array, write_json, write_provenance
+    from gspure.artifacts import load_array, require_made_from, save_array, write_json, write_provenance
     from gspure.attacks import Evidence, find_attack
     from gspure.attacks.carrier import reached
     from gspure.cli.options import parsed_settings, require_distinct
@@ -66,6 +66,7 @@ def run(args: argparse.Namespace) -> None:
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     outputs = [path for path in (args.out, args.removed, args.world, args.verdict) if path]
     require_distinct(outputs, [args.model, *files.values()])
+    require_made_from(args.model, *files.values())
     public = read_public(args)
     model = public.model
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}

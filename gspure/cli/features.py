@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> None:
     """Compute and write the features."""
     import numpy as np
 
-    from gspure.artifacts import load_array, save_array, write_provenance
+    from gspure.artifacts import load_array, require_made_from, save_array, write_provenance
     from gspure.method.features import features
     from gspure.model.finite import drawable
     from gspure.model.ply import read_ply
@@ -38,5 +38,6 @@ def run(args: argparse.Namespace) -> None:
     if args.opacities:
         inputs["opacities"] = args.opacities
         opacities = load_array(args.opacities, dtype=np.float32, shape=(len(model),), least=0)
+    require_made_from(*inputs.values())
     save_array(args.out, features(model.means, opacities, weights))
     write_provenance(args.out, inputs=inputs, settings={})

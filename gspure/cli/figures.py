@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> None:
 def _draw_model(args: argparse.Namespace) -> None:
     import numpy as np
 
-    from gspure.artifacts import load_array
+    from gspure.artifacts import load_array, require_made_from
     from gspure.cameras import read_cameras
     from gspure.figures.gallery import Evidence, draw
     from gspure.method.clustering.store import read_clusters
@@ -91,6 +91,7 @@ def _draw_model(args: argparse.Namespace) -> None:
     labels = read_clusters(args.clusters).labels
     if labels.shape != shape:
         raise InputError(args.clusters, "labels", expected=f"{len(model)}, as in {args.model}", found=str(len(labels)))
+    require_made_from(args.model, args.weights, args.prune_mask)
     evidence = Evidence(
         model.means,
         labels,

@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> None:
     """Measure, print and write."""
     import numpy as np
 
-    from gspure.artifacts import load_array, save_array, write_json, write_provenance
+    from gspure.artifacts import load_array, require_made_from, save_array, write_json, write_provenance
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
     from gspure.schemes.registry import find_scheme
 
@@ -49,6 +49,7 @@ def run(args: argparse.Namespace) -> None:
     views = read_views(args)
     public, key = scheme.read_public(args.model), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
+    require_made_from(args.model, args.weights)
     extraction = list(scheme.extractions)[-1]  # the most complete one
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau)
