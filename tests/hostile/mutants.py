@@ -120,7 +120,7 @@ class Mutant(NamedTuple):
 
 
 def mutants(source: str) -> Iterator[Mutant]:
-    """Yield every change, one at a time; texts, annotations and what is raised are left alone."""
+    """Yield every change, one at a time; texts, annotations, errors and sizes of buffers stay."""
     tree = ast.parse(source)
     places = [node for node in _walk(tree) if list(_changes(node))]
     for number, node in enumerate(places):
@@ -133,15 +133,23 @@ def mutants(source: str) -> Iterator[Mutant]:
 
 def _walk(node: ast.AST) -> Iterator[ast.AST]:
     for name, value in ast.iter_fields(node):
-        if name in {"annotation", "returns", "decorator_list"} or isinstance(value, ast.Raise | ast.JoinedStr):
+        if name in {"annotation", "returns", "decorator_list"}:
             continue
         for child in value if isinstance(value, list) else [value]:
-            if isinstance(child, ast.AST) and not isinstance(
-                child, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom
-            ):
+            if isinstance(child, ast.AST) and not _left_alone(child):
                 if hasattr(child, "lineno"):
                     yield child
                 yield from _walk(child)
+
+
+def _left_alone(node: ast.AST) -> bool:
+    """Whether changes would show in texts only, or not at all, as in sizes of device buffers."""
+    match node:
+        case ast.Raise() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():
+            return True
+        case ast.Call(func=ast.Attribute(attr="buffer" | "allocate")):
+            return True
+    return False
 
 
 def _changes(node: ast.AST) -> list[tuple[str, object]]:
