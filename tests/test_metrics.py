@@ -12,7 +12,7 @@ from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, as_text, means, pair_images, read_metrics, write_metrics
-from gspure.evaluation.metrics import gaussian_window, psnr, ssim
+from gspure.evaluation.metrics import METRICS, gaussian_window, psnr, ssim
 from gspure.evaluation.recall import recall
 from gspure.images import read_image, write_image
 from tests.contest_cases import measured
@@ -211,6 +211,14 @@ def test_a_broken_metrics_table_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "metrics.csv").write_text(text)
     with pytest.raises(InputError, match=r"metrics\.csv: (header|file|rows?): expected"):
         read_metrics(tmp_path / "metrics.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [("psnr", 30.456, "30.46"), ("ssim", 0.98765, "0.988"), ("psnr", np.inf, "∞"), ("ssim", np.nan, "–")],
+)
+def test_tables_show_a_metric_with_its_decimals(name: str, value: float, text: str) -> None:
+    assert METRICS[name].text(value) == text
 
 
 def test_precision_and_recall() -> None:

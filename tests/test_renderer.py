@@ -128,6 +128,7 @@ def test_nothing_in_sight_leaves_the_background(device, style, energy):
     model = gaussians(means=[[0, 0, -4], [900, 0, 4]], scales=0.1)
     renderer, view = Renderer(model, device, energy=energy, style=style), camera(17, 5)
     assert (renderer.image(view, (0.25, 0.5, 0.75)) == np.float32([0.25, 0.5, 0.75])).all()
+    assert (renderer.image(view) == 0).all()
     assert (renderer.transmittance(view) == 1).all()
     assert np.isinf(renderer.depth(view)).all()
     assert renderer.contributions(view).shape == (0,)

@@ -147,7 +147,7 @@ def _left_alone(node: ast.AST) -> bool:
     match node:
         case ast.Raise() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():
             return True
-        case ast.Call(func=ast.Attribute(attr="buffer" | "allocate")):
+        case ast.Call(func=ast.Attribute(attr="sized" | "allocate")):
             return True
     return False
 
