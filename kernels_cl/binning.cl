@@ -1,16 +1,16 @@
 // Binning: depth-ordered Gaussians -> one depth-ordered list per tile, for a band of tile rows.
 //
-// The visible Gaussians were sorted by depth once; a stable counting sort by tile keeps that order inside every list.
+// The visible Gaussians are already in depth order; a stable counting sort by tile keeps that order in every list.
 // The depth order is cut into `chunks` contiguous parts, one work-item each:
-//   gather_footprints  footprints in depth order (once per frame), and how many entries a chunk can have at most: the
-//                      area of its tile rectangles
-//   bound_entries      the same of a band of tile rows, where they do not all fit
-//   (host)             prefix sums: where each chunk's entries begin
+//   gather_footprints  footprints in depth order (once per frame), and the most entries of each chunk: the area of its
+//                      tile rectangles
+//   bound_entries      the same for a band of tile rows, if one band does not fit
+//   (host)             prefix sums: the first entry of each chunk
 //   emit_entries       walk the tiles of each Gaussian: its position and tile per entry, and the histogram of tiles
 //   scan_chunks        (counting.cl), then prefix sums over the tiles on the host
 //   scatter_entries    move the entries to their tiles' lists
-// An entry's place of emission is its *slot*: slots of one Gaussian are contiguous, in tile order. Every entry has one
-// slot and one place whatever the number of threads.
+// The place of an entry in emission order is its *slot*: slots of a Gaussian are contiguous, in tile order. Slots and
+// places do not depend on the number of threads.
 
 typedef struct {
     float x, y, slope, y_extreme, inverse_syy, width2;
@@ -120,9 +120,11 @@ inline uint tile_area(float8 footprint, int band_first, int band_last) {
     return ((columns >> 16) - (columns & 0xffff) + 1) * max(bottom - top + 1, 0);
 }
 
-__kernel void gather_footprints(uint visible, uint chunks, __global const uint *order,
-                                __global const float *footprints, __global float *ordered_footprints,
-                                __global uint *bounds) {
+__kernel void gather_footprints(uint visible, uint chunks,
+                                __global const uint *order,          // [V]
+                                __global const float *footprints,    // [K,FOOTPRINT_FLOATS]
+                                __global float *ordered_footprints,  // [V,FOOTPRINT_FLOATS]
+                                __global uint *bounds) {             // [chunks]
     CHUNK_OF_VISIBLE
     uint area = 0;
     for (uint rank = begin; rank < end; rank++) {
@@ -134,7 +136,8 @@ __kernel void gather_footprints(uint visible, uint chunks, __global const uint *
 }
 
 __kernel void bound_entries(uint visible, uint chunks, int band_first, int band_last,
-                            __global const float *ordered_footprints, __global uint *bounds) {
+                            __global const float *ordered_footprints,  // [V,FOOTPRINT_FLOATS]
+                            __global uint *bounds) {                   // [chunks]
     CHUNK_OF_VISIBLE
     uint area = 0;
     for (uint rank = begin; rank < end; rank++)
@@ -143,10 +146,15 @@ __kernel void bound_entries(uint visible, uint chunks, int band_first, int band_
 }
 
 __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_first, int band_last,
-                           __global const uint *order, __global const float *splats,
-                           __global const float *ordered_footprints, __global const uint *chunk_starts,
-                           __global uint *chunk_ends, __global uint *emitted_tiles, __global uint *emitted_positions,
-                           __global uint2 *slot_ranges, __global uint *histogram) {
+                           __global const uint *order,                // [V]
+                           __global const float *splats,              // [K,SPLAT]
+                           __global const float *ordered_footprints,  // [V,FOOTPRINT_FLOATS]
+                           __global const uint *chunk_starts,         // [chunks+1]
+                           __global uint *chunk_ends,                 // [chunks]
+                           __global uint *emitted_tiles,              // [E]
+                           __global uint *emitted_positions,          // [E]
+                           __global uint2 *slot_ranges,               // [V]
+                           __global uint *histogram) {                // [chunks,tiles]
     CHUNK_OF_VISIBLE
     uint band_tiles = (band_last - band_first + 1) * tiles_x;
     __global uint *h = histogram + (size_t)chunk * band_tiles;
@@ -172,10 +180,15 @@ __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_firs
     chunk_ends[chunk] = slot;
 }
 
-__kernel void scatter_entries(uint chunks, uint band_tiles, __global const uint *chunk_starts,
-                              __global const uint *chunk_ends, __global const uint *emitted_tiles,
-                              __global const uint *emitted_positions, __global uint *histogram,
-                              __global const uint *tile_starts, __global uint *entries, __global uint *slots) {
+__kernel void scatter_entries(uint chunks, uint band_tiles,
+                              __global const uint *chunk_starts,       // [chunks+1]
+                              __global const uint *chunk_ends,         // [chunks]
+                              __global const uint *emitted_tiles,      // [E]
+                              __global const uint *emitted_positions,  // [E]
+                              __global uint *histogram,                // [chunks,tiles]
+                              __global const uint *tile_starts,        // [tiles+1]
+                              __global uint *entries,                  // [E]
+                              __global uint *slots) {                  // [E]
     uint chunk = get_global_id(0);
     if (chunk >= chunks) return;
     __global uint *h = histogram + (size_t)chunk * band_tiles;

@@ -1,16 +1,16 @@
-// What one Gaussian does to 16 pixels of a row (cpu style) or to one pixel (gpu style): the arithmetic that both
-// blending kernels share.
+// Blending of one Gaussian into 16 pixels of a row (cpu style) or one pixel (gpu style): the arithmetic of all blending
+// kernels.
 //
-// Transmittance carries its own end: once the next Gaussian would bring T below TRANSMITTANCE_MIN, T's sign bit is set.
-// A negative T takes no more weight and stays as it is, for it is below TRANSMITTANCE_MIN too; |T| is the pixel's final
+// The sign bit of T marks finished pixels: it is set when the next Gaussian would bring T below TRANSMITTANCE_MIN. A
+// negative T gives no weight and stays as it is, since it is below TRANSMITTANCE_MIN too; |T| is the pixel's final
 // transmittance. No branch is needed.
-
+//
 // The exponent is evaluated in two steps:
-//   row_terms        what it owes to dy alone; the cpu style does that for the 16 rows of a tile at once
+//   row_terms        the terms of dy; the cpu style computes them for the 16 rows of a tile at once
 //   log2_alpha       log2 alpha at the offset (dx, dy) from a splat's centre, below LOG2_ALPHA_MIN where it does not
-//                    touch the pixel, and the depth at which the ray meets it; `terms` points to the row's first term,
-//                    the others follow LANES apart
-//   log2_alpha_most  at least the largest log2 alpha of a row's pixels between dx = low and dx = high
+//                    touch the pixel, and its depth there; `terms` points to the row's first term, the others follow
+//                    LANES apart
+//   log2_alpha_most  an upper bound of log2 alpha in a row, between dx = low and dx = high
 
 #define TERM(i) terms[LANES * (i)]
 
@@ -76,7 +76,7 @@ inline int16 reached_rows(float16 dx, const float16 *terms, const float *s) {
 }
 #endif
 
-// 2^exponent, at most ALPHA_MAX, and 0 below ALPHA_MIN and for what is not a number. No exponent is positive.
+// 2^exponent, at most ALPHA_MAX, and 0 below ALPHA_MIN and for NaN. No exponent is positive.
 inline V bounded_alpha(V exponent) {
     V alpha = MIN(exp2_polynomial(exponent), (V)ALPHA_MAX);
     return AS_FLOAT(AS_INT(alpha) & MASK(exponent >= (V)LOG2_ALPHA_MIN));

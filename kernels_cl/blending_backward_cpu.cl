@@ -42,10 +42,14 @@ inline void load_row(__global const float *pixels, int columns, float16 *row) {
 }
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __global const float *splats,
-                          __global const uint *entries, __global const uint *slots, __global const uint *tile_starts,
-                          __global const float *image, __global const float *image_gradient,
-                          __global float *slot_gradients) {
+void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
+                          __global const float *splats,          // [K,SPLAT]
+                          __global const uint *entries,          // [E]
+                          __global const uint *slots,            // [E]
+                          __global const uint *tile_starts,      // [tiles+1]
+                          __global const float *image,           // [H,W,CHANNELS]
+                          __global const float *image_gradient,  // [H,W,CHANNELS]
+                          __global float *slot_gradients) {      // [E,SLOT_GRADIENT]
     int tile = get_global_id(0);
     uint next = tile_starts[tile], end = tile_starts[tile + 1];
     int left = (first_tile + tile) % tiles_x * TILE, top = (first_tile + tile) / tiles_x * TILE;

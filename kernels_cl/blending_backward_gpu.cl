@@ -5,10 +5,14 @@
 #define PIXELS (TILE * TILE)
 
 __kernel __attribute__((reqd_work_group_size(TILE * TILE, 1, 1)))
-void blend_tiles_backward(int width, int height, int tiles_x, int first_tile, __global const float *splats,
-                          __global const uint *entries, __global const uint *slots, __global const uint *tile_starts,
-                          __global const float *image, __global const float *image_gradient,
-                          __global float *slot_gradients) {
+void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
+                          __global const float *splats,          // [K,SPLAT]
+                          __global const uint *entries,          // [E]
+                          __global const uint *slots,            // [E]
+                          __global const uint *tile_starts,      // [tiles+1]
+                          __global const float *image,           // [H,W,CHANNELS]
+                          __global const float *image_gradient,  // [H,W,CHANNELS]
+                          __global float *slot_gradients) {      // [E,SLOT_GRADIENT]
     __local float sums[PIXELS];
     int item = get_local_id(0), tile = get_group_id(0);
     int x = (first_tile + tile) % tiles_x * TILE + item % TILE, y = (first_tile + tile) / tiles_x * TILE + item / TILE;

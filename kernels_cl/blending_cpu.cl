@@ -24,10 +24,16 @@ inline void store_colours(float16 r, float16 g, float16 b, __global float *pixel
 }
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void blend_tiles(int width, int height, int tiles_x, int first_tile, __global const float *splats,
-                 __global const uint *entries, __global const uint *slots, __global const uint *tile_starts,
-                 __constant const float *background, __global float *image, __global float *transmittance,
-                 __global float *median_depth, __global float *partials) {
+void blend_tiles(int width, int height, int tiles_x, int first_tile,
+                 __global const float *splats,        // [K,SPLAT]
+                 __global const uint *entries,        // [E]
+                 __global const uint *slots,          // [E]
+                 __global const uint *tile_starts,    // [tiles+1]
+                 __constant const float *background,  // [CHANNELS]
+                 __global float *image,               // [H,W,CHANNELS]
+                 __global float *transmittance,       // [H,W]
+                 __global float *median_depth,        // [H,W]
+                 __global float *partials) {          // [E,3]
     int tile = get_global_id(0);
     uint begin = tile_starts[tile], end = tile_starts[tile + 1];
     int left = (first_tile + tile) % tiles_x * TILE, top = (first_tile + tile) / tiles_x * TILE;

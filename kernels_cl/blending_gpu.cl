@@ -8,10 +8,16 @@
 #define FIXED_POINT 8388608.0f
 
 __kernel __attribute__((reqd_work_group_size(TILE * TILE, 1, 1)))
-void blend_tiles(int width, int height, int tiles_x, int first_tile, __global const float *splats,
-                 __global const uint *entries, __global const uint *slots, __global const uint *tile_starts,
-                 __constant const float *background, __global float *image, __global float *transmittance,
-                 __global float *median_depth, __global float *partials) {
+void blend_tiles(int width, int height, int tiles_x, int first_tile,
+                 __global const float *splats,        // [K,SPLAT]
+                 __global const uint *entries,        // [E]
+                 __global const uint *slots,          // [E]
+                 __global const uint *tile_starts,    // [tiles+1]
+                 __constant const float *background,  // [CHANNELS]
+                 __global float *image,               // [H,W,CHANNELS]
+                 __global float *transmittance,       // [H,W]
+                 __global float *median_depth,        // [H,W]
+                 __global float *partials) {          // [E,3]
     __local float staged[BATCH * STAGED];
     __local uint unfinished;
 #if CONTRIBUTIONS

@@ -1,11 +1,14 @@
-// Sums over a Gaussian's slots: what it gave to all tiles of a band, added to what it gave to earlier bands.
+// Contributions: the slots of each Gaussian in a band, added to its record of earlier bands.
 //
-// Slots of one Gaussian are contiguous and in tile order, so the sum runs left to right over the whole image, with the
-// same rounding for any number of bands and threads.
-
-// A record is that of gspure.renderer.CONTRIBUTION: index, sum, max, pixels. Records that nothing was added to stay zero.
-__kernel void sum_slots(uint visible, __global const uint *order, __global const uint *rows, __global const uint2 *slot_ranges,
-                        __global const float *partials, __global uint *records) {
+// A work-item handles one rank. Slots of a Gaussian are contiguous and in tile order, so the sum has one order over the
+// whole image, and the same rounding for any number of bands and threads. A record is (index, sum, max, pixels); records
+// of Gaussians that touch no pixel stay zero.
+__kernel void sum_slots(uint visible,
+                        __global const uint *order,         // [V]
+                        __global const uint *rows,          // [K]
+                        __global const uint2 *slot_ranges,  // [V]
+                        __global const float *partials,     // [E,3]
+                        __global uint *records) {           // [K,4]: gspure.renderer.CONTRIBUTION
     uint rank = get_global_id(0);
     if (rank >= visible) return;
     uint row = rows[order[rank]];

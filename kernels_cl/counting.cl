@@ -1,7 +1,11 @@
-// The step that stable counting sorts share: a histogram [chunks][bins] becomes, bin by bin, exclusive sums over the
-// chunks, and totals [bins]. With prefix sums over the totals, every chunk then knows where its next item of a bin goes.
+// The common step of the stable counting sorts: each bin of a histogram becomes an exclusive sum over the chunks, and a
+// total. With prefix sums over the totals, every chunk then has the place of its next item of each bin.
+//
+// A work-item handles SCAN_BINS bins.
 
-__kernel void scan_chunks(uint chunks, uint bins, __global uint *histogram, __global uint *totals) {
+__kernel void scan_chunks(uint chunks, uint bins,
+                          __global uint *histogram,  // [chunks,bins]
+                          __global uint *totals) {   // [bins]
     uint begin = get_global_id(0) * SCAN_BINS, end = min(begin + SCAN_BINS, bins);
     if (begin >= end) return;
     uint sums[SCAN_BINS];

@@ -1,8 +1,13 @@
-// Sums of a Gaussian's slot gradients over all tiles of a band, added to those of earlier bands, in blocks of 16
-// positions ([positions / 16][MOMENTS + CHANNELS][16]) as projection_backward.cl reads them.
+// Splat gradients: the slot gradients of each Gaussian in a band, added to its sums of earlier bands.
+//
+// A work-item handles one rank, in the order of contributions.cl. Sums are stored in blocks (vector.cl), as
+// projection_backward.cl reads them.
 
-__kernel void sum_slot_gradients(uint visible, __global const uint *order, __global const uint2 *slot_ranges,
-                                 __global const float *slot_gradients, __global float *splat_gradients) {
+__kernel void sum_slot_gradients(uint visible,
+                                 __global const uint *order,            // [V]
+                                 __global const uint2 *slot_ranges,     // [V]
+                                 __global const float *slot_gradients,  // [E,SLOT_GRADIENT]
+                                 __global float *splat_gradients) {     // [blocks,SLOT_GRADIENT,BLOCK]
     uint rank = get_global_id(0);
     if (rank >= visible) return;
     uint position = order[rank];

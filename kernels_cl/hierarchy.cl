@@ -18,15 +18,24 @@ inline uint find(__global uint *up, uint point) {
     return point;
 }
 
-// up, sizes, clusters, heads, tails, merged [points] by component, at its root: parent in the union-find forest, number
-// of points, cluster, first and last point that has no cluster yet, cluster after the level at hand.
-// next [points]: next point of the component without a cluster.
-__kernel void condense(uint count, uint levels, uint min_cluster_size, __global uint2 *edges,
-                       __global const uint *level_starts, __global uint *up, __global uint *sizes,
-                       __global uint *clusters, __global uint *heads, __global uint *tails, __global uint *next,
-                       __global uint *merged, __global uint *joined, __global uint *point_clusters,
-                       __global uint *point_levels, __global uint *parents, __global uint *parent_levels,
-                       __global uint *cluster_count) {
+// Of a component, at its root: up (parent in the union-find forest), sizes (points), clusters, heads and tails (first and
+// last point without a cluster), merged (cluster after the current level). next: next point without a cluster.
+__kernel void condense(uint count, uint levels, uint min_cluster_size,
+                       __global uint2 *edges,              // [K-1]
+                       __global const uint *level_starts,  // [levels+1]
+                       __global uint *up,                  // [K]
+                       __global uint *sizes,               // [K]
+                       __global uint *clusters,            // [K]
+                       __global uint *heads,               // [K]
+                       __global uint *tails,               // [K]
+                       __global uint *next,                // [K]
+                       __global uint *merged,              // [K]
+                       __global uint *joined,              // [K]
+                       __global uint *point_clusters,      // [K]
+                       __global uint *point_levels,        // [K]
+                       __global uint *parents,             // [clusters]
+                       __global uint *parent_levels,       // [clusters]
+                       __global uint *cluster_count) {     // [1]
     for (uint point = 0; point < count; point++) {
         up[point] = heads[point] = tails[point] = point;
         clusters[point] = next[point] = NONE;

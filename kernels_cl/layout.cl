@@ -1,11 +1,14 @@
 // Records that pass between the kernels of one frame.
 //
-// A *splat* is what a pixel needs of a Gaussian: SPLAT floats (a multiple of 16, one cache line or more), indexed by the
+// Shapes in comments: K Gaussians, V visible ones, E entries of a band, H x W pixels. Gaussians are indexed by *position* in
+// storage, by *rank* in depth order, or by *row* of the model; only `rows` and `records` are by row.
+//
+// A *splat* is the input of blending: SPLAT floats per Gaussian (a multiple of 16, one cache line or more), indexed by the
 // Gaussian's position in storage. With d = pixel - (U, V), in pixels:
 //   ewa:  log2 alpha = LOG2_OPACITY - Q,          Q = (A dx + B dy)^2 + (C dy)^2
 //   ray:  log2 alpha = LOG2_OPACITY - G K / N,    K = (A dx + B dy + A0)^2 + (C dy + C0)^2,
 //         N = L^2 + K,  L = L0 + LX dx + LY dy,   depth of the maximum: t* = L / N
-//         and before that depth, at depth t: further G N (t* - t)^2 less (opacity_field.cl)
+//         and at a depth t before t*: less by G N (t* - t)^2 (opacity_field.cl)
 // Q, K and N are sums of squares: never negative, and precise for needles, where the expanded polynomial is the small
 // difference of large terms. K / N is the squared sine of the angle between the pixel's ray and the centre's ray as the
 // whitened Gaussian sees them; G, the largest exponent, belongs to the camera's own position.
@@ -13,7 +16,7 @@
 // centres near the camera plane; A0 and C0 are 0 where the two are the same.
 // Channels (colour or features) follow.
 //
-// A *footprint* is what tiles need: an ellipse {d : d' S^-1 d <= 1} around (X, Y) that holds every pixel with
+// A *footprint* is the input of binning: an ellipse {d : d' S^-1 d <= 1} around (X, Y) that holds every pixel with
 // alpha >= ALPHA_MIN, and its tile rectangle. At height y over the centre the ellipse spans
 // SLOPE y +- sqrt(WIDTH2 (1 - y^2 INVERSE_SYY)) in x; its rightmost point lies at Y_EXTREME, its leftmost at -Y_EXTREME.
 // INVERSE_SYY = 0 marks a footprint that is no ellipse (the Gaussian reaches behind the camera, or nearly): its rectangle
@@ -39,8 +42,8 @@
 #endif
 #define SPLAT ((SPLAT_CHANNELS + CHANNELS + 15) / 16 * 16)
 
-// A *slot gradient* is what the backward pass keeps per entry: the moments of dL/d(log2 alpha) over the tile's pixels (1,
-// a, b, a^2, a b, b^2 with a = A dx + B dy, b = C dy), and dL/dchannel.
+// A *slot gradient* is the result of the backward pass for an entry: MOMENTS moments of dL/d(log2 alpha) over the tile's
+// pixels (1, a, b, a^2, a b, b^2 with a = A dx + B dy, b = C dy), and dL/dchannel.
 #define SLOT_GRADIENT (MOMENTS + CHANNELS)
 
 #define FOOTPRINT_X 0

@@ -1,9 +1,9 @@
 // The loss of 3DGS, (1 - w) L1 + w (1 - SSIM), and its gradient with respect to the image.
 //
-// Images are planes of padded rows: `stride` floats, of which the first MARGIN * CHANNELS and all behind the last pixel
-// are zero, so that the 11-tap window (zero padding, as 3DGS) runs over interleaved channels without a special case. A
-// work-item handles LANES values of one row:
-//   pad_image       image [H][W * CHANNELS] -> padded rows
+// Images are planes of padded rows of `stride` floats: the first MARGIN * CHANNELS and all behind the last pixel are zero,
+// so that the 11-tap window (zero padding, as in 3DGS) runs over interleaved channels without a special case. A work-item
+// handles LANES of the `values` = W CHANNELS of a row:
+//   pad_image       image -> padded rows
 //   window_rows     x, y, xx, yy, xy: windowed along the row
 //   compare         windowed down the columns: SSIM, the loss of each item, and dSSIM / d(mean x, E[xx], E[xy])
 //   window_maps     those three: windowed along the row
@@ -33,14 +33,19 @@
 #endif
 #define INSIDE MASK((I)(int)column + LANE_INDEX < (I)(int)values)
 
-__kernel void pad_image(uint height, uint values, uint stride, __global const float *image, __global float *padded) {
+__kernel void pad_image(uint height, uint values, uint stride,
+                        __global const float *image,  // [H,W,CHANNELS]
+                        __global float *padded) {     // [H,stride]
     ITEM
     for (uint lane = 0; lane < LANES; lane++)
         padded[here + lane] = column + lane < values ? image[(size_t)row * values + column + lane] : 0.0f;
 }
 
-__kernel void window_rows(uint height, uint values, uint stride, __constant const float *window,
-                          __global const float *x, __global const float *y, __global float *moments) {
+__kernel void window_rows(uint height, uint values, uint stride,
+                          __constant const float *window,  // [SSIM_WINDOW]
+                          __global const float *x,         // [H,stride]
+                          __global const float *y,         // [H,stride]
+                          __global float *moments) {       // [5,H,stride]
     ITEM
     V mx = (V)0.0f, my = (V)0.0f, xx = (V)0.0f, yy = (V)0.0f, xy = (V)0.0f;
     for (int k = 0; k < SSIM_WINDOW; k++) {
@@ -55,9 +60,13 @@ __kernel void window_rows(uint height, uint values, uint stride, __constant cons
     STORE(xy, moments, 4 * plane + here);
 }
 
-__kernel void compare(uint height, uint values, uint stride, float ssim_weight, __constant const float *window,
-                      __global const float *x, __global const float *y, __global const float *moments,
-                      __global float *maps, __global float *item_losses) {
+__kernel void compare(uint height, uint values, uint stride, float ssim_weight,
+                      __constant const float *window,  // [SSIM_WINDOW]
+                      __global const float *x,         // [H,stride]
+                      __global const float *y,         // [H,stride]
+                      __global const float *moments,   // [5,H,stride]
+                      __global float *maps,            // [3,H,stride]
+                      __global float *item_losses) {   // [items]
     ITEM
     V mx = (V)0.0f, my = (V)0.0f, xx = (V)0.0f, yy = (V)0.0f, xy = (V)0.0f;
     for (int k = 0; k < SSIM_WINDOW; k++) {
@@ -83,8 +92,10 @@ __kernel void compare(uint height, uint values, uint stride, float ssim_weight, 
     item_losses[get_global_id(0)] = SUM(inside ? loss : (V)0.0f);
 }
 
-__kernel void window_maps(uint height, uint values, uint stride, __constant const float *window,
-                          __global const float *maps, __global float *windowed) {
+__kernel void window_maps(uint height, uint values, uint stride,
+                          __constant const float *window,  // [SSIM_WINDOW]
+                          __global const float *maps,      // [3,H,stride]
+                          __global float *windowed) {      // [3,H,stride]
     ITEM
     for (int map = 0; map < 3; map++) {
         V sum = (V)0.0f;
@@ -93,9 +104,12 @@ __kernel void window_maps(uint height, uint values, uint stride, __constant cons
     }
 }
 
-__kernel void loss_gradient(uint height, uint values, uint stride, float ssim_weight, __constant const float *window,
-                            __global const float *x, __global const float *y, __global const float *windowed,
-                            __global float *gradient) {
+__kernel void loss_gradient(uint height, uint values, uint stride, float ssim_weight,
+                            __constant const float *window,  // [SSIM_WINDOW]
+                            __global const float *x,         // [H,stride]
+                            __global const float *y,         // [H,stride]
+                            __global const float *windowed,  // [3,H,stride]
+                            __global float *gradient) {      // [H,W,CHANNELS]
     ITEM
     V by_mean = (V)0.0f, by_xx = (V)0.0f, by_xy = (V)0.0f;
     for (int k = 0; k < SSIM_WINDOW; k++) {

@@ -1,8 +1,7 @@
-// Opacity at points in space: what one view has blended when its rays arrive there (Yu et al. 2024, GOF).
+// Opacity at points in space: 1 - T of a view's rays at these points (Yu et al. 2024, GOF).
 //
-// A Gaussian that has its maximum t* along a point's ray before the point counts as it does in a pixel; one that has it
-// behind counts by its value at the point. Points come by tile, LANES of one tile to a work-item: their pixel positions
-// and view depths, [items][3][LANES].
+// A Gaussian with its maximum t* before the point counts as in a pixel; one with t* behind it counts by its value at the
+// point. A work-item handles LANES points of one tile: their pixel positions and view depths.
 
 #if LANES == 16
 #define LOAD_POINTS(i) vload16(3 * item + (i), points)
@@ -12,14 +11,18 @@
 #define STORE_POINTS(value) opacities[item] = (value)
 #endif
 
-__kernel void blend_points(uint items, __global const float *points, __global const uint *tiles,
-                           __global const float *splats, __global const uint *entries,
-                           __global const uint *tile_starts, __global float *opacities) {
+__kernel void blend_points(uint items,
+                           __global const float *points,      // [items,3,LANES]
+                           __global const uint *tiles,        // [items]
+                           __global const float *splats,      // [K,SPLAT]
+                           __global const uint *entries,      // [E]
+                           __global const uint *tile_starts,  // [tiles+1]
+                           __global float *opacities) {       // [items,LANES]
     uint item = get_global_id(0);
     if (item >= items) return;
     V u = LOAD_POINTS(0), v = LOAD_POINTS(1), depth = LOAD_POINTS(2), T = (V)1.0f;
     uint end = tile_starts[tiles[item] + 1];
-    // A point is done once less than TRANSMITTANCE_MIN is left: what follows would change its opacity by less than that.
+    // A point is finished when T < TRANSMITTANCE_MIN: the rest would change its opacity by less than that.
     I open = MASK(T >= (V)TRANSMITTANCE_MIN);
     for (uint entry = tile_starts[tiles[item]]; entry < end && ANY(open); entry++) {
         float s[SPLAT_CHANNELS];

@@ -4,13 +4,16 @@
 //   count_digits    histogram of its part's digits
 //   scan_chunks     (counting.cl), then prefix sums over the digits on the host
 //   scatter_digits  move keys and positions to their places
-// Keys lie in storage order, by *position*. The first pass brings them into row order (positions = position of each row)
-// and leaves out what is not visible, so equal depths end up in row order. Later passes have FIRST_PASS 0.
+// Keys are in storage order, by *position*. The first pass (FIRST_PASS 1) reads them in row order and drops invisible
+// Gaussians, so equal depths end up in row order.
 
 #define DIGIT(key) ((key) >> shift & ((1u << RADIX_BITS) - 1))
 
-__kernel void count_digits(uint count, uint chunks, uint shift, __global const uint *keys,
-                           __global const uint *positions, __global uint *row_keys, __global uint *histogram) {
+__kernel void count_digits(uint count, uint chunks, uint shift,
+                           __global const uint *keys,       // [K], then [V]
+                           __global const uint *positions,  // [K], then [V]
+                           __global uint *row_keys,         // [K]
+                           __global uint *histogram) {      // [chunks,1 << RADIX_BITS]
     uint chunk = get_global_id(0);
     if (chunk >= chunks) return;
     uint size = (count + chunks - 1) / chunks, begin = min(chunk * size, count), end = min(begin + size, count);
@@ -26,10 +29,13 @@ __kernel void count_digits(uint count, uint chunks, uint shift, __global const u
     }
 }
 
-__kernel void scatter_digits(uint count, uint chunks, uint shift, __global const uint *keys,
-                             __global const uint *positions, __global uint *histogram,
-                             __global const uint *digit_starts, __global uint *sorted_keys,
-                             __global uint *sorted_positions) {
+__kernel void scatter_digits(uint count, uint chunks, uint shift,
+                             __global const uint *keys,          // [K], then [V]
+                             __global const uint *positions,     // [K], then [V]
+                             __global uint *histogram,           // [chunks,1 << RADIX_BITS]
+                             __global const uint *digit_starts,  // [(1 << RADIX_BITS) + 1]
+                             __global uint *sorted_keys,         // [V]
+                             __global uint *sorted_positions) {  // [V]
     uint chunk = get_global_id(0);
     if (chunk >= chunks) return;
     uint size = (count + chunks - 1) / chunks, begin = min(chunk * size, count), end = min(begin + size, count);

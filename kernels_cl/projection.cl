@@ -2,7 +2,7 @@
 //
 // Per Gaussian: move the centre into view space; drop it at z <= NEAR_PLANE or opacity < ALPHA_MIN; rotate the principal
 // axes into view space; derive the quadratic form of the chosen energy and the ellipse that bounds alpha >= ALPHA_MIN;
-// drop it if that touches no pixel centre; shade it; store.
+// drop it if that touches no pixel centre; shade it; store. Channels are SH coefficients if SH_DEGREE >= 0, else features.
 
 #define MEAN(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, axis, position)
 #define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, GEOMETRY_QUATS + axis, position)
@@ -203,10 +203,13 @@ inline U pixel_range(V centre, V extent, int pixels, I *visible) {
 // The same of the tiles that hold these pixels.
 inline U tile_range(U pixels) { return (pixels & 0xffffu) / TILE | ((pixels >> 16) / TILE << 16); }
 
-__kernel void project(uint count, int width, int height, __constant const float *camera,
-                      __global const float *geometry,
-                      __global const float *channels,  // SH coefficients if SH_DEGREE >= 0, else features
-                      __global float *splats, __global float *footprints, __global uint *depth_keys) {
+__kernel void project(uint count, int width, int height,
+                      __constant const float *camera,  // [21]
+                      __global const float *geometry,  // [blocks,GEOMETRY_ATTRIBUTES,BLOCK]
+                      __global const float *channels,  // [blocks,CHANNEL_ATTRIBUTES,BLOCK]
+                      __global float *splats,          // [K,SPLAT]
+                      __global float *footprints,      // [K,FOOTPRINT_FLOATS]
+                      __global uint *depth_keys) {     // [K]
     uint position = get_global_id(0) * LANES;
     if (position >= count) return;
 

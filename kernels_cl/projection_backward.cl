@@ -1,12 +1,12 @@
 // Gradient of the EWA projection: moments of dL/dp and colour gradients of the splats -> gradients of means, quaternions,
-// scales, opacities, channels, and of the projected centre (which densification looks at).
+// scales, opacities, channels, and of the projected centre (for densification).
 //
-// Everything that the forward pass computed is computed again (projection.cl); what it stored per splat is not needed.
+// The forward pass is computed again (projection.cl), so that splats need not be read.
 
 #define MOMENT(i) LOAD_ATTRIBUTE(splat_gradients, SLOT_GRADIENT, i, position)
 #define CHANNEL_GRADIENT(c) LOAD_ATTRIBUTE(splat_gradients, SLOT_GRADIENT, MOMENTS + (c), position)
 
-// What is stored of a gradient: nothing where there is no splat, or where it overflows.
+// The stored gradient: zero where there is no splat, or where it overflows.
 #define USABLE(gradient) (visible & MASK(fabs(gradient) <= (V)MAXFLOAT) ? (gradient) : (V)0.0f)
 
 // dL/dquaternion of R(q / |q|), from axes[3 * a + i] = dL/dR[i][a] in world space.
@@ -27,11 +27,15 @@ inline void quaternion_gradient(const V *q, const V *axes, V *gradient) {
     gradient[3] = inverse * (gz - z * along);
 }
 
-__kernel void project_backward(uint count, int width, int height, __constant const float *camera,
-                               __global const float *geometry, __global const float *channels,
-                               __global const uint *depth_keys, __global const float *splat_gradients,
-                               __global float *geometry_gradients, __global float *channel_gradients,
-                               __global float *centre_gradients) {
+__kernel void project_backward(uint count, int width, int height,
+                               __constant const float *camera,         // [21]
+                               __global const float *geometry,         // [blocks,GEOMETRY_ATTRIBUTES,BLOCK]
+                               __global const float *channels,         // [blocks,CHANNEL_ATTRIBUTES,BLOCK]
+                               __global const uint *depth_keys,        // [K]
+                               __global const float *splat_gradients,  // [blocks,SLOT_GRADIENT,BLOCK]
+                               __global float *geometry_gradients,     // [blocks,GEOMETRY_ATTRIBUTES,BLOCK]
+                               __global float *channel_gradients,      // [blocks,CHANNEL_ATTRIBUTES,BLOCK]
+                               __global float *centre_gradients) {     // [blocks,2,BLOCK]
     uint position = get_global_id(0) * LANES;
     if (position >= count) return;
     union {

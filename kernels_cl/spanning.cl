@@ -1,12 +1,24 @@
-// Nearest neighbours and Boruvka's rounds on a balanced k-d tree, in double precision.
+// The minimum spanning tree under the mutual reachability distance (Campello et al. 2013), by Boruvka's algorithm on a
+// balanced k-d tree, in double precision.
+//
+//   split_nodes                     level by level: the k-d tree
+//   fill_leaves, join_boxes         coordinates by leaf, bounding boxes from the leaves up
+//   find_neighbours                 nearest neighbours and core distances
+//   fill_cores, join_cores          core distances by leaf, least ones from the leaves up
+// and in each round, until one component is left:
+//   fill_components, join_components  components by leaf, common ones from the leaves up
+//   offer_edges                     an edge of each point out of its component, from its neighbours: an upper bound
+//   find_edges                      the shortest edge of each component, by a search below these bounds
+//
+// N points, in the order of the tree after split_nodes.
 //
 // The tree is implicit: node 1 is the root, node n has children 2 n and 2 n + 1, and its 2^levels leaves are the
 // last nodes. Leaf l holds the points at positions l count / 2^levels and on, at most LEAF = 16; its coordinates
-// lie in a block of their own, [COLUMNS][LEAF], padded with infinity.
+// are a block [COLUMNS][LEAF], padded with infinity.
 //
-// Boxes of nodes are in single precision, rounded outwards, and serve to pass over nodes: `bounds` in single precision
-// are larger than those in double precision by more than all rounding. Distances of points are in double precision.
-
+// Boxes of nodes are in single precision, rounded outwards, and only prune the search: bounds in single precision exceed
+// those in double precision by more than all rounding. Distances of points are in double precision.
+//
 // PoCL does not inline built-in functions, so the inner loops use none.
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -23,8 +35,10 @@
 inline uint first_of(uint leaf, uint count, uint levels) { return (uint)((ulong)leaf * count >> levels); }
 
 // Splits every node of a level at the median of its widest column: `order` gets the lower half first.
-__kernel void split_nodes(uint count, uint levels, uint level, __global const double *points, __global uint *order,
-                          __global double *keys) {
+__kernel void split_nodes(uint count, uint levels, uint level,
+                          __global const double *points,  // [N,COLUMNS]
+                          __global uint *order,           // [N]
+                          __global double *keys) {        // [N]
     uint node = get_global_id(0);
     if (node >= 1u << level) return;
     uint span = 1u << (levels - level);
@@ -70,9 +84,12 @@ __kernel void split_nodes(uint count, uint levels, uint level, __global const do
 inline float rounded_down(double x) { return convert_float_rtn(x); }
 inline float rounded_up(double x) { return convert_float_rtp(x); }
 
-// blocks [leaves][COLUMNS][LEAF] and boxes [2 leaves][2][COLUMNS] of the leaves.
-__kernel void fill_leaves(uint count, uint levels, __global const double *points, __global const uint *order,
-                          __global double *blocks, __global float *boxes) {
+// Coordinates and boxes of the leaves.
+__kernel void fill_leaves(uint count, uint levels,
+                          __global const double *points,  // [N,COLUMNS]
+                          __global const uint *order,     // [N]
+                          __global double *blocks,        // [leaves,COLUMNS,LEAF]
+                          __global float *boxes) {        // [2 leaves,2,COLUMNS]
     uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
     uint begin = first_of(leaf, count, levels), end = first_of(leaf + 1, count, levels);
@@ -90,7 +107,8 @@ __kernel void fill_leaves(uint count, uint levels, __global const double *points
     }
 }
 
-__kernel void join_boxes(uint level, __global float *boxes) {
+__kernel void join_boxes(uint level,
+                         __global float *boxes) {  // [2 leaves,2,COLUMNS]
     uint node = (1u << level) + get_global_id(0);
     if (node >= 2u << level) return;
     __global float *box = boxes + (size_t)node * 2 * COLUMNS, *left = boxes + (size_t)node * 4 * COLUMNS;
@@ -114,7 +132,7 @@ inline bool any_of_16(int16 mask) {
     return (c.x | c.y) != 0;
 }
 
-// A leaf's points look for others together, each for squared distances below its bound; what pads the leaf has none.
+// The points of a leaf search together, each for squared distances below its bound; the bound of padding is 0.
 typedef struct {
     double columns[COLUMNS][LEAF];
     float16 lows[COLUMNS], highs[COLUMNS];  // the columns in single precision, rounded down and up
@@ -173,10 +191,10 @@ typedef struct {
 
 inline void look_for_nearer(Searchers *s, uint lane, Nearest *nearest, __global const double *block, uint begin, uint self) {
     UNROLL for (uint v = 0; v < LEAF / 8; v++) {
-        double8 found = distances(s, lane, block, v);
-        if (!any_of(found < nearest->distances[NEIGHBOURS - 1])) continue;
+        double8 squares = distances(s, lane, block, v);
+        if (!any_of(squares < nearest->distances[NEIGHBOURS - 1])) continue;
         for (uint i = 0; i < 8; i++) {
-            double distance = ((double *)&found)[i];
+            double distance = ((double *)&squares)[i];
             if (!(distance < nearest->distances[NEIGHBOURS - 1]) || begin + v * 8 + i == self) continue;
             int place = NEIGHBOURS - 1;
             for (; place > 0 && nearest->distances[place - 1] > distance; place--) {
@@ -190,11 +208,14 @@ inline void look_for_nearer(Searchers *s, uint lane, Nearest *nearest, __global 
     set_bound(s, lane, nearest->distances[NEIGHBOURS - 1]);
 }
 
-// The NEIGHBOURS nearest points [count][NEIGHBOURS] of each point, nearest first, up to its core distance (NONE beyond);
-// core [count]: squared core distances. A point stands for `copies` [count] that coincide.
-__kernel void find_neighbours(uint count, uint levels, uint min_samples, __global const double *blocks,
-                              __global const float *boxes, __global const uint *copies, __global uint *neighbours,
-                              __global double *core) {
+// The nearest points of each point, nearest first, up to its core distance (NONE beyond), and squared core distances. A
+// point stands for `copies` coincident ones.
+__kernel void find_neighbours(uint count, uint levels, uint min_samples,
+                              __global const double *blocks,  // [leaves,COLUMNS,LEAF]
+                              __global const float *boxes,    // [2 leaves,2,COLUMNS]
+                              __global const uint *copies,    // [N]
+                              __global uint *neighbours,      // [N,NEIGHBOURS]
+                              __global double *core) {        // [N]
     uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
     uint begin = first_of(leaf, count, levels), size = first_of(leaf + 1, count, levels) - begin;
@@ -243,8 +264,10 @@ __kernel void find_neighbours(uint count, uint levels, uint min_samples, __globa
 }
 
 // Core distances leaf by leaf, and the least of each node.
-__kernel void fill_cores(uint count, uint levels, __global const double *core, __global double *cores,
-                         __global float *least_cores) {
+__kernel void fill_cores(uint count, uint levels,
+                         __global const double *core,    // [N]
+                         __global double *cores,         // [leaves,LEAF]
+                         __global float *least_cores) {  // [2 leaves]
     uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
     uint begin = first_of(leaf, count, levels), end = first_of(leaf + 1, count, levels);
@@ -257,14 +280,17 @@ __kernel void fill_cores(uint count, uint levels, __global const double *core, _
     least_cores[leaves + leaf] = rounded_down(least);
 }
 
-__kernel void join_cores(uint level, __global float *least_cores) {
+__kernel void join_cores(uint level,
+                         __global float *least_cores) {  // [2 leaves]
     uint node = (1u << level) + get_global_id(0);
     if (node < 2u << level) least_cores[node] = LOWER(least_cores[2 * node], least_cores[2 * node + 1]);
 }
 
 // Components leaf by leaf, and that of each node: NONE where it holds several.
-__kernel void fill_components(uint count, uint levels, __global const uint *component, __global long *components,
-                              __global uint *node_components) {
+__kernel void fill_components(uint count, uint levels,
+                              __global const uint *component,    // [N]
+                              __global long *components,         // [leaves,LEAF]
+                              __global uint *node_components) {  // [2 leaves]
     uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
     uint begin = first_of(leaf, count, levels), end = first_of(leaf + 1, count, levels);
@@ -277,7 +303,8 @@ __kernel void fill_components(uint count, uint levels, __global const uint *comp
     node_components[leaves + leaf] = common;
 }
 
-__kernel void join_components(uint level, __global uint *node_components) {
+__kernel void join_components(uint level,
+                              __global uint *node_components) {  // [2 leaves]
     uint node = (1u << level) + get_global_id(0);
     if (node >= 2u << level) return;
     uint left = node_components[2 * node], right = node_components[2 * node + 1];
@@ -297,28 +324,34 @@ inline double separation(__global const double *points, uint a, uint b) {
     return sum;
 }
 
-// An edge of each point that leaves its component, as good as its neighbours offer: what was found before if it still
-// does, else to the neighbour with the least core distance, else to a neighbour in the tree's order.
-// partners, lengths [count]: the other end (NONE) and the edge's squared length.
-// bounds [components]: the least of the lengths, as the bits of a float, rounded up.
-__kernel void offer_edges(uint count, __global const double *points, __global const uint *order,
-                          __global const uint *neighbours, __global const double *core, __global const uint *component,
-                          __global uint *partners, __global double *lengths, __global uint *bounds) {
+// A short edge of each point that leaves its component: that of the last round if it still does, else the shortest to a
+// neighbour, else to a neighbour in the tree's order.
+// partners, lengths: the other end (or NONE) and the squared length of the edge.
+// bounds: the least length by component, as the bits of a float, rounded up.
+__kernel void offer_edges(uint count,
+                          __global const double *points,    // [N,COLUMNS]
+                          __global const uint *order,       // [N]
+                          __global const uint *neighbours,  // [N,NEIGHBOURS]
+                          __global const double *core,      // [N]
+                          __global const uint *component,   // [N]
+                          __global uint *partners,          // [N]
+                          __global double *lengths,         // [N]
+                          __global uint *bounds) {          // [components]
     uint point = get_global_id(0);
     if (point >= count) return;
-    uint own = component[point], partner = partners[point];
+    uint from = component[point], partner = partners[point];
     double length = lengths[point];
-    if (partner != NONE && component[partner] == own) partner = NONE, length = INFINITY;
+    if (partner != NONE && component[partner] == from) partner = NONE, length = INFINITY;
     if (partner == NONE) {
         for (uint i = 0; i < NEIGHBOURS; i++) {
             uint other = neighbours[(size_t)point * NEIGHBOURS + i];
             if (other == NONE) break;
             double offered = HIGHER(core[point], core[other]);
-            if (component[other] != own && offered < length) partner = other, length = offered;
+            if (component[other] != from && offered < length) partner = other, length = offered;
         }
         for (int step = -1; step <= 1 && partner == NONE; step += 2) {
             uint other = point + step;  // wraps to a large number below 0
-            if (other >= count || component[other] == own) continue;
+            if (other >= count || component[other] == from) continue;
             length = separation(points, order[point], order[other]);
             length = HIGHER(length, HIGHER(core[point], core[other]));
             partner = other;
@@ -326,26 +359,33 @@ __kernel void offer_edges(uint count, __global const double *points, __global co
         partners[point] = partner;
         lengths[point] = length;
     }
-    if (partner != NONE) lower_to(bounds + own, length);
+    if (partner != NONE) lower_to(bounds + from, length);
 }
 
-// The shortest edge of each component: every point looks for one shorter than its component is known to have.
-// least_lengths [count]: what no edge of the point that leaves its component is shorter than.
-// found [components]: as `bounds`, with what is found.
-__kernel void find_edges(uint count, uint levels, __global const double *blocks, __global const float *boxes,
-                         __global const double *cores, __global const float *least_cores,
-                         __global const long *components, __global const uint *node_components,
-                         __global const uint *bounds, __global uint *partners, __global double *lengths,
-                         __global double *least_lengths, __global uint *found) {
+// The shortest edge of each component: every point searches below the bound of its component.
+// least_lengths: a lower bound for the point's edges that leave its component.
+// shortest: the lengths of the edges that remain, as `bounds`.
+__kernel void find_edges(uint count, uint levels,
+                         __global const double *blocks,         // [leaves,COLUMNS,LEAF]
+                         __global const float *boxes,           // [2 leaves,2,COLUMNS]
+                         __global const double *cores,          // [leaves,LEAF]
+                         __global const float *least_cores,     // [2 leaves]
+                         __global const long *components,       // [leaves,LEAF]
+                         __global const uint *node_components,  // [2 leaves]
+                         __global const uint *bounds,           // [components]
+                         __global uint *partners,               // [N]
+                         __global double *lengths,              // [N]
+                         __global double *least_lengths,        // [N]
+                         __global uint *shortest) {             // [components]
     uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
     uint begin = first_of(leaf, count, levels), size = first_of(leaf + 1, count, levels) - begin;
     Searchers s;
-    int16 own;
+    int16 lane_components;
     bool active = false;
     for (uint lane = 0; lane < LEAF; lane++) {
         uint component = components[(size_t)leaf * LEAF + lane];
-        ((uint *)&own)[lane] = component;
+        ((uint *)&lane_components)[lane] = component;
         set_bound(&s, lane, 0.0);
         if (lane >= size) continue;
         double bound = as_float(bounds[component]);
@@ -368,7 +408,7 @@ __kernel void find_edges(uint count, uint levels, __global const double *blocks,
         float least_core = least_cores[node];
         int common = node_components[node];
         int16 near = (s.distances < s.wide_bounds) & (least_core < s.wide_bounds);
-        if (!any_of_16(common == (int)NONE ? near : near & (own != common))) continue;
+        if (!any_of_16(common == (int)NONE ? near : near & (lane_components != common))) continue;
         if (node < leaves) {
             stack[depth++] = 2 * node;
             stack[depth++] = 2 * node + 1;
@@ -379,21 +419,22 @@ __kernel void find_edges(uint count, uint levels, __global const double *blocks,
             if (LANE(s.distances, lane) >= LANE(s.wide_bounds, lane)) continue;
             __global const double8 *core = (__global const double8 *)cores + other * (LEAF / 8);
             __global const long8 *component = (__global const long8 *)components + other * (LEAF / 8);
-            long own_component = ((uint *)&own)[lane];
-            double own_core = cores[(size_t)leaf * LEAF + lane];
+            long lane_component = ((uint *)&lane_components)[lane];
+            double lane_core = cores[(size_t)leaf * LEAF + lane];
             UNROLL for (uint v = 0; v < LEAF / 8; v++) {
                 double8 length = distances(&s, lane, blocks + (size_t)other * COLUMNS * LEAF, v);
                 length = HIGHER(length, core[v]);
-                length = HIGHER(length, own_core);
-                long8 shorter = (length < s.bounds[lane]) & (component[v] != own_component);
+                length = HIGHER(length, lane_core);
+                long8 shorter = (length < s.bounds[lane]) & (component[v] != lane_component);
                 if (!any_of(shorter)) continue;
                 for (uint i = 0; i < 8; i++) {
                     double candidate = ((double *)&length)[i];
                     if (!((long *)&shorter)[i] || candidate >= s.bounds[lane]) continue;
                     partners[begin + lane] = first_of(other, count, levels) + v * 8 + i;
                     lengths[begin + lane] = candidate;
-                    for (uint mate = 0; mate < size; mate++) {  // what is longer helps no point of this component
-                        if (((uint *)&own)[mate] == own_component && candidate < s.bounds[mate]) set_bound(&s, mate, candidate);
+                    for (uint mate = 0; mate < size; mate++) {  // longer edges are useless to this component
+                        if (((uint *)&lane_components)[mate] == lane_component && candidate < s.bounds[mate])
+                            set_bound(&s, mate, candidate);
                     }
                 }
             }
@@ -401,6 +442,6 @@ __kernel void find_edges(uint count, uint levels, __global const double *blocks,
     }
     for (uint lane = 0; lane < size; lane++) {
         if (s.bounds[lane] > 0.0) least_lengths[begin + lane] = s.bounds[lane];
-        lower_to(found + ((uint *)&own)[lane], lengths[begin + lane]);
+        lower_to(shortest + ((uint *)&lane_components)[lane], lengths[begin + lane]);
     }
 }

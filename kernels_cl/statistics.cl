@@ -12,7 +12,7 @@ inline void count_view(float x, float y, float half_width, float half_height, ui
 
 __kernel void accumulate_statistics(uint count, float half_width, float half_height,
                                     __global const uint *depth_keys,         // [K]
-                                    __global const float *centre_gradients,  // [blocks][2][BLOCK]
+                                    __global const float *centre_gradients,  // [blocks,2,BLOCK]
                                     __global float *norms,                   // [K]
                                     __global uint *views) {                  // [K]
     uint position = get_global_id(0);

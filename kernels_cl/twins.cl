@@ -6,10 +6,10 @@
 __kernel void share_gradients(uint count, float weight, float half_width, float half_height,
                               __global const uint *keys,             // [K]: depth keys in the first model
                               __global const uint *second_keys,      // [K]
-                              __global float *geometry,              // [blocks][GEOMETRY_ATTRIBUTES][BLOCK]
-                              __global float *second_geometry,       // [blocks][GEOMETRY_ATTRIBUTES][BLOCK]
-                              __global const float *centres,         // [blocks][2][BLOCK]
-                              __global const float *second_centres,  // [blocks][2][BLOCK]
+                              __global float *geometry,              // [blocks,GEOMETRY_ATTRIBUTES,BLOCK]
+                              __global float *second_geometry,       // [blocks,GEOMETRY_ATTRIBUTES,BLOCK]
+                              __global const float *centres,         // [blocks,2,BLOCK]
+                              __global const float *second_centres,  // [blocks,2,BLOCK]
                               __global float *norms,                 // [K]
                               __global uint *views) {                // [K]
     uint position = get_global_id(0) * LANES;

@@ -62,7 +62,7 @@ class Adam:
         self._program.launch(
             "adam_geometry",
             self._items,
-            *(self._count, self._rates.holding(np.array(per_attribute, np.float32)), *corrections),
+            *(self._count, *corrections, self._rates.holding(np.array(per_attribute, np.float32))),
             *(gradients.geometry, geometry.raw, geometry.first, geometry.second, self.activated),
         )
         self._program.launch(
