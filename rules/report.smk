@@ -31,6 +31,8 @@ rule write_report:
         code=code_digest("gspure.cli.report"),
         templates=TEMPLATE_DIGESTS,
         figures=get_finished([*figure_files(), *scheme_figures()]),
+        viewers=get_finished(expand("results/{model}/figures/model/viewer.json", model=MODELS)),
+        links=[*map(os.path.relpath, workflow.configfiles), "results/logs"],
         provenance=lambda wildcards, input: [
             f"{path}.json"
             for path in [input.table, input.summary, input.matched, input.contest, input.survival, *input.artifacts]
@@ -40,6 +42,6 @@ rule write_report:
     shell:
         job(
             "report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q} {input.hidden:q}"
-            " --matched {input.matched:q} --contest {input.contest:q} --survival {input.survival:q}"
-            " --provenance {params.provenance:q} --out {output.page:q}"
+            " --viewer {params.viewers:q} --matched {input.matched:q} --contest {input.contest:q} --survival {input.survival:q}"
+            " --provenance {params.provenance:q} --link {params.links:q} --out {output.page:q}"
         )

@@ -17,9 +17,9 @@ from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import Interval
 from gspure.evaluation.survival import MARGIN, survival
-from gspure.report.audit import SIGNIFICANT, Audit, audits
+from gspure.report.audit import ALLOWED, SIGNIFICANT, Audit, audits
 from gspure.report.phrases import db, listed, size
-from gspure.report.templates import render
+from gspure.report.templates import render, say
 from tests.contest_cases import attacked, benchmark, measured, outcome
 from tests.test_report import Page
 
@@ -44,6 +44,29 @@ def of_scenes(count, **drops):
 
 def named(rows) -> list[str]:
     return [row.variant for row in rows]
+
+
+def sentence(outcomes) -> str:
+    return " ".join(say("verdict.html.j2", "answer", audit_of(outcomes), ALLOWED).split())
+
+
+def test_the_verdict_is_about_the_strongest_attack_within_the_allowed_damage() -> None:
+    lost = of_scenes(2, gspure=(0.5, 20.0), gof=(1.9, 20.5), harsh=(2.5, 25.0))
+    assert audit_of(lost).strongest.variant == "gof"
+    assert sentence(lost).startswith("The message did not survive GOF, which lowers the PSNR of the message by 20.5 dB")
+    kept = of_scenes(2, gspure=(0.5, 2.0), gof=(1.9, 1.0), harsh=(2.5, 25.0))
+    assert sentence(kept).startswith("The message survived every attack that lowers")
+    assert "The strongest, GSPure," in sentence(kept)
+    harsh = of_scenes(2, harsh=(2.5, 25.0))
+    assert audit_of(harsh).strongest is None
+    assert sentence(harsh).startswith("The message survived no attack")
+
+
+def test_an_attack_that_the_message_survives_in_fewer_scenes_is_the_stronger() -> None:
+    mixed = benchmark({"a": {"gof": (1.0, 20.0), "noise": (1.0, 39.0)}, "b": {"gof": (1.0, 20.0), "noise": (1.0, 2.0)}})
+    assert audit_of(mixed).strongest.variant == "gof"
+    only = benchmark({"a": {"noise": (1.0, 39.0)}, "b": {"noise": (1.0, 2.0)}})
+    assert sentence(only).startswith("The message did not survive noise in 1 of 2 scenes: it lowers")
 
 
 def test_attacks_are_sorted_by_damage_and_split_by_survival() -> None:
@@ -259,9 +282,10 @@ def test_the_page_opens_with_the_audit_and_names_the_files(tmp_path: Path) -> No
     given_files = {"--contest": "contest.csv", "--survival": "survival.csv", "--out": "r.html"}
     words = [word for option, name in given_files.items() for word in (option, str(tmp_path / name))]
     assert main(["report", *table, *words]) == 0
-    text = Page(tmp_path / "r.html").text
+    page = Page(tmp_path / "r.html")
+    text = page.text.split("Files and provenance", 1)[1]  # below the contents
     assert text.index("The message survived 1 of 2 attacks") < text.index("What these numbers cannot show")
     assert text.index("What these numbers cannot show") < text.index("What is left of the message")
     for name in ("results.csv", "survival.csv", "contest.csv"):
-        assert str(tmp_path / name) in text
+        assert name in [link["href"] for link in page.all("a")]
     assert "nan" not in text.lower().split()

@@ -3,8 +3,10 @@
 import json
 import math
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -18,12 +20,15 @@ from gspure.evaluation.comparison import RENDER, TRUTH
 from gspure.evaluation.matched import match
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.results import read_results, write_results
+from gspure.evaluation.survival import survival
 from gspure.figures import style
+from gspure.figures.viewer import write_viewer
 from gspure.images import write_image
 from gspure.model.suspicious import REASONS
 from gspure.report.findings import findings, limits
 from gspure.report.page import write_report
 from tests.contest_cases import measured
+from tests.test_viewer import evidence
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 
@@ -51,8 +56,12 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data) -> None:
-        if self.open and self.open[-1] not in {"style", "title"}:
+        if self.open and self.open[-1] not in {"style", "title", "script"}:
             self.text += data
+
+    @property
+    def ids(self) -> list[str | None]:
+        return [attributes["id"] for _, attributes in self.elements if "id" in attributes]
 
     def all(self, tag: str) -> list[dict[str, str | None]]:
         return [attributes for name, attributes in self.elements if name == tag]
@@ -94,25 +103,39 @@ def figures(tmp_path: Path) -> list[Path]:
     return paths
 
 
-def test_the_page_refers_to_nothing_outside_itself(tmp_path: Path, figures: list[Path]) -> None:
-    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=figures)
+def test_the_page_loads_nothing_and_its_links_lead_somewhere(tmp_path: Path, figures: list[Path]) -> None:
+    (tmp_path / "a b.yaml").touch()
+    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=figures, links=[tmp_path / "a b.yaml"])
     page = Page(tmp_path / "report.html")
-    ids = {attributes["id"] for _, attributes in page.elements if "id" in attributes}
     for _, attributes in page.elements:
-        for name in {"src", "href", "srcset", "poster", "data", "action"} & attributes.keys():
-            target = attributes[name] or ""
-            assert target.startswith("data:") or target.removeprefix("#") in ids, target
-    assert not page.all("script")
-    assert not re.search(r"url\(|@import|https?:", page.source)
+        for name in {"src", "srcset", "poster", "data", "action"} & attributes.keys():
+            assert (attributes[name] or "").startswith("data:")
+    assert not re.search(r"url\(|@import|https?:|fetch\(|XMLHttp", page.source)
+    links = [attributes["href"] for attributes in page.all("a")]
+    assert len([link for link in links if not link.startswith("#")]) == 4
+    for link in links:
+        assert link.removeprefix("#") in page.ids if link.startswith("#") else (tmp_path / unquote(link)).exists(), link
     assert len(page.all("img")) == 2
 
 
-def test_text_from_outside_is_escaped(tmp_path: Path, figures: list[Path]) -> None:
-    write_report(tmp_path / "report.html", "<script>alert(1)</script>", PLANTED, figures=figures)
+def test_every_heading_has_an_anchor_and_the_contents_list_every_section(tmp_path: Path) -> None:
+    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA)
     page = Page(tmp_path / "report.html")
-    assert not page.all("script")
+    assert len(page.ids) == len(set(page.ids))
+    for section in re.findall(r"<h[23].*?</h[23]>", page.source, re.DOTALL):
+        assert 'class="anchor"' in section
+    contents = re.findall(r'href="#(.*?)"', page.source.split("<nav")[1].split("</nav>")[0])
+    assert contents == [e["id"] for e in page.all("details") if e["class"] == "section"]
+
+
+def test_text_from_outside_is_escaped(tmp_path: Path, figures: list[Path]) -> None:
+    viewer = figures[0].parent / "viewer.json"
+    write_viewer(viewer, replace(evidence(50), rows="</script><script>alert(1)</script>"), np.eye(3))
+    write_report(tmp_path / "report.html", "<script>alert(1)</script>", PLANTED, figures=figures, viewers=[viewer])
+    page = Page(tmp_path / "report.html")
+    assert "<script>alert" not in page.source
     assert "<script>alert(1)</script>" in page.text
-    assert "Caption of <kept>." in page.text
+    assert "Caption of <kept>." not in page.text  # the viewer shows it
 
 
 def test_the_page_is_the_same_bytes_again(tmp_path: Path, figures: list[Path]) -> None:
@@ -140,8 +163,8 @@ def test_a_model_without_key_has_scene_damage_alone(tmp_path: Path) -> None:
     page = Page(tmp_path / "report.html")
     assert "only the owner, with the key" in page.text
     assert "<td>∞</td>" in page.source
-    headings = re.findall(r'<th scope="col">(\w+)</th>', page.source)
-    assert headings == ["variant", "PSNR", "SSIM", "pruned"]
+    headings = re.findall(r'<th scope="col".*?(\w+)</button>', page.source)
+    assert headings == ["variant", "PSNR", "pruned", "SSIM"]
     assert "nan" not in page.text.lower().split()
     assert "planted" not in page.text.lower()
     assert "watermarked" not in page.text.lower()  # nobody knows whether it bears a mark
@@ -155,7 +178,7 @@ def test_that_one_scene_shows_little_is_said_once(tmp_path: Path) -> None:
 
 def test_the_highest_score_is_marked(tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", "Title", PLANTED)
-    marked = re.findall(r'<tr class="best"><th scope="row">(.*?)</th>', Page(tmp_path / "report.html").source)
+    marked = re.findall(r'<tr class="best">\s*<th scope="row">(.*?)</th>', Page(tmp_path / "report.html").source)
     assert marked == ["GSPure"]
 
 
@@ -163,12 +186,12 @@ def test_models_have_their_own_figures_and_diagnosis(tmp_path: Path, figures: li
     diagnosis = tmp_path / "vanilla" / "chair" / "diagnosis.json"
     write_json(diagnosis, {"clusters": 1234, "noise_share": 0.25, "warnings": ["the clustering has collapsed"]})
     write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=figures, diagnoses=[diagnosis])
-    room, chair = Page(tmp_path / "report.html").source.split('<h2 id="model-2">')
+    room, chair = Page(tmp_path / "report.html").source.split('id="vanilla/chair"')
     assert room.count("<figure") == 2
     assert room.count('<figure class="wide"') == 1
     assert "kept.gltf" in room
     assert "collapsed" not in room
-    for expected in ("the clustering has collapsed", "<dd>1,234</dd>", "<dd>25.0%</dd>"):
+    for expected in ("The clustering has collapsed", "<dd>1,234</dd>", "<dd>25.0%</dd>"):
         assert expected in chair
     assert "<figure" not in chair
 
@@ -192,7 +215,7 @@ def test_a_scheme_s_attacks_are_compared_over_its_scenes(tmp_path: Path, figures
     page = Page(tmp_path / "report.html")
     assert "Planted message: comparison of attacks" in page.text
     assert "Vanilla 3DGS: comparison of attacks" not in page.text
-    table = page.source.split('<h2 id="scheme-1">')[1].split("</table>")[0]
+    table = page.source.split('id="compare/planted"')[1].split("</table>")[0]
     assert table.count("<b>") == 4
     rows = {row.split("</th>")[0].split(">")[-1]: row for row in table.split("<tr>") if 'scope="row"' in row}
     assert {name for name, row in rows.items() if "<b>" in row} == {"GSPure"}
@@ -237,6 +260,46 @@ def test_nothing_measured_makes_a_page_too(tmp_path: Path) -> None:
     text = Page(tmp_path / "failed.html").text
     assert "Nothing was measured" in text
     assert "no memory" in text
+
+
+@pytest.fixture
+def attacks(tmp_path: Path) -> Path:
+    """The figure of all attacks, with the renders that it shows beside it."""
+    figure = tmp_path / "planted" / "room" / "figures" / "attacks.png"
+    write_image(figure, np.zeros((4, 4, 3)))
+    inputs = {}
+    for variant in ("unattacked", "gspure", "random_pruning"):
+        for target in ("scene", "message"):
+            render = figure.parents[1] / variant / "renders" / target / "view_007.png"
+            write_image(render, np.full((6, 8, 3), 0.2))
+            inputs |= {f"{variant} {target}": render} if variant != "random_pruning" else {}
+    write_provenance(figure, inputs=inputs, settings={})
+    return figure
+
+
+def test_the_first_screen_answers_for_every_scheme_and_shows_it(tmp_path: Path, attacks: Path) -> None:
+    clean = variant("clean", 30.0, 8.5)
+    outcomes = of_one_model(*PLANTED, clean)
+    write_report(tmp_path / "report.html", "Title", outcomes + VANILLA, figures=[attacks], survivals=survival(outcomes))
+    first, *_ = Page(tmp_path / "report.html").source.split("<nav")
+    planted, vanilla = first.split("<details")[1:]
+    assert "did not survive GSPure" in " ".join(planted.split())
+    assert planted.count("<img") == 4
+    assert " open" in planted.split(">")[0]
+    assert "only the owner, with the key" in vanilla
+
+
+def test_renders_of_the_attacks_figure_replace_it(tmp_path: Path, attacks: Path) -> None:
+    write_report(tmp_path / "report.html", "Title", PLANTED, figures=[attacks])
+    page = Page(tmp_path / "report.html")
+    tiles = [e["data-variant"] for e in page.all("button") if e.get("class") == "tile"]
+    assert tiles == ["GSPure"]  # the record does not name the renders of random pruning
+    assert "view_007" in page.text
+    assert "attacks.png" in [Path(e["href"]).name for e in page.all("a")]
+    for render in attacks.parents[1].glob("*/renders/*/*.png"):
+        render.unlink()
+    write_report(tmp_path / "report.html", "Title", PLANTED, figures=[attacks])
+    assert len(Page(tmp_path / "report.html").all("img")) == 1  # the figure itself
 
 
 numbers = st.floats(-99, 99).map(lambda x: float(f"{x:.6g}"))

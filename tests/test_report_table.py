@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from gspure.evaluation.statistics import Interval
 from gspure.report.table import Cell, Column, Row, Table, interval, markdown_document, plain, signed
+from gspure.report.templates import render
 
 TABLE = Table(
     "Drops",
@@ -21,6 +22,11 @@ TABLE = Table(
     ],
     "In dB.",
 )
+
+
+def page(table: Table) -> str:
+    return render("table.html.j2", table=table)
+
 
 TEXTS = st.text(alphabet="ab |\\{}$&#_%~^-<>\"'", max_size=8).map(str.strip)
 
@@ -34,7 +40,7 @@ def cells_of_html(text: str) -> list[list[str]]:
 def test_every_format_shows_the_same_cells() -> None:
     shown = [[str(cell) for cell in row.cells] for row in TABLE.rows]
     titles = ["attack", "PSNR drop message", "PSNR drop scene"]
-    assert cells_of_html(TABLE.html())[2:] == shown
+    assert cells_of_html(page(TABLE)) == [titles, *shown]
     assert list(csv.reader(TABLE.csv().splitlines())) == [titles, *shown]
     markdown = [[cell.strip(" *") for cell in line.strip("|").split("|")] for line in TABLE.markdown().splitlines()]
     assert [markdown[0], *markdown[2:]] == [titles, *shown]
@@ -42,12 +48,20 @@ def test_every_format_shows_the_same_cells() -> None:
     assert latex == [titles, ["GSPure", "12.50 (11.00 to 14.00)", "1.00"], ["clean <model>", "--", "$-$0.50"]]
 
 
-def test_html_groups_headings_and_marks_kinds_of_rows() -> None:
-    text = TABLE.html()
-    assert '<th colspan="2">PSNR drop</th>' in text
+def test_html_marks_kinds_of_rows() -> None:
+    text = page(TABLE)
     assert re.findall(r'<tr class="(\w+)"><th scope="row">', text) == ["best", "control"]
     assert "<b>12.50</b> <small>(11.00 to 14.00)</small>" in text
     assert "clean &lt;model&gt;" in text
+
+
+def test_html_shows_main_columns_first_and_the_rest_on_demand() -> None:
+    columns = [Column("attack"), Column("SSIM", main=False), Column("PSNR")]
+    text = page(Table("t", columns, [Row([Cell("a"), Cell("0.9"), Cell("30")])]))
+    assert cells_of_html(text) == [["attack", "PSNR", "SSIM"], ["a", "30", "0.9"]]
+    assert re.findall(r'<t[hd][^>]*class="more">(?:<[^>]*>)?(.*?)<', text) == ["SSIM", "0.9"]
+    assert 'type="checkbox"' in text
+    assert 'type="checkbox"' not in page(TABLE)
 
 
 def test_markdown_columns_are_aligned() -> None:
@@ -79,7 +93,7 @@ def test_differences_have_a_sign_and_unknown_ones_are_a_dash(value: float, shown
 @given(TEXTS, TEXTS)
 def test_no_character_of_a_text_is_markup(first: str, second: str) -> None:
     table = Table("t", [Column("a"), Column("b")], [Row([Cell(first), Cell(second)])])
-    assert cells_of_html(table.html())[-1] == [first, second]
+    assert cells_of_html(page(table))[-1] == [first, second]
     assert list(csv.reader(table.csv().splitlines(), strict=True))[1] == [first, second]
     assert len(re.findall(r"(?<!\\)\|", table.markdown().splitlines()[-1])) == 3
     row = Table("t", [Column("a")], [Row([Cell(first)])]).latex().splitlines()[-3].removesuffix(r" \\")

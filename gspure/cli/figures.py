@@ -58,7 +58,7 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
         required=True,
         metavar="DIR",
         help="folder for clusters, ranks, kept (and truth or hidden) as .png, .gltf and .vtp, weights.png (and "
-        "purification.png); each .png has its caption in .png.json",
+        "purification.png), viewer.json for the report; each .png has its caption in .png.json",
     )
     parser.set_defaults(draw=_draw_model)
 
@@ -81,9 +81,12 @@ def _draw_model(args: argparse.Namespace) -> None:
     from gspure.artifacts import load_array, require_made_from
     from gspure.cameras import read_cameras
     from gspure.figures.gallery import Evidence, draw
+    from gspure.figures.viewer import write_viewer
+    from gspure.figures.viewpoint import world_axes
     from gspure.method.clustering.store import read_clusters
     from gspure.model import read_model
     from gspure.model.finite import drawable
+    from gspure.model.gaussians import COLOUR
     from gspure.model.signature import Signature
 
     model = drawable(read_model(args.model), args.model)
@@ -104,7 +107,10 @@ def _draw_model(args: argparse.Namespace) -> None:
         rows=Signature.of(model.table.dtype.names or ()).rows,
     )
     cameras = read_cameras(args.cameras) if args.cameras else []
-    captions = draw(args.out, evidence, cameras, _named(cameras, args.view, args.cameras) if args.view else None)
+    view = _named(cameras, args.view, args.cameras) if args.view else None
+    sh_dc = model.columns(*COLOUR) if model.sh_degree >= 0 else None
+    write_viewer(args.out / "viewer.json", evidence, world_axes(model.means, cameras), sh_dc)
+    captions = draw(args.out, evidence, cameras, view)
     names = ("model", "weights", "clusters", "prune_mask", "truth", "hidden", "cameras")
     inputs = {name: path for name in names if (path := getattr(args, name))}
     _note(captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n, "view": args.view})

@@ -34,11 +34,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="JSON",
         help="from `gspure prune` or `gspure hidden`, in folders SCHEME/SCENE",
     )
+    parser.add_argument(
+        "--viewer",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="JSON",
+        help="from `gspure figures model`, in folders SCHEME/SCENE",
+    )
     parser.add_argument("--matched", type=Path, metavar="CSV", help="from `gspure matched`")
     parser.add_argument("--contest", type=Path, metavar="CSV", help="from `gspure contest`")
     parser.add_argument("--survival", type=Path, metavar="CSV", help="from `gspure contest`")
     parser.add_argument(
         "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="provenance records to list"
+    )
+    parser.add_argument(
+        "--link", type=Path, nargs="*", default=[], metavar="FILE", help="further files to link: configuration, logs"
     )
     parser.add_argument("--title", default="How robust is the watermark?", help="heading (default: %(default)s)")
     parser.add_argument("--out", type=Path, required=True, metavar="HTML", help="the page")
@@ -62,7 +73,8 @@ def run(args: argparse.Namespace) -> None:
         matched=read_records(args.matched, Matched) if args.matched else [],
         survivals=read_records(args.survival, Survival) if args.survival else [],
         contests=read_records(args.contest, Contest) if args.contest else [],
-        sources=[file for file in (args.table, args.survival, args.contest, args.matched) if file],
+        viewers=args.viewer,
+        links=[file for file in (args.table, args.survival, args.contest, args.matched, *args.link) if file],
         provenance=args.provenance,
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, self-contained")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.constants import NOISE_LABEL
+from gspure.constants import NOISE_LABEL, SH_DC
 from gspure.figures import style
 from gspure.method.pruning import cluster_weights
 
@@ -63,6 +63,23 @@ class Cloud:
         """Return the points in `rows` (indices or a mask [N]), with the legend of all."""
         scalars = {name: values[rows] for name, values in self.scalars.items()}
         return replace(self, points=self.points[rows], colours=self.colours[rows], scalars=scalars)
+
+
+def colour_cloud(means: NDArray[np.float32], sh_dc: NDArray[np.float32]) -> Cloud:
+    """Colour each Gaussian as it looks on average over all directions: by its coefficients of degree 0, [K,3]."""
+    return Cloud(means, np.rint(255 * np.clip(0.5 + SH_DC * sh_dc, 0, 1)).astype(np.uint8), {})
+
+
+def weight_cloud(means: NDArray[np.float32], weights: NDArray[np.float32]) -> Cloud:
+    """Colour each Gaussian by its weight [K], on a logarithmic scale; grey if no view shows it."""
+    positive = weights > 0
+    decades = np.log10(weights, where=positive, out=np.zeros(len(weights)))
+    low, high = np.quantile(decades[positive], (0.02, 1)) if positive.any() else (0.0, 0.0)
+    place = np.clip((decades - low) / ((high - low) or 1), 0, 1)
+    colours = np.where(positive[:, None], _colour_map(place), style.rgb(style.NOISE)).astype(np.uint8)
+    ends = f"{10**low:.1g} or less", f"{10**high:.1g}"
+    scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), (ends[0], "weight (grey: 0)", ends[1]))
+    return Cloud(means, colours, {"weight": weights}, scale=scale)
 
 
 def cluster_cloud(means: NDArray[np.float32], labels: NDArray[np.int32]) -> Cloud:

@@ -21,6 +21,9 @@ RANDOM: Final = "random_matched"
 
 SIGNIFICANT: Final = 0.05
 
+ALLOWED: Final = MATCHED_DAMAGES[-1]
+"""Damage to the scene, as a drop of its PSNR in dB, up to which an attack counts for the verdict."""
+
 EQUAL: Final = 0.05
 """A mean difference that counts as none, dB: less than the page shows."""
 
@@ -104,6 +107,16 @@ class Audit:
     def where(self, survives: bool | None) -> list[Survival]:  # noqa: FBT001 (None: in some scenes only)
         """Return the judged attacks that the message survives in every scene, in some, or in none."""
         return [row for row in self.attacks if row.survives is survives]
+
+    @property
+    def strongest(self) -> Survival | None:
+        """Of the attacks within `ALLOWED`, that which the message survives in the fewest scenes, then by its drop."""
+        within = [
+            ((-row.survived / row.present, row.message_drop.mean), row)
+            for row in self.attacks
+            if self.verdict == "judged" and row.message_drop and row.scene_drop and row.scene_drop.mean <= ALLOWED
+        ]
+        return max(within, key=lambda ranked: ranked[0])[1] if within else None
 
 
 def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests: Sequence[Contest]) -> list[Audit]:

@@ -2,77 +2,76 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
 from operator import or_
 from pathlib import Path
 from typing import Any, Final
 
-from gspure.artifacts import read_json, record_of, write_text
-from gspure.errors import InputError, reading
+from gspure.artifacts import read_json, write_text
+from gspure.errors import InputError
 from gspure.evaluation.contest import Contest
 from gspure.evaluation.matched import Matched
-from gspure.evaluation.names import display_name, model_name
-from gspure.evaluation.outcomes import Outcome, by_model
+from gspure.evaluation.outcomes import GSPURE, Outcome, by_model
 from gspure.evaluation.survival import MARGIN, Survival
-from gspure.figures import style
 from gspure.model.suspicious import REASONS
-from gspure.report.audit import SIGNIFICANT, audits
+from gspure.report.audit import ALLOWED, SIGNIFICANT, Audit, audits
 from gspure.report.findings import findings, limits
+from gspure.report.pictures import Lineup, Link, Picture, companions, lineup, link, picture, record
 from gspure.report.table import Table
 from gspure.report.tables import failures, model_table, scheme_tables
 from gspure.report.templates import render
 
-DIAGNOSIS_TERMS: Final = {
-    "gaussians": "rows (Gaussians or anchors)",
-    "clusters": "clusters",
-    "largest_share": "rows in the largest cluster",
-    "noise_share": "rows in no cluster (noise)",
-    "pruned_share": "rows pruned",
-    "pruned_as_cluster": "rows pruned as part of a cluster",
-    "pruned_as_noise": "rows pruned as noise",
-    "pruned_weight_share": "share of the total weight that was pruned",
-    "plain_share": "rows pruned by the same threshold without clustering",
-    "changed_share": "rows on which clustering changed the decision",
-    "hidden_low_share": "share of the message's weight on rows of low public weight",
-}
-"""Fields of ``diagnosis.json`` and ``hidden.json`` in display order, and what they mean."""
-
 _FIGURES: Final = "figures"  # the folder of those that show all models of a scheme
-_WIDEST: Final = 1400  # pixels of an embedded image
-_OTHER_FORMATS: Final = (".gltf", ".vtp")
+_LINEUP: Final = "attacks"
+_TRADEOFF: Final = "tradeoff"
+_CLOUDS: Final = ("purification", "clusters", "ranks", "kept", "hidden", "truth")  # what the viewer shows
 
 
 @dataclass(frozen=True)
-class Picture:
-    """One figure as the page shows it."""
+class Model:
+    """One model as the page shows it."""
 
-    name: str
-    caption: str
-    data: str
-    """The image as a data URI."""
+    scheme: str
+    asset: str
+    outcomes: Sequence[Outcome]
+    attack: str
+    """The variant that pictures compare with the unattacked model."""
 
-    wide: bool
-    """Whether it is as wide as a page rather than a column."""
-
-    companions: list[str]
-    """Names of the files beside it that hold the same in 3-D."""
-
-
-@dataclass(frozen=True)
-class Section:
-    """One scheme over all of its scenes, or one model."""
-
-    heading: str
-    tables: list[Table]
+    table: Table
     pictures: list[Picture]
-    outcomes: Sequence[Outcome] = ()
-    failures: Sequence[str] = ()
-    diagnosis: Mapping[str, Any] = field(default_factory=dict)
+    files: list[Link]
+    """Figures that renders or viewer replace on the page."""
+
+    lineup: Lineup | None
+    viewer: Mapping[str, Any]
+    """What `gspure.figures.viewer.write_viewer` wrote; empty if there is none."""
+
+    failures: Sequence[str]
+    diagnosis: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """One scheme over all of its scenes."""
+
+    audit: Audit
+    models: list[Model]
+    tables: list[Table]
+    tradeoff: Picture | None
+    pictures: list[Picture]
+
+    @property
+    def compared(self) -> bool:
+        """Whether anything compares its attacks beyond the verdict."""
+        return bool(self.tables or self.pictures)
+
+    @property
+    def shown(self) -> Model | None:
+        """The first model with renders."""
+        return next((model for model in self.models if model.lineup), None)
 
 
 def write_report(
@@ -85,13 +84,14 @@ def write_report(
     matched: Sequence[Matched] = (),
     survivals: Sequence[Survival] = (),
     contests: Sequence[Contest] = (),
-    sources: Sequence[Path] = (),
+    viewers: Sequence[Path] = (),
+    links: Sequence[Path] = (),
     provenance: Sequence[Path] = (),
 ) -> None:
-    """Write the page, whole or not at all. It refers to nothing outside itself.
+    """Write the page, whole or not at all. It loads nothing from outside itself, and links the files of the run.
 
-    Figures and diagnoses belong to the model whose scheme and scene are consecutive folders of their path; figures in
-    ``figures/SCHEME`` belong to all models of the scheme.
+    Figures, viewers and diagnoses belong to the model whose scheme and scene are consecutive folders of their path;
+    figures in ``figures/SCHEME`` belong to all models of the scheme.
 
     Parameters
     ----------
@@ -102,7 +102,8 @@ def write_report(
     outcomes : sequence of Outcome
         All variants of all models.
     figures : sequence of Path
-        PNG files, in display order; captions are in the ``.png.json`` beside them.
+        PNG files, in display order; captions are in the ``.png.json`` beside them. Where the renders of an
+        ``attacks.png`` lie beside its folder, the page shows these instead.
     diagnoses : sequence of Path
         ``diagnosis.json`` of `gspure prune`, ``hidden.json`` of `gspure hidden`.
     matched : sequence of Matched
@@ -111,8 +112,10 @@ def write_report(
         What every attack leaves of the message.
     contests : sequence of Contest
         GSPure minus every other attack.
-    sources : sequence of Path
-        The files of these tables, to be named.
+    viewers : sequence of Path
+        ``viewer.json`` of `gspure figures model`.
+    links : sequence of Path
+        Files to link: tables, configuration, logs.
     provenance : sequence of Path
         JSON files of `gspure.artifacts.write_provenance`, to be listed.
 
@@ -124,43 +127,57 @@ def write_report(
     """
     from gspure import __version__
 
-    models, schemes = by_model(outcomes), list(dict.fromkeys(o.scheme for o in outcomes))
-    _require_owner((*figures, *diagnoses), [*(key for key, _ in models), *((_FIGURES, scheme) for scheme in schemes)])
+    models = by_model(outcomes)
+    verdicts = audits(outcomes, survivals, contests)
+    owners = [*(key for key, _ in models), *((_FIGURES, audit.scheme) for audit in verdicts)]
+    _require_owner((*figures, *diagnoses, *viewers), owners)
+
+    def scheme(audit: Audit) -> Scheme:
+        pictures = {file.stem: picture(file, path) for file in figures if _owns((_FIGURES, audit.scheme), file)}
+        return Scheme(
+            audit,
+            [model(key, variants, audit) for key, variants in models if key[0] == audit.scheme],
+            scheme_tables(audit.scheme, survivals, contests, matched),
+            pictures.pop(_TRADEOFF, None),
+            list(pictures.values()),
+        )
+
+    def model(key: tuple[str, str], variants: Sequence[Outcome], audit: Audit) -> Model:
+        attack = audit.strongest.variant if audit.strongest else GSPURE
+        files = {file.stem: file for file in figures if _owns(key, file)}
+        renders = lineup(files[_LINEUP], variants, attack) if _LINEUP in files else None
+        data: dict[str, Any] = next((read_json(file) for file in viewers if _owns(key, file)), {})
+        replaced = {_LINEUP, *(target for o in variants for target in o.targets)} if renders else set()
+        replaced |= {*_CLOUDS} if data else set()
+        return Model(
+            *key,
+            variants,
+            attack,
+            model_table(variants),
+            [picture(file, path) for stem, file in files.items() if stem not in replaced],
+            [other for stem, file in files.items() if stem in replaced for other in companions(file, path)],
+            renders,
+            data,
+            failures(variants),
+            reduce(or_, (read_json(file) for file in diagnoses if _owns(key, file)), {}),
+        )
+
     page = render(
         "page.html.j2",
         title=title,
         version=__version__,
-        audits=audits(outcomes, survivals, contests),
+        schemes=[scheme(audit) for audit in verdicts],
+        audits=verdicts,
+        allowed=ALLOWED,
         margin=MARGIN,
         significant=SIGNIFICANT,
-        schemes=[_scheme(scheme, scheme_tables(scheme, survivals, contests, matched), figures) for scheme in schemes],
-        models=[_model(key, variants, figures, diagnoses) for key, variants in models],
         findings=findings,
         limits=limits(outcomes),
-        diagnosis_terms=DIAGNOSIS_TERMS,
         suspicions=REASONS,
-        sources=[file.as_posix() for file in sources],
-        records=[(file.as_posix(), _record(file)) for file in provenance],
+        links=[link(file, path) for file in links],
+        records=[(file.as_posix(), record(file)) for file in provenance],
     )
     write_text(path, page)
-
-
-def _scheme(scheme: str, tables: list[Table], figures: Sequence[Path]) -> Section:
-    pictures = [_picture(file) for file in figures if _owns((_FIGURES, scheme), file)]
-    return Section(display_name(scheme), tables, pictures)
-
-
-def _model(
-    key: tuple[str, str], outcomes: Sequence[Outcome], figures: Sequence[Path], diagnoses: Sequence[Path]
-) -> Section:
-    return Section(
-        model_name(*key),
-        [model_table(outcomes)],
-        [_picture(file) for file in figures if _owns(key, file)],
-        outcomes,
-        failures(outcomes),
-        reduce(or_, (read_json(file) for file in diagnoses if _owns(key, file)), {}),
-    )
 
 
 def _owns(key: tuple[str, str], file: Path) -> bool:
@@ -172,30 +189,3 @@ def _require_owner(files: Iterable[Path], keys: Sequence[tuple[str, str]]) -> No
     for file in files:
         if not any(_owns(key, file) for key in keys):
             raise InputError(file, "path", expected=f"a folder SCHEME/SCENE of the table ({known})", found="none")
-
-
-def _picture(file: Path) -> Picture:
-    from PIL import Image
-
-    note = file.with_name(file.name + ".json")
-    caption = _record(note)["settings"].get("caption", "") if note.exists() else ""
-    with reading(file, "a PNG image"), Image.open(file) as image:
-        wide = image.width > 1.2 * style.COLUMN * style.DPI
-        data = _embedded(image.convert("RGB"))
-    companions = [other.name for suffix in _OTHER_FORMATS if (other := file.with_suffix(suffix)).exists()]
-    return Picture(display_name(file.stem), caption, data, wide, companions)
-
-
-def _record(file: Path) -> dict[str, Any]:
-    record = (record_of(file.with_suffix("")) if file.suffix == ".json" else None) or {}
-    match record:
-        case {"digest": str(), "settings": dict()}:
-            return record
-    raise InputError(file, "file", expected="provenance beside its file", found="none")
-
-
-def _embedded(image: Any) -> str:
-    image.thumbnail((_WIDEST, 10 * _WIDEST))
-    buffer = io.BytesIO()
-    image.save(buffer, format="WEBP", quality=80, method=4)
-    return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode()

@@ -1,11 +1,9 @@
-"""One model of a table, rendered as HTML, Markdown, LaTeX or CSV."""
+"""One model of a table, rendered as Markdown, LaTeX or CSV."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
-from itertools import groupby
 from math import isfinite, isnan
 from typing import Final, Literal, NamedTuple
 
@@ -54,6 +52,9 @@ class Column(NamedTuple):
     text: bool = False
     """Whether it holds words, aligned left, like the first column."""
 
+    main: bool = True
+    """Whether a page shows it without being asked for all columns."""
+
     @property
     def full_title(self) -> str:
         """The title as it is without a second line of headings."""
@@ -78,17 +79,10 @@ class Table:
     rows: Sequence[Row]
     note: str = ""
 
-    def html(self) -> str:
-        """Return a ``<table>`` element; kinds of rows are classes."""
-        headings = [_html_row(_html_heading(c.title) for c in self.columns)]
-        if any(column.group for column in self.columns):
-            groups = ((group, len(list(members))) for group, members in groupby(c.group for c in self.columns))
-            headings.insert(0, _html_row(f'<th colspan="{span}">{escape(group)}</th>' for group, span in groups))
-        rows = (
-            _html_row([f'<th scope="row">{_html_cell(row.cells[0])}</th>', *_html_data(row.cells[1:])], row.kind)
-            for row in self.rows
-        )
-        return "\n".join(["<table>", "<thead>", *headings, "</thead>", "<tbody>", *rows, "</tbody>", "</table>"])
+    @property
+    def main_first(self) -> list[tuple[int, Column]]:
+        """The columns with their numbers, main ones first."""
+        return sorted(enumerate(self.columns), key=lambda column: not column[1].main)
 
     def markdown(self) -> str:
         """Return a Markdown table whose columns are aligned in plain text, too."""
@@ -165,23 +159,6 @@ def plain(value: float) -> str:
 def signed(value: float) -> str:
     """Return a difference with its sign; – if it is unknown or infinite."""
     return f"{value:+.2f}".replace("-0.00", "+0.00").replace("-", "−") if isfinite(value) else UNKNOWN
-
-
-def _html_row(cells: Iterable[str], kind: str = "") -> str:
-    return f'<tr class="{kind}">{"".join(cells)}</tr>' if kind else f"<tr>{''.join(cells)}</tr>"
-
-
-def _html_heading(title: str) -> str:
-    return f'<th scope="col">{escape(title)}</th>'
-
-
-def _html_data(cells: Iterable[Cell]) -> list[str]:
-    return [f"<td>{_html_cell(cell)}</td>" for cell in cells]
-
-
-def _html_cell(cell: Cell) -> str:
-    text = f"<b>{escape(cell.text)}</b>" if cell.best else escape(cell.text)
-    return text + (f" <small>{escape(cell.detail)}</small>" if cell.detail else "")
 
 
 def _markdown_cell(cell: Cell) -> str:

@@ -11,7 +11,7 @@ from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.matched import Matched
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name, model_name
-from gspure.evaluation.outcomes import MESSAGE, UNATTACKED, Outcome, by_model, ordered
+from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_model, ordered
 from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import MARGIN, Survival
@@ -80,10 +80,14 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     best = max((o.score for o in measured if isfinite(o.score)), default=nan)
     columns = [
         Column("variant"),
-        *(Column(m.title, display_name(target)) for target in targets for m in METRICS.values()),
-        *(Column(display_name(target), "Score") for target in extractions),
-        *(Column(name.removesuffix("_share")) for name in shares),
-        *(Column(display_name(target), "PSNR off path") for target in off_path),
+        *(
+            Column(m.title, display_name(target), main=target in (SCENE, MESSAGE) and name == "psnr")
+            for target in targets
+            for name, m in METRICS.items()
+        ),
+        *(Column(display_name(target), "Score", main=target == MESSAGE) for target in extractions),
+        *(Column(name.removesuffix("_share"), main=name == "pruned_share") for name in shares),
+        *(Column(display_name(target), "PSNR off path", main=False) for target in off_path),
     ]
     rows = []
     for o in measured:
@@ -109,8 +113,11 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
     scenes = _scenes(row.message_drop for row in attacks)
     columns = [Column("attack"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
     if has_floor:
-        columns += [Column("survived"), Column("the floor", "message above"), Column("wrong key", "message above")]
-        columns += [Column("detectability")] * (scenes > 1)
+        columns += [
+            Column("survived"),
+            *(Column(name, "message above", main=False) for name in ("the floor", "wrong key")),
+        ]
+        columns += [Column("detectability", main=False)] * (scenes > 1)
     rows = []
     for row in attacks:
         name = display_name(row.variant) + (" †" if row.reached is False and row.variant != UNATTACKED else "")
@@ -168,7 +175,7 @@ def matched_table(matched: Sequence[Matched]) -> Table:
         rows.append(Row([Cell(display_name(sweep)), Cell(f"{cells[0].strengths}"), *drops]))
     title = f"Drop of the {display_name(matched[0].extraction)} at equal damage to the scene"
     note = say(NOTES, "matched", _scenes(row.drop for row in matched), any(row.gentle for row in matched))
-    return Table(title, [Column("attack"), Column("strengths"), *PERMITTED], rows, note)
+    return Table(title, [Column("attack"), Column("strengths", main=False), *PERMITTED], rows, note)
 
 
 def summary_table(rows: Sequence[Summary]) -> Table:

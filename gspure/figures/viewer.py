@@ -1,0 +1,145 @@
+"""The data of the report's 3-D viewer: points, their colours, and what pruning removes; quantized, as JSON."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import write_json
+from gspure.constants import NOISE_LABEL
+from gspure.figures.clouds import (
+    Cloud,
+    cluster_cloud,
+    colour_cloud,
+    kept_cloud,
+    rank_cloud,
+    share_cloud,
+    truth_cloud,
+    weight_cloud,
+)
+from gspure.figures.gallery import Evidence
+from gspure.method.pruning import cluster_weights
+
+MAX_POINTS: Final = 40_000
+"""A larger cloud is thinned: this many points take 1.2 MB of a page, and every laptop turns them smoothly."""
+
+REACH: Final = 2.0
+"""Points are cut off at this multiple of the half extent of their bulk: floaters would shrink all else."""
+
+_BULK: Final = (0.02, 0.98)  # quantiles
+_CUTS: Final = 400  # positions of the slider
+
+
+def write_viewer(
+    path: Path, evidence: Evidence, axes: NDArray[np.floating], sh_dc: NDArray[np.float32] | None = None
+) -> None:
+    """Write the data of the viewer as JSON with base64 arrays, little-endian.
+
+    Parameters
+    ----------
+    path : Path
+    evidence : Evidence
+    axes : array [3,3]
+        The world's right, up and front, as rows (`gspure.figures.viewpoint.world_axes`).
+    sh_dc : float32 array [K,3], optional
+        Coefficients of degree 0 of the colour; none where rows have no colour.
+
+    """
+    count = len(evidence.means)
+    shown = np.sort(np.random.default_rng(0).permutation(count)[:MAX_POINTS])
+    removal = _removal(evidence)
+    data = {
+        "rows": evidence.rows,
+        "count": count,
+        "points": len(shown),
+        "reach": REACH,
+        "positions": _packed(_positions(evidence.means, axes)[shown], "<i2"),
+        "removal": _packed(np.rint(65535 * removal[shown]), "<u2"),
+        "weights": _packed(evidence.weights[shown], "<f4"),
+        "mean_weight": float(evidence.weights.mean(dtype=np.float64)),
+        "pruned": _packed(evidence.pruned[shown], "u1"),
+        **_clusters(evidence, shown),
+        "colours": {name: _coloured(cloud.subset(shown)) for name, cloud in _clouds(evidence, sh_dc)},
+        **_cuts(evidence, removal),
+    }
+    write_json(path, data)
+
+
+def _packed(values: NDArray[Any], dtype: str) -> str:
+    return base64.b64encode(values.astype(dtype).tobytes()).decode()
+
+
+def _positions(means: NDArray[np.float32], axes: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return centres [K,3] along the world's axes, where the bulk fills [-1, 1] of the longest; 32767 is `REACH`."""
+    local = means @ axes.T
+    low, high = np.quantile(local, _BULK, axis=0)
+    half = float((high - low).max()) / 2 or 1.0
+    return np.asarray(np.rint(32767 * np.clip((local - (low + high) / 2) / half / REACH, -1, 1)))
+
+
+def _removal(evidence: Evidence) -> NDArray[np.float64]:
+    """Return for every row [K] the share of rows removed once it is, if the lowest deciding weights go first."""
+    deciding = rank_cloud(evidence.means, evidence.labels, evidence.weights).scalars["deciding_weight"]
+    return np.searchsorted(np.sort(deciding), deciding, side="right") / len(deciding)
+
+
+def _clusters(evidence: Evidence, shown: NDArray[np.intp]) -> dict[str, Any]:
+    """Return the cluster of every point, 65535 for noise, and of these clusters size and mean weight."""
+    labels, index = np.unique(evidence.labels[shown], return_inverse=True)
+    noise = int(labels[0] == NOISE_LABEL)
+    clusters = labels[noise:]
+    return {
+        "clusters": _packed(np.where(index < noise, 65535, index - noise), "<u2"),
+        "sizes": np.bincount(evidence.labels + 1)[1:][clusters].tolist(),
+        "cluster_weights": cluster_weights(evidence.labels, evidence.weights)[clusters].tolist(),
+    }
+
+
+def _clouds(evidence: Evidence, sh_dc: NDArray[np.float32] | None) -> Iterator[tuple[str, Cloud]]:
+    means, labels, weights = evidence.means, evidence.labels, evidence.weights
+    if sh_dc is not None:
+        yield "colour", colour_cloud(means, sh_dc)
+    yield "cluster", cluster_cloud(means, labels)
+    yield "rank", rank_cloud(means, labels, weights)
+    yield "weight", weight_cloud(means, weights)
+    yield "pruned", kept_cloud(means, evidence.pruned)
+    if evidence.carries_message is not None:
+        yield "message", truth_cloud(means, evidence.carries_message)
+    elif evidence.hidden is not None:
+        yield "message", share_cloud(means, weights, evidence.hidden)
+
+
+def _coloured(cloud: Cloud) -> dict[str, Any]:
+    """Return colours as indices into a palette, or one by one if there are too many, and what they mean."""
+    palette, index = np.unique(cloud.colours, axis=0, return_inverse=True)
+    legend = [[label, colour] for row in cloud.legend for label, colour in row]
+    ramp = cloud.scale.colours[:: len(cloud.scale.colours) // 8].tolist() if cloud.scale else []
+    meaning: dict[str, Any] = {"legend": legend, "ramp": ramp, "words": cloud.scale.words if cloud.scale else ()}
+    if len(palette) > 256:
+        return {**meaning, "rgb": _packed(cloud.colours, "u1")}
+    return {**meaning, "palette": _packed(palette, "u1"), "index": _packed(index, "u1")}
+
+
+def _cuts(evidence: Evidence, removal: NDArray[np.float64]) -> dict[str, Any]:
+    """Return the positions of the slider, that of the decision among them, and the shares removed at each."""
+    decision = float(evidence.pruned.mean())
+    cuts = np.unique([*np.linspace(0, 1, _CUTS + 1), decision])
+    order = np.argsort(removal, kind="stable")
+    below = np.searchsorted(removal[order], cuts, side="right")
+    message = evidence.hidden if evidence.carries_message is None else evidence.carries_message
+    amounts = (("rows", np.ones(len(removal))), ("scene", evidence.weights), ("message", message))
+    shares = {
+        name: np.append(0, np.cumsum(values[order], dtype=np.float64)) / values.sum(dtype=np.float64)
+        for name, values in amounts
+        if values is not None and values.any()
+    }
+    return {
+        "cuts": np.rint(65535 * cuts).astype(int).tolist(),
+        "decision": int(np.searchsorted(cuts, decision)),
+        "removed": {name: share[below].round(4).tolist() for name, share in shares.items()},
+    }
