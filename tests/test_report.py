@@ -262,19 +262,23 @@ def test_nothing_measured_makes_a_page_too(tmp_path: Path) -> None:
     assert "no memory" in text
 
 
-@pytest.fixture
-def attacks(tmp_path: Path) -> Path:
-    """The figure of all attacks, with the renders that it shows beside it."""
-    figure = tmp_path / "planted" / "room" / "figures" / "attacks.png"
+def draw_attacks(folder: Path, *shown: str) -> Path:
+    """Write the figure of some attacks on a planted room, and beside it the renders of all."""
+    figure = folder / "planted" / "room" / "figures" / "attacks.png"
     write_image(figure, np.zeros((4, 4, 3)))
     inputs = {}
-    for variant in ("unattacked", "gspure", "random_pruning"):
+    for i, attack in enumerate(("unattacked", "gspure", "random_pruning")):
         for target in ("scene", "message"):
-            render = figure.parents[1] / variant / "renders" / target / "view_007.png"
-            write_image(render, np.full((6, 8, 3), 0.2))
-            inputs |= {f"{variant} {target}": render} if variant != "random_pruning" else {}
+            render = figure.parents[1] / attack / "renders" / target / "view_007.png"
+            write_image(render, np.full((90, 120, 3), 0.2 + 0.3 * i))
+            inputs |= {f"{attack} {target}": render} if attack in ("unattacked", *shown) else {}
     write_provenance(figure, inputs=inputs, settings={})
     return figure
+
+
+@pytest.fixture
+def attacks(tmp_path: Path) -> Path:
+    return draw_attacks(tmp_path, "gspure")
 
 
 def test_the_first_screen_answers_for_every_scheme_and_shows_it(tmp_path: Path, attacks: Path) -> None:
