@@ -1,4 +1,4 @@
-"""Every OpenCL device tried on a small frame, in a process of its own: a broken driver may end the process it is in.
+"""Test of every OpenCL device on a small frame in a separate process, since a broken driver may end its process.
 
 ``python -m gspure.trial`` prints the devices as JSON, ``python -m gspure.trial INDEX`` tries one of them.
 """
@@ -17,29 +17,29 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gspure.errors import InputError
 
-if TYPE_CHECKING:  # nothing else is imported before a child needs it, so that `gspure doctor` can tell what is missing
+if TYPE_CHECKING:  # imported in children only, so that `gspure doctor` reports missing packages
     from gspure.cameras import Camera
     from gspure.model import Gaussians
     from gspure.opencl.device import Device
 
 _SECONDS: Final = 120
-_TOLD: Final = re.compile(r"^(?:error: *(.*)|(?:\w+\.)*(\w*Error: .*))", re.MULTILINE)
+_REASON: Final = re.compile(r"^(?:error: *(.*)|(?:\w+\.)*(\w*Error: .*))", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What became of a trivial program and of a small frame on one device.
+    """The result of a trivial program and a small frame on one device.
 
     Parameters
     ----------
     index, kind, name, platform, driver
         As in `gspure.opencl.device.Device`.
-    meant : bool
-        Whether the environment variable GSPURE_DEVICE admits it.
-    fault : str or None
-        Why it will not do; None if it will.
+    selected : bool
+        Whether it matches the environment variable GSPURE_DEVICE.
+    problem : str or None
+        Why it does not work; None if it does.
     seconds : float
-        Time from nothing to the frame: the start of Python, the driver, the builds, the runs.
+        Time to the frame, with the start of Python, the driver and the builds.
 
     """
 
@@ -48,8 +48,8 @@ class Trial:
     name: str
     platform: str
     driver: str
-    meant: bool
-    fault: str | None
+    selected: bool
+    problem: str | None
     seconds: float
 
 
@@ -64,14 +64,14 @@ def try_devices() -> list[Trial]:
 def _try(device: dict[str, Any]) -> Trial:
     began = time.monotonic()
     child = _child(str(device["index"]))
-    return Trial(**device, fault=_fault(child), seconds=time.monotonic() - began)
+    return Trial(**device, problem=_problem(child), seconds=time.monotonic() - began)
 
 
-def _fault(child: subprocess.CompletedProcess[str]) -> str | None:
+def _problem(child: subprocess.CompletedProcess[str]) -> str | None:
     if child.returncode == 0:
         return None
-    told = _TOLD.search(child.stderr)
-    return told[1] or told[2] if told else f"the driver ended the process (status {child.returncode})"
+    reason = _REASON.search(child.stderr)
+    return reason[1] or reason[2] if reason else f"the driver ended the process (status {child.returncode})"
 
 
 def _child(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -83,31 +83,31 @@ def _child(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def _main(arguments: list[str]) -> str | None:
-    """Do what a child does; the message of a failure."""
+    """List the devices, or test one of them and return its problem."""
     from gspure.opencl.device import list_devices
 
     if not arguments:
         print(json.dumps(_listing()))  # noqa: T201
         return None
-    fault = frame_fault(list_devices()[int(arguments[0])])
-    return fault and f"error: {fault.removeprefix('error: ')}"
+    problem = frame_problem(list_devices()[int(arguments[0])])
+    return problem and f"error: {problem.removeprefix('error: ')}"
 
 
 def _listing() -> list[dict[str, Any]]:
     from gspure.opencl.device import list_devices, matching_devices
 
     try:
-        meant = matching_devices()
+        selected = matching_devices()
     except InputError:
-        meant = ()
+        selected = ()
     fields = ("index", "kind", "name", "platform", "driver")
-    return [{f: getattr(device, f) for f in fields} | {"meant": device in meant} for device in list_devices()]
+    return [{f: getattr(device, f) for f in fields} | {"selected": device in selected} for device in list_devices()]
 
 
-def frame_fault(device: Device) -> str | None:
-    """Return why a trivial program and then a small frame do not come out right on `device`; None if they do.
+def frame_problem(device: Device) -> str | None:
+    """Return why a trivial program or a small frame is wrong on `device`; None if both are correct.
 
-    The frame is right when what the Gaussians contribute is what they take from the background: sum_k omega_k =
+    A frame is correct if the contributions add up to the light that is missing from the background: sum_k omega_k =
     sum over pixels of (1 - T).
     """
     from gspure.opencl.device import fault
@@ -117,9 +117,10 @@ def frame_fault(device: Device) -> str | None:
         return trivial
     model, camera = _small_scene()
     renderer = Renderer(model, device, energy="ray")
-    given = float(renderer.contributions(camera)["sum"].sum(dtype=float))
-    taken = float((1 - renderer.transmittance(camera)).sum(dtype=float))
-    return None if taken > 1 and abs(given - taken) < 1e-4 * taken else "a small frame gives wrong results"
+    contributed = float(renderer.contributions(camera)["sum"].sum(dtype=float))
+    absorbed = float((1 - renderer.transmittance(camera)).sum(dtype=float))
+    is_correct = absorbed > 1 and abs(contributed - absorbed) < 1e-4 * absorbed
+    return None if is_correct else "a small frame gives wrong results"
 
 
 def _small_scene() -> tuple[Gaussians, Camera]:

@@ -264,7 +264,7 @@ def test_command_overwrites_neither_its_input_nor_another_output(tmp_path: Path,
     write_model(Path("in.ply"), model())
     before = Path("in.ply").read_bytes()
     assert main(["attack", "random_pruning", "--model", "in.ply", *outputs]) == 2
-    assert "expected a file of its own" in capsys.readouterr().err
+    assert "expected a separate file" in capsys.readouterr().err
     assert Path("in.ply").read_bytes() == before
     assert not Path("x.ply").exists()
 

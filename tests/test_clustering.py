@@ -321,7 +321,7 @@ def test_diagnosis_warns_of_a_decision_that_leaves_no_row() -> None:
 def test_diagnosis_warns_of_no_clusters_and_of_piles() -> None:
     found = diagnose(np.full(3, -1, np.int32), np.ones(3), coincident=2)
     assert [text.split(":")[0] for text in found.warnings] == [
-        "no cluster was found",
+        "there is no cluster",
         "2 Gaussians have the same features as more than min_samples others",
     ]
     assert found.lines()[-1] == f"warning: {found.warnings[-1]}"

@@ -1,8 +1,9 @@
-"""`gspure doctor`: what it finds, what it says helps, and its exit status."""
+"""`gspure doctor`: its findings, fixes and exit status."""
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from importlib import metadata
 
 import pytest
@@ -11,11 +12,11 @@ from gspure.cli import doctor
 from gspure.figures.probe import OpenGL
 from gspure.trial import Trial
 
-GOOD = Trial(index=0, kind="cpu", name="EPYC", platform="PoCL", driver="3.1", meant=True, fault=None, seconds=1.0)
-BROKEN = Trial(
-    index=1, kind="cpu", name="EPYC", platform="PoCL", driver="3.0", meant=True, fault="unknown target CPU", seconds=1.0
+WORKING = Trial(
+    index=0, kind="cpu", name="EPYC", platform="PoCL", driver="3.1", selected=True, problem=None, seconds=1.0
 )
-UNMEANT = Trial(index=0, kind="cpu", name="EPYC", platform="PoCL", driver="3.1", meant=False, fault=None, seconds=1.0)
+BROKEN = replace(WORKING, index=1, driver="3.0", problem="unknown target CPU")
+UNSELECTED = replace(WORKING, selected=False)
 
 
 @pytest.fixture
@@ -42,7 +43,7 @@ def examine(monkeypatch, capsys):
 
 
 def test_a_machine_with_everything_passes(examine) -> None:
-    status, text = examine(GOOD)
+    status, text = examine(WORKING)
     assert status == 0
     assert "EPYC  PoCL 3.1  1.0 s, in use" in text
     assert "ok  numpy" in text
@@ -51,7 +52,7 @@ def test_a_machine_with_everything_passes(examine) -> None:
 
 
 def test_a_broken_device_beside_a_working_one_does_no_harm(examine) -> None:
-    status, text = examine(BROKEN, GOOD)
+    status, text = examine(BROKEN, WORKING)
     assert status == 0
     assert "unknown target CPU" in text
     assert "fix:" not in text
@@ -68,13 +69,13 @@ def test_without_a_working_device_the_status_is_1(examine, trials) -> None:
 
 def test_a_device_named_in_the_environment_must_be_one_that_works(examine, monkeypatch) -> None:
     monkeypatch.setenv("GSPURE_DEVICE", "nvidia")
-    status, text = examine(UNMEANT)
+    status, text = examine(UNSELECTED)
     assert status == 1
     assert "fix: unset GSPURE_DEVICE" in text
 
 
 def test_missing_opengl_is_no_failure(examine) -> None:
-    status, text = examine(GOOD, opengl="off-screen rendering ends the process (status -11)")
+    status, text = examine(WORKING, opengl="off-screen rendering ends the process (status -11)")
     assert status == 0
     assert "3-D figures are drawn without it" in text
     assert text.count("fix:") == 1
@@ -82,7 +83,7 @@ def test_missing_opengl_is_no_failure(examine) -> None:
 
 @pytest.mark.parametrize("version", ["", "3.0.0", "1.25"])
 def test_a_package_that_is_missing_or_out_of_range_is_named_with_its_fix(examine, version) -> None:
-    status, text = examine(GOOD, versions={"numpy": version})
+    status, text = examine(WORKING, versions={"numpy": version})
     assert status == 1
     assert "pip install 'numpy<3,>=1.26'" in text
 

@@ -94,7 +94,7 @@ def test_figures_of_a_model_have_their_captions_beside_them(tmp_path: Path, inpu
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (["--view", "nowhere"], "cameras.json: view: expected one named nowhere"),
+        (["--view", "nowhere"], "cameras.json: view: expected a view named nowhere"),
         (["--prune-mask", "{}/short.npy"], "short.npy: array: expected bool [400], found bool [3]"),
         (["--truth", "{}/absent.npy"], "absent.npy: file: expected a .npy array, found no such file"),
     ],
@@ -122,4 +122,4 @@ def test_panels_take_the_views_that_all_columns_have(tmp_path: Path, capsys) -> 
 
     (tmp_path / "empty").mkdir()
     assert main(["figures", "panels", *columns, f"--column=x={tmp_path / 'empty'}", "--out", "x.png"]) == 2
-    assert "expected a view that all columns have" in capsys.readouterr().err
+    assert "expected a view of all columns" in capsys.readouterr().err

@@ -76,7 +76,7 @@ def test_columns_of_the_quantile_table_are_aligned(capsys, damaged):
 def test_quantiles_of_a_column_without_one_finite_value_are_absent(capsys, tmp_path):
     write_model(tmp_path / "m.ply", blobs(2).with_columns({"x": np.full(2, np.nan)}))
     assert json.loads(report(capsys, tmp_path / "m.ply", "--json"))["quantiles"]["x"] == []
-    assert "not one finite value" in report(capsys, tmp_path / "m.ply")
+    assert "no finite value" in report(capsys, tmp_path / "m.ply")
 
 
 def test_further_properties_are_shown_as_series(capsys, tmp_path):

@@ -15,7 +15,7 @@ from gspure.model.rotations import rotation_matrices
 from gspure.public_model import PublicModel
 from gspure.reference.opacity_field import opacity_field
 from gspure.surface.axes import principal_axes
-from gspure.surface.depths import UNSEEN, depth_distances
+from gspure.surface.depths import INVISIBLE, depth_distances
 from gspure.surface.distance import face_points, mesh_distances
 from gspure.surface.filter import filter_sizes, filtered
 from gspure.surface.marching import march
@@ -206,12 +206,12 @@ def test_what_no_view_shows_is_as_far_as_can_be(views):
     model = gaussians(means=[[0, 0, 0], [9, 9, 9]], scales=0.2, opacities=0.9)
     distances = depth_distances(PublicModel(model), views)
     assert distances[0] < 0.01  # the median depth is that of the centre
-    assert distances[1] == UNSEEN
+    assert distances[1] == INVISIBLE
 
 
 def test_a_row_without_rotation_is_nowhere(views):
     model = gaussians(means=[[0, 0, 0], [0, 0, 0]], scales=0.2, quats=[[0, 0, 0, 0], [1, 0, 0, 0]], opacities=0.9)
-    assert depth_distances(PublicModel(model), views).tolist()[0] == UNSEEN
+    assert depth_distances(PublicModel(model), views).tolist()[0] == INVISIBLE
     assert extract_mesh(model, views).faces.size
 
 
@@ -219,7 +219,7 @@ def test_an_anchor_is_as_near_as_the_nearest_of_its_gaussians():
     public, cameras = random_public(), [camera(), tilted_camera()]
     distances = depth_distances(public, cameras)
     assert distances.shape == (len(public.model),)
-    nearest = np.full(len(public.model), UNSEEN)
+    nearest = np.full(len(public.model), INVISIBLE)
     for view in cameras:
         gaussians_, rows = public.gaussians(view)
         alone = depth_distances(PublicModel(gaussians_), [view])

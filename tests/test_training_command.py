@@ -108,7 +108,7 @@ def test_a_killed_run_resumed_gives_the_same_file(project, trained, tmp_path, mo
     assert train(project, tmp_path, "--resume", "--seed", "1") == 2
     assert "seed: expected 1, found 0" in capsys.readouterr().err
     assert train(project, tmp_path, "--resume") == 0
-    assert "going on from iteration" in capsys.readouterr().err
+    assert "continuing from iteration" in capsys.readouterr().err
     assert ply(tmp_path) == ply(trained)
     assert not (tmp_path / "checkpoint.npz").exists()
 

@@ -1,4 +1,4 @@
-"""Every device is tried on a frame, and a driver that ends its process is only that device's fault."""
+"""Every device is tried on a frame, and a driver that ends its process affects only that device."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from gspure import trial
 from gspure.opencl.device import choose_device, list_devices, works
 from gspure.renderer import Renderer
 
-LISTING = '[{"index": 0, "kind": "cpu", "name": "a", "platform": "p", "driver": "1", "meant": true}]'
+LISTING = '[{"index": 0, "kind": "cpu", "name": "a", "platform": "p", "driver": "1", "selected": true}]'
 
 
 def test_every_device_is_tried_in_a_process_of_its_own() -> None:
     trials = trial.try_devices()
     assert [(each.index, each.name) for each in trials] == [(d.index, d.name) for d in list_devices()]
-    assert [each.fault is None for each in trials] == [works(d) for d in list_devices()]
+    assert [each.problem is None for each in trials] == [works(d) for d in list_devices()]
 
 
 @pytest.mark.parametrize(
-    ("status", "words", "fault"),
+    ("status", "words", "problem"),
     [
         (-6, 'note\nerror: Executable "ld" doesn\'t exist!\nerror: linking failed', 'Executable "ld" doesn\'t exist!'),
         (
@@ -32,17 +32,17 @@ def test_every_device_is_tried_in_a_process_of_its_own() -> None:
         (-11, "", "the driver ended the process (status -11)"),
     ],
 )
-def test_a_driver_that_ends_its_process_is_a_fault_of_that_device(monkeypatch, status, words, fault) -> None:
+def test_a_driver_that_ends_its_process_is_a_problem_of_that_device(monkeypatch, status, words, problem) -> None:
     def child(*arguments: str) -> subprocess.CompletedProcess[str]:
         return subprocess.CompletedProcess(arguments, status if arguments else 0, "" if arguments else LISTING, words)
 
     monkeypatch.setattr(trial, "_child", child)
     (tried,) = trial.try_devices()
-    assert (tried.index, tried.fault) == (0, fault)
+    assert (tried.index, tried.problem) == (0, problem)
 
 
-def test_a_frame_whose_light_does_not_add_up_is_a_fault(monkeypatch) -> None:
+def test_a_frame_whose_light_does_not_add_up_is_a_problem(monkeypatch) -> None:
     device = choose_device()
-    assert trial.frame_fault(device) is None
+    assert trial.frame_problem(device) is None
     monkeypatch.setattr(Renderer, "transmittance", lambda _, camera: np.full((camera.height, camera.width), 0.5))
-    assert trial.frame_fault(device) == "a small frame gives wrong results"
+    assert trial.frame_problem(device) == "a small frame gives wrong results"

@@ -1,4 +1,4 @@
-"""Cameras: where views stand and how they project; read from every common format, or generated."""
+"""Cameras: poses and intrinsics of views, read from all common formats or generated."""
 
 from gspure.cameras.camera import Camera, intrinsics, split
 from gspure.cameras.colmap import read_points

@@ -16,7 +16,7 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """One view: where it stands and how it projects.
+    """One view: its pose, intrinsics and image size.
 
     Axes are COLMAP's (x right, y down, z forward). The centre of the pixel in column i and row j lies at (i + 0.5,
     j + 0.5), so a principal point in the middle of the image is (width / 2, height / 2).
@@ -50,7 +50,7 @@ class Camera:
 
     @property
     def numbers(self) -> Float64:
-        """Everything that a rendering depends on, as one array [20]: size, fx, fy, cx, cy, and viewmat[:3] by rows."""
+        """All numbers that a rendering depends on [20]: size, fx, fy, cx, cy, and viewmat[:3] by rows."""
         intrinsics = [self.K[0, 0], self.K[1, 1], self.K[0, 2], self.K[1, 2]]
         return np.array([self.width, self.height, *intrinsics, *self.viewmat[:3].ravel()], np.float64)
 
@@ -60,7 +60,7 @@ class Camera:
         return replace(self, width=width, height=height, K=scale @ self.K)
 
     def moved(self, world: Float64) -> Camera:
-        """Return the view that shows a world that was moved by `world` [4,4], rigid, as this one shows it unmoved."""
+        """Return the view that moves with the world: a world moved by the rigid `world` [4,4] looks the same in it."""
         return replace(self, viewmat=self.viewmat @ np.linalg.inv(world))
 
 
@@ -70,7 +70,7 @@ def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:
 
 
 def looking_at(centre: Float64, target: Float64, up: Float64) -> Float64:
-    """Return the world-to-camera matrix [4,4] of a camera at `centre` with `target` in its middle and `up` upright."""
+    """Return the world-to-camera matrix [4,4] of a camera at `centre` that looks at `target`; `up` is upright."""
     forward = target - centre
     forward /= np.sqrt((forward * forward).sum())
     right = np.cross(forward, up)

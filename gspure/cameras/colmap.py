@@ -1,8 +1,7 @@
 """COLMAP sparse models: cameras, images and points3D, binary or text.
 
-A pinhole's axes are COLMAP's already, and so is its pixel convention: the centre of the first pixel lies at (0.5, 0.5).
-PINHOLE and SIMPLE_PINHOLE are read, and SIMPLE_RADIAL where its distortion is exactly zero; the renderer knows no
-distortion, so other cameras are refused.
+Axes and pixel convention are those of `gspure.cameras.camera.Camera`. PINHOLE and SIMPLE_PINHOLE are read, and
+SIMPLE_RADIAL with zero distortion; other cameras are refused, since the renderer does not support distortion.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ _FORMATS = {".bin": colmap_binary, ".txt": colmap_text}
 
 
 def find_sparse(folder: Path) -> Path | None:
-    """Return the folder that holds cameras.bin or cameras.txt: `folder` itself, its ``sparse/0`` or its ``sparse``."""
-    places = (folder, folder / "sparse" / "0", folder / "sparse")
-    return next((place for place in places if any((place / f"cameras{s}").is_file() for s in _FORMATS)), None)
+    """Return the folder with cameras.bin or cameras.txt: `folder`, its ``sparse/0`` or its ``sparse``; else None."""
+    candidates = (folder, folder / "sparse" / "0", folder / "sparse")
+    return next((path for path in candidates if any((path / f"cameras{s}").is_file() for s in _FORMATS)), None)
 
 
 def read_colmap(folder: Path) -> list[Camera]:
@@ -34,8 +33,8 @@ def read_colmap(folder: Path) -> list[Camera]:
     Parameters
     ----------
     folder : Path
-        The project's root, its ``sparse/0``, or the folder of the files. Photographs are looked for in the nearest
-        ``images`` folder at or above the files.
+        The project's root, its ``sparse/0``, or the folder of the files. Photographs are in the nearest ``images``
+        folder beside or above the files.
 
     Raises
     ------
@@ -75,8 +74,8 @@ def _file(folder: Path, stem: str) -> Path:
 
 
 def _photograph_folder(sparse: Path) -> Path | None:
-    places = (sparse.absolute(), *sparse.absolute().parents[:2])
-    return next((place / "images" for place in places if (place / "images").is_dir()), None)
+    parents = (sparse.absolute(), *sparse.absolute().parents[:2])
+    return next((parent / "images" for parent in parents if (parent / "images").is_dir()), None)
 
 
 def _projection(source: Path, lens: Lens) -> tuple[int, int, Float64]:

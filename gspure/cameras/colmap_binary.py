@@ -34,7 +34,7 @@ def lenses(path: Path) -> list[Lens]:
 
 
 def poses(path: Path) -> list[Pose]:
-    """Read images.bin; the 2-D points are passed over."""
+    """Read images.bin without the 2-D points."""
     records = _Records(path)
     out = []
     for _ in range(records.count(_POSE.size + 1 + _COUNT.size)):
@@ -47,7 +47,7 @@ def poses(path: Path) -> list[Pose]:
 
 
 def points(path: Path) -> Points:
-    """Read points3D.bin; errors and tracks are passed over."""
+    """Read points3D.bin without errors and tracks."""
     records = _Records(path)
     count = records.count(_POINT.size)
     xyz, rgb = np.empty((count, 3)), np.empty((count, 3), np.uint8)

@@ -1,4 +1,4 @@
-"""What a COLMAP sparse model holds, and which of its camera models are pinholes.
+"""The records of a COLMAP sparse model, and the parameters of pinhole cameras.
 
 Source: https://colmap.github.io/format.html and https://colmap.github.io/cameras.html.
 """
@@ -41,7 +41,7 @@ _PARAMETERS = {
 
 
 class Lens(NamedTuple):
-    """One line of cameras.txt: the intrinsics that several images may share."""
+    """One line of cameras.txt: intrinsics, shared by one or more images."""
 
     camera_id: int
     width: int

@@ -30,7 +30,7 @@ def lenses(path: Path) -> list[Lens]:
 
 
 def poses(path: Path) -> list[Pose]:
-    """Read images.txt; the second line of each image holds its 2-D points, may be empty, and is passed over."""
+    """Read images.txt; the second line of each image, its 2-D points, is skipped and may be empty."""
     out = []
     lines = _lines(path)
     for number, line in lines:
@@ -49,7 +49,7 @@ def poses(path: Path) -> list[Pose]:
 
 
 def points(path: Path) -> Points:
-    """Read points3D.txt; errors and tracks are passed over."""
+    """Read points3D.txt without errors and tracks."""
     rows = [(number, line.split()) for number, line in _lines(path) if line]
     for number, fields in rows:
         if len(fields) < 8:
@@ -60,7 +60,7 @@ def points(path: Path) -> Points:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield (line number, stripped line), comments left out."""
+    """Yield (line number, stripped line) without comments."""
     with reading(path, "UTF-8 text"):
         text = path.read_text(encoding="utf-8")
     lines = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))

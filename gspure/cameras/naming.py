@@ -1,4 +1,4 @@
-"""Names of views: derived from their photographs' file names, safe as file names, unique."""
+"""Names of views, which are unique and safe as file names."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def view_name(entry: Entry, key: str) -> str:
 
 
 def safe_name(text: str) -> str:
-    """Return the name of the view whose photograph a file calls `text`; empty if nothing in it can name a file.
+    """Return the name of the view whose photograph is `text` in a camera file; empty if it has no usable character.
 
-    Photograph suffixes and the folders up to ``images`` (or ``images_4``, ...) are dropped; other folders are joined to
-    the name by ``_``, since the cameras of a rig often name their photographs alike: ``images/left/0001.jpg`` becomes
-    ``left_0001``. Outputs are named after views, so every name is one visible component of a path, whatever the file
-    holds: separators, unprintable characters and leading dots are replaced or dropped, and a name longer than
-    `LONGEST_NAME` is cut and gets a digest of the whole. A name maps to itself.
+    Photograph suffixes and the folders up to ``images`` (or ``images_4``, ...) are dropped. Other folders are joined to
+    the name by ``_``, since the cameras of a rig often have photographs of the same names: ``images/left/0001.jpg``
+    becomes ``left_0001``. Outputs are named after views, so a name is one visible component of a path: separators,
+    unprintable characters and leading dots are replaced or dropped, and a name longer than `LONGEST_NAME` is cut and
+    gets a digest of the whole. A name maps to itself.
     """
     parts = PurePosixPath(unicodedata.normalize("NFC", text).replace("\\", "/")).parts
     within = max((i + 1 for i, part in enumerate(parts[:-1]) if _PHOTO_FOLDER.fullmatch(part)), default=0)

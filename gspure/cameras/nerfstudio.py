@@ -5,8 +5,8 @@ become COLMAP's by negating y and z. nerfstudio gives ``fl_x fl_y cx cy w h`` pe
 ``camera_angle_x`` (radians, over the image's width); without ``w`` and ``h``, the size is that of the image file, or
 if that is missing, of the first image file that exists.
 
-The world is the file's own. ``applied_transform`` tells how nerfstudio made it from COLMAP's world; it is not undone,
-as a model trained from this file lives in the file's world. For a model in COLMAP's world, read the COLMAP folder.
+World coordinates are those of the file, since a model trained from it uses them. nerfstudio's ``applied_transform``
+from COLMAP's world is not undone; for a model in COLMAP's world, read the COLMAP folder.
 
 Source: https://docs.nerf.studio/quickstart/data_conventions.html.
 """
@@ -55,7 +55,7 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
 
 def _image(entry: Entry, folder: Path) -> Path:
     image = folder / entry.text("file_path")
-    return image if image.suffix else image.with_suffix(".png")  # Blender scenes leave it out
+    return image if image.suffix else image.with_suffix(".png")  # Blender scenes omit it
 
 
 def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:
@@ -86,7 +86,7 @@ def _refuse_distortion(entry: Entry) -> None:
 
 
 def _focal(entry: Entry, axis: str, length: int) -> float:
-    """Return the focal length in pixels, given directly or by the angle that the image spans."""
+    """Return the focal length in pixels, from ``fl_*`` or the field of view."""
     if f"fl_{axis}" in entry or f"camera_angle_{axis}" not in entry:
         return entry.positive(f"fl_{axis}")
     angle = entry.positive(f"camera_angle_{axis}")

@@ -1,4 +1,4 @@
-"""Views beside the path: where somebody may look from, but neither training nor a contribution ever did."""
+"""Views beside the camera path, which neither training nor contributions use."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from gspure.cameras.camera import Camera, Float64, looking_at, split
 from gspure.errors import InputError
 
 PREFIX: Final = "off_path_"
-"""What the names of such views begin with."""
+"""Prefix of the names of such views."""
 
 STEP: Final = 0.25
-"""How far they stand from the path, in root-mean-square distances of its cameras from their mean. Ours: clearly off an
-orbit's ring, and still inside a room that was walked through."""
+"""Their distance from the path, in root-mean-square distances of its cameras from their mean. Ours: clearly off an
+orbit, and still inside a captured room."""
 
 _STEPS: Final = np.array([(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (1.0, 1.0)]) / np.sqrt(2)
-"""Down the image and towards what is looked at, for one view after the other."""
+"""Steps down and forward, one per view in turn."""
 
 
 def off_path_cameras(cameras: Sequence[Camera], count: int) -> list[Camera]:
-    """Return views that stand above or below training views, nearer or farther, and look at the same place.
+    """Return views above or below training views, nearer or farther, that look at the same point.
 
     Parameters
     ----------
     cameras : sequence of Camera
         All views of the path.
     count : int
-        Number of views; their training views are spread over the path evenly.
+        Number of views, spread evenly over the path.
 
     Raises
     ------
     InputError
-        If the views have names of views beside a path, or no training views stand in different places.
+        If views are already named `PREFIX`, or all training views have the same position.
 
     """
     train, _ = split(cameras)
@@ -64,9 +64,9 @@ def _target(cameras: Sequence[Camera]) -> Float64:
 
 
 def _aside(camera: Camera, name: str, step: Float64, target: Float64) -> Camera:
-    """Return a view moved by `step` (down, forward) that looks at what it looked at, at the distance of the target."""
+    """Return a view moved by `step` (down, forward) that looks at the point on its axis at the target's distance."""
     forward, down, centre = camera.viewmat[2, :3], camera.viewmat[1, :3], camera.centre
-    distance = max(float(forward @ (target - centre)), 2 * float(np.linalg.norm(step)))  # it may lie behind
-    looked_at = centre + distance * forward
+    distance = max(float(forward @ (target - centre)), 2 * float(np.linalg.norm(step)))  # the target may be behind
+    focus = centre + distance * forward
     moved = centre + step[0] * down + step[1] * forward
-    return replace(camera, name=name, viewmat=looking_at(moved, looked_at, -down), image=None)
+    return replace(camera, name=name, viewmat=looking_at(moved, focus, -down), image=None)

@@ -17,7 +17,7 @@ from gspure.errors import InputError
 Floats = NDArray[np.floating[Any]]
 
 _FRAMED = 0.95
-"""Share of the model's opacity that is to be in view; the rest may be floaters."""
+"""Share of the model's opacity in view; the rest may be floaters."""
 
 MOST_VIEWS: Final = 10_000
 """Largest number of generated views. Ours."""
@@ -36,14 +36,14 @@ def orbit_cameras(
     up: Sequence[float] = (0.0, -1.0, 0.0),
     elevations: Sequence[float] = (15.0, 45.0, -20.0),
 ) -> list[Camera]:
-    """Return views on rings around a model, at the distance from which it fills them.
+    """Return views on rings around a model, at the distance at which it fills them.
 
-    Consecutive views alternate between the rings, so that every eighth one (the test split) also comes from all sides.
+    Consecutive views alternate between the rings, so that the test split, every eighth view, covers all sides.
 
     Parameters
     ----------
     means, opacities : arrays [K,3] and [K]
-        The model; `bounding_sphere` says how it is framed.
+        The model, framed by its `bounding_sphere`.
     count : int
         Number of views.
     width, height : int
@@ -51,7 +51,7 @@ def orbit_cameras(
     fov_degrees : float
         Horizontal field of view.
     up : sequence of 3 floats
-        Which way is up in the world. The default, -y, suits models trained from COLMAP data, where y points down;
+        The up direction of the world. The default, -y, suits models trained from COLMAP data, where y points down;
         models from nerfstudio, Blender and most scanners have (0, 0, 1).
     elevations : sequence of float
         Degrees above the horizon, one per ring.
@@ -78,10 +78,10 @@ def shell_cameras(
     up: Sequence[float] = (0.0, -1.0, 0.0),
     radii: Sequence[float] = (0.6, 1.0, 1.6),
 ) -> list[Camera]:
-    """Return views from all directions, from below too, on spherical shells around a model.
+    """Return views from all directions, also from below, on spherical shells around a model.
 
     The directions are a Fibonacci spiral; consecutive views alternate between the shells. The parameters are those of
-    `orbit_cameras`, except for `radii`: those of the shells, as multiples of the distance from which the model fills a
+    `orbit_cameras`, except for `radii`, the radii of the shells as multiples of the distance at which the model fills a
     view.
     """
     _require_count("shell", count)
@@ -101,8 +101,8 @@ def bounding_sphere(means: Floats, opacities: Floats) -> tuple[Float64, float]:
     """Return centre [3] and radius of the sphere that holds most of a model's opacity.
 
     The centre is that of the box between the opacity-weighted 5 % and 95 % quantiles of each coordinate, the radius the
-    weighted 95 % quantile of the distances to it: a few far floaters move neither. Rows that are not finite are passed
-    over. A single point gets radius 1, as nothing tells its scale.
+    weighted 95 % quantile of the distances to it: a few far floaters change neither. Rows that are not finite are
+    ignored. A single point gets radius 1.
     """
     points, weights = np.asarray(means, np.float64), np.asarray(opacities, np.float64)
     finite = np.isfinite(points).all(axis=1) & np.isfinite(weights)
@@ -143,7 +143,7 @@ def _views(
     K = intrinsics(focal, focal, size[0] / 2, size[1] / 2)
     centre, radius = bounding_sphere(means, opacities)
     filling = radius / math.sin(math.atan(min(size) / 2 / focal))
-    nearest = 1.25 * radius + NEAR_PLANE  # small models: neither the sphere nor what sticks out may be clipped
+    nearest = 1.25 * radius + NEAR_PLANE  # keeps the sphere of a small model, and a margin, beyond the near plane
     frame = _frame(settings)
     digits = max(3, len(str(len(placements) - 1)))
     cameras = []
@@ -154,7 +154,7 @@ def _views(
 
 
 def _frame(settings: Entry) -> Float64:
-    """Return the world axes front, right-hand side and up [3,3]; the front is -z, or -y where z is up."""
+    """Return the world axes front, right-hand side and up [3,3]; the front is -z, or -y if z is up."""
     up = settings.array("up", (3,))
     if not np.linalg.norm(up) > 0:
         raise settings.refusal("up", expected="a direction", found="0 0 0")

@@ -1,4 +1,4 @@
-"""The photographs that views were taken from: how large they are, and whether all are there."""
+"""The photographs of views: their sizes, and missing ones."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def photograph_size(path: Path) -> tuple[int, int]:
 
 
 def is_present(image: Path) -> bool:
-    """Return whether a file that a camera file names exists; one whose name is too long for the disk does not."""
+    """Return whether an image exists; False if its name is too long for the file system."""
     try:
         return image.is_file()
     except OSError:
@@ -39,18 +39,18 @@ def photograph(camera: Camera) -> Path:
 
 
 def missing_photographs(cameras: Sequence[Camera]) -> list[str]:
-    """Return the files of photographs that do not exist, by view; the view itself where it names no photograph."""
+    """Return the photographs that do not exist, in the order of views; for a view without photograph, its name."""
     images = [(camera.name, camera.image) for camera in cameras]
     return [str(image or f"view {name}") for name, image in images if image is None or not is_present(image)]
 
 
 def require_present(cameras: Sequence[Camera], source: Path | str, hint: str | None = None) -> None:
-    """Make sure that every view has a photograph; `source` is where the views are from.
+    """Require a photograph of every view; `source` is the origin of the views.
 
     Raises
     ------
     InputError
-        Naming every photograph that is missing.
+        With all missing photographs.
 
     """
     if missing := missing_photographs(cameras):
@@ -59,12 +59,12 @@ def require_present(cameras: Sequence[Camera], source: Path | str, hint: str | N
 
 
 def require_images(cameras: Sequence[Camera], source: Path | str) -> None:
-    """Make sure that every view has a photograph, at least as large as the view; `source` is where the views are from.
+    """Require a photograph of every view, at least as large as the view; `source` is the origin of the views.
 
     Raises
     ------
     InputError
-        Naming every photograph that is missing; or the first that is unreadable or smaller than its view.
+        With all missing photographs, or the first one that is unreadable or smaller than its view.
 
     """
     require_present(cameras, source)

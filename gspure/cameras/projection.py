@@ -1,4 +1,4 @@
-"""Which points a view shows, and where."""
+"""Projection of points into a view."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gspure.constants import NEAR_PLANE
 def points_shown(
     camera: Camera, points: NDArray[Any], margin: float = 0.0
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the rows [S] of those `points` [P,3] that lie in the image and behind the near plane, and where they are.
+    """Return the rows [S] of the `points` [P,3] in the image and behind the near plane, and their positions.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def points_shown(
     points : array [P,3]
         In world coordinates; a point that is not finite is not shown.
     margin : float
-        By which share of its size the image is widened on every side.
+        Extension of the image on every side, as a share of its size.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Cameras from whatever a user has: the format is told from the path's content."""
+"""Reading of cameras in all formats, which are recognized by the content of the path."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ _IN_FOLDER = ("cameras.json", "transforms.json", "transforms_train.json")
 
 
 def read_cameras(path: str | Path) -> list[Camera]:
-    """Read the cameras of a file or folder, in the order in which it lists them.
+    """Read the cameras of a file or folder, in its order.
 
     Parameters
     ----------
     path : str or Path
         A cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, or a folder: with a
-        COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with one of those files, as 3DGS's output
-        folder. COLMAP comes first as it alone knows the principal point and the photographs.
+        COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with one of those files, such as 3DGS's output
+        folder. COLMAP has priority, since it has principal points and photographs.
 
     Raises
     ------
     InputError
-        There are no cameras, or they cannot be used; the message names file and field.
+        There are no cameras, or a field is invalid.
 
     """
     path = Path(path)
@@ -43,7 +43,7 @@ def read_cameras(path: str | Path) -> list[Camera]:
 
 
 def camera_file(folder: Path) -> Path:
-    """Return the file that cameras are read from in a folder without a COLMAP sparse model."""
+    """Return the camera file in a folder without a COLMAP sparse model."""
     for name in _IN_FOLDER:
         if (folder / name).is_file():
             return folder / name

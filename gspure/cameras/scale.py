@@ -1,4 +1,4 @@
-"""The image scale rule: at which size views are rendered and photographs compared."""
+"""The image scale rule: the size at which views are rendered and compared with photographs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
 
 TRAINING_RULE = "1600px"
-"""The size at which 3DGS trains unless told otherwise."""
+"""The default size of training in 3DGS."""
 
 _RULE = re.compile(r"native|photographs|1/(?P<factor>[1-9]\d{0,4})|(?P<width>[1-9]\d{0,4})px")
 
@@ -18,7 +18,7 @@ _RULE = re.compile(r"native|photographs|1/(?P<factor>[1-9]\d{0,4})|(?P<width>[1-
 def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
     """Return the cameras at another image size.
 
-    The intrinsics follow the exact ratio of the two sizes, so the field of view stays what it is.
+    The intrinsics are scaled by the exact ratio of the sizes, so the field of view is unchanged.
 
     Parameters
     ----------
@@ -26,14 +26,14 @@ def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
         Views at their file's size.
     rule : str
         ``native``: the file's size. ``1/N``: width and height divided by N and rounded, as 3DGS does for ``-r N`` (a
-        half goes to the even number). ``Wpx``: wider views become W pixels wide, their height is cut to a whole number;
-        ``1600px`` is what 3DGS does when no resolution is given. ``photographs``: the size of each view's photograph,
-        where that is a reduced copy of what the file describes. Views are never enlarged.
+        half to the even number). ``Wpx``: wider views become W pixels wide, with their height rounded down; ``1600px``
+        is 3DGS's default. ``photographs``: the size of each view's photograph, if it is smaller than the view. Views
+        are never enlarged.
 
     Raises
     ------
     InputError
-        The rule is none of these, or a photograph that it asks for is unknown, missing or no image.
+        The rule is none of these, or a photograph that it needs is missing or unreadable.
 
     """
     parsed = _RULE.fullmatch(rule)

@@ -1,4 +1,4 @@
-"""The rigid transform by which an attack moved a model, as ``gspure attack --world`` writes it."""
+"""The rigid transform of an attack that moves the model, as ``gspure attack --world`` writes it."""
 
 from __future__ import annotations
 

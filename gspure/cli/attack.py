@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--verdict",
         type=Path,
         metavar="JSON",
-        help="also write whether the attack reached the columns that each extraction reads",
+        help="also write whether the attack changed the carrier of each extraction",
     )
     parser.add_argument(
         "--world", type=Path, metavar="NPY", help="also write the rigid transform applied: float64 [4,4]"
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Attack; write the model and the mask of the removed rows."""
+    """Write the attacked model, and optionally removed rows, verdict and transform."""
     import numpy as np
 
     from gspure.artifacts import load_array, require_made_from, save_array, write_json, write_provenance
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> None:
         carriers = find_scheme(args.scheme).extractions if args.scheme else {}
         touched = {name: reached(model, attacked, columns) for name, columns in carriers.items()}
         write_json(args.verdict, {"reached": touched})
-    said = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
+    applied = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
     for path in outputs:
-        write_provenance(path, inputs={"model": args.model, **files}, settings=said)
+        write_provenance(path, inputs={"model": args.model, **files}, settings=applied)
     print(f"{attack.name}: kept {int((~attacked.prune_mask).sum())} of {len(model)} rows, {len(attacked.model)} in all")

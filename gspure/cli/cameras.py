@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> None:
 def _read(args: argparse.Namespace) -> list[Camera]:
     from gspure.cameras import read_cameras
 
-    if given := [name for name in ("model", *_SETTINGS) if getattr(args, name) is not None]:
-        raise InputError(args.source, "source", expected="orbit or shells", found=f"a camera file and --{given[0]}")
+    if unused := [name for name in ("model", *_SETTINGS) if getattr(args, name) is not None]:
+        raise InputError(args.source, "source", expected="orbit or shells", found=f"a camera file and --{unused[0]}")
     return read_cameras(Path(args.source))
 
 

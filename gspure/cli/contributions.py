@@ -1,4 +1,4 @@
-"""``gspure contributions``: what every Gaussian contributes to every view."""
+"""``gspure contributions``: the contribution of every Gaussian to every view."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Compute the absent views of this part, then write its index."""
+    """Compute the missing views of this part, then write its index."""
     from gspure.artifacts import write_provenance
     from gspure.method.contributions import contribute, write_index
     from gspure.model import read_model

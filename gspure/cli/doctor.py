@@ -24,7 +24,7 @@ EXAMPLES = """\
   GSPURE_DEVICE=1 gspure doctor  # check one device
 """
 
-_CHECKOUT: Final = Path(gspure.__file__).resolve().parents[1]  # where gspure was not installed as a wheel
+_CHECKOUT: Final = Path(gspure.__file__).resolve().parents[1]  # of an editable installation
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Finding:
     needed : bool
         Whether gspure cannot run without it.
     fix : str, optional
-        The command that repairs it.
+        The command that fixes it.
 
     """
 
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001
     checks = {
         "OpenCL: a small frame rendered on each device": opencl,
         "OpenGL: a picture drawn off screen": opengl,
-        "Packages: installed, wanted": packages,
+        "Packages: installed, required": packages,
     }
     with ThreadPoolExecutor() as pool:  # each check waits for a subprocess
         sections = dict(zip(checks, pool.map(lambda check: check(), checks.values()), strict=True))
@@ -71,20 +71,20 @@ def run(args: argparse.Namespace) -> int:  # noqa: ARG001
 
 
 def opencl() -> list[Finding]:
-    """Return one finding per OpenCL device, and one more if there is none to use."""
+    """Return one finding per OpenCL device, and another if none is usable."""
     from gspure.trial import try_devices
 
     trials = try_devices()
-    usable = [trial for trial in trials if trial.meant and trial.fault is None]
+    usable = [trial for trial in trials if trial.selected and trial.problem is None]
     findings = []
     for trial in trials:
         default = ", in use" if trial in usable[:1] else ""
-        result = trial.fault or f"{trial.seconds:.1f} s{default}"
-        cells = (str(trial.index), trial.kind, trial.name, f"{trial.platform} {trial.driver}", result)
-        findings.append(Finding(trial.fault is None, cells, needed=False))
-    if not usable and any(trial.fault is None for trial in trials):
-        meant = f"GSPURE_DEVICE={os.environ.get('GSPURE_DEVICE')} matches no working device"
-        findings.append(Finding(ok=False, cells=(meant,), fix="unset GSPURE_DEVICE"))
+        status = trial.problem or f"{trial.seconds:.1f} s{default}"
+        cells = (str(trial.index), trial.kind, trial.name, f"{trial.platform} {trial.driver}", status)
+        findings.append(Finding(trial.problem is None, cells, needed=False))
+    if not usable and any(trial.problem is None for trial in trials):
+        mismatch = f"GSPURE_DEVICE={os.environ.get('GSPURE_DEVICE')} matches no working device"
+        findings.append(Finding(ok=False, cells=(mismatch,), fix="unset GSPURE_DEVICE"))
     elif not usable:
         fix = _make("opencl") or "sudo apt-get install pocl-opencl-icd"
         findings.append(Finding(ok=False, cells=("no working device",), fix=fix))
@@ -114,14 +114,14 @@ def packages() -> list[Finding]:
 
 
 def _package(requirement: Requirement) -> Finding:
-    wanted = str(requirement.specifier)
+    required = str(requirement.specifier)
     try:
         version = metadata.version(requirement.name)
     except metadata.PackageNotFoundError:
         version = "missing"
     ok = version != "missing" and requirement.specifier.contains(version, prereleases=True)
-    fix = None if ok else _pip(requirement.name + wanted)
-    return Finding(ok, (requirement.name, version, wanted), fix=fix)
+    fix = None if ok else _pip(requirement.name + required)
+    return Finding(ok, (requirement.name, version, required), fix=fix)
 
 
 def _pip(*arguments: str) -> str:
@@ -129,9 +129,9 @@ def _pip(*arguments: str) -> str:
 
 
 def _make(target: str) -> str | None:
-    """Return the make command that repairs this installation, if it is the one that make set up."""
-    made_here = (_CHECKOUT / "Makefile").is_file() and Path(sys.prefix).resolve() == (_CHECKOUT / ".venv").resolve()
-    return f"make -C {shlex.quote(str(_CHECKOUT))} {target}" if made_here else None
+    """Return the make command that repairs this installation, if make created it."""
+    by_make = (_CHECKOUT / "Makefile").is_file() and Path(sys.prefix).resolve() == (_CHECKOUT / ".venv").resolve()
+    return f"make -C {shlex.quote(str(_CHECKOUT))} {target}" if by_make else None
 
 
 def report(sections: dict[str, list[Finding]]) -> Iterator[str]:
@@ -150,10 +150,10 @@ def _mark(finding: Finding) -> str:
 
 
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return one line per row, the columns of rows of equal length aligned."""
+    """Return one line per row; columns of rows of equal length are aligned."""
     lines = []
     for row in rows:
-        alike = [other for other in rows if len(other) == len(row)]
-        widths = [max(len(other[i]) for other in alike) for i in range(len(row))]
+        table = [cells for cells in rows if len(cells) == len(row)]
+        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
         lines.append("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
     return lines

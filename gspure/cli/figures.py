@@ -1,4 +1,4 @@
-"""``gspure figures``: pictures of a model and its purification, of renderings side by side, and of the outcomes."""
+"""``gspure figures``: point clouds of a model, renderings side by side, and charts of outcomes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.image_figures import add_attacks, add_panels
+from gspure.cli.image_figures import Drawn, add_attacks, add_panels
 from gspure.cli.method_options import add_factors
 from gspure.cli.scheme_figures import add_sweep, add_tradeoff
 from gspure.errors import InputError
@@ -71,11 +71,16 @@ def _add_outcomes(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Draw what was asked for."""
-    args.draw(args)
+    """Draw the figures; write the caption, inputs and settings of each beside it, and print its path."""
+    from gspure.artifacts import write_provenance
+
+    captions, inputs, settings = args.draw(args)
+    for path, caption in captions.items():
+        write_provenance(path, inputs=inputs, settings={**settings, "caption": caption})
+        print(f"{path}: {caption}")
 
 
-def _draw_model(args: argparse.Namespace) -> None:
+def _draw_model(args: argparse.Namespace) -> Drawn:
     import numpy as np
 
     from gspure.artifacts import load_array, require_made_from
@@ -113,7 +118,7 @@ def _draw_model(args: argparse.Namespace) -> None:
     captions = draw(args.out, evidence, cameras, view)
     names = ("model", "weights", "clusters", "prune_mask", "truth", "hidden", "cameras")
     inputs = {name: path for name in names if (path := getattr(args, name))}
-    _note(captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n, "view": args.view})
+    return captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n, "view": args.view}
 
 
 def _named(cameras: list[Camera], name: str, source: Path | None) -> Camera:
@@ -121,10 +126,10 @@ def _named(cameras: list[Camera], name: str, source: Path | None) -> Camera:
         if camera.name == name:
             return camera
     found = f"{len(cameras)} others" if cameras else "no cameras"
-    raise InputError(source or "--cameras", "view", expected=f"one named {name}", found=found)
+    raise InputError(source or "--cameras", "view", expected=f"a view named {name}", found=found)
 
 
-def _draw_outcomes(args: argparse.Namespace) -> None:
+def _draw_outcomes(args: argparse.Namespace) -> Drawn:
     from gspure.evaluation.results import read_results
     from gspure.figures.plots import write_outcomes
 
@@ -132,17 +137,8 @@ def _draw_outcomes(args: argparse.Namespace) -> None:
     if not outcomes:
         raise InputError(args.table, "scheme, scene", expected=args.asset, found="no such row")
     write_outcomes(args.out, outcomes)
-    against = "photographs" if all(o.against_truth for o in outcomes) else "what the unattacked model shows"
+    against = "photographs" if all(o.against_truth for o in outcomes) else "renders of the unattacked model"
     caption = f"PSNR of every variant against {against}, mean over the views"
     if any(not math.isnan(o.score) for o in outcomes):
         caption += ", and its Score: drop of the message minus drop of the scene, in dB"
-    _note({args.out: caption + "."}, {"table": args.table}, {"asset": args.asset})
-
-
-def _note(captions: dict[Path, str], inputs: dict[str, Path], settings: dict[str, str | float | None]) -> None:
-    """Write beside every figure what it shows and what it was made of, and say where it is."""
-    from gspure.artifacts import write_provenance
-
-    for path, caption in captions.items():
-        write_provenance(path, inputs=inputs, settings={**settings, "caption": caption})
-        print(f"{path}: {caption}")
+    return {args.out: caption + "."}, {"table": args.table}, {"asset": args.asset}

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> None:
     public, key = scheme.read_public(args.model), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
     require_made_from(args.model, args.weights)
-    extraction = list(scheme.extractions)[-1]  # the most complete one
+    extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau)
     inputs = {"model": args.model, "cameras": args.cameras, "weights": args.weights}

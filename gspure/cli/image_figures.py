@@ -1,11 +1,11 @@
-"""The kinds of ``gspure figures`` that lay images beside each other, with their PSNR against a reference."""
+"""The kinds of ``gspure figures`` with images side by side and their PSNR against a reference."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gspure.cli.options import add_sweeps
 from gspure.errors import InputError
@@ -15,9 +15,13 @@ if TYPE_CHECKING:
     from gspure.figures.lineup import Column
 
 
+Drawn = tuple[dict[Path, str], dict[str, Path], dict[str, Any]]
+"""Captions by figure, the inputs of all, and their settings."""
+
+
 def add_panels(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``gspure figures panels``."""
-    _add_columns(parser, "a column and its folder of VIEW.png; give the reference first; may be repeated")
+    _add_columns(parser, "a column and its folder of VIEW.png, the reference first; repeatable")
     parser.add_argument(
         "--rows", type=int, default=3, metavar="N", help="how many views to show (default: %(default)s)"
     )
@@ -34,8 +38,7 @@ def add_attacks(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
     _add_columns(
         parser,
-        "a variant and its folder of TARGET/VIEW.png; give the truth first, or else what all are compared with; may be "
-        "repeated",
+        "a variant and its folder of TARGET/VIEW.png, the reference first; repeatable",
     )
     add_sweeps(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
@@ -47,13 +50,13 @@ def _add_columns(parser: argparse.ArgumentParser, meaning: str) -> None:
 
 
 def _column(text: str) -> tuple[str, Path]:
-    title, found, folder = text.rpartition("=")
-    if not (title and found and folder):
+    title, _, folder = text.rpartition("=")
+    if not (title and folder):
         raise argparse.ArgumentTypeError(f"expected TITLE=DIR, found {text!r}")
     return title, Path(folder)
 
 
-def _draw_panels(args: argparse.Namespace) -> None:
+def _draw_panels(args: argparse.Namespace) -> Drawn:
     import numpy as np
 
     from gspure.evaluation.names import display_name
@@ -70,10 +73,11 @@ def _draw_panels(args: argparse.Namespace) -> None:
     if args.difference:
         first, last = display_name(titles[0]), display_name(titles[-1])
         caption += f" Last column: {GAIN} times the absolute difference between {last} and {first}."
-    _note(args.out, caption, {f"{title} {view}": folders[title] / f"{view}.png" for title in titles for view in chosen})
+    files = {f"{title} {view}": folders[title] / f"{view}.png" for title in titles for view in chosen}
+    return {args.out: caption}, files, {}
 
 
-def _draw_attacks(args: argparse.Namespace) -> None:
+def _draw_attacks(args: argparse.Namespace) -> Drawn:
     from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, ordered
     from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, typical, write_lineup
@@ -86,27 +90,27 @@ def _draw_attacks(args: argparse.Namespace) -> None:
         raise InputError(
             args.table, "variant", expected=f"{UNATTACKED} of {args.asset}, among the columns", found="none"
         )
-    judged = MESSAGE if MESSAGE in targets else SCENE
+    compared = MESSAGE if MESSAGE in targets else SCENE
     reference = next(iter(folders))
-    places = [_place(folders[name], judged) for name in (reference, UNATTACKED)]
-    views = _common_views(places)
-    view = typical(*({name: read_image(place / f"{name}.png") for name in views} for place in places))
+    of_target = [_target_folder(folders[name], compared) for name in (reference, UNATTACKED)]
+    views = _common_views(of_target)
+    view = typical(*({name: read_image(folder / f"{name}.png") for name in views} for folder in of_target))
 
     shown = chosen(outcomes, dict(args.sweep))
     columns: list[Column] = []
     files: dict[str, Path] = {}
     for title, outcome in [(reference, None), *((o.variant, o) for o in shown if o.variant != reference)]:
-        found = targets if outcome is None else ordered(outcome.targets)
-        own = {target: _place(folders[title], target) / f"{view}.png" for target in found}
-        columns.append(_variant(title, own, outcome))
-        files |= {f"{title} {target}": path for target, path in own.items()}
+        rendered = targets if outcome is None else ordered(outcome.targets)
+        images = {target: _target_folder(folders[title], target) / f"{view}.png" for target in rendered}
+        columns.append(_variant(title, images, outcome))
+        files |= {f"{title} {target}": path for target, path in images.items()}
     write_lineup(args.out, targets, columns)
-    caption = f"View {view} after every attack: of {len(views)}, the one whose {judged} has the median PSNR unattacked."
+    caption = f"View {view} of {len(views)} after every attack: the one with the median {compared} PSNR before attacks."
     if any(column.unreached for column in columns):
-        caption += " † The attack changed nothing that this extraction reads."
+        caption += " † The attack did not change the carrier of this extraction."
     if len(shown) < sum(not o.is_control for o in outcomes):
         caption += " Attacks with several strengths are shown at the highest Score, GSPure at its default."
-    _note(args.out, caption, {"table": args.table, **files})
+    return {args.out: caption}, {"table": args.table, **files}, {}
 
 
 def _variant(title: str, files: dict[str, Path], outcome: Outcome | None) -> Column:
@@ -121,26 +125,18 @@ def _variant(title: str, files: dict[str, Path], outcome: Outcome | None) -> Col
     return Column(title, images, unreached, outcome.failure)
 
 
-def _place(folder: Path, target: str) -> Path:
-    """Return where the images of a target are; of another extraction's truth, they are the message's."""
-    return next((place for place in (folder / target, folder / target.partition("_")[0]) if place.is_dir()), folder)
+def _target_folder(folder: Path, target: str) -> Path:
+    """Return the folder of a target's images; the truth of all extractions is that of the message."""
+    return next((path for path in (folder / target, folder / target.partition("_")[0]) if path.is_dir()), folder)
 
 
 def _common_views(folders: Iterable[Path]) -> list[str]:
-    """Return the names of the views on the path of the cameras that are in all folders, sorted."""
+    """Return the sorted names of the views in all folders, without those off the camera path."""
     from gspure.cameras.off_path import PREFIX
 
     folders = list(folders)
     names = set.intersection(*({path.stem for path in folder.glob("*.png")} for folder in folders))
     views = sorted(name for name in names if not name.startswith(PREFIX))
     if not views:
-        raise InputError(folders[0], "*.png", expected="a view that all columns have", found="none")
+        raise InputError(folders[0], "*.png", expected="a view of all columns", found="none")
     return views
-
-
-def _note(path: Path, caption: str, inputs: dict[str, Path]) -> None:
-    """Write beside a figure what it shows and what it was made of, and say where it is."""
-    from gspure.artifacts import write_provenance
-
-    write_provenance(path, inputs=inputs, settings={"caption": caption})
-    print(f"{path}: {caption}")

@@ -1,4 +1,4 @@
-"""``gspure info``: what a model file holds."""
+"""``gspure info``: statistics of a model file."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dic
 def _quantile_table(summary: Summary) -> Iterable[str]:
     yield _table_row("", ["min", "5 %", "25 %", "median", "75 %", "95 %", "max"])
     for name, values in summary.quantiles.items():
-        yield _table_row(name.replace("_", " "), [f"{value:.4g}" for value in values] or ["not one finite value"])
+        yield _table_row(name.replace("_", " "), [f"{value:.4g}" for value in values] or ["no finite value"])
 
 
 def _table_row(name: str, cells: Sequence[str]) -> str:
@@ -104,7 +104,7 @@ def _row_counts(summary: Summary) -> Iterable[str]:
 
 
 def _series(names: Iterable[str]) -> str:
-    """Return the names in one line, a run such as semantic_0 to semantic_15 as ``semantic_0..15``."""
+    """Return the names in one line, with ``semantic_0..15`` for semantic_0 to semantic_15."""
     runs = []
     for stem, run in groupby(names, key=lambda name: name.rstrip("0123456789")):
         first, *rest = run

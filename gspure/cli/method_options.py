@@ -15,10 +15,10 @@ def add_min_samples(parser: argparse.ArgumentParser) -> None:
 
 
 def add_factors(parser: argparse.ArgumentParser, *, by_scheme: bool = False) -> None:
-    """Add ``--tau-c`` and ``--tau-n``; with `by_scheme` they are None unless given, and depend on the model."""
-    for name, value, anchors, what in (
-        ("--tau-c", TAU_C, ANCHOR_TAU_C, "a cluster whose mean weight"),
-        ("--tau-n", TAU_N, ANCHOR_TAU_N, "a noise point whose weight"),
+    """Add ``--tau-c`` and ``--tau-n``; with `by_scheme`, the default depends on the model and is None here."""
+    for name, value, anchors, pruned in (
+        ("--tau-c", TAU_C, ANCHOR_TAU_C, "clusters whose mean weight"),
+        ("--tau-n", TAU_N, ANCHOR_TAU_N, "noise points whose weight"),
     ):
         default = f"{value}; anchors: {anchors}" if by_scheme else f"{value}"
         parser.add_argument(
@@ -26,5 +26,5 @@ def add_factors(parser: argparse.ArgumentParser, *, by_scheme: bool = False) -> 
             type=float,
             default=None if by_scheme else value,
             metavar="TAU",
-            help=f"prune {what} is below the mean weight / TAU (default: {default})",
+            help=f"prune {pruned} is below the mean weight / TAU (default: {default})",
         )

@@ -58,12 +58,12 @@ def run(args: argparse.Namespace) -> None:
         say(f"metrics: {unused} images of {args.images} have no counterpart in {args.other}")
     if args.out:
         write_metrics(args.out, rows)
-        images = {path.as_posix(): path for pair in pairs for path in (pair.reference, pair.other)}
+        images = {path.as_posix(): path for pair in pairs for path in (pair.reference, pair.image)}
         write_provenance(args.out, inputs=images, settings={"reference": args.reference, "baseline": args.baseline})
 
 
 def _assigned(text: str) -> tuple[str, str]:
-    target, _, other = text.partition("=")
-    if not (target and other):
+    target, _, counterpart = text.partition("=")
+    if not (target and counterpart):
         raise argparse.ArgumentTypeError(f"expected TARGET=OTHER, found {text!r}")
-    return target, other
+    return target, counterpart

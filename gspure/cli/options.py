@@ -47,14 +47,14 @@ def add_scheme(parser: argparse.ArgumentParser) -> None:
 
 
 def read_public(args: argparse.Namespace) -> PublicModel:
-    """Read the public model that ``model`` and ``--scheme`` name; rows that cannot be drawn are invisible in it."""
+    """Read the public model of ``model`` and ``--scheme``; rows that cannot be drawn become invisible."""
     from gspure.schemes.registry import read_public_model
 
     return read_public_model(args.model, args.scheme).drawable(args.model)
 
 
 def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> None:
-    """Add ``--background``: what it is `behind`, and the argument whose folder may have its cfg_args (`known`)."""
+    """Add ``--background``, the colour `behind` the model; `known` is the argument whose folder may have cfg_args."""
     parser.add_argument(
         "--background",
         type=float,
@@ -66,7 +66,7 @@ def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> 
 
 
 def read_background(args: argparse.Namespace, command: str, source: Path) -> tuple[float, ...]:
-    """Return the colour of ``--background``; by default that of the training run whose folder `source` is or is in."""
+    """Return the colour of ``--background``; by default that of the training run in the folder of `source`."""
     from gspure.model.inria import trained_background
 
     if args.background is None:
@@ -116,7 +116,7 @@ def add_off_path(parser: argparse.ArgumentParser) -> None:
 
 
 def read_views(args: argparse.Namespace) -> list[Camera]:
-    """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--world``."""
+    """Read the views of ``--cameras``, ``--split`` and ``--off-path``, moved by ``--world``."""
     from gspure.cameras import read_cameras, split
     from gspure.cameras.world import read_world
 
@@ -138,7 +138,7 @@ def require_distinct(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
     taken = {path.resolve() for path in inputs}
     for path in outputs:
         if path.resolve() in taken:
-            raise InputError(path, "output", expected="a file of its own", found="an input or another output")
+            raise InputError(path, "output", expected="a separate file", found="an input or another output")
         taken.add(path.resolve())
 
 
@@ -155,19 +155,19 @@ def add_sweeps(parser: argparse.ArgumentParser) -> None:
 
 
 def _sweep(text: str) -> tuple[str, list[str]]:
-    name, found, variants = text.partition("=")
-    if not (name and found and variants):
+    name, _, variants = text.partition("=")
+    if not (name and variants):
         raise argparse.ArgumentTypeError(f"expected NAME=VARIANT,..., found {text!r}")
     return name, variants.split(",")
 
 
 def parsed_settings(source: str, defaults: Mapping[str, Setting], texts: Sequence[str]) -> dict[str, Setting]:
-    """Return settings given as ``NAME=VALUE``, each in the type of its default; a name without default is a string.
+    """Return settings from ``NAME=VALUE``, each in the type of its default; unknown ones are strings.
 
     Raises
     ------
     InputError
-        Of `source`, if a value is no number where there should be one.
+        Of `source`, if a value is not a number although the default is.
 
     """
     settings = {}

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> None:
 
     cells = read_cells()
     checks = check_claims(cells)
-    for table in (_scores(checks, cells), _others(checks)):
+    for table in (_scores(checks, cells), _without_scores(checks)):
         print(f"{table.title}\n\n{table.markdown()}\n")
     print("Other inconsistencies\n")
     print("\n".join(f"- {sentence}" for sentence in find_oddities(cells)))
@@ -60,10 +60,9 @@ def _scores(checks: Sequence[Check], cells: Sequence[Cell]) -> Table:
     return _table("Scores in dB, recomputed from Table 1 with the 95% interval over its scenes", columns, rows)
 
 
-def _others(checks: Sequence[Check]) -> Table:
+def _without_scores(checks: Sequence[Check]) -> Table:
     from gspure.report.table import signed
 
-    others = [check for check in checks if check.claim.quantity != "score"]
     rows = [
         [
             f"{c.claim.place}: {c.claim.words}",
@@ -72,7 +71,8 @@ def _others(checks: Sequence[Check]) -> Table:
             signed(c.difference),
             _follows(c),
         ]
-        for c in others
+        for c in checks
+        if c.claim.quantity != "score"
     ]
     columns = ["place", "printed", "recomputed", "difference", "follows"]
     return _table("Other numbers in dB, recomputed from Table 1", columns, rows)

@@ -1,4 +1,4 @@
-"""``gspure prune``: which Gaussians the method removes, and what the clustering had to do with it."""
+"""``gspure prune``: the prune mask, and a diagnosis of the clustering."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write the mask, and say what the clustering did."""
+    """Write the mask; print the diagnosis and optionally write it."""
     import numpy as np
 
     from gspure.artifacts import load_array, save_array, write_json, write_provenance

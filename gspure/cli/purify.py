@@ -38,7 +38,7 @@ files in DIR:
 
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
 _SHOWN = 3
-"""How many views the before/after figure shows."""
+"""Number of views in the before/after figure."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -88,13 +88,13 @@ def run(args: argparse.Namespace) -> None:
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device, background = choose_device(args.device), trained_background(args.model)
     with filling(args.out) as folder:
-        found = purify(public, train or test, device=device, energy=args.energy, **settings)
-        purified = public.with_model(found.model)
-        _write(folder, purified, found, suspicious.to_json(suspects))
+        purification = purify(public, train or test, device=device, energy=args.energy, **settings)
+        purified = public.with_model(purification.model)
+        _write(folder, purified, purification, suspicious.to_json(suspects))
         rows = _compare(folder, (public, purified), test, device, background) if public.visible else []
-    print("\n".join([*found.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
+    print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
     gaussian_rays = args.energy == "ray" and Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
-    if gaussian_rays and (small := subpixel_rows(model, found.weights, train or test)):
+    if gaussian_rays and (small := subpixel_rows(model, purification.weights, train or test)):
         print(small.line(len(model), cameras[0].width))
     print(f"results in {args.out}")
     if public.visible:
@@ -102,17 +102,17 @@ def run(args: argparse.Namespace) -> None:
         _draw_views(args.out, test)
     else:
         say("the model holds no colour: no renders, no metrics")
-    _draw_model(args, model, found, cameras)
+    _draw_model(args, model, purification, cameras)
 
 
 def _choose_factors(args: argparse.Namespace, model: Gaussians) -> None:
-    """Fill in the pruning factors that were not given: the paper's, for the scheme that the model's columns tell."""
+    """Set missing pruning factors to the paper's for the scheme of the model's columns."""
     from gspure.constants import TAU_C, TAU_N
     from gspure.schemes.registry import recognized
 
     scheme = recognized(model)
-    suited = (scheme.tau_c, scheme.tau_n) if scheme else (TAU_C, TAU_N)
-    for name, value in zip(("tau_c", "tau_n"), suited, strict=True):
+    defaults = (scheme.tau_c, scheme.tau_n) if scheme else (TAU_C, TAU_N)
+    for name, value in zip(("tau_c", "tau_n"), defaults, strict=True):
         if getattr(args, name) is None:
             setattr(args, name, value)
 
@@ -128,14 +128,14 @@ def _cameras(source: str, model: Gaussians) -> list[Camera]:
     return scaled(read_cameras(Path(source)), TRAINING_RULE)
 
 
-def _write(folder: Path, purified: PublicModel, found: Purification, suspects: dict[str, list[int]]) -> None:
+def _write(folder: Path, purified: PublicModel, purification: Purification, suspects: dict[str, list[int]]) -> None:
     from gspure.artifacts import save_array, write_json
 
     purified.write(folder / "purified.ply")
-    save_array(folder / "weights.npy", found.weights)
-    save_array(folder / "labels.npy", found.labels)
-    save_array(folder / "prune_mask.npy", found.prune_mask)
-    write_json(folder / "diagnosis.json", {**found.diagnosis.to_json(), "suspicious": suspects})
+    save_array(folder / "weights.npy", purification.weights)
+    save_array(folder / "labels.npy", purification.labels)
+    save_array(folder / "prune_mask.npy", purification.prune_mask)
+    write_json(folder / "diagnosis.json", {**purification.diagnosis.to_json(), "suspicious": suspects})
 
 
 def _compare(
@@ -172,18 +172,20 @@ def _draw_views(folder: Path, views: Sequence[Camera]) -> None:
     with optional(path):
         shown = [camera.name for camera in views[:: -(-len(views) // _SHOWN)]]
         files = _renders(folder).items()
-        images = {title: {view: read_image(place / f"{view}.png") for view in shown} for title, place in files}
+        images = {title: {view: read_image(renders / f"{view}.png") for view in shown} for title, renders in files}
         write_panels(path, images, shown, difference=True)
 
 
-def _draw_model(args: argparse.Namespace, model: Gaussians, found: Purification, cameras: Sequence[Camera]) -> None:
+def _draw_model(
+    args: argparse.Namespace, model: Gaussians, purification: Purification, cameras: Sequence[Camera]
+) -> None:
     from gspure.figures.gallery import Evidence, drawings
     from gspure.figures.optional import optional
     from gspure.model.signature import Signature
 
     rows = Signature.of(model.table.dtype.names or ()).rows
-    shown = (model.means, found.labels, found.weights, found.prune_mask)
-    evidence = Evidence(*shown, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
+    arrays = (model.means, purification.labels, purification.weights, purification.prune_mask)
+    evidence = Evidence(*arrays, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
     for path, caption, draw in drawings(args.out / "figures", evidence, cameras):
         with optional(path):
             draw()

@@ -1,11 +1,12 @@
-"""The kinds of ``gspure figures`` that compare the variants of one scheme, over all of its scenes."""
+"""The kinds of ``gspure figures`` that compare the variants of one scheme over its scenes."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from gspure.cli.image_figures import Drawn
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -56,30 +57,30 @@ def _outcomes(args: argparse.Namespace) -> list[Outcome]:
     return outcomes
 
 
-def _draw_sweep(args: argparse.Namespace) -> None:
+def _draw_sweep(args: argparse.Namespace) -> Drawn:
     from gspure.evaluation.summary import summarize
     from gspure.figures.factors import Point, write_factor_curves
 
-    means = {row.variant: row for row in reversed(summarize(_outcomes(args)))}  # of extractions, the first
+    means = {row.variant: row for row in reversed(summarize(_outcomes(args)))}  # the first extraction
     points = []
     for variant, factors in args.point:
         if variant not in means:
             raise InputError(args.table, "variant", expected=variant, found="no such row")
         psnr = {name: value for name in ("scene", "message") if (value := getattr(means[variant], name))}
         points.append(Point(factors, psnr))
-    own = points[0].factors
-    write_factor_curves(args.out, points, own)
+    method = points[0].factors
+    write_factor_curves(args.out, points, method)
     scenes = max((interval.scenes for point in points for interval in point.psnr.values()), default=0)
     caption = (
-        f"PSNR of scene and message after GSPure with other pruning factors: one varies, the other stays at "
-        f"τ_n = {own[0]:g} or τ_c = {own[1]:g} (ring: both). Mean over {scenes} scenes"
+        f"PSNR of scene and message after GSPure with other pruning factors: one varies, the other one is "
+        f"τ_n = {method[0]:g} or τ_c = {method[1]:g} (ring: both). Mean over {scenes} scenes"
     )
     band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
-    settings = {"points": {name: list(factors) for name, factors in args.point}}
-    _note(args, caption + band + ".", settings)
+    settings = {"scheme": args.scheme, "points": {name: list(factors) for name, factors in args.point}}
+    return {args.out: caption + band + "."}, {"table": args.table}, settings
 
 
-def _draw_tradeoff(args: argparse.Namespace) -> None:
+def _draw_tradeoff(args: argparse.Namespace) -> Drawn:
     from gspure.evaluation.statistics import known_interval
     from gspure.evaluation.survival import floor
     from gspure.figures.tradeoff import places, write_tradeoff
@@ -90,19 +91,10 @@ def _draw_tradeoff(args: argparse.Namespace) -> None:
     mean_floor = known_interval(floor(outcomes))
     front = write_tradeoff(args.out, outcomes, mean_floor.mean if mean_floor else None)
     caption = (
-        "What every variant costs the scene and what it leaves of the message, mean over the scenes. No other variant "
-        f"is better in both than the {len(front)} on the Pareto front. Vertical lines: scene drops at which attacks "
-        "are compared."
+        "Damage to the scene and quality of the message after every variant, mean over the scenes. No variant is "
+        f"better in both than any of the {len(front)} on the Pareto front. Vertical lines: scene drops at which "
+        "attacks are compared."
     )
     if mean_floor:
-        caption += " Dashed line: the floor, the highest negative control that holds no message."
-    _note(args, caption, {})
-
-
-def _note(args: argparse.Namespace, caption: str, settings: dict[str, Any]) -> None:
-    """Write beside the figure what it shows and what it was made of, and say where it is."""
-    from gspure.artifacts import write_provenance
-
-    settings = {"scheme": args.scheme, **settings, "caption": caption}
-    write_provenance(args.out, inputs={"table": args.table}, settings=settings)
-    print(f"{args.out}: {caption}")
+        caption += " Dashed line: the floor, the highest control without the message."
+    return {args.out: caption}, {"table": args.table}, {"scheme": args.scheme}

@@ -28,7 +28,7 @@ EXAMPLES = """\
 
 METHODS = ("mesh", "depth")
 MOST_OPAQUE = 250_000
-"""Gaussians of which a mesh is made without being asked for: tetrahedra then take a few minutes and gigabytes. Ours."""
+"""Most opaque Gaussians for which a mesh is the default; tetrahedra then take a few minutes and gigabytes. Ours."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> None:
     public = read_public(args)
     method = args.method or _default_method(public)
     if method == "depth" and args.mesh:
-        raise InputError(args.model, "--mesh", expected="method mesh", found="method depth, which makes none")
+        raise InputError(args.model, "--mesh", expected="method mesh", found="method depth, which has none")
     views, device = read_views(args), read_device(args)
     distances = _from_mesh(args, public, views, device) if method == "mesh" else depth_distances(public, views, device)
     save_array(args.out, distances)
@@ -74,7 +74,7 @@ def _default_method(public: PublicModel) -> str:
 
 
 def _from_mesh(args: argparse.Namespace, public: PublicModel, views: Sequence[Camera], device: Device) -> Float32:
-    """Return the distances from the mesh; write the mesh if asked to."""
+    """Return the distances from the mesh, and write it if ``--mesh`` is set."""
     from gspure.errors import InputError
     from gspure.model.mesh import write_mesh_ply
     from gspure.surface.distance import mesh_distances
@@ -82,7 +82,7 @@ def _from_mesh(args: argparse.Namespace, public: PublicModel, views: Sequence[Ca
     from gspure.surface.meshing import extract_mesh
 
     if not public.rows_are_gaussians:
-        hint = "every view has other Gaussians; method depth takes them view by view"
+        hint = "the Gaussians of anchors depend on the view; use method depth"
         raise InputError(args.model, "rows", expected="Gaussians, for a mesh", found="anchors", hint=hint)
     model = public.model
     smoothed = filtered(model, views)

@@ -38,7 +38,7 @@ in DIR are those of 3DGS's trainer and render script:
 _LEAST = {"iterations": 1, "seed": 0, "max_gaussians": 4}
 _SECONDS_BETWEEN_CHECKPOINTS = 30.0
 _WATCHED = 3
-"""How many held-out views the PSNR in the progress report is the mean of."""
+"""Number of held-out views over which progress reports average the PSNR."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,14 +68,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-gaussians",
         type=int,
         metavar="N",
-        help="grow no more than that (default: one per point of DATA and one per pixel of a view)",
+        help="upper bound of growth (default: one per point of DATA and one per pixel of a view)",
     )
     parser.add_argument(
         "--skip-missing", action="store_true", help="leave out views whose photograph is missing, instead of refusing"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all that is random (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     parser.add_argument(
-        "--resume", action="store_true", help="go on from the checkpoint that a killed run left in DIR, if there is one"
+        "--resume", action="store_true", help="continue from the checkpoint of an interrupted run in DIR, if any"
     )
     add_device(parser)
 
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> None:
 def _train(
     args: argparse.Namespace, dataset: Dataset, images: Sequence[Float32], settings: dict[str, Any], device: Device
 ) -> Trainer:
-    """Train to the end, leaving checkpoints on the way."""
+    """Train to the end, and write checkpoints."""
     from gspure.evaluation.metrics import psnr
     from gspure.opencl.trainable import TrainableModel
     from gspure.progress import say
@@ -141,9 +141,9 @@ def _train(
 
     def quality() -> str:
         shown = (model.image(view, args.background).clip(0, 1) for view in views)
-        told = f"PSNR {sum(map(psnr, shown, photographs)) / len(views):.2f}  {model.count} Gaussians"
+        state = f"PSNR {sum(map(psnr, shown, photographs)) / len(views):.2f}  {model.count} Gaussians"
         reset = trainer.recovering_from
-        return f"{told}  (opacities were reset at {reset}: PSNR drops, then recovers)" if reset else told
+        return f"{state}  (opacities were reset at {reset}: PSNR drops, then recovers)" if reset else state
 
     began = saved = time.monotonic()
     for _ in watched(trainer, args.iterations, quality, start.iteration):
@@ -155,7 +155,7 @@ def _train(
 
 
 def _start(args: argparse.Namespace, dataset: Dataset, settings: dict[str, Any]) -> Snapshot:
-    """Return the checkpoint that a killed run left, or the beginning."""
+    """Return the checkpoint of an interrupted run, or the beginning."""
     from gspure.progress import say
     from gspure.training.checkpoints import read_checkpoint
     from gspure.training.initialization import gaussians_at, thinned
@@ -163,7 +163,7 @@ def _start(args: argparse.Namespace, dataset: Dataset, settings: dict[str, Any])
 
     if args.resume and _checkpoint(args).is_file():
         snapshot = read_checkpoint(_checkpoint(args), settings)
-        say(f"going on from iteration {snapshot.iteration}")
+        say(f"continuing from iteration {snapshot.iteration}")
         return snapshot
     return beginning(gaussians_at(*thinned(dataset.xyz, dataset.rgb, args.max_gaussians, args.seed)), args.seed)
 
@@ -198,7 +198,7 @@ def _compare(args: argparse.Namespace, dataset: Dataset, model: Path, device: De
     for camera, photograph in zip(track(dataset.test, "held out"), photographs, strict=True):
         pair = Pair(".", camera.name, truth / f"{camera.name}.png", renders / f"{camera.name}.png")
         write_image(pair.reference, photograph)
-        write_image(pair.other, renderer.image(camera, background=args.background))
+        write_image(pair.image, renderer.image(camera, background=args.background))
         rows.append(compare(pair))
     write_metrics(args.out / "metrics.csv", rows)
     print("\n".join(as_text(rows)))

@@ -1,4 +1,4 @@
-"""``gspure tree``: the spanning tree that all of HDBSCAN's clusterings come from."""
+"""``gspure tree``: HDBSCAN's minimum spanning tree."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=tuple(PARTS),
         default=list(PARTS),
         metavar="PART",
-        help="which of position, opacity and weight distances are measured in (default: all)",
+        help="the features of the clustering: position, opacity, weight (default: all)",
     )
     add_min_samples(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="edges: float64 [K-1,3], by distance")

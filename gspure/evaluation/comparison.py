@@ -21,14 +21,14 @@ Reference = Literal["truth", "render"]
 TRUTH: Final = "truth"
 RENDER: Final = "render"
 REFERENCES: Final[tuple[Reference, ...]] = (TRUTH, RENDER)
-"""What images are compared with: photographs of the true scene or message, or renders of the unattacked model."""
+"""References of comparisons: photographs of the true scene or message, or renders of the unattacked model."""
 
 
 class ViewMetrics(NamedTuple):
     """The metrics of one view of one target."""
 
     target: str
-    """What the image shows: its subfolder (``scene``, ``message``), or ``.``."""
+    """Subfolder of the image (``scene``, ``message``), or ``.``."""
 
     view: str
     reference: Reference
@@ -37,7 +37,7 @@ class ViewMetrics(NamedTuple):
 
     @property
     def psnr(self) -> float:
-        """The metric that the Score is made of, dB."""
+        """The metric of the Score, dB."""
         return self.values["psnr"]
 
 
@@ -47,38 +47,39 @@ class Pair(NamedTuple):
     target: str
     view: str
     reference: Path
-    other: Path
+    image: Path
 
 
-def pair_images(reference: Path, other: Path, against: Mapping[str, str] | None = None) -> tuple[list[Pair], int]:
+def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None = None) -> tuple[list[Pair], int]:
     """Pair the PNG files below two folders by their relative paths.
 
     Parameters
     ----------
-    reference, other : Path
+    reference, images : Path
+        Folders.
     against : mapping, optional
-        Targets (subfolders) of `other` that are compared with a differently named target of `reference`.
+        Targets (subfolders) of `images` that are compared with a differently named target of `reference`.
 
     Returns
     -------
     pairs : list of Pair
-        One per image of `other`, sorted by target and view.
+        One per image of `images`, sorted by target and view.
     unused : int
         Number of images of `reference` without a counterpart: a reference may cover more views.
 
     Raises
     ------
     InputError
-        If a folder holds no PNG file, or `other` has one that `reference` lacks.
+        If a folder holds no PNG file, or `images` has one that `reference` lacks.
 
     """
     available = _png_files(reference)
-    counterparts = {path: _target(path, against or {}) / path.name for path in _png_files(other)}
+    counterparts = {path: _target(path, against or {}) / path.name for path in _png_files(images)}
     for path, counterpart in sorted(counterparts.items()):
         if counterpart not in available:
-            expected = f"a counterpart of {other / path}"
+            expected = f"a counterpart of {images / path}"
             raise InputError(reference / counterpart, "file", expected=expected, found="nothing")
-    pairs = [Pair(p.parent.as_posix(), p.stem, reference / q, other / p) for p, q in counterparts.items()]
+    pairs = [Pair(p.parent.as_posix(), p.stem, reference / q, images / p) for p, q in counterparts.items()]
     return sorted(pairs), len(available - {*counterparts.values()})
 
 
@@ -99,10 +100,10 @@ def compare(pair: Pair, reference: Reference = RENDER, baseline: str | None = No
         If an image cannot be read, or their sizes differ.
 
     """
-    a, b = read_image(pair.reference), read_image(pair.other)
+    a, b = read_image(pair.reference), read_image(pair.image)
     if a.shape != b.shape:
         expected = f"{a.shape[1]}x{a.shape[0]}, as {pair.reference}"
-        raise InputError(pair.other, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
+        raise InputError(pair.image, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
     if baseline is not None:
         b = np.zeros_like(a) if baseline == BLACK else np.broadcast_to(a.mean(axis=(0, 1)), a.shape)
     values = {name: metric.compute(a, b) for name, metric in METRICS.items()}

@@ -1,6 +1,6 @@
-"""Negative controls: what an extractor shows of a model without the message, or without the right key.
+"""Negative controls: extractions without the message or without the right key.
 
-A message can only be lost if it stands out from these.
+Only a message that is clearer than these can be lost.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ BASELINES: Final = (BLACK, MEAN_COLOUR)
 """Content-free baselines: black images, and images of the message's own mean colour."""
 
 FLOOR: Final = (*MESSAGE_FREE, *BASELINES)
-"""What the floor of a scene is the highest of. The wrong key does not count: it is applied to a model that holds the
-message. Baselines do: an extraction may show black of a clean model, and any trace of the message exceeds that."""
+"""Controls whose highest is the floor of a scene. Without the wrong key, which is applied to a model with the message;
+with baselines, since an extraction of a clean model may be black, which any trace of the message exceeds."""
 
 CONTROLS: Final = (CLEAN, WRONG_KEY, OTHER_SCENE, *BASELINES)

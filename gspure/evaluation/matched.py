@@ -1,4 +1,4 @@
-"""What attacks remove from the message at equal damage to the scene, averaged over scenes."""
+"""The message's drop at equal damage to the scene, averaged over scenes."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def completed(sweeps: Sweeps, variants: Iterable[str]) -> dict[str, Sequence[str
 
 
 def drop_within(points: Sequence[Drops], damage: float) -> tuple[float, bool]:
-    """Return the message's drop at a permitted drop of the scene, in dB, and whether no strength reaches the latter.
+    """Return the message's drop at a permitted drop of the scene, dB, and whether no strength reaches that drop.
 
     `points` are the drops of one model, by strength. If all strengths are gentler, the largest drop of the message
     counts.

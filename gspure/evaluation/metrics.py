@@ -1,4 +1,4 @@
-"""Image metrics as the 3DGS family computes them from PNG files. To add one: a function, and a line in `METRICS`."""
+"""Image metrics, computed as by 3DGS. To add a metric: a function, and a line in `METRICS`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
     Parameters
     ----------
     a, b : array [H,W,C]
-        Images in 0 .. 1, as read from PNG (bytes / 255).
+        Images in 0 .. 1.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def gaussian_window() -> Float64:
 
 
 class Metric(NamedTuple):
-    """An image metric, and how its values are written."""
+    """An image metric, and the format of its values."""
 
     compute: Callable[[NDArray[Any], NDArray[Any]], float]
     """Of a reference and another image [H,W,3] in 0 .. 1."""
@@ -95,7 +95,7 @@ class Metric(NamedTuple):
     """Format in ``metrics.csv``."""
 
     def text(self, value: float) -> str:
-        """Return a value as tables show it: ∞ for identical images, – where it is unknown."""
+        """Return the text of a value in tables: ∞ for identical images, – if it is unknown."""
         return "–" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.{self.decimals}f}"
 
 

@@ -1,4 +1,4 @@
-"""Display names: how reports and figures write the names of schemes, scenes, variants and targets."""
+"""Display names of schemes, scenes, variants and targets in reports and figures."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian"}
 
 
 def display_name(name: str) -> str:
-    """Return the name of a scheme, a variant or a target as people write it."""
+    """Return the display name of a scheme, a variant or a target."""
     return _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
 
 
 def model_name(scheme: str, asset: str) -> str:
-    """Return the name of one model: its scheme, its scene, and which repetition it is (``room@1``)."""
+    """Return the display name of one model: scheme, scene and repetition (``room@1``)."""
     scene, _, repetition = asset.partition("@")
     return f"{display_name(scheme)}, {scene}" + (f", repetition {repetition}" if repetition else "")

@@ -1,4 +1,4 @@
-"""What an attack removed from the scene and from the message, and whether it pruned the right Gaussians."""
+"""The outcome of a variant: metrics of scene and message, and precision and recall of its pruning."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ SCENE, MESSAGE = "scene", "message"
 
 @dataclass(frozen=True)
 class Outcome:
-    """One variant of one model: its mean metrics by target, and how well it pruned.
+    """One variant of one model: its mean metrics by target, and the quality of its pruning.
 
-    Unknown numbers are NaN. Where images are compared with renders of the unattacked model, the PSNR of that model is
+    Unknown numbers are NaN. If images are compared with renders of the unattacked model, the PSNR of that model is
     infinite and drops from it are unknown.
     """
 
@@ -48,7 +48,7 @@ class Outcome:
     """The same means for the variant `UNATTACKED`."""
 
     reached: Mapping[str, bool] = field(default_factory=dict)
-    """For each extraction of the message, whether the attack changed anything that it reads; empty if unknown."""
+    """For each extraction of the message, whether the attack changed its carrier; empty if unknown."""
 
     failure: str = ""
     """Why there are no metrics; empty if there are."""
@@ -71,14 +71,14 @@ class Outcome:
         return f"{self.scene}@{self.seed}" if self.seed else self.scene
 
     def drops(self, target: str) -> dict[str, float]:
-        """Return how far each metric of the target lies below that of the unattacked model."""
+        """Return the drop of each metric of the target, relative to the unattacked model."""
         if target not in self.targets or target not in self.reference:
             return dict.fromkeys(METRICS, math.nan)
         before, after = self.reference[target].values, self.targets[target].values
         return {name: _difference(before[name], after[name]) for name in METRICS}
 
     def psnr_drop(self, target: str) -> float:
-        r"""Return :math:`\Delta PSNR`: how far the target's PSNR lies below that of the unattacked model, in dB."""
+        r"""Return :math:`\Delta PSNR`, the drop of the target's PSNR relative to the unattacked model, in dB."""
         return self.drops(target)["psnr"]
 
     @property
@@ -111,7 +111,7 @@ class Outcome:
 
     @property
     def score(self) -> float:
-        """The Score of the message as the scheme itself extracts it."""
+        """The Score of the extraction ``message``."""
         return self.score_of(MESSAGE)
 
 

@@ -17,7 +17,7 @@ _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
 
 class Result(NamedTuple):
-    """One target of one variant; of a variant that failed, the reason alone."""
+    """One target of one variant; for a variant that failed, only the reason."""
 
     scheme: str
     scene: str

@@ -15,7 +15,7 @@ from gspure.evaluation.statistics import Interval, known_interval
 
 
 class Summary(NamedTuple):
-    """One variant of one scheme over all scenes; None where no scene has the number.
+    """One variant of one scheme over all scenes; None if a number is unknown in every scene.
 
     The level of an interval is 0.95, or lower if so few scenes are known that the bounds are their smallest and largest
     values.
@@ -41,7 +41,7 @@ class Summary(NamedTuple):
 
     paper_scene: float = math.nan
     paper_message: float = math.nan
-    """PSNR that the paper prints for this scheme and variant, means over its own scenes, dB (Tables 1 to 3)."""
+    """The paper's mean PSNR of this scheme and variant, over its scenes, dB (Tables 1 to 3)."""
 
     paper_score: float = math.nan
 

@@ -1,4 +1,4 @@
-"""Whether the message survives each attack: how far it stands out from the negative controls of its scene."""
+"""Survival of the message after each attack: its margin above the negative controls of its scene."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from gspure.evaluation.statistics import (
 )
 
 MARGIN: Final = 1.0
-"""How far above the floor a message must lie to count as present, dB. Ours: about what an eye notices."""
+"""Least margin above the floor of a message that counts as present, dB. Ours: about the smallest visible difference."""
 
 
 class Survival(NamedTuple):
-    """One variant of one scheme over all scenes; None where no scene has the number."""
+    """One variant of one scheme over all scenes; None if a number is unknown in every scene."""
 
     scheme: str
     extraction: str
@@ -37,18 +37,18 @@ class Survival(NamedTuple):
     """Number of scenes in which the message of the unattacked model is present."""
 
     survived: int
-    """Number of these in which it still is."""
+    """Number of these in which it is present after the attack."""
 
     reached: bool | None
-    """Whether the attack changed anything that the extraction reads, in any scene."""
+    """Whether the attack changed the extraction's carrier in any scene."""
 
     message_drop: Interval | None
     scene_drop: Interval | None
     above_floor: Interval | None
-    """How far the message's PSNR lies above the floor of the same scene, dB."""
+    """The message's PSNR minus the floor of the same scene, dB."""
 
     above_wrong_key: Interval | None
-    """How far it lies above what a wrong key shows of the unattacked model, dB."""
+    """The message's PSNR minus that of a wrong key applied to the unattacked model, dB."""
 
     control: str
     """The kind of message-free model from which it is hardest to distinguish; empty if there is none."""
@@ -58,12 +58,12 @@ class Survival(NamedTuple):
 
     @property
     def survives(self) -> bool | None:
-        """Whether the message survives wherever it was present; None if only in some scenes, or if it never was."""
+        """Whether the message survives in all scenes where it was present; None if only in some, or if it never was."""
         return self.survived > 0 if self.survived in {0, self.present} and self.present else None
 
 
 def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
-    """Measure what is left of the message, for every scheme, extraction and variant that is not a control.
+    """Return the survival of the message for every scheme, extraction and variant that is not a control.
 
     Seeds are averaged within scenes. Kinds of controls are compared one by one, since those of one scene share its
     truth and are not independent of each other.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL, SH_DC
 from gspure.figures import style
-from gspure.method.pruning import cluster_weights
+from gspure.method.pruning import deciding_weights
 
 _STEPS = 256  # of a scale
 
@@ -115,10 +115,9 @@ def _cluster_legend(sizes: NDArray[np.intp], total: int) -> Legend:
 
 
 def rank_cloud(means: NDArray[np.float32], labels: NDArray[np.int32], weights: NDArray[np.float32]) -> Cloud:
-    """Colour each Gaussian by the rank of the weight that decides about it.
+    """Colour each Gaussian by the rank of the weight that decides about it (`gspure.method.pruning.deciding_weights`).
 
-    That is the mean weight of its cluster, or for noise its weight (paper, §Adaptive Pruning). The rank is the share of
-    Gaussians with a lower deciding weight, from 0 to 1; equal weights share their mean rank.
+    The rank is the share of Gaussians with a lower deciding weight, from 0 to 1; equal weights share their mean rank.
 
     Parameters
     ----------
@@ -128,20 +127,13 @@ def rank_cloud(means: NDArray[np.float32], labels: NDArray[np.int32], weights: N
         View-accumulated weights.
 
     """
-    deciding = _deciding_weights(labels, weights)
+    deciding = deciding_weights(labels, weights)
     _, tie, count = np.unique(deciding, return_inverse=True, return_counts=True)
     first = np.cumsum(count) - count
     rank = (first + (count - 1) / 2)[tie] / max(len(means) - 1, 1)
     scalars = {"rank": rank.astype(np.float32), "weight": weights, "deciding_weight": deciding.astype(np.float32)}
     scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), ("lowest", "rank of the mean weight", "highest"))
     return Cloud(means, _colour_map(rank), scalars, scale=scale)
-
-
-def _deciding_weights(labels: NDArray[np.int32], weights: NDArray[np.float32]) -> NDArray[np.float64]:
-    deciding = weights.astype(np.float64)
-    clustered = labels != NOISE_LABEL
-    deciding[clustered] = cluster_weights(labels, weights)[labels[clustered]]
-    return deciding
 
 
 def _colour_map(values: NDArray[np.float64]) -> NDArray[np.uint8]:

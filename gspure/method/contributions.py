@@ -1,8 +1,8 @@
-"""Per-view contributions on disk: each view is computed once for as long as nothing that it depends on changes.
+"""Per-view contributions on disk; a view is computed again only if its inputs change.
 
-A stage is one file per view, ``{view}.{key}.npy``. Its key is a digest of everything that its numbers depend on, so a
-stage is never stale: an edited camera, model or kernel asks for another key. Its checksum lies beside it; a stage that
-does not agree with it counts as absent. An index (one .tsv per job, written last) lists the stages of a result, with
+A stage is one file per view, ``{view}.{key}.npy``. Its key is a digest of everything that its numbers depend on, so an
+edited camera, model or kernel gives another file, and none is stale. Its checksum is beside it; a stage that does not
+match it counts as missing. An index (one .tsv per job, written last) lists the stages of a result, with
 the digest of its model (`PublicModel.geometry_digest` of the rows as stored) and the number of its views in all
 indices.
 """
@@ -57,9 +57,9 @@ def contribute(
     device: Device | None = None,
     energy: Energy = "ray",
 ) -> list[Stage]:
-    """Compute the contributions of `public` to every view, except those that `folder` holds intact.
+    """Compute the contributions of `public` to every view, except those stored intact in `folder`.
 
-    The model goes to the device, and the kernels are built, once and only if a view is to be computed.
+    The model is uploaded and the kernels are built once, and only if a view is computed.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def contribute(
     cameras : sequence of Camera
         Views with unique names.
     folder : Path
-        Where the stage files live.
+        Of the stage files.
     device : Device, optional
         Default: the first that works.
     energy : {"ray", "ewa"}
@@ -103,7 +103,7 @@ def contribute(
 
 
 def contribution_key(geometry: str, camera: Camera, energy: str, device: str) -> str:
-    """Return the key of one view's contributions: a digest of all that its numbers depend on.
+    """Return the key of one view's contributions, a digest of everything that they depend on.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def contribution_key(geometry: str, camera: Camera, energy: str, device: str) ->
 
 @cache
 def rendering_digest() -> str:
-    """Return a digest of all that turns a model and a camera into numbers: kernels, constants and their host code."""
+    """Return a digest of the kernels, constants and host code of rendering."""
     host = [Path(gspure.renderer.__file__), *sorted(Path(gspure.opencl.__path__[0]).glob("*.py"))]
     return digest(kernel_digest(), *(path.read_bytes() for path in host))
 
@@ -187,7 +187,7 @@ def write_index(path: Path, stages: Iterable[Stage], model: str, views: int) -> 
 
 
 def is_index(path: Path) -> bool:
-    """Return whether a file below a folder of results is an index, by where it lies."""
+    """Return whether a file below a folder of results is an index, by its path."""
     benchmark = ("results", "benchmarks") in pairwise(path.parts)  # Snakemake's, of the job that wrote the index
     return path.suffix == ".tsv" and path.parent.name == "contributions" and not benchmark
 
@@ -204,9 +204,9 @@ def read_index(*paths: Path) -> list[Stage]:
 
     """
     stages = sorted((_stage(path, row) for path in paths for row in _rows(path)), key=lambda stage: stage.view)
-    for one, other in pairwise(stages):
-        if one.view == other.view:
-            raise InputError(paths[-1], "view", expected="each view in one index only", found=f"{one.view!r} twice")
+    for view, following in pairwise(stage.view for stage in stages):
+        if view == following:
+            raise InputError(paths[-1], "view", expected="each view in one index only", found=f"{view!r} twice")
     return stages
 
 
@@ -252,7 +252,7 @@ def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
     Returns
     -------
     (stages, bytes) : tuple of int
-        How many were deleted and how much room that frees.
+        Number of deleted stages and freed bytes.
 
     """
     listed = {stage.path.resolve() for index in indices for stage in read_index(index)}

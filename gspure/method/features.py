@@ -1,4 +1,4 @@
-"""What the clustering sees of a Gaussian: its standardized position, opacity and weight."""
+"""The features of the clustering: standardized position, opacity and weight."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gspure.model.suspicious import extent_and_far
 COLUMNS = ("x", "y", "z", "opacity", "weight")
 
 PARTS: Final = {"position": COLUMNS[:3], "opacity": COLUMNS[3:4], "weight": COLUMNS[4:]}
-"""What features consist of; the clustering sees all of it, or for an ablation some."""
+"""The parts of the features; the clustering uses all of them, or some in an ablation."""
 
 
 LARGEST: Final = 1e6
@@ -73,7 +73,7 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
     Raises
     ------
     InputError
-        If any value is not finite: how many rows, and which is the first.
+        If any value is not finite, with the number of such rows and the first of them.
 
     """
     raw = np.column_stack([means, opacities, weights]).astype(np.float64)
@@ -86,9 +86,9 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
     return standardize(raw, ~extent_and_far(raw[:, :3])[1])
 
 
-def take(found: NDArray[np.float64], parts: Collection[str]) -> NDArray[np.float64]:
-    """Return the columns of `found` [K,5] that belong to these `PARTS`, in the order of `COLUMNS`.
+def take(joint: NDArray[np.float64], parts: Collection[str]) -> NDArray[np.float64]:
+    """Return the columns of the `joint` features [K,5] that belong to these `PARTS`, in the order of `COLUMNS`.
 
-    Every column is standardized by itself, so this is what standardizing these alone would give.
+    Columns are standardized one by one, so they do not depend on the others.
     """
-    return found[:, [any(column in PARTS[part] for part in parts) for column in COLUMNS]]
+    return joint[:, [any(column in PARTS[part] for part in parts) for column in COLUMNS]]

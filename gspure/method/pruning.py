@@ -1,4 +1,4 @@
-"""The decision which Gaussians go: clusters as a whole, noise points one by one."""
+"""Adaptive pruning: of clusters as a whole, and of noise points one by one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def mean_weight(weights: NDArray[Any]) -> float:
 
     .. math:: \bar\omega = \frac{1}{K} \sum_{i=1}^{K} \omega_i
 
-    Summed in ascending order, so that the order of rows has no effect; so are `cluster_weights`.
+    Summed in ascending order, so that the order of rows has no effect, as in `cluster_weights`.
 
     Parameters
     ----------
@@ -54,8 +54,16 @@ def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.f
     return total / np.bincount(labels[clustered])
 
 
+def deciding_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:
+    """Return for each Gaussian the mean weight of its cluster, or for noise its weight (paper, §Adaptive Pruning)."""
+    deciding = np.array(weights, np.float64)
+    clustered = labels != NOISE_LABEL
+    deciding[clustered] = cluster_weights(labels, weights)[labels[clustered]]
+    return deciding
+
+
 def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C, tau_n: float = TAU_N) -> Mask:
-    r"""Return which Gaussians adaptive pruning removes.
+    r"""Return the prune mask of adaptive pruning.
 
     .. math::
         \mathrm{Prune}(G_k) = \begin{cases}
@@ -80,16 +88,13 @@ def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C
         True where the Gaussian is pruned.
 
     """
-    weights = np.asarray(weights, np.float64)
-    decisive = weights.copy()
-    clustered = labels != NOISE_LABEL
-    decisive[clustered] = cluster_weights(labels, weights)[labels[clustered]]
-    mean = mean_weight(weights)
-    return decisive < np.where(clustered, mean / _factor("tau_c", tau_c), mean / _factor("tau_n", tau_n))
+    mean = mean_weight(np.asarray(weights, np.float64))
+    thresholds = mean / _factor("tau_c", tau_c), mean / _factor("tau_n", tau_n)
+    return deciding_weights(labels, weights) < np.where(labels != NOISE_LABEL, *thresholds)
 
 
 def plain_prune_mask(weights: NDArray[Any], tau: float = TAU_N) -> Mask:
-    r"""Return which Gaussians the rule without clustering removes: the control of every comparison.
+    r"""Return the prune mask without clustering, the baseline of comparisons.
 
     .. math:: \mathbb{I}(\omega_k < \bar\omega / \tau)
 

@@ -32,18 +32,18 @@ Weights = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Purification:
-    """What `purify` found and did.
+    """The results of `purify`.
 
     Parameters
     ----------
     model : Gaussians
-        The rows that remain, bit-identical, with one comment line more.
+        The remaining rows, bit-identical, with another comment line.
     weights : array [K], float32
-        View-accumulated weights ω_k of the given model.
+        View-accumulated weights ω_k of the input.
     labels : array [K], int32
         Clusters 0 .. M-1; -1 is noise.
     prune_mask : array [K], bool
-        True where removed.
+        True where a row is removed.
     diagnosis : Diagnosis
         The clustering in numbers, with its warnings.
 
@@ -75,15 +75,15 @@ def purify(
     Parameters
     ----------
     model : Gaussians or PublicModel
-        The public model; with a scheme of its own, as read by `gspure.schemes.registry.read_public_model`.
+        The input; for models of a scheme, that of `gspure.schemes.registry.read_public_model`.
     cameras : sequence of Camera
-        The N views whose contributions count; they are taken in the order of their names.
+        The N views, processed in the order of their names.
     device : Device, optional
         Default: the first that works.
     energy : {"ray", "ewa"}
-        How a Gaussian meets a pixel: the maximum along its ray (the paper's equation), or the 2-D splat.
+        Evaluation of a Gaussian at a pixel: the maximum along its ray (the paper's equation), or the 2-D splat.
     reduction : {"sum", "max", "mean_touched"}
-        How the pixels of a view become one number.
+        Reduction over the pixels of a view.
     min_samples, min_cluster_size, selection, max_cluster_share
         See `gspure.method.clustering`.
     tau_c, tau_n : float
@@ -92,8 +92,8 @@ def purify(
     Raises
     ------
     InputError
-        If the model or the views are unfit, a setting is out of range, or there is no device; before anything is
-        computed.
+        The model or the views are invalid, a setting is out of range, or there is no device. It is raised before
+        anything is computed.
 
     """
     from gspure.opencl.device import choose_device
@@ -108,9 +108,9 @@ def purify(
     public = model if isinstance(model, PublicModel) else PublicModel(model)
     public = public.drawable("model")
     rows = public.model
-    # Each stage refuses settings that are out of range: one unseen Gaussian goes through all of them ahead of the rest.
-    unseen = accumulate([np.zeros(0, CONTRIBUTION)], 1, reduction)
-    decide(np.zeros((1, 3)), unseen, unseen)
+    # A single Gaussian without contributions passes through all steps first, since each refuses invalid settings.
+    weightless = accumulate([np.zeros(0, CONTRIBUTION)], 1, reduction)
+    decide(np.zeros((1, 3)), weightless, weightless)
 
     device = device or choose_device()
     say(f"{len(rows)} Gaussians, {len(cameras)} views, on {device}")
@@ -119,9 +119,9 @@ def purify(
     weights = accumulate(stages, len(rows), reduction)
     say(f"clustering {len(rows)} Gaussians")
     labels, pruned, diagnosis = decide(rows.means, public.opacities(views), weights)
-    said = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
+    settings = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
     return Purification(
-        rows.subset(~pruned).with_comment(f"gspure {__version__} purified {said} selection={selection}"),
+        rows.subset(~pruned).with_comment(f"gspure {__version__} purified {settings} selection={selection}"),
         weights,
         labels,
         pruned,

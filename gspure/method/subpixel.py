@@ -1,4 +1,4 @@
-"""Gaussians that no view shows because they are smaller than its pixels."""
+"""Gaussians without weight because they are smaller than a pixel in every view."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from gspure.surface.axes import principal_axes
 
 @dataclass(frozen=True)
 class Subpixel:
-    """Rows without weight that lie in a view's image and cover less than a pixel of every view.
+    """Rows of weight 0 inside an image that cover less than a pixel in every view.
 
     Parameters
     ----------
     rows : int array [S]
     magnification : float
-        How many times as wide the views would have to be for half of the rows to cover a pixel.
+        Factor of the views' width at which half of the rows would cover a pixel.
 
     """
 
@@ -32,7 +32,7 @@ class Subpixel:
     magnification: float
 
     def line(self, count: int, width: int) -> str:
-        """Return one line about them, for a model of `count` Gaussians and views `width` pixels wide."""
+        """Return a line of text, for a model of `count` Gaussians and views `width` pixels wide."""
         return (
             f"{len(self.rows)} of {count} Gaussians have weight 0 and cover less than a pixel in every view; "
             f"half of them would cover one in views {int(np.ceil(self.magnification * width))} pixels wide"
@@ -40,25 +40,25 @@ class Subpixel:
 
 
 def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> Subpixel | None:
-    """Find rows of weight 0 whose footprint, alpha >= 1/255, is smaller than a pixel in every view; None if none is.
+    """Return the rows of weight 0 whose footprint, alpha >= 1/255, is smaller than a pixel in every view; else None.
 
-    The footprint of the energy "ray", which has no dilation, may then fall between pixel centres. Its area is that of
-    the linearized projection, exact for Gaussians as small as these.
+    The footprint of the energy "ray", which has no dilation, may fall between pixel centres. Its area is that of the
+    linearized projection, which is exact for small Gaussians.
 
     Parameters
     ----------
     model : Gaussians
     weights : array [K]
-        As measured with the energy "ray".
+        Measured with the energy "ray".
     cameras : sequence of Camera
-        The views that they were measured in.
+        The views of the weights.
 
     """
     rows = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN))
-    unseen = Gaussians(model.table[rows])
-    axes, means = principal_axes(unseen), unseen.means.astype(np.float64)
+    weightless = Gaussians(model.table[rows])
+    axes, means = principal_axes(weightless), weightless.means.astype(np.float64)
     faces = np.cross(axes[:, [1, 2, 0]], axes[:, [2, 0, 1]])  # s_b s_c q_a
-    reach = 2 * np.log(np.maximum(unseen.opacities, ALPHA_MIN) / ALPHA_MIN)  # t^2
+    reach = 2 * np.log(np.maximum(weightless.opacities, ALPHA_MIN) / ALPHA_MIN)  # t^2
     largest = np.zeros(len(rows))
     for camera in cameras:
         shown, positions = points_shown(camera, means)

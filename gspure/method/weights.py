@@ -1,4 +1,4 @@
-"""View-accumulated weights: what each Gaussian contributes to the public renderings, averaged over the views."""
+"""View-accumulated weights: the contributions of Gaussians to the public renderings, averaged over the views."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[n
 
     .. math:: \omega_{k,v} = \alpha_k E(G_k, o_v, r_v) \prod_{j<k} (1 - \alpha_j E(G_j, o_v, r_v))
 
-    (paper, §View-Aware Gaussian Weight Accumulation.) The equation is that of one ray and the paper does not say how
-    the pixels of a view are reduced, so the reduction is a setting. `sum` is what an atomic addition in a rasterizer
-    yields; `max` takes the largest pixel; `mean_touched` divides the sum by the number of touched pixels.
+    (paper, §View-Aware Gaussian Weight Accumulation.) The equation is that of one ray. The paper does not define the
+    reduction over the pixels of a view, so it is a setting. `sum` is the result of an atomic addition in a rasterizer;
+    `max` is the largest pixel; `mean_touched` is the sum divided by the number of touched pixels.
 
     Parameters
     ----------

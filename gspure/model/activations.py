@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEAST_OPACITY: Final = 1e-6
-"""Changed opacities are kept between this and one minus this, so that their logits are finite."""
+"""Changed opacities are clipped to this and one minus this, so that their logits are finite."""
 
 
 def sigmoid(logits: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Models in compressed formats, which are not read but recognized."""
+"""Models in compressed formats, which are recognized but not read."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ _SOG_INDICES = {"meta.json": "an unpacked SOG model", "lod-meta.json": "a stream
 
 
 def refuse_compressed(path: Path) -> None:
-    """Refuse a file or folder that, by its name, holds a model in another format than 3DGS PLY.
+    """Refuse a file or folder whose name is that of a model in a compressed format.
 
     Raises
     ------
     InputError
-        Saying what it is and how to convert it.
+        With the format and how to convert it.
 
     """
-    found = f"a {path.suffix} file" if path.suffix.lower() in _SUFFIXES else None
+    compressed = f"a {path.suffix} file" if path.suffix.lower() in _SUFFIXES else None
     for index, title in _SOG_INDICES.items():
         if path.name == index or (path / index).is_file():
-            found = title
-    if found:
-        raise InputError(path, "format", expected="a 3DGS .ply", found=found, hint=CONVERT)
+            compressed = title
+    if compressed:
+        raise InputError(path, "format", expected="a 3DGS .ply", found=compressed, hint=CONVERT)

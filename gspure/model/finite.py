@@ -1,4 +1,4 @@
-"""Rows that hold an infinity or a not-a-number: where they are, and how to go on without them."""
+"""Rows with numbers that are not finite: detection, and models without them."""
 
 from __future__ import annotations
 
@@ -19,60 +19,61 @@ _LARGEST_LOG_SCALE: Final = float(np.log(np.finfo(np.float32).max))
 _INVISIBLE: Final = -200.0
 """An opacity logit whose sigmoid is 0 in float32."""
 
-_NAMED: Final = 10  # rows in a warning
+_LISTED: Final = 10
 
 
 def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, NDArray[np.intp]]:
-    """Return the rows that hold an infinity or a not-a-number, for each of the named columns that has any."""
-    found: dict[str, list[NDArray[np.intp]]] = {name: [] for name in names}
+    """Return the rows with an infinity or a not-a-number, for each of the named columns that has any."""
+    parts_by_name: dict[str, list[NDArray[np.intp]]] = {name: [] for name in names}
     for rows, block in model.blocks():
-        for name, parts in found.items():
+        for name, parts in parts_by_name.items():
             finite = np.isfinite(block[name])
             if not finite.all():
                 parts.append(rows.start + np.flatnonzero(~finite))
-    return {name: np.concatenate(parts) for name, parts in found.items() if parts}
+    return {name: np.concatenate(parts) for name, parts in parts_by_name.items() if parts}
 
 
 def undrawable_rows(model: Gaussians) -> NDArray[np.intp]:
     """Return the rows that cannot be drawn, sorted: a number in them is not finite, or a scale overflows float32."""
-    found = _undrawable(model)
-    return np.unique(np.concatenate(list(found.values()))) if found else np.empty(0, np.intp)
+    rows = _undrawable(model).values()
+    return np.unique(np.concatenate([*rows])) if rows else np.empty(0, np.intp)
 
 
 def drawable(model: Gaussians, source: str | Path) -> Gaussians:
     """Return a model that can be drawn: rows with numbers that are not finite become invisible, with a warning.
 
-    So a planted row cannot stop an audit. Numbers of such a row that are not finite are replaced by the median of their
-    column, and its opacity by 0. A model without such rows is returned as it is.
+    So a planted row cannot stop an audit. In such a row, numbers that are not finite are replaced by the median of
+    their column, and the opacity by 0. A model without such rows is returned unchanged.
 
     Raises
     ------
     InputError
-        No row can be drawn; or rows are anchors, whose opacity a network decides.
+        No row can be drawn, or rows are anchors, whose opacity a network computes.
 
     """
-    found = _undrawable(model)
-    if not found:
+    undrawable = _undrawable(model)
+    if not undrawable:
         return model
     rows = undrawable_rows(model)
     if len(rows) == len(model) or Signature.of(model.table.dtype.names or ()).rows != "Gaussians":
-        name = next(iter(found))
-        _refuse(model, source, name, found[name])
-    _warn(source, rows, len(model))
-    values = {"opacity": model.columns("opacity")[:, 0]} | {name: model.columns(name)[:, 0] for name in found}
-    for name, at in found.items():
+        name = next(iter(undrawable))
+        _refuse(model, source, name, undrawable[name])
+    total = len(model)
+    say(f"warning: {source}: {len(rows)} of {total} rows are not finite and are not drawn: {listed(rows)}")
+    values = {"opacity": model.columns("opacity")[:, 0]} | {name: model.columns(name)[:, 0] for name in undrawable}
+    for name, at in undrawable.items():
         values[name][at] = np.median(np.delete(values[name], at))
     values["opacity"][rows] = _INVISIBLE
     return model.with_columns(values)
 
 
 def require_finite(model: Gaussians, source: str | Path) -> None:
-    """Check what a model is rendered and clustered from: geometry, opacity and colour, as stored.
+    """Check that geometry, opacity and colour are finite, as stored.
 
     Raises
     ------
     InputError
-        Naming the first property at fault, in how many rows it is, and the first of them (counted from 0).
+        With the first property that is not finite, its number of such rows, and the first of them (from 0).
 
     """
     for name, rows in non_finite_rows(model, _drawn_columns(model)).items():
@@ -86,14 +87,14 @@ def _drawn_columns(model: Gaussians) -> Sequence[str]:
 
 
 def _undrawable(model: Gaussians) -> dict[str, NDArray[np.intp]]:
-    """Return the rows that cannot be drawn, for each column that is to blame."""
-    found = non_finite_rows(model, _drawn_columns(model))
+    """Return the rows that cannot be drawn, for each column that prevents it."""
+    undrawable = non_finite_rows(model, _drawn_columns(model))
     for name in _SCALES:
         column = model.columns(name)[:, 0]
         rows = np.flatnonzero(~(np.abs(column) < np.inf) | (column > _LARGEST_LOG_SCALE))
         if len(rows):
-            found[name] = rows
-    return found
+            undrawable[name] = rows
+    return undrawable
 
 
 def _refuse(model: Gaussians, source: str | Path, name: str, rows: NDArray[np.intp]) -> None:
@@ -101,6 +102,6 @@ def _refuse(model: Gaussians, source: str | Path, name: str, rows: NDArray[np.in
     raise InputError(source, name, expected="finite numbers", found=found, hint="`gspure info` counts them all")
 
 
-def _warn(source: str | Path, rows: NDArray[np.intp], total: int) -> None:
-    named = ", ".join(map(str, rows[:_NAMED].tolist())) + ", ..." * (len(rows) > _NAMED)
-    say(f"warning: {source}: {len(rows)} of {total} rows hold numbers that are not finite and are not drawn: {named}")
+def listed(rows: NDArray[np.intp]) -> str:
+    """Return the first rows as text."""
+    return ", ".join(map(str, rows[:_LISTED].tolist())) + ", ..." * (len(rows) > _LISTED)

@@ -1,4 +1,4 @@
-"""A set of 3D Gaussians, kept as the table that its file holds."""
+"""A set of 3D Gaussians, stored as the table of its file."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Float32 = NDArray[np.float32]
 Table = NDArray[np.void]
 
 CORE = ("x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
-"""Columns that every model has."""
+"""Columns of every model."""
 
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
-"""Columns of the zeroth spherical harmonic; models that colour their Gaussians by a network have none."""
+"""Columns of the zeroth spherical harmonic, absent from models whose colours come from a network."""
 
 _BLOCK_ROWS = 4096
 
@@ -31,15 +31,15 @@ _BLOCK_ROWS = 4096
 class Gaussians:
     """K Gaussians as a structured array, one row per Gaussian, raw values as stored in a 3DGS PLY.
 
-    The table is the single source of truth: writing it gives the file back byte for byte, and a subset of its rows is
-    bit-identical to those rows. The properties below read it in the field's terms.
+    Writing the table reproduces the file byte for byte, and subsets of rows are bit-identical. The properties below are
+    derived from it.
 
     Parameters
     ----------
     table : structured array [K]
         Columns ``x y z``, ``opacity`` (logit), ``scale_0..2`` (log), ``rot_0..3`` (quaternion w x y z, any norm), and
         usually ``f_dc_0..2`` and ``f_rest_*`` (spherical harmonics, channel-major); float32, little-endian, in the
-        file's order. Further columns are carried along untouched.
+        file's order. Further columns are kept unchanged.
     comments : tuple of str
         The file's comment lines.
 
@@ -74,7 +74,7 @@ class Gaussians:
 
     @property
     def sh_degree(self) -> int:
-        """Degree of the stored spherical harmonics; -1 where the table holds no colour."""
+        """Degree of the stored spherical harmonics; -1 without colour."""
         names = self.table.dtype.names or ()
         if "f_dc_0" not in names:
             return -1
@@ -82,7 +82,7 @@ class Gaussians:
 
     @cached_property
     def sh_coeffs(self) -> Float32:
-        """Spherical-harmonic coefficients [K,S,3], S = (sh_degree + 1)^2; S = 0 where the table holds no colour."""
+        """Spherical-harmonic coefficients [K,S,3], S = (sh_degree + 1)^2; S = 0 without colour."""
         if self.sh_degree < 0:
             return np.zeros((len(self), 0, 3), np.float32)
         rest = self.columns_named("f_rest_")
@@ -103,18 +103,18 @@ class Gaussians:
         return out
 
     def blocks(self) -> Iterator[tuple[slice, Table]]:
-        """Yield the table in runs of rows that fit a CPU cache, with their place in it.
+        """Yield slices of rows that fit a CPU cache, with these rows.
 
-        Taking many columns run by run fetches each row from memory once, not once per column.
+        Reading many columns block by block fetches each row from memory once, not once per column.
         """
         for start in range(0, len(self), _BLOCK_ROWS):
             rows = slice(start, start + _BLOCK_ROWS)
             yield rows, self.table[rows]
 
     def release_pages(self) -> None:
-        """Let the system take back the memory of a mapped file; what is used again is read again.
+        """Let the system reclaim the memory of a mapped file; pages are read again when they are used.
 
-        A pass over a large model then needs no more room than the part at hand.
+        A pass over a large model then needs memory for one part of it only.
         """
         base: Any = self.table
         while base is not None and not isinstance(base, mmap):

@@ -1,4 +1,4 @@
-"""The folder that the INRIA trainer and its descendants leave behind.
+"""The output folder of the INRIA trainer and its descendants.
 
 ::
 
@@ -21,9 +21,9 @@ _POINT_CLOUD = "point_cloud.ply"
 
 
 def point_cloud(folder: Path) -> Path:
-    """Return the model file in an INRIA output folder: that of the newest iteration.
+    """Return the model file of the newest iteration in an INRIA output folder.
 
-    An earlier iteration is chosen by naming its own folder, ``<model>/point_cloud/iteration_7000``.
+    For an earlier iteration, pass its folder, ``<model>/point_cloud/iteration_7000``.
     """
     folder = Path(folder)
     saved = saved_iterations(folder)
@@ -42,7 +42,7 @@ def point_cloud(folder: Path) -> Path:
 
 
 def saved_iterations(folder: Path) -> dict[int, Path]:
-    """Return the model files that were saved, by iteration."""
+    """Return the saved model files by iteration."""
     saved = {}
     for file in Path(folder).glob(f"point_cloud/iteration_*/{_POINT_CLOUD}"):
         number = file.parent.name.removeprefix("iteration_")
@@ -60,10 +60,10 @@ def cameras_file(folder: Path) -> Path:
 
 
 def training_arguments(folder: Path) -> dict[str, Argument]:
-    """Return the trainer's arguments from cfg_args; empty where the folder has none.
+    """Return the trainer's arguments from cfg_args; empty without that file.
 
-    The file is a Python expression that the trainer evaluates; here it is only parsed. A value other than a string, a
-    number, a truth value or None, such as ``PosixPath('data')``, is given as its source text.
+    The file is a Python expression that the trainer evaluates; here it is only parsed. Values other than strings,
+    numbers, truth values and None, such as ``PosixPath('data')``, are returned as their source text.
     """
     file = Path(folder) / "cfg_args"
     if not file.is_file():
@@ -78,7 +78,7 @@ def training_arguments(folder: Path) -> dict[str, Argument]:
 
 
 def trained_background(source: Path) -> tuple[float, float, float]:
-    """Return the colour behind a model in training: white if cfg_args has ``white_background=True``, else black.
+    """Return the background of training: white if cfg_args has ``white_background=True``, else black.
 
     `source` is the folder of cfg_args, or a file in it.
     """

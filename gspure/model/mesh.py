@@ -22,7 +22,7 @@ class Mesh:
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Where the corners of each face lie: [F,3,3]."""
+        """Positions of the corners of each face, [F,3,3]."""
         return np.asarray(self.vertices[self.faces])
 
 

@@ -23,8 +23,8 @@ from gspure.model.vertices import Vertices
 def read_ply(path: Path) -> Gaussians:
     """Read a 3DGS PLY: binary of either byte order or ASCII, spherical harmonics of degree 0 to 3 or no colour at all.
 
-    A little-endian binary file is mapped: its table is read-only and takes memory only as it is touched. Values are not
-    judged, infinities and not-a-numbers included; `gspure.model.finite` does that.
+    A little-endian binary file is mapped: its table is read-only and takes memory only where it is used. Values are not
+    checked; see `gspure.model.finite`.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ def _check_properties(vertices: Vertices) -> None:
     required = _required(path, dtypes)
     for name in required:
         if name not in dtypes:
-            otherwise = "a mesh" if "face" in vertices.header else "a plain point cloud"
-            hint = f"{otherwise}, not a 3DGS model" if not dtypes.keys() & {*CORE[3:]} else None
+            content = "a mesh" if "face" in vertices.header else "a plain point cloud"
+            hint = f"{content}, not a 3DGS model" if not dtypes.keys() & {*CORE[3:]} else None
             raise InputError(path, name, expected="a float32 property", found="no such property", hint=hint)
     for name in required:
         if dtypes[name] != np.float32:
@@ -82,7 +82,7 @@ def _require_rows(path: Path, count: int) -> None:
 
 
 def _required(path: Path, names: Mapping[str, object]) -> tuple[str, ...]:
-    """Return the properties that these `names` must include: the core, and all of the colour if any of it is there."""
+    """Return the required properties, given all `names`: the core, and all colour columns if there are any."""
     count = len(columns_named(names, "f_rest_"))
     counts = [sh_columns(degree) for degree in range(MAX_SH_DEGREE + 1)]
     if count not in counts:

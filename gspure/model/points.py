@@ -1,4 +1,4 @@
-"""Coloured points as PLY files: what structure from motion leaves, and what 3DGS keeps as ``input.ply``."""
+"""Coloured points as PLY files, such as 3DGS's ``input.ply``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which kind of model a table holds, told by its columns."""
+"""Kinds of models, recognized by their columns."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Signature(Enum):
-    """Kinds of models, each with the columns that give it away; the first that fits is the one."""
+    """Kinds of models with their characteristic columns; the first kind whose columns are present applies."""
 
     SCAFFOLD_GS = ("Scaffold-GS or SecureGS (rows are anchors)", ("f_anchor_feat_0", "f_offset_0"))
     GS_HIDER = ("GS-Hider", ("semantic_0",))
@@ -21,7 +21,7 @@ class Signature(Enum):
 
     @property
     def rows(self) -> str:
-        """What the rows of such a model are called."""
+        """What its rows are."""
         return "anchors" if self is Signature.SCAFFOLD_GS else "Gaussians"
 
     @classmethod

@@ -1,4 +1,4 @@
-"""What a model holds, in numbers: the content of ``gspure info``."""
+"""Statistics of a model, the content of ``gspure info``."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ _NORMALS = ("nx", "ny", "nz")
 
 @dataclass(frozen=True)
 class Summary:
-    """A model in numbers.
+    """Statistics of a model.
 
     Parameters
     ----------
     gaussians : int
         Rows.
     sh_degree : int
-        Degree of the spherical harmonics; -1 where there is no colour.
+        Degree of the spherical harmonics; -1 without colour.
     signature : Signature
-        The kind of model, told by its columns.
+        The kind of model.
     columns, further_columns : tuple of str
         All columns in the file's order, and those that vanilla models do not have.
     quantiles : dict of str to tuple of float
         At `LEVELS`, over the finite values: x, y, z (world units), opacity (0 to 1), largest_scale and smallest_scale
-        (of each Gaussian's three standard deviations, world units). Empty where no value is finite.
+        (of each Gaussian's three standard deviations, world units). Empty if no value is finite.
     non_finite_rows : int
         Rows with an infinity or a not-a-number in any column.
     non_finite_columns : dict of str to (int, int)
-        For each column that has any: in how many rows, and the first of them.
+        For each column with such rows: their number, and the first of them.
     zero_quaternion_rows : int
         Rows whose rotation is (0, 0, 0, 0).
     repeated_position_rows : int
@@ -63,7 +63,7 @@ class Summary:
 
 
 def summarize(model: Gaussians) -> Summary:
-    """Return `model` in numbers."""
+    """Return statistics of `model`."""
     with np.errstate(invalid="ignore"):  # signalling not-a-numbers
         return _summarized(model, model.table.dtype.names or ())
 

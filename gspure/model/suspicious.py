@@ -1,4 +1,4 @@
-"""Rows that no honest training leaves: what an owner could plant to mislead an audit, or to stop it."""
+"""Rows that training does not produce, which an owner could plant to mislead or stop an audit."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.model.finite import undrawable_rows
+from gspure.model.finite import listed, undrawable_rows
 from gspure.model.gaussians import Gaussians
 
 Rows = NDArray[np.intp]
 
 NEEDLE_ASPECT: Final = 1e4
-"""Largest ratio of the longest to the second longest axis. Flat Gaussians are ordinary: surfaces consist of them."""
+"""Largest ratio of the longest to the second longest axis; the shortest may be shorter, as surfaces are flat."""
 
 FAR: Final = 1e3
 """Largest distance of a centre from the median centre, as a multiple of the extent."""
 
 PILE: Final = 10
-"""Fewest rows with one centre that are a pile."""
+"""Least number of rows with the same centre that are a pile."""
 
 BULK: Final = (0.05, 0.95)
 """The extent is the diagonal of the box between these quantiles of the centres."""
@@ -36,11 +36,9 @@ REASONS: Final = {
 }
 """Why rows are suspicious."""
 
-_NAMED = 10  # rows in a line of text
-
 
 def suspicious_rows(model: Gaussians) -> dict[str, Rows]:
-    """Return the suspicious rows, sorted, by those of `REASONS` that apply; a row may have several."""
+    """Return the suspicious rows, sorted, for each of `REASONS` that applies; a row may have several."""
     undrawable = undrawable_rows(model)
     drawn = np.ones(len(model), bool)
     drawn[undrawable] = False
@@ -48,7 +46,7 @@ def suspicious_rows(model: Gaussians) -> dict[str, Rows]:
     means, scales = model.means[rows].astype(np.float64), np.sort(model.scales[rows].astype(np.float64), axis=1)
     extent, far = extent_and_far(means)
     pile, repeated = coincident_rows(model.means[rows])
-    found = {
+    by_reason = {
         "non_finite": undrawable,
         "needle": rows[scales[:, 2] > NEEDLE_ASPECT * scales[:, 1]],
         "oversized": rows[(scales[:, 2] > extent) & (extent > 0)],
@@ -56,24 +54,24 @@ def suspicious_rows(model: Gaussians) -> dict[str, Rows]:
         "duplicate": _copies(model, rows[np.sort(repeated)]),
         "pile": rows[np.sort(pile)],
     }
-    return {reason: at for reason, at in found.items() if len(at)}
+    return {reason: at for reason, at in by_reason.items() if len(at)}
 
 
-def lines(found: Mapping[str, Rows], total: int) -> list[str]:
-    """Return the suspicious rows of `total` as lines of text; none if there are none."""
-    if not found:
+def lines(suspicious: Mapping[str, Rows], total: int) -> list[str]:
+    """Return the suspicious rows of `total` as lines of text; empty if there are none."""
+    if not suspicious:
         return []
-    count = len(np.unique(np.concatenate(list(found.values()))))
-    return [f"suspicious rows   {count:,} of {total:,}", *(_line(reason, rows) for reason, rows in found.items())]
+    count = len(np.unique(np.concatenate([*suspicious.values()])))
+    return [f"suspicious rows   {count:,} of {total:,}", *(_line(reason, rows) for reason, rows in suspicious.items())]
 
 
-def to_json(found: Mapping[str, Rows]) -> dict[str, list[int]]:
-    """Return all suspicious rows as plain numbers, by reason."""
-    return {reason: rows.tolist() for reason, rows in found.items()}
+def to_json(suspicious: Mapping[str, Rows]) -> dict[str, list[int]]:
+    """Return all suspicious rows by reason, as plain numbers."""
+    return {reason: rows.tolist() for reason, rows in suspicious.items()}
 
 
 def coincident_rows(means: NDArray[np.float32]) -> tuple[Rows, Rows]:
-    """Return, for finite centres [K,3], the rows in piles, and all rows that share their centre with another one."""
+    """Return, for finite centres [K,3], the rows in piles, and all rows with the centre of another row."""
     order = np.lexsort(means.T)
     ordered = means[order]
     starts = np.flatnonzero(np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1)))[: len(means)]
@@ -83,7 +81,7 @@ def coincident_rows(means: NDArray[np.float32]) -> tuple[Rows, Rows]:
 
 
 def extent_and_far(means: NDArray[np.float64]) -> tuple[float, NDArray[np.bool_]]:
-    """Return the extent of the scene, and which of the finite centres [K,3] are far."""
+    """Return the extent of the scene, and the mask of the far ones among finite centres [K,3]."""
     if not len(means):
         return 0.0, np.zeros(0, np.bool_)
     low, high = np.quantile(means, BULK, axis=0)
@@ -92,17 +90,17 @@ def extent_and_far(means: NDArray[np.float64]) -> tuple[float, NDArray[np.bool_]
 
 
 def _copies(model: Gaussians, rows: Rows) -> Rows:
-    """Return those of `rows`, in ascending order, that are bit for bit an earlier one."""
-    seen: set[bytes] = set()
+    """Return those of `rows`, in ascending order, that are bit-identical to an earlier one."""
+    digests: set[bytes] = set()
     copies = []
     for row in rows.tolist():
-        content = hashlib.blake2b(model.table[row].tobytes(), digest_size=16).digest()
-        if content in seen:
+        digest = hashlib.blake2b(model.table[row].tobytes(), digest_size=16).digest()
+        if digest in digests:
             copies.append(row)
-        seen.add(content)
+        digests.add(digest)
     return np.array(copies, np.intp)
 
 
 def _line(reason: str, rows: Rows) -> str:
-    named = ", ".join(map(str, rows[:_NAMED].tolist())) + ", ..." * (len(rows) > _NAMED)
-    return f"  {reason.replace('_', '-'):<12}{len(rows):>9,}   {REASONS[reason]}: row{'s' * (len(rows) > 1)} {named}"
+    title, plural = reason.replace("_", "-"), "s" * (len(rows) > 1)
+    return f"  {title:<12}{len(rows):>9,}   {REASONS[reason]}: row{plural} {listed(rows)}"

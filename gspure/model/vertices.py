@@ -1,4 +1,4 @@
-"""The element ``vertex`` of a PLY, which holds Gaussians or points: one row each, checked before it is read."""
+"""The element ``vertex`` of a PLY, with one row per Gaussian or point; its header is checked before it is read."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from gspure.errors import InputError, reading
 from gspure.model.compressed import CONVERT
 
 _HEADER_LIMIT: Final = 1 << 20
-"""Bytes of the longest header: a file that is no PLY is not searched any further for the header's end."""
+"""Largest header in bytes; the search for its end stops there."""
 
 
 @dataclass(frozen=True)
 class Vertices:
-    """The header of a PLY whose first element is ``vertex``; nothing is allocated for the rows that it claims.
+    """The header of a PLY whose first element is ``vertex``; rows are not allocated before they are read.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Vertices:
         verify(path)
         with reading(path, content), path.open("rb") as stream:
             head = io.BytesIO(stream.read(_HEADER_LIMIT))
-            # plyfile has no public way to read the header alone, and `PlyData.read` allocates whatever a header claims.
+            # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
             header = PlyData._parse_header(head)  # noqa: SLF001
         names = [element.name for element in header.elements]
         if "vertex" in names and "packed_position" in header["vertex"]:
@@ -82,7 +82,7 @@ class Vertices:
 
     @property
     def comments(self) -> tuple[str, ...]:
-        """Every line of comment."""
+        """All comment lines."""
         return (*self.header.comments, *self.header.obj_info, *self._element.comments)
 
     def rows(self) -> NDArray[np.void]:
@@ -106,7 +106,7 @@ class Vertices:
         return rows.astype(self._element.dtype("<"), copy=False)
 
     def _parsed(self) -> NDArray[np.void]:
-        self._require_room(self.offset - 1, 2 * len(self._element.properties))  # a digit and what ends it, but the last
+        self._require_room(self.offset - 1, 2 * len(self._element.properties))  # a digit and a separator, but the last
         with (
             reading(self.path, "one number per property, in its range", "element vertex"),
             self.path.open("rb") as stream,

@@ -1,1 +1,1 @@
-"""The surface that a model shows, and how far from it each of its Gaussians lies."""
+"""The surface of a model, and the distances of its Gaussians from it."""

@@ -9,7 +9,7 @@ from gspure.model import Gaussians
 
 
 def principal_axes(model: Gaussians) -> NDArray[np.float64]:
-    """Return each Gaussian's axes, one standard deviation long: [K,3 axes,3]; not a number without a rotation."""
+    """Return each Gaussian's axes, one standard deviation long: [K,3 axes,3]; NaN for a zero quaternion."""
     quats = model.quats.astype(np.float64)
     with np.errstate(invalid="ignore"):
         w, xyz = np.split(quats / np.linalg.norm(quats, axis=1, keepdims=True), [1], axis=1)

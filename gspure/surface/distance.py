@@ -1,4 +1,4 @@
-"""How far Gaussians lie from a mesh."""
+"""Distances of Gaussians from a mesh."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from gspure.model import Gaussians
 from gspure.model.mesh import Mesh
 
 SPLITS: Final = 8
-"""Most parts that a side of a face is cut into, by the points that stand for the face. Ours."""
+"""Largest number of parts into which a side of a face is divided. Ours."""
 
 
 def mesh_distances(model: Gaussians, mesh: Mesh) -> NDArray[np.float32]:
     """Return the distance [K] of each centre from the mesh, in units of the Gaussian's largest scale."""
     from scipy.spatial import KDTree
 
-    found, _ = KDTree(face_points(mesh)).query(model.means)
-    return np.asarray(found / model.scales.max(axis=1), np.float32)
+    distances, _ = KDTree(face_points(mesh)).query(model.means)
+    return np.asarray(distances / model.scales.max(axis=1), np.float32)
 
 
 def face_points(mesh: Mesh) -> NDArray[np.float64]:
-    """Return points on all faces, corners included, no farther apart than the median of the longest sides.
+    """Return points on all faces, corners included, with a spacing of at most the median of the longest sides.
 
-    That holds for faces of up to `SPLITS` times that size.
+    Faces larger than `SPLITS` times that size have a larger spacing.
     """
     corners = mesh.corners
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

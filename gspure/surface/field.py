@@ -12,16 +12,16 @@ from gspure.cameras import Camera
 from gspure.renderer import Renderer
 
 LEVEL: Final = 0.5
-"""O of the surface (GOF)."""
+"""Opacity of the surface (GOF)."""
 
 _CHUNK = 1 << 20
-"""Points that are placed in a view at a time."""
+"""Points per evaluation."""
 
 
 def opacity_field(
     renderer: Renderer, cameras: Iterable[Camera], points: NDArray[Any], *, outside: float = 0.0
 ) -> NDArray[np.float32]:
-    """Return O [P], the least opacity of the world `points` [P,3] in any view; 1 where no view shows them.
+    """Return O [P], the minimum over the views of the opacity of the world `points` [P,3]; 1 if no view shows them.
 
     Parameters
     ----------
@@ -30,13 +30,13 @@ def opacity_field(
     cameras : iterable of Camera
     points : array [P,3]
     outside : float
-        Points found below this are not looked at again, so that what is below it is only an upper bound.
+        Points below this are not evaluated in further views, so values below it are upper bounds.
 
     """
     field = np.ones(len(points), np.float32)
     for camera in cameras:
-        asked = np.flatnonzero(field >= outside)
-        for begin in range(0, len(asked), _CHUNK):
-            rows = asked[begin : begin + _CHUNK]
+        inside = np.flatnonzero(field >= outside)
+        for begin in range(0, len(inside), _CHUNK):
+            rows = inside[begin : begin + _CHUNK]
             field[rows] = np.minimum(field[rows], renderer.opacities_at(camera, points[rows]))
     return field

@@ -14,9 +14,9 @@ Triangle = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 
 
 def _triangles(case: int) -> list[Triangle]:
-    """Return the triangles in a tetrahedron of positive volume whose corner i is inside where bit i of `case` is set.
+    """Return the triangles in a tetrahedron of positive volume whose corner i is inside if bit i of `case` is set.
 
-    Seen from outside they run anticlockwise.
+    They are anticlockwise as seen from outside.
     """
     even = [p for p in permutations(range(4)) if sum(p[i] > p[j] for i in range(4) for j in range(i + 1, 4)) % 2 == 0]
     inside = [i for i in range(4) if case >> i & 1]
@@ -38,13 +38,13 @@ def march(points: NDArray[np.float64], tetrahedra: Indices, inside: NDArray[np.b
     ----------
     points : array [P,3]
     tetrahedra : array [T,4]
-        That fill a convex region face to face, of either orientation.
+        A partition of a convex region, of either orientation.
     inside : array [P]
 
     Returns
     -------
     edges : array [V,2]
-        Of two points each: one inside, one outside. The mesh has a vertex on each of them.
+        Pairs of a point inside and one outside. The mesh has a vertex on each edge.
     faces : array [F,3]
         Anticlockwise as seen from outside. Within the region, every edge of a face belongs to exactly two.
 
@@ -53,13 +53,13 @@ def march(points: NDArray[np.float64], tetrahedra: Indices, inside: NDArray[np.b
     crossed = np.flatnonzero((cases > 0) & (cases < 15))
     cases, tetrahedra = cases[crossed], tetrahedra[crossed]
     a, b, c, d = points[tetrahedra].transpose(1, 0, 2)
-    turned = np.einsum("ti,ti->t", np.cross(b - a, c - a), d - a) < 0
+    inverted = np.einsum("ti,ti->t", np.cross(b - a, c - a), d - a) < 0
     corners = []
     for case, triangles in _TRIANGLES.items():
         of_case = cases == case
-        found = tetrahedra[of_case][:, triangles]
-        found[turned[of_case]] = found[turned[of_case]][:, :, ::-1]
-        corners.append(found.reshape(-1, 3, 2))
+        edges = tetrahedra[of_case][:, triangles]
+        edges[inverted[of_case]] = edges[inverted[of_case]][:, :, ::-1]
+        corners.append(edges.reshape(-1, 3, 2))
     ends = np.concatenate(corners)
     ends = np.where(inside[ends[..., :1]], ends, ends[..., ::-1])
     keys, faces = np.unique(ends @ np.array([len(points), 1]), return_inverse=True)

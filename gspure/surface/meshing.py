@@ -1,4 +1,4 @@
-"""The level set of the opacity field as a mesh (Yu et al. 2024, Gaussian Opacity Fields), without any retraining."""
+"""The level set of the opacity field as a mesh (Yu et al. 2024, Gaussian Opacity Fields), without retraining."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from gspure.surface.marching import march
 from gspure.surface.tetrahedra import box_points, shown, tetrahedra
 
 OPAQUE: Final = 0.1
-"""Least opacity of the Gaussians that tetrahedra are made of (an option of GOF's); the field is that of all."""
+"""Least opacity of the Gaussians that define tetrahedra (an option of GOF); all Gaussians define the field."""
 
 HALVINGS: Final = 8
 """Steps of bisection along each edge that the surface crosses (GOF)."""
 
 
 def opaque(model: Gaussians) -> NDArray[np.bool_]:
-    """Return which Gaussians [K] tetrahedra are made of."""
+    """Return the mask [K] of the Gaussians that define tetrahedra."""
     return np.asarray(model.opacities > OPAQUE)
 
 
 def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | None = None) -> Mesh:
-    """Return the surface O(x) = 1/2 of what the `cameras` see.
+    """Return the surface O(x) = 1/2 in the views of `cameras`.
 
     Parameters
     ----------
@@ -44,14 +44,14 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     Raises
     ------
     InputError
-        If the views show too little for a tetrahedron, or nothing that is half opaque.
+        The views show too few Gaussians for a tetrahedron, or none that is half opaque.
 
     """
     points = box_points(model.subset(opaque(model)))
     points = points[shown(points, cameras)]
     if len(points) < 4:  # the corners of one tetrahedron
         expected = f"Gaussians of an opacity above {OPAQUE} in the views"
-        raise InputError("model", "surface", expected=expected, found=f"{len(points)} points around such")
+        raise InputError("model", "surface", expected=expected, found=f"{len(points)} points around them")
     say(f"tetrahedra between {len(points)} points")
     cells = tetrahedra(points)
     renderer = Renderer(model, device, energy="ray")
@@ -59,9 +59,9 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     edges, faces = march(points, cells, inside)
     if not len(faces):
         raise InputError("model", "surface", expected=f"an opacity of {LEVEL} somewhere", found="none in any view")
-    within, without = points[edges].transpose(1, 0, 2)
+    inner, outer = points[edges].transpose(1, 0, 2)
     for _ in track(range(HALVINGS), "bisection"):
-        middle = (within + without) / 2
+        middle = (inner + outer) / 2
         inside = (opacity_field(renderer, cameras, middle, outside=LEVEL) >= LEVEL)[:, None]
-        within, without = np.where(inside, middle, within), np.where(inside, without, middle)
-    return Mesh((within + without) / 2, faces)
+        inner, outer = np.where(inside, middle, inner), np.where(inside, outer, middle)
+    return Mesh((inner + outer) / 2, faces)

@@ -27,16 +27,16 @@ def box_points(model: Gaussians) -> NDArray[np.float64]:
 
 
 def shown(points: NDArray[np.float64], cameras: Sequence[Camera]) -> NDArray[np.bool_]:
-    """Return which of the `points` [P,3] some view shows."""
-    found = np.zeros(len(points), np.bool_)
+    """Return the mask of the `points` [P,3] that any view shows."""
+    mask = np.zeros(len(points), np.bool_)
     for camera in cameras:
-        rest = np.flatnonzero(~found)
-        found[rest[points_shown(camera, points[rest])[0]]] = True
-    return found
+        rest = np.flatnonzero(~mask)
+        mask[rest[points_shown(camera, points[rest])[0]]] = True
+    return mask
 
 
 def tetrahedra(points: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the Delaunay tetrahedra [T,4] of the `points` [P,3], at least four that lie in no plane."""
+    """Return the Delaunay tetrahedra [T,4] of the `points` [P,3], at least four, not all in a plane."""
     from scipy.spatial import Delaunay
 
     return np.asarray(Delaunay(points).simplices, np.intp)

@@ -1,4 +1,4 @@
-"""The cells of the paper's tables, with where they are printed."""
+"""The cells of the paper's tables."""
 
 from __future__ import annotations
 

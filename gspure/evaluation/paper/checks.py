@@ -21,7 +21,7 @@ class Claim(NamedTuple):
     """The table or paragraph."""
 
     words: str
-    """What is printed there: a row, or words of the text."""
+    """The row, or words of the text."""
 
     quantity: str
     """One of `gspure.evaluation.paper.quantities.QUANTITIES`."""
@@ -98,7 +98,7 @@ def _other_sources(claim: Claim, cells: Sequence[Cell]) -> Iterator[tuple[str, f
         yield f"the {claim.quantity} of the {target}", _recompute(claim._replace(target=target), means)
     if claim.quantity == "score_lead":
         scores = printed_scores(cells)
-        best = max(scores[claim.scheme, other] for other in ATTACKS if other != claim.variant)
+        best = max(scores[claim.scheme, attack] for attack in ATTACKS if attack != claim.variant)
         yield "the printed Scores", scores[claim.scheme, claim.variant] - best
 
 

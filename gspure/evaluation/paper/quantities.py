@@ -53,13 +53,14 @@ def score(means: Means, scheme: str, variant: str, _target: str = "") -> float:
 
 
 def lead(means: Means, scheme: str, variant: str, target: str) -> float:
-    """Return how far a mean PSNR lies below the lowest of the other attacks, dB."""
-    return min(means[scheme, other, target] for other in ATTACKS if other != variant) - means[scheme, variant, target]
+    """Return the lowest mean PSNR of the other attacks minus that of this one, dB."""
+    others = [means[scheme, attack, target] for attack in ATTACKS if attack != variant]
+    return min(others) - means[scheme, variant, target]
 
 
 def score_lead(means: Means, scheme: str, variant: str, _target: str = "") -> float:
-    """Return how far a Score lies above the highest of the other attacks, dB."""
-    return score(means, scheme, variant) - max(score(means, scheme, other) for other in ATTACKS if other != variant)
+    """Return a Score minus the highest of the other attacks, dB."""
+    return score(means, scheme, variant) - max(score(means, scheme, attack) for attack in ATTACKS if attack != variant)
 
 
 QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {

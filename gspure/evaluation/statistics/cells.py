@@ -1,4 +1,4 @@
-"""Numbers by scene and seed, grouped as the statistics take them: one array of seeds per scene."""
+"""Numbers by scene and seed, grouped by scene."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
 r"""Detectability: how well the extracted message separates attacked models from negative controls.
 
-The statistic is any number that grows with what is left of the message, such as the PSNR of the extracted message. The
+The statistic is any number that grows with the quality of the extracted message, such as its PSNR. The
 area under its ROC curve (AUC) is the probability that an attacked model exceeds a negative control,
 
 .. math:: \theta = P(X > Y) + \tfrac{1}{2} P(X = Y)
 
-(Mann and Whitney 1947; Hanley and McNeil 1982): 1 if the two never overlap, 1/2 if nothing is left to detect.
+(Mann and Whitney 1947; Hanley and McNeil 1982): 1 if the two never overlap, 1/2 if the message cannot be detected.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def pareto_front(scene_drops: ArrayLike, message_residuals: ArrayLike) -> NDArra
     scene_drops : array [n]
         Damage to the scene, dB.
     message_residuals : array [n]
-        What is left of the message, such as its PSNR; an attacker minimizes both.
+        Quality of the message, such as its PSNR; an attacker minimizes both.
 
     Returns
     -------
@@ -48,7 +48,7 @@ def matched_message_drop(scene_drops: ArrayLike, message_drops: ArrayLike, at: f
     """Return the drop of the message at a fixed drop of the scene.
 
     Linear between neighbouring points of the sweep's Pareto front. A setting that damages the scene more and removes
-    less than another is skipped: an attacker would choose the other.
+    less than another one is skipped, since an attacker would not choose it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Exact HDBSCAN in two steps: a spanning tree, which is costly, and a selection of clusters from it, which is not."""
+"""Exact HDBSCAN in two steps: an expensive spanning tree, and a cheap selection of clusters from it."""
 
 from gspure.method.clustering.diagnosis import Diagnosis, diagnose
 from gspure.method.clustering.selection import SELECTIONS, Selection, select

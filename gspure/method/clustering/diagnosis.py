@@ -1,4 +1,4 @@
-"""What the clustering did to the decision, and whether it can be trusted."""
+"""The effect of the clustering on pruning, with warnings."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ _CHANGED_SHARE_WARNED = 0.05
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A clustering and its pruning in numbers; shares are of all Gaussians unless said otherwise.
+    """Statistics of a clustering and its pruning; shares are of all Gaussians unless stated otherwise.
 
     Parameters
     ----------
     gaussians, clusters : int
-        How many there are.
+        Their numbers.
     coincident : int
         Surplus points in piles of equal features (see `gspure.method.clustering.coincident_points`).
     largest_share, noise_share : float
-        In the largest cluster; without cluster.
+        Of the largest cluster; of noise.
     pruned_share, pruned_as_cluster, pruned_as_noise : float
-        Pruned altogether; with their cluster; one by one.
+        Pruned in total; with their cluster; as noise.
     pruned_weight_share : float
-        Share of the total weight that the pruned ones hold.
+        Share of the pruned ones in the total weight.
     plain_share : float
         Pruned by the rule without clustering, ω_k < ω̄/τ_n.
     changed_share : float
-        One minus the Jaccard index of both pruned sets: what the clustering changes of the decision.
+        One minus the Jaccard index of the pruned sets with and without clustering.
     changed_share_clustered : float
-        The same among the points that belong to a cluster (the rules agree on noise by construction).
+        The same among clustered points (both rules agree on noise).
 
     """
 
@@ -57,27 +57,27 @@ class Diagnosis:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the clustering, one sentence each."""
-        found = []
+        sentences = []
         if self.largest_share > _LARGEST_SHARE_WARNED:
-            found.append(
+            sentences.append(
                 f"the largest cluster holds {self.largest_share:.0%} of all Gaussians: the clustering has collapsed; "
                 "try selection eom_capped or leaf"
             )
         if self.pruned_share == 1:
-            found.append("every Gaussian is pruned: nothing remains to be written; larger factors prune less")
+            sentences.append("every Gaussian is pruned: nothing remains to be written; larger factors prune less")
         if not self.clusters:
-            found.append("no cluster was found: every Gaussian is judged alone, by the noise rule")
+            sentences.append("there is no cluster: the noise rule applies to every Gaussian")
         elif self.changed_share < _CHANGED_SHARE_WARNED:
-            found.append(
+            sentences.append(
                 f"clustering changes {self.changed_share:.1%} of the decision: "
-                "the plain rule on the weights does nearly the same"
+                "the rule without clustering prunes nearly the same Gaussians"
             )
         if self.coincident:
-            found.append(
+            sentences.append(
                 f"{self.coincident} Gaussians have the same features as more than min_samples others: "
-                "such piles are infinitely dense and become clusters of their own"
+                "such piles are infinitely dense, so each becomes a cluster"
             )
-        return tuple(found)
+        return tuple(sentences)
 
     def lines(self) -> list[str]:
         """Return the diagnosis as lines of text, warnings last."""
@@ -92,14 +92,14 @@ class Diagnosis:
         return [f"{name:<16}  {text}" for name, text in table.items()] + [f"warning: {text}" for text in self.warnings]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the diagnosis as plain numbers and texts."""
+        """Return the diagnosis as numbers and strings."""
         return {**asdict(self), "warnings": list(self.warnings)}
 
 
 def diagnose(
     labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C, tau_n: float = TAU_N, coincident: int = 0
 ) -> Diagnosis:
-    """Compare the pruning that follows from `labels` with the one that follows from the weights alone.
+    """Compare pruning with `labels` with the rule without clustering.
 
     Parameters
     ----------
@@ -140,8 +140,8 @@ def diagnose(
     )
 
 
-def _changed(ours: Mask, theirs: Mask) -> float:
-    return _share((ours ^ theirs).sum(), (ours | theirs).sum())
+def _changed(a: Mask, b: Mask) -> float:
+    return _share((a ^ b).sum(), (a | b).sum())
 
 
 def _share(part: float, whole: float) -> float:

@@ -1,4 +1,4 @@
-"""The minimum spanning tree by hdbscan: for devices without double precision, and what the tests compare with."""
+"""The minimum spanning tree by hdbscan, for devices without double precision and as the reference of tests."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_LEAF_SIZE = 13  # hdbscan's own choice, 40 // 3
+_LEAF_SIZE = 13  # hdbscan's default, 40 // 3
 
 
 def minimum_spanning_tree(
     points: NDArray[np.float64], copies: NDArray[np.intp], min_samples: int
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the tree as `gspure.opencl.spanning.minimum_spanning_tree` does: hdbscan's dual-tree Boruvka, exact."""
+    """Return the tree of `gspure.opencl.spanning.minimum_spanning_tree`, by hdbscan's exact dual-tree Boruvka."""
     from hdbscan._hdbscan_boruvka import KDTreeBoruvkaAlgorithm
 
     neighbours = _Neighbours(points, copies, min_samples)
@@ -39,7 +39,7 @@ class _Neighbours:
         is_core = np.cumsum(copies[self._rows], axis=1) > min_samples
         core = is_core.argmax(axis=1)
         self.core_distances = self._distances[np.arange(len(points)), core]
-        # hdbscan takes the last neighbour's distance for the core distance, and every neighbour as within it.
+        # hdbscan reads the last distance as the core distance, and assumes that all neighbours are within it.
         self._distances[:, -1] = self.core_distances
         beyond = np.arange(self.count) > core[:, None]
         self._rows[beyond] = np.nonzero(beyond)[0]

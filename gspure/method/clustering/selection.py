@@ -40,13 +40,12 @@ def select(
     tree : array [K-1,3]
         Edges (a, b, distance), sorted by distance: see `spanning_tree`.
     min_cluster_size : int
-        Smallest cluster, at least 2. With fewer than twice as many points there are no two clusters to tell apart, and
-        all is noise.
+        Smallest cluster, at least 2. With fewer than twice as many points, there is no split, and all points are noise.
     selection : {"eom_capped", "eom", "leaf"}
-        How clusters are chosen from the hierarchy.
+        The choice of clusters from the hierarchy.
     max_cluster_share : float
-        For ``eom_capped``: largest share of the points in one cluster, in (0, 1]; what cannot be split below it is
-        noise. Twice `min_cluster_size` is always allowed, so that small models have clusters at all.
+        For ``eom_capped``: largest share of the points in one cluster, in (0, 1]; larger clusters that cannot be split
+        are noise. Twice `min_cluster_size` is always permitted, so that small models have clusters.
     device : Device, optional
         Default: the device that `gspure.opencl` chooses.
 
@@ -84,7 +83,7 @@ def select(
 
 
 def _leaves(condensed: Condensed) -> NDArray[np.bool_]:
-    """Return which clusters have no children; never the root."""
+    """Return the mask of the clusters without children, except the root."""
     leaves = np.ones(len(condensed.parents) + 1, np.bool_)
     leaves[condensed.parents] = False
     leaves[-1] = False
@@ -92,10 +91,13 @@ def _leaves(condensed: Condensed) -> NDArray[np.bool_]:
 
 
 def _excess_of_mass(condensed: Condensed, densities: NDArray[np.float64], cap: int) -> NDArray[np.bool_]:
-    """Return which clusters of at most `cap` points are at least as stable as their descendants; never the root."""
+    """Return the mask of the clusters of at most `cap` points that are as stable as their descendants or more.
+
+    The root is never among them.
+    """
     stabilities, sizes = _stabilities(condensed, densities)
     chosen = np.zeros(len(sizes), np.bool_)
-    below = [0.0] * len(sizes)  # the stability of what is chosen among the descendants
+    below = [0.0] * len(sizes)  # stability of the chosen descendants
     for cluster, (parent, stability, size) in enumerate(zip(condensed.parents, stabilities, sizes, strict=False)):
         chosen[cluster] = below[cluster] <= stability and size <= cap
         below[parent] += stability if chosen[cluster] else below[cluster]
@@ -117,7 +119,7 @@ def _stabilities(condensed: Condensed, densities: NDArray[np.float64]) -> tuple[
 
 
 def _labels(condensed: Condensed, chosen: NDArray[np.bool_]) -> Labels:
-    """Return, for each point, the number of the outermost chosen cluster that holds it."""
+    """Return for each point the number of the outermost chosen cluster that contains it."""
     owners = np.full(len(chosen) + 1, len(chosen))  # the last entry stands for noise
     for cluster in range(len(chosen) - 2, -1, -1):
         inherited = owners[condensed.parents[cluster]]

@@ -25,7 +25,7 @@ class Clusters(NamedTuple):
 
 
 def write_clusters(path: Path, clusters: Clusters, settings: Mapping[str, int | float | str]) -> None:
-    """Write clusters, and the settings that made them, as .npz without pickle, whole or not at all."""
+    """Write clusters and their settings as .npz without pickle, whole or not at all."""
     entries = {"labels": clusters.labels, "coincident": np.array(clusters.coincident)}
     entries |= {name: np.array(value) for name, value in settings.items()}
     save_arrays(path, entries)
@@ -37,7 +37,7 @@ def read_clusters(path: Path) -> Clusters:
     Raises
     ------
     InputError
-        If the file is not one that `write_clusters` has written.
+        If the file is not one of `write_clusters`.
 
     """
     kinds: dict[str, Kind] = {"labels": (np.int32, (None,)), "coincident": (np.integer, ())}

@@ -24,15 +24,15 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     .. math:: d_{mreach}(a, b) = \max(\mathrm{core}(a), \mathrm{core}(b), \lVert a - b \rVert)
 
     where core(a) is the distance from a to its `min_samples`-th nearest other point (Campello et al. 2013; McInnes et
-    al. 2017). Points that coincide are one point of the search, and hang on the first of them in the tree. The
-    computation knows points by their place in lexicographic order, so the tree does not depend on the order of rows.
+    al. 2017). Coincident points are one point of the search; in the tree, they are connected to the first of them.
+    Points are numbered in lexicographic order, so the tree does not depend on the order of rows.
 
     Parameters
     ----------
     features : array [K,C]
         Finite values.
     min_samples : int
-        At least 1; taken as K - 1 where there are fewer other points.
+        At least 1; with fewer other points, K - 1.
     device : Device, optional
         Default: the device that `gspure.opencl` chooses. Without double precision, or for more than 128 `min_samples`,
         hdbscan computes the tree.
@@ -63,9 +63,9 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     ends, distances, core_distances = _tree_of_distinct(
         points[firsts], np.bincount(piles), min(min_samples, len(points) - 1), device
     )
-    others = np.flatnonzero(~is_first)
-    pairs = np.concatenate([firsts[ends], np.column_stack([firsts[piles[others]], others])])
-    distances = np.append(distances, core_distances[piles[others]])
+    surplus = np.flatnonzero(~is_first)
+    pairs = np.concatenate([firsts[ends], np.column_stack([firsts[piles[surplus]], surplus])])
+    distances = np.append(distances, core_distances[piles[surplus]])
     order = np.lexsort((pairs @ np.array([len(points), 1]), distances))
     return np.column_stack([np.sort(rows[pairs[order]], axis=1), distances[order]])
 
@@ -82,7 +82,7 @@ def _lexicographic_order(points: NDArray[np.float64]) -> NDArray[np.intp]:
 def _tree_of_distinct(
     points: NDArray[np.float64], copies: NDArray[np.intp], min_samples: int, device: Device | None
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the tree of `points` as `gspure.opencl.spanning.minimum_spanning_tree` does; a single one is allowed."""
+    """Return the tree of `gspure.opencl.spanning.minimum_spanning_tree`; also of a single point."""
     if len(points) == 1:
         return np.zeros((0, 2), np.intp), np.zeros(0), np.zeros(1)
 
@@ -92,7 +92,7 @@ def _tree_of_distinct(
     from gspure.opencl.engine import Engine
 
     _, exponent = np.frexp(np.abs(points).max())
-    points = np.ldexp(points, -exponent)  # squares neither overflow nor vanish, and no bit changes
+    points = np.ldexp(points, -exponent)  # exact, and squares neither overflow nor underflow
     engine = Engine((device or choose_device()).cl_device)
     if min_samples <= _MOST_NEIGHBOURS and engine.device.double_fp_config:
         ends, distances, core_distances = spanning.minimum_spanning_tree(engine, points, copies, min_samples)
@@ -102,8 +102,8 @@ def _tree_of_distinct(
 
 
 def coincident_points(tree: Tree) -> int:
-    """Return the number of edges of length zero: of surplus points in piles of more than `min_samples` equal ones.
+    """Return the number of edges of length zero, the surplus points in piles of more than `min_samples` equal ones.
 
-    Such a pile is infinitely dense for HDBSCAN (λ = 1 / 0), so that it becomes a cluster whatever surrounds it.
+    Such a pile is infinitely dense for HDBSCAN (λ = 1 / 0), so it always becomes a cluster.
     """
     return int(np.count_nonzero(tree[:, 2] == 0))
