@@ -66,7 +66,7 @@ def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: P
 
 
 def test_a_new_metric_is_a_column_of_every_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(METRICS, "mse", Metric(lambda _a, _b: 0.0, "MSE", "", 3, ".6f"))
+    monkeypatch.setitem(METRICS, "mse", Metric(lambda _a, _b: 0.0, "MSE", 3, ".6f"))
     write_records(tmp_path / "r.csv", Sample, [ONE._replace(values={"psnr": 1.0, "ssim": 2.0, "mse": 3.0})])
     header = (tmp_path / "r.csv").read_text().splitlines()[0].split(",")
     assert header[-6:] == ["psnr", "ssim", "mse", "psnr_drop", "ssim_drop", "mse_drop"]

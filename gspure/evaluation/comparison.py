@@ -74,7 +74,8 @@ def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None
 
     """
     available = _png_files(reference)
-    counterparts = {path: _target(path, against or {}) / path.name for path in _png_files(images)}
+    renamed = against or {}
+    counterparts = {p: Path(renamed.get(p.parent.as_posix(), p.parent)) / p.name for p in _png_files(images)}
     for path, counterpart in sorted(counterparts.items()):
         if counterpart not in available:
             expected = f"a counterpart of {images / path}"
@@ -180,10 +181,6 @@ def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
 
 def _finite_mean(values: Sequence[float]) -> float:
     return float(np.mean([value for value in values if np.isfinite(value)] or [np.inf]))
-
-
-def _target(path: Path, against: Mapping[str, str]) -> Path:
-    return Path(against.get(path.parent.as_posix(), path.parent))
 
 
 def _png_files(folder: Path) -> set[Path]:

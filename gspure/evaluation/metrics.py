@@ -87,7 +87,6 @@ class Metric(NamedTuple):
     """Of a reference and another image [H,W,3] in 0 .. 1."""
 
     title: str
-    unit: str
     decimals: int
     """In tables."""
 
@@ -100,8 +99,8 @@ class Metric(NamedTuple):
 
 
 METRICS: Final[Mapping[str, Metric]] = {
-    "psnr": Metric(psnr, "PSNR", "dB", 2, ".6f"),
-    "ssim": Metric(ssim, "SSIM", "", 3, ".8f"),
+    "psnr": Metric(psnr, "PSNR", 2, ".6f"),
+    "ssim": Metric(ssim, "SSIM", 3, ".8f"),
 }
 
 

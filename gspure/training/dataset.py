@@ -161,7 +161,7 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
 
 def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """Return the stored points, or random grey ones if fewer than `LEAST_POINTS` are stored."""
-    xyz, rgb = _stored_points(_folder(source))
+    xyz, rgb = _stored_points(source if source.is_dir() else source.parent)
     if len(xyz) >= LEAST_POINTS:
         return xyz, rgb
     xyz = random_points(train, extent(train), RANDOM_POINTS, np.random.default_rng(seed))
@@ -179,7 +179,3 @@ def _stored_points(folder: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]
         if path.is_file():
             return read_point_ply(path)
     return np.empty((0, 3)), np.empty((0, 3), np.uint8)
-
-
-def _folder(source: Path) -> Path:
-    return source if source.is_dir() else source.parent

@@ -12,10 +12,7 @@ SCHEMES: Final = ("splats_in_splats", "gs_hider", "secure_gs")
 ATTACKS: Final = ("random_pruning", "feature_scaling", "gaussian_noise", "gof", "gspure")
 TARGETS: Final = (SCENE, MESSAGE)
 
-PSNR, SSIM, SCORE = "psnr", "ssim", "score"
-
-MEAN: Final = "mean"
-"""Instead of a scene: the mean over all nine."""
+PSNR, SCORE = "psnr", "score"
 
 DATA: Final = Path(__file__).parent
 
@@ -33,6 +30,8 @@ class Cell(NamedTuple):
     """An attack, ``unattacked``, or a configuration of the ablation such as ``opacity_weight``."""
 
     scene: str
+    """A scene, or ``mean`` over all nine."""
+
     target: str
     """``scene`` or ``message``; empty for a Score."""
 
