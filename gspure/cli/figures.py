@@ -7,9 +7,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.image_figures import Drawn, add_attacks, add_panels
+from gspure.cli import image_figures, scheme_figures
+from gspure.cli.image_figures import Drawn
 from gspure.cli.method_options import add_factors
-from gspure.cli.scheme_figures import add_sweep, add_tradeoff
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,12 +31,8 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the kinds of figures, and the options of each."""
     kinds = parser.add_subparsers(title="figures", metavar="KIND", required=True)
-    _add_model(kinds.add_parser("model", help="point clouds (.png, .gltf, .vtp) and the histogram of weights"))
-    add_panels(kinds.add_parser("panels", help="the same views in several renderings, with their PSNR"))
-    add_attacks(kinds.add_parser("attacks", help="one view of scene and message after every attack, with its PSNR"))
-    _add_outcomes(kinds.add_parser("outcomes", help="PSNR of scene and message, and Score, of every variant"))
-    add_sweep(kinds.add_parser("sweep", help="PSNR of scene and message against the pruning factors"))
-    add_tradeoff(kinds.add_parser("tradeoff", help="remaining PSNR of the message against damage to the scene"))
+    for name, (summary, add) in {**KINDS, **image_figures.KINDS, **scheme_figures.KINDS}.items():
+        add(kinds.add_parser(name, help=summary))
 
 
 def _add_model(parser: argparse.ArgumentParser) -> None:
@@ -142,3 +138,9 @@ def _draw_outcomes(args: argparse.Namespace) -> Drawn:
     if any(not math.isnan(o.score) for o in outcomes):
         caption += ", and its Score: drop of the message minus drop of the scene, in dB"
     return {args.out: caption + "."}, {"table": args.table}, {"asset": args.asset}
+
+
+KINDS = {
+    "model": ("point clouds (.png, .gltf, .vtp) and the histogram of weights", _add_model),
+    "outcomes": ("PSNR of scene and message, and Score, of every variant", _add_outcomes),
+}

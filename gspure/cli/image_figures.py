@@ -19,8 +19,7 @@ Drawn = tuple[dict[Path, str], dict[str, Path], dict[str, Any]]
 """Captions by figure, the inputs of all, and their settings."""
 
 
-def add_panels(parser: argparse.ArgumentParser) -> None:
-    """Add the options of ``gspure figures panels``."""
+def _add_panels(parser: argparse.ArgumentParser) -> None:
     _add_columns(parser, "a column and its folder of VIEW.png, the reference first; repeatable")
     parser.add_argument(
         "--rows", type=int, default=3, metavar="N", help="how many views to show (default: %(default)s)"
@@ -32,8 +31,7 @@ def add_panels(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(draw=_draw_panels)
 
 
-def add_attacks(parser: argparse.ArgumentParser) -> None:
-    """Add the options of ``gspure figures attacks``."""
+def _add_attacks(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
     parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
     _add_columns(
@@ -140,3 +138,9 @@ def _common_views(folders: Iterable[Path]) -> list[str]:
     if not views:
         raise InputError(folders[0], "*.png", expected="a view of all columns", found="none")
     return views
+
+
+KINDS = {
+    "panels": ("the same views in several renderings, with their PSNR", _add_panels),
+    "attacks": ("one view of scene and message after every attack, with its PSNR", _add_attacks),
+}

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from gspure.evaluation.outcomes import Outcome
 
 
-def add_sweep(parser: argparse.ArgumentParser) -> None:
-    """Add the options of ``gspure figures sweep``."""
+def _add_sweep(parser: argparse.ArgumentParser) -> None:
     _add_scheme(parser)
     parser.add_argument(
         "--point",
@@ -27,8 +26,7 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(draw=_draw_sweep)
 
 
-def add_tradeoff(parser: argparse.ArgumentParser) -> None:
-    """Add the options of ``gspure figures tradeoff``."""
+def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
     _add_scheme(parser)
     parser.set_defaults(draw=_draw_tradeoff)
 
@@ -98,3 +96,9 @@ def _draw_tradeoff(args: argparse.Namespace) -> Drawn:
     if mean_floor:
         caption += " Dashed line: the floor, the highest control without the message."
     return {args.out: caption}, {"table": args.table}, {"scheme": args.scheme}
+
+
+KINDS = {
+    "sweep": ("PSNR of scene and message against the pruning factors", _add_sweep),
+    "tradeoff": ("PSNR of the message against damage to the scene", _add_tradeoff),
+}
