@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +22,22 @@ class Journal:
     folder: Path
 
     def record(self, name: str, make: Callable[..., Record], *arguments: Any) -> Record:
-        """Return the record of a case; it is made unless it is there."""
+        """Return the record of a case and of the commit; it is made unless it is there."""
         path = self.folder / f"{name.replace('/', '_').replace(' ', '_')}.json"
         if path.is_file():
             found: Record = json.loads(path.read_text(encoding="utf-8"))
             return found
-        found = make(*arguments)
+        found = make(*arguments) | {"commit": commit()}
         write_json(path, found)
         return found
 
     def records(self) -> Iterator[Record]:
         for path in sorted(self.folder.glob("*.json")):
             yield json.loads(path.read_text(encoding="utf-8"))
+
+
+@cache
+def commit() -> str:
+    """Return the commit that is checked out, abbreviated."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()

@@ -83,7 +83,8 @@ def address_space(job: Job, reference: Path, scratch: Path) -> int:
     low, high = 0, 4 << 30
     while high - low > 8 << 20:
         middle = (low + high) // 2
-        done = ended(job.command, folder, partial(resource.setrlimit, resource.RLIMIT_AS, (middle, middle)))
+        limits = partial(resource.setrlimit, resource.RLIMIT_AS, (middle, middle))
+        done = ended(job.command, folder, limits, PATIENCE)
         low, high = (low, middle) if _made(job, folder) and not done.status else (middle, high)
     return high
 

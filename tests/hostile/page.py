@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 
 from gspure.artifacts import write_text
@@ -49,6 +50,7 @@ def write(folder: Path) -> bool:
     noticed, changed = sum(score(m)[0] for m in mutants), sum(score(m)[1] for m in mutants)
     if changed and noticed < GOAL * changed:
         faults.append(f"mutants: {noticed / changed:.0%} are noticed, fewer than {GOAL:.0%}")
+    commits = sorted({r["commit"] for r in chain(readers, kills, limits, damage, together, mutants)})
     drivers = folder / "drivers.md"
     parts = [
         INTRODUCTION,
@@ -64,6 +66,7 @@ def write(folder: Path) -> bool:
                 ("damaged artifacts", sum(len(r["damaged"]) if "damaged" in r else 1 for r in damage)),
                 ("mutants noticed", f"{noticed} of {changed} ({noticed / changed:.1%})" if changed else "none tried"),
                 ("open defects", len(faults)),
+                ("commits", ", ".join(commits)),
             ],
         ),
         "\n## Open defects\n",

@@ -63,7 +63,7 @@ def test_the_core_and_its_tests_exist():
 
 def test_a_record_is_made_once(tmp_path):
     journal = Journal(tmp_path)
-    assert [journal.record("a case", lambda n: {"n": n}, n) for n in (1, 2)] == [{"n": 1}, {"n": 1}]
+    assert [journal.record("a case", lambda n: {"n": n}, n)["n"] for n in (1, 2)] == [1, 1]
 
 
 @pytest.mark.parametrize("fault", [[], ["half-written: weights.npy"]])
@@ -76,4 +76,4 @@ def test_the_page_counts_and_lists_open_defects(tmp_path, monkeypatch, fault):
     assert f"| open defects | {len(fault)} |" in text
     assert all(each in text for each in fault)
     assert "| kills that hit a job at work | 1 |" in text
-    assert json.loads((tmp_path / "kills" / "span_tree.json").read_text()) == kill
+    assert f"| commits | {json.loads((tmp_path / 'kills' / 'span_tree.json').read_text())['commit']} |" in text
