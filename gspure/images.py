@@ -16,7 +16,7 @@ from gspure.artifacts import replacing
 from gspure.errors import InputError, reading
 
 if TYPE_CHECKING:
-    from PIL.Image import Image
+    from PIL.ImageFile import ImageFile
 
 Float32 = NDArray[np.float32]
 
@@ -32,7 +32,7 @@ logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks o
 
 
 @contextmanager
-def opened(path: str | Path) -> Iterator[Image]:
+def opened(path: str | Path) -> Iterator[ImageFile]:
     """Open an image; only its header is read.
 
     Raises
@@ -79,6 +79,8 @@ def read_image(
     with opened(path) as image:
         if image.mode in {"I", "F"} or image.mode.startswith("I;"):
             raise InputError(path, "pixels", expected="8 bits per channel", found=f"mode {image.mode}")
+        if image.format == "TIFF":
+            _require_all_strips(path, image)
         with _quiet() if image.format == "TIFF" else nullcontext():
             image.load()
         pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")
@@ -120,6 +122,15 @@ def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
         found = f"{len(others)} more: {others[0]}.png" + ", ..." * (len(others) > 1)
         hint = "name another folder, or delete them"
         raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
+
+
+def _require_all_strips(path: str | Path, image: ImageFile) -> None:
+    """Refuse a TIFF whose strips or tiles end before its last row; Pillow would read the rest as black."""
+    size = image.width * image.height
+    boxes = (strip.extents or (0, 0, 0, 0) for strip in image.tile)
+    stored = sum((right - left) * (lower - upper) for left, upper, right, lower in boxes)
+    if stored < size:
+        raise InputError(path, "pixels", expected=str(size), found=str(stored))
 
 
 @contextmanager

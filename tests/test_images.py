@@ -117,6 +117,17 @@ def test_formats_in_which_photographs_come_are_read(tmp_path, kind):
     assert read_image(tmp_path / "a")[1, 1] == pytest.approx([1, 0, 0], abs=0.02)
 
 
+def test_a_tiff_without_its_last_rows_is_refused(tmp_path):
+    file = tmp_path / "a.tif"
+    Image.new("RGB", (12, 10), "white").save(file)
+    height, taller = (struct.pack("<HHII", 257, 4, 1, rows) for rows in (10, 1 << 20))
+    content = file.read_bytes()
+    assert height in content
+    file.write_bytes(content.replace(height, taller))
+    with pytest.raises(InputError, match=r"a\.tif: pixels: expected 12582912, found 120"):
+        read_image(file)
+
+
 @pytest.mark.parametrize("compression", ["tiff_deflate", "tiff_lzw", "jpeg"])
 def test_a_damaged_tiff_is_refused_without_a_word_of_its_decoder(tmp_path, capfd, compression):
     file = tmp_path / "a.tif"
