@@ -206,7 +206,7 @@ class Renderer:
             quats=geometry[:, 3:7],
             scales=geometry[:, 7:10],
             opacities=geometry[:, 10],
-            channels=channels if traversal.sh_degree < 0 else channels.reshape(len(channels), -1, 3),
+            channels=channels if traversal.sh_degree < 0 else channels.reshape(-1, channels.shape[1] // 3, 3),
             means2d=by_row(engine, storage, gradients.centres, 2),
         )
 
