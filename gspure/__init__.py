@@ -67,8 +67,8 @@ else:
             raise AttributeError(f"module 'gspure' has no attribute {name!r}")
         from importlib import import_module
 
-        globals()[name] = found = getattr(import_module(_HOMES[name]), name)
-        return found
+        globals()[name] = value = getattr(import_module(_HOMES[name]), name)
+        return value
 
     def __dir__():
         return sorted({*globals(), *__all__})

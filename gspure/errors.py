@@ -26,9 +26,9 @@ class InputError(Exception):
     field : str
         The property, key or entry at fault.
     expected, found : str
-        What would have been right, and what was there instead.
+        The expected value, and the actual one.
     hint : str, optional
-        What to do about it.
+        A remedy.
 
     """
 
@@ -45,9 +45,9 @@ class InputError(Exception):
         return f"{line} ({self.hint})" if self.hint else line
 
     def __reduce__(self) -> tuple[Any, tuple[str, str]]:
-        """Let other processes raise it; by default, exceptions are made again of their message alone."""
-        made = partial(InputError, expected=self.expected, found=self.found, hint=self.hint)
-        return made, (self.source, self.field)
+        """Support copies to other processes; by default, exceptions are rebuilt from their message alone."""
+        rebuild = partial(InputError, expected=self.expected, found=self.found, hint=self.hint)
+        return rebuild, (self.source, self.field)
 
 
 def printable(text: str) -> str:

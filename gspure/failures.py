@@ -111,8 +111,8 @@ def summary(failures: Iterable[Failure]) -> list[str]:
 
 
 def _logs(failures: Sequence[Failure]) -> str:
-    others = f" and {len(failures) - 1} more" if len(failures) > 1 else ""
-    return f"{failures[0].log}{others}"
+    more = f" and {len(failures) - 1} more" if len(failures) > 1 else ""
+    return f"{failures[0].log}{more}"
 
 
 def _signal_name(number: int) -> str:

@@ -18,7 +18,7 @@ from gspure.method.pruning import deciding_weights
 
 _STEPS = 256  # of a scale
 
-_TINT = 0.5  # share of white in the colours of clusters that are too small for one of their own
+_TINT = 0.5  # share of white in the colours of small clusters
 
 Legend = tuple[tuple[tuple[str, str], ...], ...]
 

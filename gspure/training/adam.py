@@ -18,7 +18,7 @@ Floats = NDArray[Any]
 def adam_step(
     values: Floats, first: Floats, second: Floats, gradient: Floats, rate: float | Floats, number: int
 ) -> None:
-    """Take step `number`, from 1 on: change values, first and second moments in place, in their own precision."""
+    """Take step `number`, from 1 on; change values, first and second moments in place, in their precision."""
     first *= ADAM_BETA1
     first += (1 - ADAM_BETA1) * gradient
     second *= ADAM_BETA2

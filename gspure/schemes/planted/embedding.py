@@ -87,28 +87,28 @@ def _mixed(
 ) -> tuple[Gaussians, NDArray[np.intp]]:
     """Return the public model, in random order, and the row [M] in it that carries each hidden surfel."""
     serves = _serves(shown, hidden)
-    own = np.flatnonzero(serves < 0)
-    # nothing but opacity tells carriers from others: they have the scene's colours
-    disguised = replace(hidden[own], colours=shown.colours[rng.integers(len(shown), size=len(own))])
+    separate = np.flatnonzero(serves < 0)
+    # only opacity distinguishes carriers: they have the scene's colours
+    disguised = replace(hidden[separate], colours=shown.colours[rng.integers(len(shown), size=len(separate))])
     surfels = Surfels.joined(shown, disguised)
-    model = _gaussians(surfels, np.concatenate([opacities, log_even(HIDDEN, len(own), rng)]), rng)
-    serves[own] = len(shown) + np.arange(len(own))
+    model = _gaussians(surfels, np.concatenate([opacities, log_even(HIDDEN, len(separate), rng)]), rng)
+    serves[separate] = len(shown) + np.arange(len(separate))
     order = rng.permutation(len(model))
     public = Gaussians(model.table[order]).with_comment("planted message: a fixture with known ground truth")
     return public, np.argsort(order)[serves]
 
 
 def _serves(shown: Surfels, hidden: Surfels) -> NDArray[np.intp]:
-    """Return for each hidden surfel [M] the shown one that can take its place, or -1.
+    """Return for each hidden surfel [M] the shown one that can replace it, or -1.
 
-    It lies within a standard deviation on a parallel surface, is about as large, and takes no other's place.
+    It is within a standard deviation, parallel, of similar size, and replaces no other.
     """
     from scipy.spatial import KDTree
 
     distances, nearest = KDTree(shown.means).query(hidden.means)
-    sizes, others = (np.sqrt(part.scales[:, 0] * part.scales[:, 1]) for part in (hidden, shown[nearest]))
+    sizes, shown_sizes = (np.sqrt(part.scales[:, 0] * part.scales[:, 1]) for part in (hidden, shown[nearest]))
     parallel = np.abs(np.einsum("ij,ij->i", shown.frames[nearest, 2], hidden.frames[:, 2])) > 0.99
-    fits = np.flatnonzero(parallel & (distances < sizes) & (sizes < 2.0 * others) & (others < 2.0 * sizes))
+    fits = np.flatnonzero(parallel & (distances < sizes) & (sizes < 2.0 * shown_sizes) & (shown_sizes < 2.0 * sizes))
     served, first = np.unique(nearest[fits], return_index=True)
     out = np.full(len(hidden), -1, np.intp)
     out[fits[first]] = served
