@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from gspure.constants import SH_DC
 from gspure.model.activations import sigmoid
 from gspure.training.dataset import extent
-from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, seen, thinned
+from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, thinned, view_counts
 from tests.camera_cases import cameras, project
 from tests.models import camera
 from tests.training_cases import ring, turned_away
@@ -49,7 +49,7 @@ def test_random_points_lie_where_many_views_look():
     views = ring()
     points = random_points(views, extent(views), 500, np.random.default_rng(0))
     assert points.shape == (500, 3)
-    assert seen(points, views).min() >= COMMON_SHARE * len(views)
+    assert view_counts(points, views).min() >= COMMON_SHARE * len(views)
     cube = random_points(views, extent(views), 500, np.random.default_rng(0))
     np.testing.assert_array_equal(points, cube)
 
@@ -65,13 +65,13 @@ def test_a_view_sees_what_projects_into_its_image(view, points):
         pixels, depths = project(view, points)
     inside = (pixels > 1e-3) & (pixels < np.array([view.width, view.height]) - 1e-3)
     outside = (pixels < -1e-3) | (pixels > np.array([view.width, view.height]) + 1e-3)
-    found = seen(points, [view])
+    found = view_counts(points, [view])
     assert found[inside.all(axis=1) & (depths > 0.21)].all()
     assert not found[outside.any(axis=1) | (depths < 0.19)].any()
 
 
 def test_views_are_counted():
-    assert seen(np.array([[0.0, 0, 5], [0, 0, -5], [50, 0, 5]]), [camera(), camera()]).tolist() == [2, 0, 0]
+    assert view_counts(np.array([[0.0, 0, 5], [0, 0, -5], [50, 0, 5]]), [camera(), camera()]).tolist() == [2, 0, 0]
 
 
 @pytest.mark.parametrize("at_most", [None, 20, 30])
