@@ -12,7 +12,7 @@ from gspure.opencl.projection import project
 from gspure.opencl.storage import store
 from gspure.reference.projection import pixel_centres
 from gspure.reference.projection import project as project_reference
-from tests.models import AWKWARD, blobs, camera, tilted_camera
+from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
 
 
 class Lists:
@@ -92,3 +92,14 @@ def test_bands_split_the_image_and_keep_to_the_budget(device, style, energy):
     assert max(banded.capacities) <= 150
     for a, b in zip(whole.tiles, banded.tiles, strict=True):
         assert np.array_equal(a, b)
+
+
+def test_bands_are_as_tall_as_the_budget_allows(device, style, energy):
+    """Of 3x3 tiles, one Gaussian covers all, and one lies in the first: 4, 3 and 3 entries in the rows of tiles."""
+    view = camera(3 * TILE, 3 * TILE)
+    corner = -TILE / view.K[0, 0] * 4
+    model = gaussians(means=[[0, 0, 4], [corner, corner, 4]], scales=[[9.0], [0.01]])
+    heights = {10: [3], 9: [2, 1], 7: [2, 1], 6: [1, 2], 5: [1, 1, 1], 1: [1, 1, 1]}
+    for budget, expected in heights.items():
+        lists = Lists(device, style, energy, model, view, entry_budget=budget)
+        assert [len(band) for band in lists.bands] == expected

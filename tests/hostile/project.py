@@ -130,7 +130,7 @@ def finished(folder: Path) -> Path:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         build(folder)
-        done = snakemake(folder, "--notemp")
+        done = snakemake(folder)
         if done.status:
             raise RuntimeError(done.printed[-3000:])
     return folder
