@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from gspure.cli import main
 from gspure.evaluation.results import write_results
@@ -59,20 +60,24 @@ def test_a_variant_that_lacks_a_scene_is_left_out() -> None:
     assert {name for place in places(fewer) for name in place.variants} == {"unattacked", "gspure", "same", "random"}
 
 
-def test_the_front_is_numbered_and_named(tmp_path: Path, drawn) -> None:  # noqa: F811
+def test_every_point_has_its_name(tmp_path: Path, drawn) -> None:  # noqa: F811
     front = write_tradeoff(tmp_path / "tradeoff.png", TWO)
     assert [place.variants[0] for place in front] == ["unattacked", "gspure", "harsh"]
     axes = drawn[0].axes[0]
-    *numbers, key = [text.get_text() for text in axes.texts]
-    assert numbers == ["1", "2", "3"]
-    assert key.splitlines()[2].split("  ") == ["3", "harsh = same"]
+    assert {text.get_text(): text.xy for text in axes.texts} == {
+        "unattacked": (0, 28), "GSPure": (1, 12), "harsh = same": (2.5, 10), "random": (4.5, 27)
+    }  # fmt: skip
     assert np.asarray(axes.lines[0].get_xydata()).shape == (4, 2)
 
 
-def test_neighbours_on_the_front_share_their_number(tmp_path: Path, drawn) -> None:  # noqa: F811
-    close = {f"v{i}": (1 + i / 1000, 16 + i / 1000) for i in range(3)}
+def test_names_do_not_overlap_each_other_or_leave_the_axes(tmp_path: Path, drawn) -> None:  # noqa: F811
+    close = {f"attack_{i}": (1 + i / 1000, 16 + i / 1000) for i in range(30)}
     write_tradeoff(tmp_path / "tradeoff.png", outcomes(room={**close, "far": (4.0, 22.0)}))
-    assert [text.get_text() for text in drawn[0].axes[0].texts][:-1] == ["1", "2–4", "5"]
+    axes = drawn[0].axes[0]
+    boxes = [Text.get_window_extent(text) for text in axes.texts]
+    assert 4 <= len(boxes) < 32
+    assert not any(box.count_overlaps(boxes[:i]) for i, box in enumerate(boxes))
+    assert all(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 for box in boxes)
 
 
 @pytest.fixture

@@ -77,8 +77,8 @@ def weight_cloud(means: NDArray[np.float32], weights: NDArray[np.float32]) -> Cl
     low, high = np.quantile(decades[positive], (0.02, 1)) if positive.any() else (0.0, 0.0)
     place = np.clip((decades - low) / ((high - low) or 1), 0, 1)
     colours = np.where(positive[:, None], _colour_map(place), style.rgb(style.NOISE)).astype(np.uint8)
-    ends = f"{10**low:.1g} or less", f"{10**high:.1g}"
-    scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), (ends[0], "weight (grey: 0)", ends[1]))
+    ends = [np.format_float_positional(10**end, 1, fractional=False, trim="-") for end in (low, high)]
+    scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), (f"{ends[0]} or less", "weight (grey: 0)", ends[1]))
     return Cloud(means, colours, {"weight": weights}, scale=scale)
 
 

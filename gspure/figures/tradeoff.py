@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby, pairwise
+from itertools import groupby, product
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _LINEAR: Final = 2.0  # dB; further right the axis is logarithmic, for attacks that destroy the scene
-_LETTERS: Final = 70  # in a line of the key
-_APART: Final = 7.0  # points of type, between two numbers
+_LETTERS: Final = 34  # of a name
+_NEAR: Final = 2.5  # points of type, between a point and its name
+_DISTANCES: Final = (_NEAR, 7.0, 14.0, 24.0)
 _TICKS: Final = (0, 0.5, 1, 1.5, 2, 3, 5, 10, 20)
 
 
@@ -50,7 +51,7 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
 
 
 def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None = None) -> list[Place]:
-    """Write the variants of one scheme as points of a PNG; return those on the front, in the order of their numbers.
+    """Write the variants of one scheme as named points of a PNG; return those on the front, by damage.
 
     Parameters
     ----------
@@ -66,9 +67,9 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
     damage, residual = [place.damage for place in listed], [place.residual for place in listed]
     on_front = pareto_front(damage, residual)
     front = [place for place, chosen in zip(listed, on_front, strict=True) if chosen]
-    with style.page(path, style.COLUMN, 2.3 + 0.13 * len(front)) as figure:
+    with style.page(path, style.COLUMN, 2.7) as figure:
         axes = figure.add_subplot()
-        axes.plot(damage, residual, "o", color=style.KEPT, markersize=2.4, label="variant")
+        axes.plot(damage, residual, "o", color=style.FAINT, markersize=2.4, label="attack")
         line = [(place.damage, place.residual) for place in front]
         axes.step(*zip(*line, strict=True), where="post", color=style.INK, linewidth=0.8)
         axes.plot(*zip(*line, strict=True), "o", color=style.INK, markersize=3.2, label="Pareto front")
@@ -79,14 +80,11 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
         if floor is not None:
             axes.axhline(floor, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="floor (highest control)")
         _scale(axes, damage)
-        _number(axes, line)
         axes.set_xlabel("damage to the scene: drop of PSNR (dB)")
         axes.set_ylabel("quality of the message: PSNR (dB)")
         figure.legend(loc="outside upper center", ncols=3)
-        key = "\n".join(f"{i}  {_named(place)}" for i, place in enumerate(front, start=1))
-        axes.annotate(
-            key, (0, 0), (0, -26), "axes fraction", textcoords="offset points", va="top", fontsize=6, linespacing=1.3
-        )
+        figure.draw_without_rendering()  # places the axes
+        _label(axes, [*front, *(place for place in listed if place not in front)])
     return front
 
 
@@ -94,7 +92,7 @@ def _scale(axes: Axes, damage: Sequence[float]) -> None:
     most = max(*damage, _LINEAR)
     axes.set_xscale("symlog", linthresh=_LINEAR)
     axes.set_xlim(min(damage) - 0.15, most * 1.15)
-    axes.margins(y=0.1)  # for numbers below the lowest points
+    axes.margins(y=0.1)  # for names below the lowest points
     shown = [tick for tick in _TICKS if tick <= most * 1.1]
     axes.set_xticks(shown, [f"{tick:g}" for tick in shown])
     axes.minorticks_off()
@@ -102,13 +100,33 @@ def _scale(axes: Axes, damage: Sequence[float]) -> None:
         axes.axvline(matched, color=style.tint(style.FAINT, 0.7), linewidth=0.4, zorder=0)
 
 
-def _number(axes: Axes, line: Sequence[tuple[float, float]]) -> None:
-    """Write numbers on the empty side of the front; neighbours that are too close share a label."""
-    at = axes.transData.transform(line) * 72 / style.DPI  # in points
-    starts = [0, *(np.flatnonzero(np.hypot(*np.diff(at, axis=0).T) > _APART) + 1).tolist(), len(line)]
-    for first, end in pairwise(starts):
-        label = str(end) if end == first + 1 else f"{first + 1}\N{EN DASH}{end}"
-        axes.annotate(label, line[end - 1], (-3, -3), textcoords="offset points", ha="right", va="top", fontsize=5.5)
+def _label(axes: Axes, listed: Sequence[Place]) -> None:
+    """Write names beside points, with a thin line if there is only room farther away; without any room, no name."""
+    from matplotlib.text import Text
+    from matplotlib.transforms import Bbox
+
+    dot = axes.figure.dpi / 72 * 2.5
+    points = axes.transData.transform([place[:2] for place in listed])
+    taken = [Bbox([at - dot, at + dot]) for at in points]
+    for place in listed:
+        for distance, right, above in product(_DISTANCES, (True, False), (True, False)):
+            text = axes.annotate(
+                _named(place),
+                place[:2],
+                (distance if right else -distance, distance if above else -distance),
+                textcoords="offset points",
+                ha="left" if right else "right",
+                va="bottom" if above else "top",
+                fontsize=5.5,
+                in_layout=False,
+                arrowprops={"arrowstyle": "-", "linewidth": 0.3, "color": style.FAINT} if distance > _NEAR else None,
+            )
+            text.get_window_extent()  # places the name
+            box = Text.get_window_extent(text)  # without the line
+            if axes.bbox.count_contains(box.corners()) == 4 and not box.count_overlaps(taken):
+                taken.append(box)
+                break
+            text.remove()
 
 
 def _named(place: Place) -> str:

@@ -118,7 +118,7 @@ def _coloured(cloud: Cloud) -> dict[str, Any]:
     """Return colours as indices into a palette, or one by one if there are too many, and what they mean."""
     palette, index = np.unique(cloud.colours, axis=0, return_inverse=True)
     legend = [[label, colour] for row in cloud.legend for label, colour in row]
-    ramp = cloud.scale.colours[:: len(cloud.scale.colours) // 8].tolist() if cloud.scale else []
+    ramp = cloud.scale.colours[:: -(len(cloud.scale.colours) // 8)][::-1].tolist() if cloud.scale else []
     meaning: dict[str, Any] = {"legend": legend, "ramp": ramp, "words": cloud.scale.words if cloud.scale else ()}
     if len(palette) > 256:
         return {**meaning, "rgb": _packed(cloud.colours, "u1")}

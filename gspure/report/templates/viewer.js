@@ -3,7 +3,7 @@ const VERTEX = `
 attribute vec3 position, colour;
 attribute float removal, cluster;
 uniform mat3 turn;
-uniform vec3 centre;
+uniform vec3 centre, paper;
 uniform vec2 focal;
 uniform float reach, distance, size, cut, selected;
 varying vec3 shade;
@@ -11,7 +11,7 @@ void main() {
   vec3 p = turn * (reach * position - centre);
   float depth = distance - p.z;
   bool hidden = cut > 0.0 && removal <= cut || depth < 0.05;
-  shade = selected < 0.0 || cluster == selected ? colour : mix(colour, vec3(0.5), 0.85);
+  shade = selected < 0.0 || cluster == selected ? colour : mix(colour, paper, 0.8);
   gl_Position = hidden ? vec4(2, 2, 2, 1) : vec4(focal * p.xy, 1.005 * depth - 0.1, depth);
   gl_PointSize = size / depth;
 }`;
@@ -109,6 +109,7 @@ function start(form) {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.uniformMatrix3fv(at("turn"), false, turn());
     gl.uniform3fv(at("centre"), eye.centre);
+    gl.uniform3fv(at("paper"), getComputedStyle(canvas).backgroundColor.match(/\d+/g).slice(0, 3).map(c => c / 255));
     gl.uniform2fv(at("focal"), focal());
     gl.uniform1f(at("reach"), data.reach);
     gl.uniform1f(at("distance"), eye.distance);
