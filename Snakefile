@@ -19,8 +19,6 @@ report: "report/workflow.rst"
 
 include: "rules/common.smk"
 include: "rules/failures.smk"
-include: "rules/decisions.smk"
-include: "rules/inputs.smk"
 include: "rules/requirements.smk"
 include: "rules/scenes.smk"
 include: "rules/train.smk"

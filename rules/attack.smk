@@ -1,6 +1,6 @@
 rule attack_model:
     input:
-        unpack(attack_input),
+        unpack(get_attack_files),
     output:
         model="results/{scheme}/{scene}/{variant}/public/point_cloud.ply",
         removed="results/{scheme}/{scene}/{variant}/prune_mask.npy",
@@ -15,9 +15,9 @@ rule attack_model:
     conda:
         "../envs/gspure.yaml"
     params:
-        code=lambda wildcards: code_digest("gspure.cli.attack", attack_of(wildcards).function.__module__),
-        attack=lambda wildcards: attack_of(wildcards).name,
-        options=attack_options,
+        code=lambda wildcards: get_variant(wildcards).code,
+        attack=lambda wildcards: get_variant(wildcards).attack.name,
+        options=lambda wildcards: get_variant(wildcards).attack_options,
     message:
         "Making variant {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:

@@ -4,14 +4,18 @@ import sys
 
 from gspure.artifacts import file_digest
 from gspure.attacks import find_attack
-from gspure.workflow.configuration import GENERATED, resolved, validated
+from gspure.workflow.configuration import resolved, validated
 from gspure.errors import InputError
 from gspure.evaluation.controls import CONTROLS
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
-from gspure.schemes.registry import find_scheme
-from gspure.workflow.options import column_options, options, setting_options
+from gspure.workflow.captures import capture_files
+from gspure.workflow.decisions import DEFAULT
+from gspure.workflow.models import Model, Plan
+from gspure.workflow.options import column_options, options
+from gspure.workflow.pairs import pair_arguments, pair_files
 from gspure.workflow.sources import code_digest
+from gspure.workflow.variants import Decision, Variant
 
 KERNELS = kernel_digest()
 TEMPLATE_DIGESTS = [file_digest(path) for path in TEMPLATES]
@@ -24,14 +28,8 @@ except InputError as error:
     print(f"gspure: {error}", file=sys.stderr)
     sys.exit(2)
 
-# By scheme, the scenes of each: the user's own models, and pairs that schemes are trained on. `raised@1` is the pair
-# `raised` again, with other seeds.
-WATERMARKS = {name: find_scheme(name) for name in config["schemes"]}
-REPEATED = {
-    f"{pair}@{n}" if n else pair: own for pair, own in config["pairs"].items() for n in range(config["repetitions"])
-}
-SCHEMES = {"vanilla": config["assets"], **dict.fromkeys(WATERMARKS, REPEATED)}
-MODELS = [f"{scheme}/{scene}" for scheme, scenes in SCHEMES.items() for scene in scenes]
+PLAN = Plan(config)
+MODELS = [f"{model.scheme}/{model.scene}" for model in PLAN.models]
 VARIANTS = config["variants"]
 
 # Jobs on the OpenCL device take all cores and turns; with `threads` set, as many go side by side as there are cores.
@@ -40,9 +38,11 @@ TURNS = 0 if config["threads"] else 1
 
 
 wildcard_constraints:
-    scheme="|".join(SCHEMES),
+    scheme="|".join(PLAN.scenes),
     scene="[A-Za-z0-9_-]+(?:@[0-9]+)?",
     variant="|".join([*VARIANTS, *CONTROLS]),
+    # The folder of a decision below that of its model; nothing for that of the method.
+    decision=f"(?:|/decisions/(?:{'|'.join(config['decisions']) or 'none'}))",
 
 
 scattergather:
@@ -62,6 +62,77 @@ def job(command):
     return f"{logged} || {{{{ status=$?; echo exit status $status >> {{log:q}}; exit $status; }}}}"
 
 
+def get_model(wildcards):
+    return Model(PLAN, wildcards.scheme, wildcards.scene)
+
+
+def get_public_model(wildcards):
+    return get_model(wildcards).public
+
+
 def get_scheme(wildcards):
-    """The option that names the scheme of a public model; other models are recognized by their columns."""
-    return f"--scheme {wildcards.scheme}" if wildcards.scheme in WATERMARKS else ""
+    return get_model(wildcards).scheme_option
+
+
+def get_variant(wildcards):
+    return Variant(get_model(wildcards), wildcards.variant)
+
+
+def get_decision(wildcards):
+    return Decision(get_model(wildcards), wildcards.get("decision", "").rpartition("/")[2] or DEFAULT)
+
+
+def get_artifact(name):
+    """The input function of an artifact: it takes the one of the first decision that has the same."""
+    return lambda wildcards: get_decision(wildcards).path(name)
+
+
+def get_method_options(*names):
+    """The function of some settings of a decision as options."""
+    return lambda wildcards: get_decision(wildcards).options(*names)
+
+
+def get_training_files(wildcards):
+    """What a model is trained from: cameras, points, and the photographs that the cameras name."""
+    settings = config["assets"][wildcards.scene]
+    return capture_files(settings["train"], settings["photographs"])
+
+
+def get_training_options(wildcards):
+    settings = config["assets"][wildcards.scene]["training"]
+    return options(settings, *settings)
+
+
+def get_pair_files(wildcards):
+    return pair_files(config["pairs"][wildcards.scene])
+
+
+def get_pair_arguments(wildcards):
+    return pair_arguments(config["pairs"][wildcards.scene], config["views"]["off_path"])
+
+
+def get_message_files(wildcards):
+    pair = PLAN.messages[wildcards.message]
+    return capture_files(pair["message"], pair["message_photographs"])
+
+
+def get_pair(wildcards):
+    return get_model(wildcards).pair
+
+
+def get_contributions(wildcards):
+    """The indices of a decision's contributions, one for each part of the views."""
+    return gather.views("{folder}/{scatteritem}.tsv", folder=get_decision(wildcards).path("contributions"))
+
+
+def get_variant_files(wildcards):
+    """What a variant or a control shows: its model, and its views beside the cameras."""
+    return {"model": get_variant(wildcards).public, **get_variant(wildcards).view_files}
+
+
+def get_view_options(wildcards):
+    return get_variant(wildcards).view_options
+
+
+def get_attack_files(wildcards):
+    return {"model": get_public_model(wildcards), **get_variant(wildcards).evidence}

@@ -16,7 +16,7 @@ rule match_damage:
     params:
         code=code_digest("gspure.cli.matched"),
         templates=TEMPLATE_DIGESTS,
-        sweeps=SWEEPS,
+        sweeps=PLAN.sweep_options,
     message:
         "Comparing attacks at equal damage to the scene"
     shell:
@@ -39,7 +39,7 @@ rule hold_contest:
     params:
         code=code_digest("gspure.cli.contest"),
         templates=TEMPLATE_DIGESTS,
-        sweeps=SWEEPS,
+        sweeps=PLAN.sweep_options,
     message:
         "Comparing GSPure with every other attack"
     shell:
@@ -67,7 +67,7 @@ rule draw_sweep:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.scheme_figures"),
-        points=factor_points,
+        points=lambda wildcards: PLAN.point_options(wildcards.scheme),
     message:
         "Drawing {wildcards.scheme} against the pruning factors"
     shell:

@@ -4,7 +4,7 @@
 
 rule measure_contributions:
     input:
-        model=public_model,
+        model=get_public_model,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
         index="results/{scheme}/{scene}{decision}/contributions/{scatteritem}.tsv",
@@ -22,7 +22,7 @@ rule measure_contributions:
         code=code_digest("gspure.cli.contributions"),
         stages="stages/{scheme}/{scene}/contributions",
         part=lambda wildcards: wildcards.scatteritem.replace("-of-", "/"),
-        options=method_options("energy"),
+        options=get_method_options("energy"),
         scheme=get_scheme,
     message:
         "Measuring contributions in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}, part {wildcards.scatteritem}"
@@ -36,8 +36,8 @@ rule measure_contributions:
 
 rule accumulate_weights:
     input:
-        indices=indices,
-        model=public_model,
+        indices=get_contributions,
+        model=get_public_model,
     output:
         weights="results/{scheme}/{scene}{decision}/weights.npy",
     log:
@@ -48,7 +48,7 @@ rule accumulate_weights:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.weights"),
-        options=method_options("reduction"),
+        options=get_method_options("reduction"),
     message:
         "Averaging contributions over the views of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:

@@ -46,8 +46,8 @@ rule train_message:
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.train"),
-        data=lambda wildcards: MESSAGES[wildcards.message]["message"],
-        options=lambda wildcards: options(MESSAGES[wildcards.message], "iterations", "resolution", "seed"),
+        data=lambda wildcards: PLAN.messages[wildcards.message]["message"],
+        options=lambda wildcards: options(PLAN.messages[wildcards.message], "iterations", "resolution", "seed"),
     message:
         "Training a model of message {wildcards.message}"
     shell:
@@ -56,7 +56,7 @@ rule train_message:
 
 rule embed_message:
     input:
-        unpack(pair_inputs),
+        unpack(get_pair),
     output:
         model="results/{scheme}/{scene}/public/point_cloud.ply",
         key=directory("results/{scheme}/{scene}/key"),
@@ -65,7 +65,7 @@ rule embed_message:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/embed.tsv"
     wildcard_constraints:
-        scheme="|".join(WATERMARKS) or "none",
+        scheme="|".join(PLAN.schemes) or "none",
     conda:
         "../envs/gspure.yaml"
     threads: THREADS
@@ -73,10 +73,10 @@ rule embed_message:
         opencl_device=TURNS,
     params:
         kernels=KERNELS,
-        code=embedding_code,
+        code=lambda wildcards: get_model(wildcards).code("embed"),
         pair=lambda wildcards, input: os.path.dirname(input.cameras),
         folder="results/{scheme}/{scene}",
-        options=embedding_options,
+        options=lambda wildcards: get_model(wildcards).embedding_options,
     message:
         "Hiding the message of {wildcards.scene} by {wildcards.scheme}"
     shell:
@@ -85,7 +85,7 @@ rule embed_message:
 
 rule embed_nothing:
     input:
-        unpack(pair_inputs),
+        unpack(get_pair),
     output:
         model="results/{scheme}/{scene}/clean/public/point_cloud.ply",
     log:
@@ -93,7 +93,7 @@ rule embed_nothing:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/clean/embed.tsv"
     wildcard_constraints:
-        scheme="|".join(WATERMARKS) or "none",
+        scheme="|".join(PLAN.schemes) or "none",
     conda:
         "../envs/gspure.yaml"
     threads: THREADS
@@ -101,10 +101,10 @@ rule embed_nothing:
         opencl_device=TURNS,
     params:
         kernels=KERNELS,
-        code=embedding_code,
+        code=lambda wildcards: get_model(wildcards).code("embed"),
         pair=lambda wildcards, input: os.path.dirname(input.cameras),
         folder="results/{scheme}/{scene}/clean",
-        options=embedding_options,
+        options=lambda wildcards: get_model(wildcards).embedding_options,
     message:
         "Training {wildcards.scheme} on {wildcards.scene} without a message"
     shell:
@@ -128,7 +128,7 @@ rule weigh_message:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/hidden.tsv"
     wildcard_constraints:
-        scheme="|".join(WATERMARKS) or "none",
+        scheme="|".join(PLAN.schemes) or "none",
     conda:
         "../envs/gspure.yaml"
     threads: THREADS
@@ -136,7 +136,7 @@ rule weigh_message:
         opencl_device=TURNS,
     params:
         kernels=KERNELS,
-        code=lambda wildcards: code_digest("gspure.cli.hidden", WATERMARKS[wildcards.scheme].embed.__module__),
+        code=lambda wildcards: get_model(wildcards).code("hidden"),
         options=options(config["method"], "energy", "reduction"),
     message:
         "Weighing the message of {wildcards.scheme}/{wildcards.scene}"

@@ -4,9 +4,7 @@
 
 rule render_scene:
     input:
-        unpack(world_of),
-        unpack(off_path),
-        model=model_of,
+        unpack(get_variant_files),
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
         images=directory("results/{scheme}/{scene}/{variant}/renders/scene"),
@@ -23,7 +21,7 @@ rule render_scene:
         kernels=KERNELS,
         code=code_digest("gspure.cli.render"),
         split=config["views"]["evaluate"],
-        views=view_options,
+        views=get_view_options,
         scheme=get_scheme,
     message:
         "Rendering the scene of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
@@ -36,9 +34,7 @@ rule render_scene:
 
 rule extract_message:
     input:
-        unpack(world_of),
-        unpack(off_path),
-        model=model_of,
+        unpack(get_variant_files),
         key="results/{scheme}/{scene}/key",
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
@@ -48,7 +44,7 @@ rule extract_message:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/{variant}/extract_{target}.tsv"
     wildcard_constraints:
-        scheme="|".join(WATERMARKS) or "none",
+        scheme="|".join(PLAN.schemes) or "none",
         target="message[a-z_]*",
     conda:
         "../envs/gspure.yaml"
@@ -57,10 +53,10 @@ rule extract_message:
         opencl_device=TURNS,
     params:
         kernels=KERNELS,
-        code=lambda wildcards: code_digest("gspure.cli.extract", WATERMARKS[wildcards.scheme].embed.__module__),
+        code=lambda wildcards: get_model(wildcards).code("extract"),
         split=config["views"]["evaluate"],
-        options=extraction_options,
-        views=view_options,
+        options=lambda wildcards: get_variant(wildcards).extraction_options(wildcards.target),
+        views=get_view_options,
     message:
         "Extracting the {wildcards.target} from {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
@@ -72,8 +68,8 @@ rule extract_message:
 
 rule compare_renders:
     input:
-        images=renders,
-        references=references,
+        images=lambda wildcards: get_variant(wildcards).renders,
+        references=lambda wildcards: get_model(wildcards).references,
     output:
         metrics="results/{scheme}/{scene}/{variant}/metrics.csv",
     log:
@@ -86,7 +82,7 @@ rule compare_renders:
         code=code_digest("gspure.cli.metrics"),
         images=lambda wildcards, input: os.path.dirname(input.images[0]),
         references=lambda wildcards, input: os.path.dirname(input.references[0]),
-        options=comparison_options,
+        options=lambda wildcards: get_variant(wildcards).comparison_options,
     message:
         "Comparing the renders of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
@@ -95,10 +91,10 @@ rule compare_renders:
 
 rule tabulate_metrics:
     input:
-        metrics=get_finished(path for model in MODELS for path in metrics_files(*model.split("/"))),
+        metrics=get_finished(path for model in PLAN.models for path in model.metrics),
         masks=get_finished(expand("results/{model}/{variant}/prune_mask.npy", model=MODELS, variant=VARIANTS)),
         verdicts=get_finished(expand("results/{model}/{variant}/verdict.json", model=MODELS, variant=VARIANTS)),
-        key_folders=get_finished(f"results/{scheme}/{scene}/key" for scheme in WATERMARKS for scene in SCHEMES[scheme]),
+        key_folders=get_finished(f"{model.folder}/key" for model in PLAN.models if model.is_watermarked),
         failures=[status_of(failure.log) for failure in FAILURES],
     output:
         table="results/tables/results.csv",

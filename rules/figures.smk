@@ -1,11 +1,11 @@
 rule draw_model:
     input:
-        model=public_model,
+        model=get_public_model,
         weights="results/{scheme}/{scene}/weights.npy",
         clusters="results/{scheme}/{scene}/clusters.npz",
         mask="results/{scheme}/{scene}/prune_mask.npy",
         cameras="results/{scheme}/{scene}/cameras.json",
-        hidden=lambda wildcards: hidden_of(**wildcards),
+        hidden=lambda wildcards: get_model(wildcards).hidden,
     output:
         figures=report(
             directory("results/{scheme}/{scene}/figures/model"),
@@ -22,7 +22,7 @@ rule draw_model:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.figures"),
-        factors=method_options("tau_c", "tau_n"),
+        factors=get_method_options("tau_c", "tau_n"),
         message=lambda wildcards, input: options(input, "hidden") if input.hidden else "",
     message:
         "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"
@@ -36,7 +36,7 @@ rule draw_model:
 
 rule draw_panels:
     input:
-        columns=lambda wildcards: panel_columns(wildcards).values(),
+        columns=lambda wildcards: get_model(wildcards).panel_columns(wildcards.target).values(),
     output:
         figure=report(
             "results/{scheme}/{scene}/figures/{target}.png",
@@ -54,7 +54,7 @@ rule draw_panels:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.figures"),
-        columns=lambda wildcards: column_options(panel_columns(wildcards)),
+        columns=lambda wildcards: column_options(get_model(wildcards).panel_columns(wildcards.target)),
     message:
         "Drawing the {wildcards.target} of {wildcards.scheme}/{wildcards.scene} before and after"
     shell:
@@ -80,8 +80,8 @@ rule draw_attacks:
     params:
         code=code_digest("gspure.cli.figures"),
         asset="{scheme}/{scene}",
-        columns=lambda wildcards: column_options(shown_folders(wildcards)),
-        sweeps=SWEEPS,
+        columns=lambda wildcards: column_options(get_model(wildcards).columns),
+        sweeps=PLAN.sweep_options,
     message:
         "Drawing what every attack leaves of {wildcards.scheme}/{wildcards.scene}"
     shell:

@@ -5,7 +5,7 @@
 
 rule measure_opacities:
     input:
-        model=public_model,
+        model=get_public_model,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
         opacities="results/{scheme}/{scene}/opacities.npy",
@@ -29,9 +29,9 @@ rule measure_opacities:
 
 rule build_features:
     input:
-        model=public_model,
-        weights=made("weights.npy"),
-        opacities=opacities,
+        model=get_public_model,
+        weights=get_artifact("weights.npy"),
+        opacities="results/{scheme}/{scene}/opacities.npy",
     output:
         features="results/{scheme}/{scene}{decision}/features.npy",
     log:
@@ -53,7 +53,7 @@ rule build_features:
 
 rule span_tree:
     input:
-        features=made("features.npy"),
+        features=get_artifact("features.npy"),
     output:
         tree="results/{scheme}/{scene}{decision}/tree.npy",
     log:
@@ -66,7 +66,7 @@ rule span_tree:
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.tree"),
-        options=method_options("cluster_on", "min_samples"),
+        options=get_method_options("cluster_on", "min_samples"),
     message:
         "Computing the spanning tree of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
@@ -75,7 +75,7 @@ rule span_tree:
 
 rule select_clusters:
     input:
-        tree=made("tree.npy"),
+        tree=get_artifact("tree.npy"),
     output:
         clusters="results/{scheme}/{scene}{decision}/clusters.npz",
     log:
@@ -87,7 +87,7 @@ rule select_clusters:
     params:
         kernels=KERNELS,
         code=code_digest("gspure.cli.cluster"),
-        options=method_options("min_cluster_size", "selection", "max_cluster_share"),
+        options=get_method_options("min_cluster_size", "selection", "max_cluster_share"),
     message:
         "Selecting clusters in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
@@ -96,9 +96,9 @@ rule select_clusters:
 
 rule decide_pruning:
     input:
-        clusters=made("clusters.npz"),
-        weights=decisive,
-        model=public_model,
+        clusters=get_artifact("clusters.npz"),
+        weights=lambda wildcards: get_decision(wildcards).thresholded,
+        model=get_public_model,
     output:
         mask="results/{scheme}/{scene}{decision}/prune_mask.npy",
         diagnosis="results/{scheme}/{scene}{decision}/diagnosis.json",
@@ -110,7 +110,7 @@ rule decide_pruning:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.prune"),
-        options=method_options("tau_c", "tau_n"),
+        options=get_method_options("tau_c", "tau_n"),
     message:
         "Deciding what to prune in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:

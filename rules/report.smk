@@ -1,17 +1,20 @@
+SHOWN = [model for model in PLAN.models if get_finished(model.metrics)]
+FIGURES = [path for model in SHOWN for path in model.figures]
+SCHEME_FIGURES = [path for scheme in {model.scheme: None for model in SHOWN} for path in PLAN.scheme_figures(scheme)]
+
+
 rule write_report:
     input:
         table="results/tables/results.csv",
         clouds=get_finished(expand("results/{model}/figures/model", model=MODELS)),
-        figures=get_finished(path for path in figure_files() if "/model/" not in path),
-        comparisons=get_finished(scheme_figures()),
+        figures=get_finished(path for path in FIGURES if "/model/" not in path),
+        comparisons=get_finished(SCHEME_FIGURES),
         matched="results/tables/matched.csv",
         contest="results/tables/contest.csv",
         survival="results/tables/survival.csv",
         summary="results/tables/summary.csv",
         diagnoses=get_finished(expand("results/{model}/diagnosis.json", model=MODELS)),
-        hidden=get_finished(
-            f"results/{scheme}/{scene}/hidden.json" for scheme in WATERMARKS for scene in SCHEMES[scheme]
-        ),
+        hidden=get_finished(f"{model.folder}/hidden.json" for model in PLAN.models if model.is_watermarked),
         artifacts=get_finished(
             expand(
                 "results/{model}/{artifact}",
@@ -30,7 +33,7 @@ rule write_report:
     params:
         code=code_digest("gspure.cli.report"),
         templates=TEMPLATE_DIGESTS,
-        figures=get_finished([*figure_files(), *scheme_figures()]),
+        figures=get_finished([*FIGURES, *SCHEME_FIGURES]),
         viewers=get_finished(expand("results/{model}/figures/model/viewer.json", model=MODELS)),
         links=[*map(os.path.relpath, workflow.configfiles), "results/logs"],
         provenance=lambda wildcards, input: [

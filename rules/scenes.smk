@@ -20,8 +20,8 @@ rule step_off_path:
 
 rule prepare_cameras:
     input:
-        cameras=get_camera_files,
-        model=public_model,
+        cameras=lambda wildcards: get_model(wildcards).camera_files,
+        model=get_public_model,
     output:
         cameras="results/{scheme}/{scene}/cameras.json",
     log:
@@ -32,8 +32,8 @@ rule prepare_cameras:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.cameras"),
-        source=camera_source,
-        options=camera_options,
+        source=lambda wildcards: get_model(wildcards).camera_source,
+        options=lambda wildcards: get_model(wildcards).camera_options,
     message:
         "Preparing the views of {wildcards.scene}"
     shell:

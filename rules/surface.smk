@@ -3,7 +3,7 @@
 
 rule measure_surface:
     input:
-        model=public_model,
+        model=get_public_model,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
         surface="results/{scheme}/{scene}/surface.npy",

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gspure.evaluation.paper import read_cells
 from gspure.workflow.configuration import resolved, validated
-from gspure.workflow.decisions import METHOD, STAGES, decisions, factors_of, origin, sweeps
+from gspure.workflow.decisions import DEFAULT, STAGES, decisions, factors_of, origin, sweeps
 from tests.documentation import ROOT
 
 SUITED = {"tau_c": 3.0, "tau_n": 2.0}
@@ -26,15 +26,15 @@ def settled(**config):
 def made(config):
     """How many decisions make each artifact, beside the method's."""
     among = decisions(config, SUITED)
-    return {artifact: len({origin(among, name, artifact) for name in among} - {METHOD}) for artifact in STAGES}
+    return {artifact: len({origin(among, name, artifact) for name in among} - {DEFAULT}) for artifact in STAGES}
 
 
 def test_a_decision_has_the_settings_of_the_method_but_its_own():
     config = settled(method={"min_samples": 7, "tau_n": 1.5}, decisions={"leaf": {"selection": "leaf", "tau_c": 9}})
     among = decisions(config, SUITED)
-    assert list(among) == [METHOD, "leaf"]
-    assert among[METHOD] == {"cluster_on": ["position", "opacity", "weight"], **config["method"], "tau_c": 3.0}
-    assert among["leaf"] == {**among[METHOD], "selection": "leaf", "tau_c": 9}
+    assert list(among) == [DEFAULT, "leaf"]
+    assert among[DEFAULT] == {"cluster_on": ["position", "opacity", "weight"], **config["method"], "tau_c": 3.0}
+    assert among["leaf"] == {**among[DEFAULT], "selection": "leaf", "tau_c": 9}
 
 
 def test_a_factor_that_is_null_is_that_of_the_scheme_also_where_the_method_has_one():

@@ -11,7 +11,7 @@ from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
 from gspure.schemes.gs_hider import SCHEME
 from gspure.schemes.gs_hider.decoder_file import LARGEST, DecoderFile
-from gspure.schemes.gs_hider.layout import COLUMNS, MESSAGE, SCENE
+from gspure.schemes.gs_hider.layout import COLUMNS, MESSAGE_DECODER, SCENE_DECODER
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from tests.models import without
 
@@ -57,8 +57,8 @@ def authors_layout(torch, folder):
     """A run's folder with two iterations; decoders differ in their last bias."""
     for iteration in (30, 200):
         write_model(folder / "point_cloud" / f"iteration_{iteration}" / "point_cloud.ply", rows())
-        for role in (SCENE, MESSAGE):
-            bias = torch.full((3,), float(iteration) + (role == MESSAGE))
+        for role in (SCENE_DECODER, MESSAGE_DECODER):
+            bias = torch.full((3,), float(iteration) + (role == MESSAGE_DECODER))
             torch.save(state(torch, **{"conv5.bias": bias}), folder / f"chkpnt{iteration}_{role}.pth")
     return folder
 
@@ -100,18 +100,18 @@ def test_round_trips_are_exact(torch, saved, tmp_path):
     np.testing.assert_array_equal(again.model.table, public.model.table)
     assert again.decoder.content == public.decoder.content
     assert sorted(file.name for file in (tmp_path / "public").iterdir()) == [NAME, "point_cloud.ply"]
-    written = DecoderFile.of(again.decoder.network, 7, SCENE)
+    written = DecoderFile.of(again.decoder.network, 7, SCENE_DECODER)
     assert written.source.name == NAME
     for name, tensor in torch.load(tmp_path / NAME, weights_only=True).items():
         assert torch.equal(written.network.state_dict()[name], tensor)
-    assert DecoderFile.of(written.network, 7, SCENE).content == written.content
+    assert DecoderFile.of(written.network, 7, SCENE_DECODER).content == written.content
 
 
 def test_a_key_is_written_and_read(torch, tmp_path):
     from gspure.schemes.gs_hider.decoder import untrained
     from gspure.schemes.gs_hider.key import DecoderKey
 
-    key = DecoderKey(DecoderFile.of(untrained(1, 0)[0], 3000, MESSAGE))
+    key = DecoderKey(DecoderFile.of(untrained(1, 0)[0], 3000, MESSAGE_DECODER))
     key.write(tmp_path / "key")
     assert [file.name for file in (tmp_path / "key").iterdir()] == ["chkpnt3000_waternet.pth"]
     assert SCHEME.read_key(tmp_path / "key").decoder.content == key.decoder.content

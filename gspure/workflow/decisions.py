@@ -12,7 +12,7 @@ from gspure.method.features import PARTS
 Settings = Mapping[str, Any]
 Decisions = Mapping[str, Settings]
 
-METHOD: Final = "method"
+DEFAULT: Final = "method"
 """Name of the decision that has the settings of `method` in the configuration."""
 
 FACTORS: Final = ("tau_c", "tau_n")
@@ -40,8 +40,8 @@ def decisions(config: Settings, suited: Mapping[str, float]) -> dict[str, dict[s
 
     """
     common = {"cluster_on": list(PARTS), **config["method"]}
-    found = {METHOD: common, **{name: {**common, **own} for name, own in config["decisions"].items()}}
-    return {name: {**one, **{tau: one[tau] or suited[tau] for tau in FACTORS}} for name, one in found.items()}
+    every = {DEFAULT: common, **{name: {**common, **changed} for name, changed in config["decisions"].items()}}
+    return {name: {**chosen, **{tau: chosen[tau] or suited[tau] for tau in FACTORS}} for name, chosen in every.items()}
 
 
 def origin(among: Decisions, name: str, artifact: str) -> str:
@@ -72,14 +72,25 @@ def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
 
 
 def factors_of(variants: Decisions, among: Decisions) -> dict[str, tuple[float, float]]:
-    """Return tau_n and tau_c of every variant that is GSPure with the method's settings but for these."""
-    method = {"attack": "gspure", "seed": 0}
-    found = {name: among[one.get("decision", METHOD)] for name, one in variants.items() if _is_like(one, method, among)}
-    return {name: (settings["tau_n"], settings["tau_c"]) for name, settings in found.items()}
+    """Return tau_n and tau_c of every variant that differs from GSPure in these alone, those with its factors first."""
+    kind = _kind({"attack": "gspure", "seed": 0}, among)
+    chosen = {
+        name: among[settings.get("decision", DEFAULT)]
+        for name, settings in variants.items()
+        if _kind(settings, among) == kind
+    }
+    points = {name: (settings["tau_n"], settings["tau_c"]) for name, settings in chosen.items()}
+    return dict(sorted(points.items(), key=lambda point: point[1] != _default_factors(among)))
 
 
-def _is_like(settings: Settings, other: Settings, among: Decisions) -> bool:
-    return _kind(settings, among) == _kind(other, among)
+def is_swept(variants: Decisions, among: Decisions) -> bool:
+    """Return whether there are variants that differ from GSPure in one pruning factor alone."""
+    tau_n, tau_c = _default_factors(among)
+    return any((n == tau_n) != (c == tau_c) for n, c in factors_of(variants, among).values())
+
+
+def _default_factors(among: Decisions) -> tuple[float, float]:
+    return among[DEFAULT]["tau_n"], among[DEFAULT]["tau_c"]
 
 
 def _kind(settings: Settings, among: Decisions) -> tuple[object, ...]:
@@ -88,7 +99,7 @@ def _kind(settings: Settings, among: Decisions) -> tuple[object, ...]:
     words = {k: v for k, v in settings.items() if isinstance(attack.settings.get(k), str) and v != attack.settings[k]}
     kind = [attack.name, *words.values(), *([f"seed {settings['seed']}"] if settings["seed"] else [])]
     if attack.needs & {"weights", "prune_mask"}:
-        name = settings.get("decision", METHOD)
+        name = settings.get("decision", DEFAULT)
         first = origin(among, name, "clusters.npz" if "prune_mask" in attack.needs else "weights.npy")
-        kind += [] if first == METHOD else [first]
+        kind += [] if first == DEFAULT else [first]
     return tuple(kind)

@@ -10,7 +10,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.key import DecoderKey
-from gspure.schemes.gs_hider.layout import MESSAGE, SCENE
+from gspure.schemes.gs_hider.layout import MESSAGE_DECODER, SCENE_DECODER
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import initial_gaussians
@@ -67,7 +67,7 @@ def embed(
     for _ in watched(run, iterations, lambda: f"{pair.quality(*run.views)}  {len(run.field)} Gaussians"):
         pass
     _say_gains(run, seed)
-    roles = ((SCENE, MESSAGE), run.branches)
+    roles = ((SCENE_DECODER, MESSAGE_DECODER), run.branches)
     decoders = [DecoderFile.of(branch.decoder, iterations, role) for role, branch in zip(*roles, strict=False)]
     return FeatureModel(run.field.model(), decoders[0]), DecoderKey(decoders[1]) if message_weight else None
 

@@ -13,7 +13,7 @@ from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
-from gspure.schemes.gs_hider.layout import MESSAGE, decoder_name, find_decoder
+from gspure.schemes.gs_hider.layout import MESSAGE_DECODER, decoder_name, find_decoder
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.scheme import Key
 
@@ -34,9 +34,9 @@ class DecoderKey(Key):
     @classmethod
     def read(cls, folder: Path) -> Self:
         """Read the newest key in a folder, or raise `InputError`."""
-        file = find_decoder(folder, MESSAGE)
+        file = find_decoder(folder, MESSAGE_DECODER)
         if file is None:
-            raise InputError(folder, "key", expected=decoder_name("N", MESSAGE), found="no such file")
+            raise InputError(folder, "key", expected=decoder_name("N", MESSAGE_DECODER), found="no such file")
         return cls(DecoderFile.read(file))
 
     def write(self, folder: Path) -> None:
@@ -66,4 +66,4 @@ class DecoderKey(Key):
         from gspure.schemes.gs_hider.decoder import untrained
 
         (decoder,) = untrained(1, int(rng.integers(1 << 31)))
-        return type(self)(DecoderFile.of(decoder, 0, MESSAGE))
+        return type(self)(DecoderFile.of(decoder, 0, MESSAGE_DECODER))

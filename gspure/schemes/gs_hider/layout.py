@@ -27,8 +27,8 @@ COLUMNS: Final = (
     *(f"rot_{i}" for i in range(4)),
     *FEATURES,
 )
-SCENE: Final = "net"
-MESSAGE: Final = "waternet"
+SCENE_DECODER: Final = "net"
+MESSAGE_DECODER: Final = "waternet"
 """Suffixes of the decoders' file names."""
 
 

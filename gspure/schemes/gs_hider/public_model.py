@@ -20,7 +20,7 @@ from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, PublicModel, RenderView
 from gspure.renderer import Renderer
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
-from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES, SCENE, find_decoder, read_rows
+from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES, SCENE_DECODER, find_decoder, read_rows
 
 Float32 = NDArray[np.float32]
 
@@ -52,7 +52,7 @@ class FeatureModel(PublicModel):
         """Read a model's .ply, or its folder, and the decoder beside it or in the authors' layout."""
         path = Path(path)
         ply = point_cloud(path) if path.is_dir() else path
-        decoder = find_decoder(ply.parent, SCENE)
+        decoder = find_decoder(ply.parent, SCENE_DECODER)
         return cls(read_rows(ply), DecoderFile.read(decoder) if decoder else None)
 
     def write(self, path: Path) -> None:
@@ -82,7 +82,7 @@ class FeatureModel(PublicModel):
 
         """
         if self.decoder is None:
-            raise InputError("model", "decoder", expected=f"chkpntN_{SCENE}.pth with the .ply", found="none")
+            raise InputError("model", "decoder", expected=f"chkpntN_{SCENE_DECODER}.pth with the .ply", found="none")
         from gspure.schemes.gs_hider.decoder import decoded
 
         return decoded(self.feature_map(device, background, energy), self.decoder.network)

@@ -1,0 +1,220 @@
+"""The models of a configuration, and the files and options of their jobs."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+from gspure.constants import TAU_C, TAU_N
+from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
+from gspure.schemes.registry import find_scheme
+from gspure.schemes.scheme import Scheme
+from gspure.workflow.captures import camera_files
+from gspure.workflow.configuration import GENERATED
+from gspure.workflow.decisions import Decisions, Settings, decisions, factors_of, is_swept, sweeps
+from gspure.workflow.options import options, setting_options
+from gspure.workflow.pairs import is_photographed, other_pair, pair_of, repetition_of, trained_message
+from gspure.workflow.sources import code_digest
+
+VANILLA: Final = "vanilla"
+"""Folder of the user's own models."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that a resolved configuration asks for."""
+
+    config: Settings
+
+    @cached_property
+    def schemes(self) -> dict[str, Scheme]:
+        """The watermarking schemes by name."""
+        return {name: find_scheme(name) for name in self.config["schemes"]}
+
+    @cached_property
+    def scenes(self) -> dict[str, Settings]:
+        """By scheme, the settings of every scene: the user's models, or pairs; ``raised@1`` repeats pair ``raised``."""
+        repetitions = range(self.config["repetitions"])
+        pairs = {f"{name}@{n}" if n else name: pair for name, pair in self.config["pairs"].items() for n in repetitions}
+        return {VANILLA: self.config["assets"], **dict.fromkeys(self.schemes, pairs)}
+
+    @cached_property
+    def models(self) -> list[Model]:
+        """The models of all schemes."""
+        return [Model(self, scheme, scene) for scheme, scenes in self.scenes.items() for scene in scenes]
+
+    @cached_property
+    def decisions(self) -> dict[str, Decisions]:
+        """By scheme, all settings of every decision. They differ between schemes in the pruning factors only."""
+        suited = {name: {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n} for name, scheme in self.schemes.items()}
+        suited[VANILLA] = {"tau_c": TAU_C, "tau_n": TAU_N}
+        return {name: decisions(self.config, factors) for name, factors in suited.items()}
+
+    @cached_property
+    def messages(self) -> dict[str, Settings]:
+        """By message that has to be trained from photographs, a pair that hides it."""
+        return {trained_message(pair): pair for pair in self.config["pairs"].values() if "message_photographs" in pair}
+
+    @property
+    def sweep_options(self) -> str:
+        """Variants that are one attack at several strengths, as options."""
+        swept = sweeps(self.config["variants"], self.decisions[VANILLA])
+        return shlex.join(word for name, of in swept.items() for word in ("--sweep", f"{name}={','.join(of)}"))
+
+    def point_options(self, scheme: str) -> str:
+        """Return the variants of a sweep of the pruning factors as options, the method's first."""
+        points = factors_of(self.config["variants"], self.decisions[scheme])
+        return shlex.join(word for name, (n, c) in points.items() for word in ("--point", f"{name}={n},{c}"))
+
+    def scheme_figures(self, scheme: str) -> list[str]:
+        """Return the figures of all scenes of a scheme; none of the user's own models, which have no message."""
+        if scheme == VANILLA:
+            return []
+        swept = is_swept(self.config["variants"], self.decisions[scheme])
+        return [f"results/figures/{scheme}/{name}.png" for name in (*["sweep"] * swept, "tradeoff")]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A scheme's model of a pair, or one of the user's own.
+
+    Parameters
+    ----------
+    plan : Plan
+    scheme, scene : str
+        Its folder below ``results``.
+
+    """
+
+    plan: Plan
+    scheme: str
+    scene: str
+
+    @property
+    def folder(self) -> str:
+        """The folder of its results."""
+        return f"results/{self.scheme}/{self.scene}"
+
+    @property
+    def settings(self) -> Settings:
+        """Its entry in the configuration: of a pair, or of the user's own model."""
+        settings: Settings = self.plan.scenes[self.scheme][self.scene]
+        return settings
+
+    @property
+    def is_watermarked(self) -> bool:
+        """Whether a scheme made it."""
+        return self.scheme in self.plan.schemes
+
+    @property
+    def public(self) -> str:
+        """The public model: the user's file in place, or the one trained here."""
+        return str(self.settings.get("model", f"{self.folder}/public/point_cloud.ply"))
+
+    @property
+    def scheme_option(self) -> str:
+        """The scheme as an option; commands recognize other models by their columns."""
+        return f"--scheme {self.scheme}" if self.is_watermarked else ""
+
+    @property
+    def pair(self) -> dict[str, str]:
+        """The files and folders of its pair."""
+        names = {"cameras": "cameras.json", "points": "points3D.ply", "scene": "scene", "message": "message"}
+        return {name: f"results/pairs/{pair_of(self.scene)}/{file}" for name, file in names.items()}
+
+    @property
+    def other_pair(self) -> str | None:
+        """The first pair with another message, if there is one."""
+        return other_pair(self.plan.config["pairs"], pair_of(self.scene))
+
+    @property
+    def embedding_options(self) -> str:
+        """The seed and the settings of its scheme as options."""
+        settings = dict(self.plan.config["schemes"][self.scheme])
+        seed = settings.pop("seed") + repetition_of(self.scene)
+        return f"--seed {seed} {setting_options(settings)}"
+
+    def code(self, command: str) -> str:
+        """Return a digest of the code of its scheme and of a command."""
+        return code_digest(f"gspure.cli.{command}", self.plan.schemes[self.scheme].embed.__module__)
+
+    @property
+    def camera_source(self) -> str:
+        """The source of its views: a file or folder, or a way to generate them."""
+        if self.is_watermarked:
+            return self.pair["cameras"]
+        return str(self.settings.get("cameras", f"{self.folder}/trained/cameras.json"))
+
+    @property
+    def camera_files(self) -> list[str]:
+        """The files of its views; none if they are generated."""
+        if self.is_watermarked:
+            return [self.camera_source]
+        return [] if self.camera_source in GENERATED else camera_files(self.camera_source)
+
+    @property
+    def camera_options(self) -> str:
+        """How to scale or generate its views, as options."""
+        if self.is_watermarked:
+            return "--scale native"
+        if self.camera_source in GENERATED:
+            generated = {"model": self.public, **self.settings["generated"]}
+            return options(generated, *generated)
+        return options(self.settings, "scale")
+
+    @property
+    def off_path(self) -> dict[str, str]:
+        """The file of its views off the path; none of photographed pairs, which have no photographs there."""
+        if not self.plan.config["views"]["off_path"] or (self.is_watermarked and is_photographed(self.settings)):
+            return {}
+        return {"off_path": f"{self.folder}/off_path.json"}
+
+    @property
+    def targets(self) -> list[str]:
+        """What is compared: the scene, and every extraction of the message."""
+        return ["scene", *(self.plan.schemes[self.scheme].extractions if self.is_watermarked else ())]
+
+    @property
+    def controls(self) -> list[str]:
+        """Its negative controls; another scene's model must have another message."""
+        controls = CONTROLS if self.is_watermarked else ()
+        return [control for control in controls if control != OTHER_SCENE or self.other_pair]
+
+    @property
+    def metrics(self) -> list[str]:
+        """The metrics of all variants and controls."""
+        return [f"{self.folder}/{name}/metrics.csv" for name in (*self.plan.config["variants"], *self.controls)]
+
+    @property
+    def references(self) -> list[str]:
+        """The folders of images that variants are compared with."""
+        if self.is_watermarked:
+            return [self.pair[target] for target in ("scene", "message")]
+        return [f"{self.folder}/unattacked/renders/scene"]
+
+    @property
+    def hidden(self) -> list[str]:
+        """The message's weight of each row, if there is a message."""
+        return [f"{self.folder}/hidden.npy"] if self.is_watermarked else []
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Folders of images by title, with a folder per target: photographs, the unattacked model, all others."""
+        photographs = {"truth": f"results/pairs/{pair_of(self.scene)}"} if self.is_watermarked else {}
+        names = sorted(self.plan.config["variants"], key=lambda name: name != "unattacked")
+        return photographs | {name: f"{self.folder}/{name}/renders" for name in names}
+
+    def panel_columns(self, target: str) -> dict[str, str]:
+        """Return the folders of images of a target by title: photographs, before GSPure, and after it."""
+        photographed = {"truth": target.partition("_")[0]}
+        titles = [title for title in ("truth", "unattacked", "gspure") if title in self.columns]
+        return {title: f"{self.columns[title]}/{photographed.get(title, target)}" for title in titles}
+
+    @property
+    def figures(self) -> list[str]:
+        """Its figures in the order of the page; those below ``model`` are of one folder."""
+        clouds = ["purification", "kept", "clusters"] if self.is_watermarked else ["kept", "clusters", "ranks"]
+        names = ["outcomes", "attacks", "model/weights", *self.targets, *(f"model/{name}" for name in clouds)]
+        return [f"{self.folder}/figures/{name}.png" for name in names]

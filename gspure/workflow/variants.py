@@ -1,0 +1,141 @@
+"""The variants and controls of a model, and the decisions that they go by: the files and options of their jobs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gspure.attacks import find_attack
+from gspure.attacks.attack import Attack
+from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
+from gspure.workflow.decisions import DEFAULT, Settings, origin
+from gspure.workflow.models import VANILLA, Model
+from gspure.workflow.options import options, setting_options
+from gspure.workflow.pairs import repetition_of
+from gspure.workflow.sources import code_digest
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A decision about a model."""
+
+    model: Model
+    name: str = DEFAULT
+
+    @property
+    def settings(self) -> Settings:
+        """All of its settings."""
+        return self.model.plan.decisions[self.model.scheme][self.name]
+
+    def options(self, *names: str) -> str:
+        """Return some of its settings as options."""
+        return options(self.settings, *names)
+
+    def path(self, artifact: str) -> str:
+        """Return the path of an artifact: that of the first decision that has the same."""
+        first = origin(self.model.plan.decisions[self.model.scheme], self.name, artifact)
+        folder = "" if first == DEFAULT else f"decisions/{first}/"
+        return f"{self.model.folder}/{folder}{artifact}"
+
+    @property
+    def thresholded(self) -> str:
+        """The file that the pruning factors apply to: weights, or opacities if clusters ignore weights."""
+        uses_weights = "weight" in self.settings["cluster_on"]
+        return self.path("weights.npy") if uses_weights else f"{self.model.folder}/opacities.npy"
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A variant or a control of a model."""
+
+    model: Model
+    name: str
+
+    @property
+    def is_attacked(self) -> bool:
+        """Whether it is a variant, not a control."""
+        return self.name in self.model.plan.config["variants"]
+
+    @property
+    def folder(self) -> str:
+        """The folder of its results."""
+        return f"{self.model.folder}/{self.name}"
+
+    @property
+    def settings(self) -> Settings:
+        """Its entry in the configuration."""
+        settings: Settings = self.model.plan.config["variants"][self.name]
+        return settings
+
+    @property
+    def attack(self) -> Attack:
+        """Its attack."""
+        return find_attack(self.settings["attack"])
+
+    @property
+    def code(self) -> str:
+        """A digest of the code of its attack."""
+        return code_digest("gspure.cli.attack", self.attack.function.__module__)
+
+    @property
+    def decision(self) -> Decision:
+        """The decision that it goes by."""
+        return Decision(self.model, self.settings.get("decision", DEFAULT))
+
+    @property
+    def evidence(self) -> dict[str, str]:
+        """The files that its attack needs beside the model."""
+        files = {name: f"{self.model.folder}/{name}.npy" for name in ("opacities", "surface")}
+        files |= {name: self.decision.path(f"{name}.npy") for name in ("weights", "prune_mask")}
+        return {need: files[need] for need in sorted(self.attack.needs)}
+
+    @property
+    def attack_options(self) -> str:
+        """Evidence, seed, scheme and settings of its attack as options; `tau` is tau_n of its decision if not set."""
+        seed = self.settings["seed"] + repetition_of(self.model.scene)
+        known = {**self.evidence, "seed": seed}
+        settings = {name: value for name, value in self.settings.items() if name in self.attack.settings}
+        if "tau" in self.attack.settings:
+            settings.setdefault("tau", self.decision.settings["tau_n"])
+        return f"{options(known, *known)} {self.model.scheme_option} {setting_options(settings)}"
+
+    @property
+    def public(self) -> str:
+        """The model that it shows."""
+        if self.name == OTHER_SCENE:
+            return f"results/{self.model.scheme}/{self.model.other_pair}/public/point_cloud.ply"
+        if self.name == WRONG_KEY:
+            return self.model.public
+        return f"{self.folder}/public/point_cloud.ply"
+
+    @property
+    def view_files(self) -> dict[str, str]:
+        """Files of its views beside the cameras: those off the path, and the rigid transform of the attack."""
+        return self.model.off_path | ({"world": f"{self.folder}/world.npy"} if self.is_attacked else {})
+
+    @property
+    def view_options(self) -> str:
+        """The same as options."""
+        return options(self.view_files, *self.view_files)
+
+    def extraction_options(self, target: str) -> str:
+        """Return how to look for the message, as options."""
+        wrong_key = " --wrong-key 1" if self.name == WRONG_KEY else ""
+        return f"{self.model.scheme_option} --extraction {target}{wrong_key}"
+
+    @property
+    def renders(self) -> list[str]:
+        """The folders of its images; of a baseline those of the unattacked model, whose views it covers.
+
+        Of controls that show a watermarked model, only the message is of interest.
+        """
+        targets = self.model.targets[1:] if self.name in (WRONG_KEY, OTHER_SCENE) else self.model.targets
+        folder = f"{self.model.folder}/unattacked" if self.name in BASELINES else self.folder
+        return [f"{folder}/renders/{target}" for target in targets]
+
+    @property
+    def comparison_options(self) -> str:
+        """What its images are compared with, as options: all extractions with photographs of the message."""
+        reference = ["--reference", "render" if self.model.scheme == VANILLA else "truth"]
+        against = [f"--against {target}=message" for target in self.model.targets[2:]]
+        baseline = [f"--baseline {self.name}"] if self.name in BASELINES else []
+        return " ".join([*reference, *against, *baseline])

@@ -1,0 +1,148 @@
+"""The files and options of jobs: of models, of their variants and controls, and of decisions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import yaml
+
+from gspure.evaluation.controls import BASELINES, CONTROLS, OTHER_SCENE
+from gspure.workflow.configuration import resolved, validated
+from gspure.workflow.models import Model, Plan
+from gspure.workflow.variants import Decision, Variant
+from tests.documentation import ROOT
+
+CONFIG = yaml.safe_load("""
+assets: {bot: {model: README.md, cameras: orbit}}
+pairs: {raised: {}, front: {message: room, placement: front}}
+schemes: {splats_in_splats: {seed: 3, iterations: 60}, secure_gs: {}}
+repetitions: 2
+decisions: {same: {}, leaf: {selection: leaf}, blind: {cluster_on: [position, opacity]}, mild: {tau_n: 1.5}}
+variants:
+  unattacked: {}
+  gspure: {}
+  leaf: {attack: gspure, decision: leaf}
+  mild: {attack: gspure, decision: mild}
+  plain_weight: {decision: mild}
+  noise: {attack: gaussian_noise, sigma: 0.2, seed: 5}
+""")
+
+
+def plan_of(**changes) -> Plan:
+    config = {name: value for name, value in {**CONFIG, **changes}.items() if value is not None}
+    return Plan(resolved(validated(config, ROOT / "schemas" / "config.schema.yaml", "mine.yaml"), "mine.yaml"))
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return plan_of()
+
+
+@pytest.fixture
+def bot(plan) -> Model:
+    return Model(plan, "vanilla", "bot")
+
+
+@pytest.fixture
+def again(plan) -> Model:
+    """A repetition of a scheme on a pair."""
+    return Model(plan, "splats_in_splats", "raised@1")
+
+
+def test_there_is_a_model_of_each_asset_and_of_each_scheme_pair_and_repetition(plan):
+    scenes = ["raised", "raised@1", "front", "front@1"]
+    schemes = ["splats_in_splats", "secure_gs"]
+    expected = ["results/vanilla/bot", *(f"results/{scheme}/{scene}" for scheme in schemes for scene in scenes)]
+    assert [model.folder for model in plan.models] == expected
+
+
+def test_a_repetition_has_the_pair_and_other_seeds(again):
+    assert again.pair["cameras"] == again.camera_source == "results/pairs/raised/cameras.json"
+    assert again.embedding_options == "--seed 4 --set iterations=60"
+    assert "--seed 6" in Variant(again, "noise").attack_options
+
+
+def test_a_model_of_ones_own_is_read_in_place_and_compared_with_its_renders(bot):
+    assert bot.public == "README.md"
+    assert (bot.camera_files, bot.targets, bot.controls, bot.hidden) == ([], ["scene"], [], [])
+    assert bot.camera_options.startswith("--model README.md --count 24")
+    assert bot.references == Variant(bot, "unattacked").renders == ["results/vanilla/bot/unattacked/renders/scene"]
+    assert Variant(bot, "gspure").comparison_options == "--reference render"
+
+
+def test_another_scenes_model_is_a_control_only_if_it_hides_another_message(again):
+    assert again.controls == list(CONTROLS)
+    assert Variant(again, OTHER_SCENE).public == "results/splats_in_splats/front/public/point_cloud.ply"
+    alike = Model(plan_of(assets=None, pairs={"raised": {}, "front": {"placement": "front"}}), "secure_gs", "raised")
+    assert alike.controls == [name for name in CONTROLS if name != OTHER_SCENE]
+
+
+def test_a_wrong_key_is_tried_on_the_message_of_the_public_model(again):
+    control = Variant(again, "wrong_key")
+    assert control.public == again.public
+    assert control.extraction_options("message") == "--scheme splats_in_splats --extraction message --wrong-key 1"
+    assert [folder.rpartition("/")[2] for folder in control.renders] == ["message", "message_oracle"]
+    assert "world" not in control.view_files
+
+
+@pytest.mark.parametrize("name", BASELINES)
+def test_a_baseline_covers_the_views_of_the_unattacked_model(again, name):
+    assert Variant(again, name).renders == Variant(again, "unattacked").renders
+    expected = f"--reference truth --against message_oracle=message --baseline {name}"
+    assert Variant(again, name).comparison_options == expected
+
+
+def test_photographed_pairs_have_no_views_off_the_path(plan, again):
+    assert "off_path" in Variant(again, "gspure").view_files
+    config = {**plan.config, "pairs": {"raised": {**plan.config["pairs"]["raised"], "photographs": []}}}
+    photographed = replace(again, plan=Plan(config))
+    assert Variant(photographed, "gspure").view_files == {"world": f"{again.folder}/gspure/world.npy"}
+
+
+def test_an_attack_takes_the_evidence_and_the_factor_of_its_decision(again):
+    assert Variant(again, "leaf").evidence == {"prune_mask": f"{again.folder}/decisions/leaf/prune_mask.npy"}
+    attack = Variant(again, "plain_weight")
+    assert attack.evidence == {"weights": f"{again.folder}/weights.npy"}
+    options = f"--weights {again.folder}/weights.npy --seed 1 --scheme splats_in_splats --set tau=1.5"
+    assert attack.attack_options == options
+
+
+def test_equal_decisions_share_artifacts_and_others_have_a_folder(again):
+    same, leaf, blind = (Decision(again, name) for name in ("same", "leaf", "blind"))
+    assert same.path("prune_mask.npy") == f"{again.folder}/prune_mask.npy"
+    assert leaf.path("tree.npy") == f"{again.folder}/tree.npy"
+    assert leaf.path("clusters.npz") == f"{again.folder}/decisions/leaf/clusters.npz"
+    assert leaf.thresholded == f"{again.folder}/weights.npy"
+    assert blind.thresholded == f"{again.folder}/opacities.npy"
+
+
+def test_factors_that_are_null_suit_the_scheme(plan):
+    factors = [Decision(Model(plan, name, "raised")).options("tau_c", "tau_n") for name in plan.schemes]
+    assert factors == ["--tau-c 4.0 --tau-n 4.0", "--tau-c 3.0 --tau-n 2.0"]
+
+
+def test_a_panel_begins_with_the_photographs_that_a_target_is_compared_with(again, bot):
+    assert list(again.panel_columns("message_oracle").items())[:2] == [
+        ("truth", "results/pairs/raised/message"),
+        ("unattacked", f"{again.folder}/unattacked/renders/message_oracle"),
+    ]
+    assert list(bot.panel_columns("scene")) == ["unattacked", "gspure"]
+
+
+def test_a_scheme_has_the_figure_of_a_sweep_if_a_factor_is_varied(plan):
+    figures = [f"results/figures/secure_gs/{name}.png" for name in ("sweep", "tradeoff")]
+    assert plan.scheme_figures("secure_gs") == figures
+    assert plan.scheme_figures("vanilla") == []
+    assert plan.point_options("secure_gs") == "--point gspure=2.0,3.0 --point mild=1.5,3.0"
+    assert "--sweep gspure=gspure,mild" in plan.sweep_options
+    unvaried = plan_of(assets=None, decisions=None, variants={"unattacked": {}, "gspure": {}})
+    assert unvaried.scheme_figures("secure_gs") == figures[1:]
+
+
+def test_pairs_with_one_message_of_photographs_share_its_model(plan):
+    pair = {"message": "captures/b", "message_photographs": [], "iterations": 9, "resolution": "320px", "seed": 0}
+    pairs = {"one": {**pair, "scene": "captures/a"}, "two": {**pair, "scene": "captures/c"}, "traced": {}}
+    assert len(Plan({**plan.config, "pairs": pairs}).messages) == 1
