@@ -11,7 +11,7 @@ from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
 from gspure.workflow.captures import capture_files
 from gspure.workflow.decisions import DEFAULT
-from gspure.workflow.models import Model, Plan
+from gspure.workflow.models import OWNER, Model, Plan
 from gspure.workflow.options import column_options, options
 from gspure.workflow.pairs import pair_arguments, pair_files
 from gspure.workflow.sources import code_digest
@@ -126,12 +126,13 @@ def get_contributions(wildcards):
 
 
 def get_variant_files(wildcards):
-    """What a variant or a control shows: its model, and its views beside the cameras."""
-    return {"model": get_variant(wildcards).public, **get_variant(wildcards).view_files}
+    """What a variant or a control shows: its model, and the views of the scene or of the message."""
+    variant = get_variant(wildcards)
+    return {"model": variant.public, **variant.view_files(wildcards.get("target", "scene"))}
 
 
 def get_view_options(wildcards):
-    return get_variant(wildcards).view_options
+    return get_variant(wildcards).view_options(wildcards.get("target", "scene"))
 
 
 def get_attack_files(wildcards):

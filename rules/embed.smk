@@ -118,7 +118,7 @@ rule weigh_message:
     input:
         model="results/{scheme}/{scene}/public/point_cloud.ply",
         key="results/{scheme}/{scene}/key",
-        cameras="results/{scheme}/{scene}/cameras.json",
+        cameras="results/{scheme}/{scene}/message_cameras.json",
         weights="results/{scheme}/{scene}/weights.npy",
     output:
         share="results/{scheme}/{scene}/hidden.json",

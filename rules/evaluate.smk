@@ -5,7 +5,6 @@
 rule render_scene:
     input:
         unpack(get_variant_files),
-        cameras="results/{scheme}/{scene}/cameras.json",
     output:
         images=directory("results/{scheme}/{scene}/{variant}/renders/scene"),
     log:
@@ -26,17 +25,13 @@ rule render_scene:
     message:
         "Rendering the scene of {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        job(
-            "render {input.model:q} {params.scheme} --cameras {input.cameras:q}"
-            " --split {params.split} {params.views} --out {output.images:q}"
-        )
+        job("render {input.model:q} {params.scheme}" " --split {params.split} {params.views} --out {output.images:q}")
 
 
 rule extract_message:
     input:
         unpack(get_variant_files),
         key="results/{scheme}/{scene}/key",
-        cameras="results/{scheme}/{scene}/cameras.json",
     output:
         images=directory("results/{scheme}/{scene}/{variant}/renders/{target}"),
     log:
@@ -62,7 +57,7 @@ rule extract_message:
     shell:
         job(
             "extract {input.model:q} --key {input.key:q} {params.options}"
-            " --cameras {input.cameras:q} --split {params.split} {params.views} --out {output.images:q}"
+            " --split {params.split} {params.views} --out {output.images:q}"
         )
 
 

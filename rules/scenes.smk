@@ -1,12 +1,22 @@
+# The views of a model: those that everybody has, and with the prefix `message_` those of the message, which only the owner
+# has.
+
+
+def get_target(wildcards):
+    return "message" if wildcards.owner else "scene"
+
+
 rule step_off_path:
     input:
-        cameras="results/{scheme}/{scene}/cameras.json",
+        cameras="results/{scheme}/{scene}/{owner}cameras.json",
     output:
-        cameras="results/{scheme}/{scene}/off_path.json",
+        cameras="results/{scheme}/{scene}/{owner}off_path.json",
     log:
-        "results/logs/{scheme}/{scene}/off_path.log",
+        "results/logs/{scheme}/{scene}/{owner}off_path.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/off_path.tsv"
+        "results/benchmarks/{scheme}/{scene}/{owner}off_path.tsv"
+    wildcard_constraints:
+        owner=f"(?:{OWNER})?",
     conda:
         "../envs/gspure.yaml"
     params:
@@ -20,19 +30,21 @@ rule step_off_path:
 
 rule prepare_cameras:
     input:
-        cameras=lambda wildcards: get_model(wildcards).camera_files,
+        cameras=lambda wildcards: get_model(wildcards).camera_files(get_target(wildcards)),
         model=get_public_model,
     output:
-        cameras="results/{scheme}/{scene}/cameras.json",
+        cameras="results/{scheme}/{scene}/{owner}cameras.json",
     log:
-        "results/logs/{scheme}/{scene}/cameras.log",
+        "results/logs/{scheme}/{scene}/{owner}cameras.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/cameras.tsv"
+        "results/benchmarks/{scheme}/{scene}/{owner}cameras.tsv"
+    wildcard_constraints:
+        owner=f"(?:{OWNER})?",
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.cameras"),
-        source=lambda wildcards: get_model(wildcards).camera_source,
+        source=lambda wildcards: get_model(wildcards).camera_source(get_target(wildcards)),
         options=lambda wildcards: get_model(wildcards).camera_options,
     message:
         "Preparing the views of {wildcards.scene}"

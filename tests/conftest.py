@@ -41,3 +41,11 @@ def pair_folder(tmp_path_factory):
     from tests.pair_cases import small_pair
 
     return small_pair(tmp_path_factory.mktemp("pair"))
+
+
+@pytest.fixture(scope="session")
+def own_pair_folder(tmp_path_factory):
+    """The same pair with the message at poses of its own."""
+    from tests.pair_cases import small_pair
+
+    return small_pair(tmp_path_factory.mktemp("own_pair"), protocol="own")

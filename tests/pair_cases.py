@@ -7,8 +7,9 @@ from pathlib import Path
 from gspure.cli import main
 
 
-def small_pair(folder: Path, placement: str = "raised", views: int = 12) -> Path:
+def small_pair(folder: Path, placement: str = "raised", views: int = 12, protocol: str = "shared") -> Path:
     """Return the folder of a pair of `views` views of 48x36 pixels."""
     size = ("--views", str(views), "--width", "48", "--height", "36")
-    assert main(["pair", "room", "vault", "--placement", placement, *size, "--out", str(folder)]) == 0
+    options = ("--placement", placement, "--protocol", protocol, *size)
+    assert main(["pair", "room", "vault", *options, "--out", str(folder)]) == 0
     return folder

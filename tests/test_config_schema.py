@@ -21,8 +21,9 @@ from gspure.errors import InputError
 from gspure.method.clustering.selection import SELECTIONS
 from gspure.method.features import PARTS
 from gspure.method.weights import REDUCTIONS
+from gspure.scenes import PROTOCOLS, scene_builder
 from gspure.scenes.placement import PLACEMENTS
-from gspure.scenes.staging import STAGES
+from gspure.schemes.pair import INITIALIZATIONS
 from gspure.schemes.registry import schemes
 from gspure.workflow.configuration import resolved, validated
 from tests.models import camera
@@ -110,7 +111,9 @@ def test_choices_are_those_of_the_code():
     assert set(method["energy"]["enum"]) == set(ENERGIES)
     pair = SCHEMA["properties"]["pairs"]["additionalProperties"]["properties"]
     assert set(pair["placement"]["enum"]) == set(PLACEMENTS)
-    assert {pair["scene"]["default"], pair["message"]["default"]} <= set(STAGES)
+    assert all(scene_builder(pair[name]["default"]) for name in ("scene", "message"))
+    assert set(pair["protocol"]["enum"]) == set(PROTOCOLS)
+    assert set(pair["initialization"]["enum"]) == set(INITIALIZATIONS)
     assert set(SCHEMA["properties"]["views"]["properties"]["evaluate"]["enum"]) == set(SPLITS)
 
 
@@ -199,7 +202,7 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         ({"pairs": {"room": {}}}, "assets: expected at least one model, or a pair and a scheme, found none"),
         (
             {"pairs": {"room": {"message": "no"}}, "schemes": {"splats_in_splats": {}}},
-            "pairs.room: expected both of room, vault, or both paths, found room and no",
+            "pairs.room: expected both of room, vault, interior-SEED, landscape-SEED, or both paths, found room and no",
         ),
         (
             {"pairs": {"room": {"scene": "no", "message": "no"}}, "schemes": {"splats_in_splats": {}}},

@@ -38,7 +38,8 @@ def hidden(pair):
 
 
 def quality(view, pair, which):
-    return np.mean([psnr(view(camera).clip(0, 1), truth[which]) for camera, *truth in pair.probes])
+    probes = (pair.scene, pair.message)[which].probes
+    return np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in probes])
 
 
 def test_scene_and_message_are_learned_from_one_map(hidden, pair):
@@ -78,7 +79,7 @@ def test_bits_do_not_depend_on_how_many_threads_pytorch_has(pair):
 def test_without_a_message_there_is_no_key(pair):
     public, key = hide(SCHEME, pair, iterations=2, message_weight=0)
     assert key is None
-    assert public.scene()(pair.views[0]).shape == pair.scene[0].shape
+    assert public.scene()(pair.scene.views[0]).shape == pair.scene.images[0].shape
 
 
 @pytest.mark.parametrize("setting", [{"iterations": 0}, {"message_weight": -0.1}, {"max_gaussians": 3}])
@@ -134,7 +135,7 @@ def test_a_decoder_has_the_authors_number_of_parameters():
 
 def test_features_are_blended_after_their_sigmoid(hidden, pair):
     public, _ = hidden
-    camera = pair.views[0]
+    camera = pair.scene.views[0]
     features = 1 / (1 + np.exp(-public.model.columns(*FEATURES).astype(np.float64)))
     expected = Renderer(public.model).feature_map(camera, features.astype(np.float32), [0.25] * CHANNELS)
     found = public.feature_map(background=(0.25, 0.5, 0.75))(camera)
@@ -146,8 +147,8 @@ def test_pruned_models_keep_their_decoder(hidden, pair):
     pruned = without(public, np.arange(len(public.model)) % 2 == 0)
     assert len(pruned.model) == len(public.model) // 2
     assert pruned.decoder is public.decoder
-    assert not np.array_equal(pruned.scene()(pair.views[0]), public.scene()(pair.views[0]))
-    assert key.gaussians(pruned, pair.views[0], "message")[0] is pruned.model
+    assert not np.array_equal(pruned.scene()(pair.scene.views[0]), public.scene()(pair.scene.views[0]))
+    assert key.gaussians(pruned, pair.scene.views[0], "message")[0] is pruned.model
 
 
 def test_a_message_is_looked_for_in_features_only(hidden):
@@ -167,11 +168,12 @@ def test_the_loss_is_the_one_that_the_device_computes():
 def test_a_step_goes_downhill_at_the_scheduled_rates(pair):
     """A first step of Adam moves every parameter by its rate, against the gradient's sign."""
     field = Field(gaussians_at(*pair.points), choose_device())
-    camera, rates = pair.views[0], Schedule.scaled(10).rates(1, 1.0)
+    camera, rates = pair.scene.views[0], Schedule.scaled(10).rates(1, 1.0)
     before = field.model()
     feature_map, pull_back = field.feature_map(camera)
     weights = np.random.default_rng(0).standard_normal(feature_map.shape, np.float32)
-    field.step(camera, pull_back(weights), rates)
+    field.accumulate(camera, pull_back(weights))
+    field.step(rates)
     after = field.feature_map(camera)[0]
     moved = np.abs(field.model().means - before.means)
     np.testing.assert_allclose(moved[moved > 0], rates.means, rtol=0.05)

@@ -14,6 +14,7 @@ from gspure.artifacts import load_array, read_json, save_array
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
+from gspure.evaluation.metrics import gradient_correlation
 from gspure.images import read_image
 from gspure.model import Gaussians, read_model, write_model
 from gspure.public_model import PublicModel, merge_by_row
@@ -57,8 +58,24 @@ def embedded(request, pair_folder):
     return SimpleNamespace(scheme=scheme, pair=pair, public=public, key=key, settings=SMALL[scheme.name])
 
 
+@pytest.mark.parametrize("name", ["splats_in_splats", "gs_hider", "secure_gs", "planted"])
+def test_a_message_is_learned_at_poses_of_its_own(name, own_pair_folder):
+    if name in NEEDS_TORCH:
+        pytest.importorskip("torch")
+    pair = read_pair(own_pair_folder)
+    settings = SMALL[name] | ({} if name == "planted" else {"iterations": 200})
+    if name == "secure_gs":
+        settings |= {"max_anchors": 800}
+    public, key = hide(find_scheme(name), pair, **settings)
+    view = key.message(public, "message")
+    camera, photograph = pair.message.probes[0]
+    assert gradient_correlation(view(camera), photograph) > 0.3
+    elsewhere, _ = pair.scene.probes[0]
+    assert gradient_correlation(view(elsewhere), photograph) < 0.2
+
+
 def test_scene_and_message_are_pictures_of_any_view(embedded):
-    camera = embedded.pair.dataset.test[0]
+    camera = embedded.pair.scene.dataset.test[0]
     views = [embedded.public.scene()]
     views += [embedded.key.message(embedded.public, extraction) for extraction in embedded.scheme.extractions]
     for view in views:
@@ -74,7 +91,7 @@ def test_what_is_written_reads_back_to_the_same_pictures(embedded, tmp_path):
     embedded.key.write(tmp_path / "key")
     public = embedded.scheme.read_public(tmp_path / "public")
     key = embedded.scheme.read_key(tmp_path / "key")
-    camera = embedded.pair.views[0]
+    camera = embedded.pair.scene.views[0]
     assert public.model.table.tobytes() == embedded.public.model.table.tobytes()
     assert public.geometry_digest() == embedded.public.geometry_digest()
     assert public.scene()(camera).tobytes() == embedded.public.scene()(camera).tobytes()
@@ -84,7 +101,7 @@ def test_what_is_written_reads_back_to_the_same_pictures(embedded, tmp_path):
 
 
 def test_a_wrong_key_shows_something_else(embedded):
-    camera = embedded.pair.views[0]
+    camera = embedded.pair.scene.views[0]
     strangers = [embedded.key.wrong(np.random.default_rng(seed)) for seed in (1, 1, 2)]
     extraction = next(iter(embedded.scheme.extractions))
     right, *wrong = (k.message(embedded.public, extraction)(camera) for k in (embedded.key, *strangers))
@@ -96,7 +113,7 @@ def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
     pruned = np.random.default_rng(0).random(len(embedded.public.model)) < 0.5
     smaller = without(embedded.public, pruned)
     assert smaller.model.table.tobytes() == embedded.public.model.table[~pruned].tobytes()
-    camera = embedded.pair.views[0]
+    camera = embedded.pair.scene.views[0]
     assert np.isfinite(smaller.scene()(camera)).all()
     for extraction in embedded.scheme.extractions:
         assert np.isfinite(embedded.key.message(smaller, extraction)(camera)).all()
@@ -104,7 +121,7 @@ def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
 
 def test_a_model_without_units_shows_its_background(embedded):
     empty = without(embedded.public, np.ones(len(embedded.public.model), np.bool_))
-    camera = embedded.pair.views[0]
+    camera = embedded.pair.scene.views[0]
     assert np.isfinite(empty.scene()(camera)).all()
     assert len(empty.contributions()(camera)) == 0
 
@@ -112,7 +129,7 @@ def test_a_model_without_units_shows_its_background(embedded):
 def test_contributions_of_units_add_up_to_those_of_their_gaussians(embedded, energy):
     from gspure.renderer import Renderer
 
-    camera = embedded.pair.views[1]
+    camera = embedded.pair.scene.views[1]
     found = embedded.public.contributions(energy=energy)(camera)
     gaussians, owners = embedded.public.gaussians(camera)
     records = Renderer(gaussians, energy=energy).contributions(camera)
@@ -123,7 +140,7 @@ def test_contributions_of_units_add_up_to_those_of_their_gaussians(embedded, ene
 
 
 def test_every_unit_has_an_opacity_to_cluster_by(embedded):
-    opacities = embedded.public.opacities(embedded.pair.views)
+    opacities = embedded.public.opacities(embedded.pair.scene.views)
     assert opacities.shape == (len(embedded.public.model),)
     assert opacities.dtype == np.float32
     assert ((opacities >= 0) & (opacities <= 1)).all()
@@ -132,7 +149,7 @@ def test_every_unit_has_an_opacity_to_cluster_by(embedded):
 
 def test_the_key_names_the_gaussians_of_the_message_and_their_units(embedded):
     gaussians, owners = embedded.key.gaussians(
-        embedded.public, embedded.pair.views[0], next(iter(embedded.scheme.extractions))
+        embedded.public, embedded.pair.scene.views[0], next(iter(embedded.scheme.extractions))
     )
     assert owners.shape == (len(gaussians),)
     assert not len(owners) or (owners.min() >= 0 and owners.max() < len(embedded.public.model))
@@ -140,7 +157,7 @@ def test_the_key_names_the_gaussians_of_the_message_and_their_units(embedded):
 
 def test_the_weight_of_the_message_is_shared_out_over_units(embedded):
     extraction = next(iter(embedded.scheme.extractions))
-    hidden = hidden_weights(embedded.public, embedded.key, extraction, embedded.pair.views[:2], "ewa")
+    hidden = hidden_weights(embedded.public, embedded.key, extraction, embedded.pair.scene.views[:2], "ewa")
     assert hidden.shape == (len(embedded.public.model),)
     assert 0 <= share_on_low(hidden[::-1], hidden, 4.0) <= 1
 
@@ -333,7 +350,7 @@ def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_lo
     assert main(["hidden", *options, "--reduction", "max"]) == 0
     hidden = load_array(tmp_path / "hidden.npy", dtype=np.float32, shape=weights.shape)
     extraction = list(embedded.scheme.extractions)[-1]
-    views = embedded.pair.views
+    views = embedded.pair.scene.views
     expected = hidden_weights(embedded.public, embedded.key, extraction, views, "ray", reduction="max")
     assert hidden.tobytes() == expected.tobytes()
     assert read_json(tmp_path / "share.json") == {"hidden_low_share": share_on_low(weights, hidden, 4.0)}

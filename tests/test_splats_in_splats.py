@@ -10,7 +10,7 @@ from gspure.images import read_image
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
 from gspure.model.signature import Signature
-from gspure.schemes.pair import message_view, read_pair
+from gspure.schemes.pair import message_folder, read_pair
 from gspure.schemes.scheme import hide
 from gspure.schemes.splats_in_splats import SCHEME
 from tests.models import without
@@ -52,7 +52,7 @@ def quality(pair_folder):
 
 
 def test_scene_and_message_can_both_be_seen(public, key, quality, pair):
-    mean_colour = np.mean([psnr(image, np.full_like(image, image.mean())) for image in pair.message])
+    mean_colour = np.mean([psnr(image, np.full_like(image, image.mean())) for image in pair.message.images])
     assert quality(public.scene(), "scene") > 20
     assert quality(key.message(public, ORACLE)) > mean_colour + 6
     assert quality(key.message(public, LITERAL)) > mean_colour + 4
@@ -106,13 +106,13 @@ def test_noise_on_the_colours_ends_the_literal_message_and_not_the_oracle_one(pu
 def test_lost_colours_are_read_as_nothing(public, key, pair):
     names = [name for name in public.model.table.dtype.names if not name.startswith("f_rest_")]
     flat = public.with_model(type(public.model)(public.model.table[names].copy()))
-    view = key.message(flat, LITERAL)(pair.views[0])
+    view = key.message(flat, LITERAL)(pair.scene.views[0])
     assert np.isfinite(view).all()
 
 
 def test_low_weights_carry_the_message(public, key, quality, pair):
     contributions = public.contributions()
-    weights = accumulate([contributions(camera) for camera in pair.views], len(public.model))
+    weights = accumulate([contributions(camera) for camera in pair.scene.views], len(public.model))
     purified = without(public, plain_prune_mask(weights))
     lost = quality(key.message(public, ORACLE)) - quality(key.message(purified, ORACLE))
     assert lost > 5 + quality(public.scene(), "scene") - quality(purified.scene(), "scene")
@@ -169,6 +169,6 @@ def test_a_missing_message_view_is_told(pair_folder, tmp_path):
     import shutil
 
     folder = shutil.copytree(pair_folder, tmp_path / "pair")
-    message_view(folder, "view_003").unlink()
-    with pytest.raises(InputError, match=r"view_003\.png: file: expected the message at this view, found nothing"):
+    (message_folder(folder) / "view_003.png").unlink()
+    with pytest.raises(InputError, match=r"message.*view_003"):
         read_pair(folder)

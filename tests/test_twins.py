@@ -26,7 +26,7 @@ def twins(device, style, weight=0.5, begin=None, targets=(1, 9)):
 def test_geometry_stays_the_same_and_the_rest_does_not(device, style):
     model = twins(device, style)
     for i in range(6):
-        model.step(VIEWS[i % 2], i % 2, RATES)
+        model.step((VIEWS[i % 2],) * 2, (i % 2,) * 2, RATES)
     first, second = map(arrays, model.states())
     for a, b in zip(first, second, strict=True):
         assert [x.tobytes() for x in a[SHARED]] == [x.tobytes() for x in b[SHARED]]
@@ -37,7 +37,7 @@ def test_with_weight_zero_the_first_learns_as_if_alone(device, style):
     model, alone = twins(device, style, weight=0.0), TrainableModel(states()[0], device=device, style=style)
     alone.set_targets(photographs(1))
     for i in range(4):
-        model.step(VIEWS[i % 2], i % 2, RATES)
+        model.step((VIEWS[i % 2],) * 2, (i % 2,) * 2, RATES)
         alone.step(VIEWS[i % 2], i % 2, RATES)
     assert bits(model.states()[0]) == bits(alone.state())
     assert vars(model.statistics())["gradient_norms"].tobytes() == alone.statistics().gradient_norms.tobytes()
@@ -49,7 +49,7 @@ def test_two_of_a_kind_learn_as_one_with_the_sum_of_both_losses(device, style):
     alone = TrainableModel(begin, device=device, style=style)
     alone.set_targets(photographs(1))
     for i in range(2):
-        loss = model.step(VIEWS[i], i, RATES)
+        loss = model.step((VIEWS[i],) * 2, (i,) * 2, RATES)
         assert loss == pytest.approx((1 + weight) * alone.step(VIEWS[i], i, RATES), rel=1e-5)
     # Adam does not see the size of a gradient, the statistics do.
     np.testing.assert_allclose(model.states()[0].parameters.means, alone.state().parameters.means, atol=1e-5)
@@ -62,7 +62,7 @@ def test_a_gaussian_that_only_one_model_shows_is_seen(device, style):
     first, second = states()
     first.parameters.opacity_logits[:] = -9.0  # below 1/255: not drawn
     model = twins(device, style, begin=(first, second))
-    model.step(VIEWS[0], 0, RATES)
+    model.step((VIEWS[0],) * 2, (0,) * 2, RATES)
     alone = TrainableModel(second, device=device, style=style)
     alone.set_targets(photographs(9))
     alone.step(VIEWS[0], 0, RATES)
@@ -70,10 +70,27 @@ def test_a_gaussian_that_only_one_model_shows_is_seen(device, style):
     assert model.statistics().views.any()
 
 
+def test_views_from_two_poses_are_counted_apart(device, style):
+    weight = 0.5
+    model = twins(device, style, weight)
+    model.step((VIEWS[0], VIEWS[1]), (0, 1), RATES)
+    singles = [TrainableModel(state, device=device, style=style) for state in states()]
+    for view, (single, seed) in enumerate(zip(singles, (1, 9), strict=True)):
+        single.set_targets(photographs(seed))
+        single.step(VIEWS[view], view, RATES)
+    first, second = (single.statistics() for single in singles)
+    assert (model.statistics().views == first.views + second.views).all()
+    norms = first.gradient_norms + weight * second.gradient_norms
+    np.testing.assert_allclose(model.statistics().gradient_norms, norms, rtol=1e-4, atol=1e-9)
+    first, second = map(arrays, model.states())
+    for a, b in zip(first, second, strict=True):
+        assert [x.tobytes() for x in a[SHARED]] == [x.tobytes() for x in b[SHARED]]
+
+
 def test_runs_agree_to_the_last_bit(device, style):
     def run():
         model = twins(device, style)
-        losses = [model.step(VIEWS[i % 2], i % 2, RATES) for i in range(3)]
+        losses = [model.step((VIEWS[i % 2],) * 2, (i % 2,) * 2, RATES) for i in range(3)]
         return losses, [bits(state) for state in model.states()]
 
     assert run() == run()

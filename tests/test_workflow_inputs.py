@@ -19,12 +19,14 @@ from gspure.workflow.pairs import (
     trained_message,
 )
 
-TRACED = {"scene": "room", "message": "vault", "placement": "raised", "views": 9, "width": 32, "height": 24, "seed": 1}
+TRACED = {"scene": "room", "message": "vault", "protocol": "own", "placement": "raised", "seed": 1}
+TRACED |= {"views": 9, "width": 32, "height": 24}
 PHOTOGRAPHED = {
     "scene": "garden",
     "message": "captures/playroom",
     "photographs": ["garden/images/a.png"],
     "message_photographs": ["captures/playroom/images/b.png"],
+    "protocol": "shared",
     "resolution": "320px",
     "iterations": 20,
     "seed": 0,
@@ -79,7 +81,7 @@ def test_an_asset_is_a_pair_and_a_repetition():
 
 def test_a_ray_traced_pair_is_made_from_no_files():
     assert pair_files(TRACED) == []
-    expected = "room vault --placement raised --views 9 --width 32 --height 24 --off-path 4 --seed 1"
+    expected = "room vault --protocol own --placement raised --views 9 --width 32 --height 24 --off-path 4 --seed 1"
     assert pair_arguments(TRACED, off_path=4) == expected
 
 
@@ -89,7 +91,7 @@ def test_a_photographed_pair_is_made_from_its_capture_and_the_model_of_its_messa
     files = pair_files(PHOTOGRAPHED)
     assert files[-1] == message_model(PHOTOGRAPHED) == model
     assert {*garden, *PHOTOGRAPHED["photographs"]} < {*files}
-    assert pair_arguments(PHOTOGRAPHED, off_path=4) == f"garden {model} --resolution 320px --seed 0"
+    assert pair_arguments(PHOTOGRAPHED, off_path=4) == f"garden {model} --protocol shared --resolution 320px --seed 0"
 
 
 def test_a_message_is_trained_once_for_all_pairs_with_the_same_settings():

@@ -60,14 +60,14 @@ def test_there_is_a_model_of_each_asset_and_of_each_scheme_pair_and_repetition(p
 
 
 def test_a_repetition_has_the_pair_and_other_seeds(again):
-    assert again.pair["cameras"] == again.camera_source == "results/pairs/raised/cameras.json"
-    assert again.embedding_options == "--seed 4 --set iterations=60"
+    assert again.pair["cameras"] == again.camera_source("scene") == "results/pairs/raised/cameras.json"
+    assert again.embedding_options == "--seed 4 --initialization both --set iterations=60"
     assert "--seed 6" in Variant(again, "noise").attack_options
 
 
 def test_a_model_of_ones_own_is_read_in_place_and_compared_with_its_renders(bot):
     assert bot.public == "README.md"
-    assert (bot.camera_files, bot.targets, bot.controls, bot.hidden) == ([], ["scene"], [], [])
+    assert (bot.camera_files("scene"), bot.targets, bot.controls, bot.hidden) == ([], ["scene"], [], [])
     assert bot.camera_options.startswith("--model README.md --count 24")
     assert bot.references == Variant(bot, "unattacked").renders == ["results/vanilla/bot/unattacked/renders/scene"]
     assert Variant(bot, "gspure").comparison_options == "--reference render"
@@ -85,7 +85,7 @@ def test_a_wrong_key_is_tried_on_the_message_of_the_public_model(again):
     assert control.public == again.public
     assert control.extraction_options("message") == "--scheme splats_in_splats --extraction message --wrong-key 1"
     assert [folder.rpartition("/")[2] for folder in control.renders] == ["message", "message_oracle"]
-    assert "world" not in control.view_files
+    assert "world" not in control.view_files("message")
 
 
 @pytest.mark.parametrize("name", BASELINES)
@@ -96,10 +96,20 @@ def test_a_baseline_covers_the_views_of_the_unattacked_model(again, name):
 
 
 def test_photographed_pairs_have_no_views_off_the_path(plan, again):
-    assert "off_path" in Variant(again, "gspure").view_files
+    assert "off_path" in Variant(again, "gspure").view_files("scene")
     config = {**plan.config, "pairs": {"raised": {**plan.config["pairs"]["raised"], "photographs": []}}}
     photographed = replace(again, plan=Plan(config))
-    assert Variant(photographed, "gspure").view_files == {"world": f"{again.folder}/gspure/world.npy"}
+    files = {"cameras": f"{again.folder}/cameras.json", "world": f"{again.folder}/gspure/world.npy"}
+    assert Variant(photographed, "gspure").view_files("scene") == files
+
+
+def test_only_the_owner_has_the_views_of_the_message(plan, again):
+    assert again.camera_source("message") == again.pair["message"]
+    assert Variant(again, "gspure").view_files("message_oracle")["cameras"] == f"{again.folder}/message_cameras.json"
+    assert Variant(again, "gspure").view_files("scene")["cameras"] == f"{again.folder}/cameras.json"
+    for name in plan.config["variants"]:
+        attack = Variant(again, name)
+        assert "message" not in f"{attack.attack_options} {attack.evidence}"
 
 
 def test_an_attack_takes_the_evidence_and_the_factor_of_its_decision(again):

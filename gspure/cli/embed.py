@@ -20,6 +20,7 @@ gs_hider and secure_gs need PyTorch: pip install gspure[torch].
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     from gspure.cli.options import add_device, described
+    from gspure.schemes.pair import INITIALIZATIONS
     from gspure.schemes.registry import BUILT_IN
 
     known = ", ".join(described(scheme.name, scheme.settings) for scheme in BUILT_IN)
@@ -28,6 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for public/ and key/")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the scheme; repeatable"
+    )
+    parser.add_argument(
+        "--initialization",
+        choices=INITIALIZATIONS,
+        default="both",
+        help="points that training starts from: those of scene and message, or the scene's (default: %(default)s)",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     add_device(parser)
@@ -46,15 +53,17 @@ def run(args: argparse.Namespace) -> None:
 
     scheme = find_scheme(args.scheme)
     settings = parsed_settings(f"scheme {scheme.name}", scheme.settings, args.set)
-    pair = read_pair(args.pair)
-    say(f"{len(pair.views)} views, {len(pair.points[0])} points")
+    pair = read_pair(args.pair, initialization=args.initialization)
+    poses = "the same poses" if pair.shares_poses else "poses of its own"
+    say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")
     began = time.monotonic()
     public, key = hide(scheme, pair, seed=args.seed, device=read_device(args), **settings)
     model = args.out / "public" / "point_cloud.ply"
     public.write(model)
     if key is not None:
         key.write(args.out / "key")
-    used = {"scheme": scheme.name, "seed": args.seed, **scheme.settings, **settings}
+    used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
+    used |= scheme.settings | settings
     halves = [*model.parent.iterdir(), *((args.out / "key").iterdir() if key is not None else ())]
     for path in sorted(path for path in halves if path.suffix != ".json"):
         write_provenance(path, inputs={"cameras": args.pair / "cameras.json"}, settings=used)

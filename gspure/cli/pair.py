@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,16 +14,20 @@ from gspure.errors import InputError
 if TYPE_CHECKING:
     from gspure.cameras import Camera
     from gspure.model import Gaussians
+    from gspure.scenes.alignment import Similarity
 
-HELP = "make a pair: photographs of a scene and of a message from the same poses, for `gspure embed`"
+HELP = "make a pair: photographs of a scene and of a message, for `gspure embed`"
 EXAMPLES = """\
   gspure pair room vault --out pair                       # ray-traced; placements: raised, front, behind, coincident
-  gspure pair room vault --placement coincident --out pair --views 48 --width 320 --height 240
+  gspure pair interior-1 landscape-2 --protocol own --out pair --views 48 --width 320 --height 240
   gspure pair photos/garden trained/playroom --out pair   # photographs, and a model of the hidden scene
+  gspure pair photos/garden photos/playroom --protocol own --out pair                # photographs of both
 
-Writes cameras.json, points3D.ply, scene/VIEW.png, message/VIEW.png and message/points3D.ply. With photographs of the
-scene, the message is a trained model rendered at their poses. The output folder of a training run has cameras too, so
-its model is first aligned with the scene; a single .ply is used in its own coordinates, as GS-Hider does.
+Writes cameras.json, points3D.ply and scene/VIEW.png of the scene, and the same three in message/. Protocol `shared`
+shows the message at the scene's poses: a message of photographs is a trained model rendered there. The output folder of
+a training run has cameras too, so its model is first aligned with the scene; a single .ply is used in its own
+coordinates, as GS-Hider does. Protocol `own` gives the message poses of its own, which only the owner knows: ray-traced
+messages are turned and moved, and photographed ones keep their cameras, aligned with the scene.
 """
 
 MESSAGE_POINTS = 20_000
@@ -36,14 +41,21 @@ _LEAST = {"seed": 0, "views": 2, "width": 16, "height": 16, "off_path": 0}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    from gspure.scenes import PLACEMENTS, STAGES
+    from gspure.scenes import NAMES, PLACEMENTS, PROTOCOLS
 
-    stages = ", ".join(STAGES)
-    parser.add_argument("scene", metavar="SCENE", help=f"the visible scene: photographs as for `train`, or {stages}")
+    parser.add_argument("scene", metavar="SCENE", help=f"the visible scene: photographs as for `train`, or {NAMES}")
     parser.add_argument(
-        "message", metavar="MESSAGE", help=f"the hidden scene: a trained model or its folder, or {stages}"
+        "message",
+        metavar="MESSAGE",
+        help=f"the hidden scene: a trained model or its folder (photographs with --protocol own), or {NAMES}",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the pair")
+    parser.add_argument(
+        "--protocol",
+        choices=PROTOCOLS,
+        default="shared",
+        help="poses of the message's views: the scene's, or its own (default: %(default)s)",
+    )
     parser.add_argument(
         "--resolution", default="320px", metavar="RULE", help="photographs' size, as for `train` (default: %(default)s)"
     )
@@ -76,74 +88,103 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write the pair."""
     from gspure.artifacts import write_provenance
-    from gspure.scenes import STAGES
+    from gspure.scenes import NAMES, scene_builder
 
     for name, least in _LEAST.items():
         if getattr(args, name) < least:
             raise InputError(
                 "pair", f"--{name.replace('_', '-')}", expected=f"at least {least}", found=str(getattr(args, name))
             )
-    if (args.scene in STAGES) != (args.message in STAGES):
-        expected = f"both of {', '.join(STAGES)}, or both files"
+    is_traced = [scene_builder(name) is not None for name in (args.scene, args.message)]
+    if is_traced[0] != is_traced[1]:
+        expected = f"both of {NAMES}, or both files"
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=f"{args.scene} and {args.message}")
-    settings = _traced(args) if args.scene in STAGES else _photographed(args)
-    for name in ("cameras.json", "points3D.ply"):
-        write_provenance(args.out / name, inputs={}, settings=settings)
+    make = _traced if is_traced[0] else _photographed if args.protocol == "shared" else _photographed_apart
+    settings = {name: str(getattr(args, name)) for name in ("scene", "message", "protocol", "seed")} | make(args)
+    for folder in (args.out, args.out / "message"):
+        for name in ("cameras.json", "points3D.ply"):
+            write_provenance(folder / name, inputs={}, settings=settings)
 
 
 def _traced(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
-    from gspure.cameras import off_path_cameras, write_cameras
-    from gspure.model.points import write_point_ply
+    from gspure.cameras import off_path_cameras
     from gspure.scenes import Staging, stage_cameras
     from gspure.scenes.photography import photograph, picture
 
     views = stage_cameras(args.views, args.width, args.height)
     aside = off_path_cameras(views, args.off_path)
-    staging = Staging(args.scene, args.message, args.placement)
+    staging = Staging(args.scene, args.message, args.placement, args.protocol)
     rng = np.random.default_rng(args.seed)
     for kind, lit in (("scene", staging.lit_scene()), ("message", staging.lit_message())):
-        points = photograph(lit, views, args.out / kind, rng)
-        write_point_ply(args.out / ("." if kind == "scene" else kind) / "points3D.ply", *points)
+        transform = staging.message_transform if kind == "message" else np.eye(4)
+        xyz, rgb = photograph(lit, views, args.out / kind, rng)
         picture(lit, aside, args.out / kind)
-    write_cameras(args.out / "cameras.json", _named(views, args.out))
-    names = ("scene", "message", "placement", "views", "width", "height", "off_path", "seed")
-    return {name: getattr(args, name) for name in names}
+        moved = xyz @ transform[:3, :3].T + transform[:3, 3]
+        _write(args.out, kind, [view.moved(transform) for view in views], (moved, rgb))
+    return {name: getattr(args, name) for name in ("placement", "views", "width", "height", "off_path")}
 
 
 def _photographed(args: argparse.Namespace) -> dict[str, Any]:
-    from gspure.cameras import write_cameras
+    """Photographs of the scene, and a trained model of the message rendered at their poses."""
     from gspure.images import write_image
     from gspure.model import read_model, require_finite
-    from gspure.model.points import write_point_ply
     from gspure.progress import track
     from gspure.renderer import Renderer
-    from gspure.training.dataset import read_dataset, read_photographs
 
-    dataset = read_dataset(Path(args.scene), args.resolution, seed=args.seed)
     model = read_model(args.message)
     require_finite(model, args.message)
-    views = sorted([*dataset.train, *dataset.test], key=lambda camera: camera.name)
-    move = _move(views, Path(args.message))
+    views = _write_photographs(args, "scene", args.scene)
+    alignment = _alignment(views, Path(args.message))
     renderer = Renderer(model, read_device(args))
-    for camera, image in zip(track(views, "pair"), read_photographs(views), strict=True):
-        write_image(args.out / "scene" / f"{camera.name}.png", image)
-        write_image(args.out / "message" / f"{camera.name}.png", renderer.image(move.camera(camera)))
-    write_point_ply(args.out / "points3D.ply", dataset.xyz, dataset.rgb)
+    for camera in track(views, "pair"):
+        write_image(args.out / "message" / f"{camera.name}.png", renderer.image(alignment.camera(camera)))
     xyz, rgb = _points(model, args.seed)
-    write_point_ply(args.out / "message" / "points3D.ply", move.inverse(xyz), rgb)
-    write_cameras(args.out / "cameras.json", _named(views, args.out))
-    return {name: str(getattr(args, name)) for name in ("scene", "message", "resolution", "seed")}
+    _write(args.out, "message", views, (alignment.inverse.points(xyz), rgb))
+    return {"resolution": args.resolution}
 
 
-def _named(views: list[Camera], folder: Path) -> list[Camera]:
-    """Return the views with the photographs that lie in the pair's folder."""
-    return [replace(camera, image=folder / "scene" / f"{camera.name}.png") for camera in views]
+def _photographed_apart(args: argparse.Namespace) -> dict[str, Any]:
+    """Photographs of both, each at its own poses, with the message aligned with the scene."""
+    from gspure.scenes.alignment import aligning
+
+    views = _write_photographs(args, "scene", args.scene)
+    _write_photographs(args, "message", args.message, lambda message: aligning(views, message).inverse)
+    return {"resolution": args.resolution}
 
 
-def _move(views: list[Camera], message: Path) -> Any:
-    """Return how the scene's world lies in the message's: aligned by the cameras of both where there are any."""
+def _write_photographs(
+    args: argparse.Namespace, kind: str, source: str, align: Callable[[list[Camera]], Similarity] | None = None
+) -> list[Camera]:
+    """Write the photographs, cameras and points of a capture, in the world that `align` gives; return the cameras."""
+    from gspure.images import write_image
+    from gspure.progress import track
+    from gspure.training.dataset import read_dataset, read_photographs
+
+    dataset = read_dataset(Path(source), args.resolution, seed=args.seed)
+    views, xyz = sorted([*dataset.train, *dataset.test], key=lambda camera: camera.name), dataset.xyz
+    for camera, image in zip(track(views, kind), read_photographs(views), strict=True):
+        write_image(args.out / kind / f"{camera.name}.png", image)
+    if align:
+        alignment = align(views)
+        views, xyz = [alignment.camera(camera) for camera in views], alignment.points(xyz)
+    _write(args.out, kind, views, (xyz, dataset.rgb))
+    return views
+
+
+def _write(out: Path, kind: str, views: list[Camera], points: tuple[Any, Any]) -> None:
+    """Write cameras and points of the scene or of the message."""
+    from gspure.cameras import write_cameras
+    from gspure.model.points import write_point_ply
+
+    folder = out if kind == "scene" else out / kind
+    write_cameras(folder / "cameras.json", [replace(c, image=out / kind / f"{c.name}.png") for c in views])
+    write_point_ply(folder / "points3D.ply", *points)
+
+
+def _alignment(views: list[Camera], message: Path) -> Similarity:
+    """Return the similarity from the scene's world to the message's: by the cameras of both, if the message has any."""
     import numpy as np
 
     from gspure.cameras import read_cameras
@@ -151,9 +192,9 @@ def _move(views: list[Camera], message: Path) -> Any:
     from gspure.scenes.alignment import Similarity, aligning
 
     if message.is_dir() and (message / "cameras.json").is_file():
-        move = aligning(views, read_cameras(message / "cameras.json"))
-        say(f"message aligned with the scene, scaled by {1 / move.scale:.3g}")
-        return move
+        alignment = aligning(views, read_cameras(message / "cameras.json"))
+        say(f"message aligned with the scene, scaled by {alignment.inverse.scale:.3g}")
+        return alignment
     return Similarity(1.0, np.eye(3), np.zeros(3))
 
 

@@ -54,16 +54,22 @@ class TwinModel:
             model.sh_degree_active = degree
 
     def step(
-        self, camera: Camera, target: int, rates: LearningRates, background: Sequence[float] = (0.0, 0.0, 0.0)
+        self,
+        cameras: tuple[Camera, Camera],
+        targets: tuple[int, int],
+        rates: LearningRates,
+        background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> float:
-        """Render both scenes at `camera`, and move every parameter; return the first loss plus the weighted second."""
-        views = [model.differentiate(camera, target, background) for model in self.models]
+        """Render each scene at its camera, and move every parameter; return the first loss plus the weighted second."""
+        tasks = zip(self.models, cameras, targets, strict=True)
+        views = [model.differentiate(camera, target, background) for model, camera, target in tasks]
         (loss, rendered, gradients), (second_loss, second_rendered, second_gradients) = views
         engine = self.models[0].engine
         engine.program("vector", "layout", "statistics", "twins").launch(
             "share_gradients",
             engine.vectors(self.count),
-            *(self.count, float(self._weight), camera.width / 2, camera.height / 2),
+            *(self.count, float(self._weight), int(np.array_equal(cameras[0].numbers, cameras[1].numbers))),
+            *(size / 2 for camera in cameras for size in (camera.width, camera.height)),
             *(rendered.projected.depth_keys, second_rendered.projected.depth_keys),
             *(gradients.geometry, second_gradients.geometry, gradients.centres, second_gradients.centres),
             *self.models[0].statistics_buffers,

@@ -5,6 +5,17 @@ from gspure.scenes.lighting import LitScene, bake
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.ray_tracer import trace
 from gspure.scenes.sparse_points import seen_points
-from gspure.scenes.staging import STAGES, Staging
+from gspure.scenes.staging import NAMES, PROTOCOLS, Staging, scene_builder
 
-__all__ = ["PLACEMENTS", "STAGES", "LitScene", "Staging", "bake", "seen_points", "stage_cameras", "trace"]
+__all__ = [
+    "NAMES",
+    "PLACEMENTS",
+    "PROTOCOLS",
+    "LitScene",
+    "Staging",
+    "bake",
+    "scene_builder",
+    "seen_points",
+    "stage_cameras",
+    "trace",
+]

@@ -33,9 +33,15 @@ class Similarity:
         viewmat[:3, 3] = self.scale * camera.viewmat[:3, 3] - viewmat[:3, :3] @ self.translation
         return replace(camera, viewmat=viewmat)
 
-    def inverse(self, points: Float64) -> Float64:
-        """Bring points [P,3] of the message's world into the scene's."""
-        return np.asarray((points - self.translation) @ self.rotation / self.scale)
+    def points(self, points: Float64) -> Float64:
+        """Return points [P,3] of the scene's world in the message's."""
+        return np.asarray(self.scale * points @ self.rotation.T + self.translation)
+
+    @property
+    def inverse(self) -> Similarity:
+        """The similarity from the message's world to the scene's."""
+        scale, rotation = 1 / self.scale, self.rotation.T
+        return Similarity(scale, rotation, -scale * rotation @ self.translation)
 
 
 def aligning(scene: Sequence[Camera], message: Sequence[Camera]) -> Similarity:

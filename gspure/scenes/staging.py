@@ -1,16 +1,40 @@
-"""What a ray-traced pair shows: two stages, and how the message's stands relative to the scene's."""
+"""Ray-traced pairs: a scene and a message by name, and how the message stands relative to the scene."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gspure.scenes.lighting import LitScene, bake
-from gspure.scenes.placement import PLACEMENTS
+from gspure.scenes.placement import PLACEMENTS, Placement
+from gspure.scenes.procedural import Interior, Landscape
 from gspure.scenes.room import room
+from gspure.scenes.scene import Scene
 from gspure.scenes.vault import vault
 
-STAGES = {"room": room, "vault": vault}
-"""Procedural scenes by name; each may be the scene or the message."""
+BuildScene = Callable[[Placement], Scene]
+
+NAMES: Final = "room, vault, interior-SEED, landscape-SEED"
+"""The names of ray-traced scenes; SEED is a whole number."""
+
+PROTOCOLS: Final = ("shared", "own")
+"""Poses of the message's views: those of the scene, or poses of their own."""
+
+OWN_SHIFT: Final = -2.0
+"""Metres by which a message at poses of its own moves along y, after half a turn about the vertical. About two thirds
+of its surface points then lie outside all views of the scene. Ours."""
+
+
+def scene_builder(name: str) -> BuildScene | None:
+    """Return the builder of a ray-traced scene; None if no such scene has this name."""
+    kind, _, seed = name.partition("-")
+    if seed.isdecimal() and kind in ("interior", "landscape"):
+        return Interior(int(seed)) if kind == "interior" else Landscape(int(seed))
+    return {"room": room, "vault": vault}.get(name)
 
 
 @dataclass(frozen=True)
@@ -20,20 +44,39 @@ class Staging:
     Parameters
     ----------
     scene, message : str
-        Names in `STAGES`.
+        Of `NAMES`.
     placement : str
-        Where the message's stage stands, a name in `gspure.scenes.placement.PLACEMENTS`.
+        Position of the message's surfaces, a name in `gspure.scenes.placement.PLACEMENTS`.
+    protocol : str
+        Of `PROTOCOLS`.
 
     """
 
     scene: str
     message: str
     placement: str
+    protocol: str = "shared"
 
     def lit_scene(self) -> LitScene:
         """Return the scene with its light."""
-        return bake(STAGES[self.scene](PLACEMENTS["coincident"]))
+        return self._lit(self.scene, "coincident")
 
     def lit_message(self) -> LitScene:
-        """Return the message with its light."""
-        return bake(STAGES[self.message](PLACEMENTS[self.placement]))
+        """Return the message with its light, before `message_transform`."""
+        return self._lit(self.message, self.placement)
+
+    @property
+    def message_transform(self) -> NDArray[np.float64]:
+        """The rigid transform [4,4] of the message and its cameras into the scene's world."""
+        transform = np.eye(4)
+        if self.protocol == "own":
+            transform = np.diag([-1.0, -1.0, 1.0, 1.0])
+            transform[1, 3] = OWN_SHIFT
+        return transform
+
+    @staticmethod
+    def _lit(name: str, placement: str) -> LitScene:
+        build = scene_builder(name)
+        if build is None:
+            raise ValueError(f"no ray-traced scene is named {name!r}")
+        return bake(build(PLACEMENTS[placement]))

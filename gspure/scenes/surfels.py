@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -63,6 +63,11 @@ class Surfels:
 
     def __getitem__(self, rows: NDArray[np.intp]) -> Surfels:
         return Surfels(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    def moved(self, transform: Float64) -> Surfels:
+        """Return the surfels after a rigid `transform` [4,4]."""
+        rotation, translation = transform[:3, :3], transform[:3, 3]
+        return replace(self, means=self.means @ rotation.T + translation, frames=self.frames @ rotation.T)
 
     @staticmethod
     def joined(*parts: Surfels) -> Surfels:

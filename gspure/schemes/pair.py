@@ -1,19 +1,21 @@
-"""A pair: photographs of a scene and of a message from the same poses.
+"""A pair: photographs of a scene and of a message.
 
 ::
 
-    <pair>/cameras.json             the views; each names its photograph scene/<view>.png
+    <pair>/cameras.json             the scene's views; each names its photograph scene/<view>.png
     <pair>/cameras.json.json        their provenance: what a ray-traced pair shows
     <pair>/points3D.ply             points on the scene's surfaces
     <pair>/scene/<view>.png
+    <pair>/message/cameras.json     the message's views: those of the scene, or poses of their own
+    <pair>/message/points3D.ply     points on the message's surfaces, in the scene's world
     <pair>/message/<view>.png
-    <pair>/message/points3D.ply     points on the message's surfaces, in the same world units
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -22,12 +24,10 @@ from numpy.typing import NDArray
 
 from gspure.artifacts.checksums import record_of
 from gspure.cameras import Camera
-from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
-from gspure.images import read_image
-from gspure.model.points import read_point_ply
-from gspure.scenes import PLACEMENTS, STAGES, Staging
-from gspure.training.dataset import Dataset, read_dataset, read_photographs
+from gspure.scenes import PLACEMENTS, Staging, scene_builder
+from gspure.training.dataset import Dataset, extent, read_dataset, read_photographs
+from gspure.training.schedule import shuffled
 
 Float32 = NDArray[np.float32]
 Points = tuple[NDArray[np.float64], NDArray[np.uint8]]
@@ -35,92 +35,119 @@ Points = tuple[NDArray[np.float64], NDArray[np.uint8]]
 PROBES: Final = 2
 """Number of views over which progress reports average the quality."""
 
+INITIALIZATIONS: Final = ("both", "scene")
+"""Whose points training starts from: those of scene and message, or of the scene alone."""
+
 
 @dataclass(frozen=True, eq=False)
-class Pair:
-    """The training data of a scheme, in memory.
+class Capture:
+    """Photographs of a scene or of a message, in memory.
 
     Parameters
     ----------
     dataset : Dataset
-        The scene's views, split into training and held-out ones, and its points.
-    scene, message : list of array [H,W,3]
+        Its views, split into training and held-out ones, and its points.
+    images : list of array [H,W,3]
         Photographs of the training views, 0 to 1.
-    message_points : (xyz [P,3], rgb [P,3])
-        On the message's surfaces; P may be 0.
-    probes : list of (Camera, scene, message)
+    probes : list of (Camera, image)
         A few views for progress reports, held-out ones if there are any.
-    staging : Staging, optional
-        What a ray-traced pair shows; None of photographs.
 
     """
 
     dataset: Dataset
-    scene: list[Float32]
-    message: list[Float32]
-    message_points: Points
-    probes: list[tuple[Camera, Float32, Float32]]
-    staging: Staging | None = None
+    images: list[Float32]
+    probes: list[tuple[Camera, Float32]]
 
     @property
     def views(self) -> list[Camera]:
         """The training views."""
         return self.dataset.train
 
+    @staticmethod
+    def read(folder: Path, resolution: str) -> Capture:
+        """Read cameras, points and photographs of a folder."""
+        dataset = read_dataset(folder, resolution)
+        probes = dataset.test[:PROBES] or dataset.train[:PROBES]
+        images = read_photographs(dataset.train)
+        return Capture(dataset, images, list(zip(probes, read_photographs(probes), strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """The training data of a scheme.
+
+    Parameters
+    ----------
+    scene, message : Capture
+        Both in the scene's world.
+    initialization : str
+        Of `INITIALIZATIONS`.
+    staging : Staging, optional
+        What a ray-traced pair shows; None of photographs.
+
+    """
+
+    scene: Capture
+    message: Capture
+    initialization: str = "both"
+    staging: Staging | None = None
+
+    @cached_property
+    def shares_poses(self) -> bool:
+        """Whether scene and message have the same training views (protocol ``shared``), not poses of their own."""
+        scene, message = ([camera.numbers for camera in capture.views] for capture in (self.scene, self.message))
+        return len(scene) == len(message) and all(map(np.array_equal, scene, message))
+
+    @property
+    def extent(self) -> float:
+        """Size of what all training views cover, in world units, which scales 3DGS's learning rates and thresholds."""
+        return extent([*self.scene.views, *([] if self.shares_poses else self.message.views)])
+
     @property
     def points(self) -> Points:
-        """The points of scene and message, from which training starts."""
-        xyz, rgb = self.message_points
-        return np.concatenate([self.dataset.xyz, xyz]), np.concatenate([self.dataset.rgb, rgb])
+        """The points from which training starts."""
+        captures = [self.scene.dataset, self.message.dataset][: 1 + (self.initialization == "both")]
+        return np.concatenate([c.xyz for c in captures]), np.concatenate([c.rgb for c in captures])
+
+    def batches(self, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
+        """Yield the numbers of a training view of the scene and of one of the message, for ever.
+
+        With shared poses both are the same number, so that one pass over the Gaussians serves both.
+        """
+        if self.shares_poses:
+            yield from ((view, view) for view in shuffled(len(self.scene.views), rng))
+        yield from zip(*(shuffled(len(capture.views), rng) for capture in (self.scene, self.message)), strict=False)
 
     def quality(self, *views: Callable[[Camera], Float32]) -> str:
         """Return the mean PSNR at the probes as text, given renderers of the scene and optionally of the message."""
         means = [
-            np.mean([psnr(view(camera).clip(0, 1), truth[i]) for camera, *truth in self.probes])
-            for i, view in enumerate(views)
+            np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in capture.probes])
+            for view, capture in zip(views, (self.scene, self.message), strict=False)
         ]
         return f"PSNR {' / '.join(f'{mean:.2f}' for mean in means)}"
 
 
-def read_pair(folder: Path, resolution: str = "native") -> Pair:
+def read_pair(folder: Path, resolution: str = "native", initialization: str = "both") -> Pair:
     """Read a pair; `resolution` is a rule of `gspure.cameras.scaled`.
 
     Raises
     ------
     InputError
-        A file is missing or unreadable, or a view of the message has another shape than that of the scene.
+        A file is missing or unreadable.
 
     """
-    folder = Path(folder)
-    dataset = read_dataset(folder, resolution)
-    probes = dataset.test[:PROBES] or dataset.train[:PROBES]
-    points = folder / "message" / "points3D.ply"
-    return Pair(
-        dataset,
-        read_photographs(dataset.train),
-        _messages(folder, dataset.train),
-        read_point_ply(points) if points.is_file() else (np.empty((0, 3)), np.empty((0, 3), np.uint8)),
-        list(zip(probes, read_photographs(probes), _messages(folder, probes), strict=True)),
-        _staging(folder / "cameras.json"),
-    )
+    scene, message = (Capture.read(path, resolution) for path in (Path(folder), message_folder(folder)))
+    return Pair(scene, message, initialization, _staging(Path(folder) / "cameras.json"))
 
 
-def message_view(folder: Path, view: str) -> Path:
-    """Return the file of a view of the message."""
-    return folder / "message" / f"{view}.png"
-
-
-def _messages(folder: Path, views: Sequence[Camera]) -> list[Float32]:
-    files = [message_view(folder, camera.name) for camera in views]
-    for file in files:
-        if not file.is_file():
-            raise InputError(file, "file", expected="the message at this view", found="nothing")
-    return [read_image(f, (c.width, c.height)) for f, c in zip(files, views, strict=True)]
+def message_folder(pair: Path) -> Path:
+    """Return the folder of a pair's message."""
+    return Path(pair) / "message"
 
 
 def _staging(cameras: Path) -> Staging | None:
     match (record_of(cameras) or {}).get("settings"):
-        case {"scene": str(scene), "message": str(message), "placement": str(placement)}:
-            known = {scene, message} <= STAGES.keys() and placement in PLACEMENTS
-            return Staging(scene, message, placement) if known else None
+        case {"scene": str(scene), "message": str(message), "placement": str(placement), "protocol": str(protocol)}:
+            known = scene_builder(scene) and scene_builder(message) and placement in PLACEMENTS
+            return Staging(scene, message, placement, protocol) if known else None
     return None

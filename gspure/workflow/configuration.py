@@ -119,18 +119,21 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
 def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:
     """Check that a pair is ray-traced or made of files, and find the photographs that it is trained from."""
     from gspure.model.inria import saved_iterations
-    from gspure.scenes import STAGES
+    from gspure.scenes import NAMES, scene_builder
 
-    if (pair["scene"] in STAGES) != (pair["message"] in STAGES):
-        expected = f"both of {', '.join(STAGES)}, or both paths"
+    is_traced = [scene_builder(pair[name]) is not None for name in ("scene", "message")]
+    if is_traced[0] != is_traced[1]:
+        expected = f"both of {NAMES}, or both paths"
         raise InputError(source, place, expected=expected, found=f"{pair['scene']} and {pair['message']}")
-    if pair["scene"] in STAGES:
+    if is_traced[0]:
         return
     for field in ("scene", "message"):
         _require_path(pair[field], source, f"{place}.{field}")
     pair["photographs"] = _photographs(pair["scene"])
     message = Path(pair["message"])
-    if message.suffix != ".ply" and not saved_iterations(message) and not (message / "point_cloud.ply").is_file():
+    if pair["protocol"] == "own":
+        pair["own_photographs"] = _photographs(pair["message"])
+    elif message.suffix != ".ply" and not saved_iterations(message) and not (message / "point_cloud.ply").is_file():
         pair["message_photographs"] = _photographs(pair["message"])
 
 

@@ -9,6 +9,7 @@ from typing import Final
 
 from gspure.constants import TAU_C, TAU_N
 from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
+from gspure.evaluation.outcomes import SCENE
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
 from gspure.workflow.captures import camera_files
@@ -17,6 +18,9 @@ from gspure.workflow.decisions import Decisions, Settings, decisions, factors_of
 from gspure.workflow.options import options, setting_options
 from gspure.workflow.pairs import is_photographed, other_pair, pair_of, repetition_of, trained_message
 from gspure.workflow.sources import code_digest
+
+OWNER: Final = "message_"
+"""Prefix of files that only the owner has: the views of the message."""
 
 VANILLA: Final = "vanilla"
 """Folder of the user's own models."""
@@ -134,47 +138,50 @@ class Model:
         """The seed and the settings of its scheme as options."""
         settings = dict(self.plan.config["schemes"][self.scheme])
         seed = settings.pop("seed") + repetition_of(self.scene)
-        return f"--seed {seed} {setting_options(settings)}"
+        return f"--seed {seed} {options(self.settings, 'initialization')} {setting_options(settings)}"
 
     def code(self, command: str) -> str:
         """Return a digest of the code of its scheme and of a command."""
         return code_digest(f"gspure.cli.{command}", self.plan.schemes[self.scheme].embed.__module__)
 
-    @property
-    def camera_source(self) -> str:
-        """The source of its views: a file or folder, or a way to generate them."""
+    def camera_source(self, target: str) -> str:
+        """Return the source of the views of a target: a file or folder, or a way to generate them."""
         if self.is_watermarked:
-            return self.pair["cameras"]
+            return self.pair["cameras"] if target == SCENE else self.pair["message"]
         return str(self.settings.get("cameras", f"{self.folder}/trained/cameras.json"))
 
-    @property
-    def camera_files(self) -> list[str]:
-        """The files of its views; none if they are generated."""
+    def camera_files(self, target: str) -> list[str]:
+        """Return the files of the views of a target; none if they are generated."""
+        source = self.camera_source(target)
         if self.is_watermarked:
-            return [self.camera_source]
-        return [] if self.camera_source in GENERATED else camera_files(self.camera_source)
+            return [source]
+        return [] if source in GENERATED else camera_files(source)
 
     @property
     def camera_options(self) -> str:
         """How to scale or generate its views, as options."""
         if self.is_watermarked:
             return "--scale native"
-        if self.camera_source in GENERATED:
+        if self.camera_source(SCENE) in GENERATED:
             generated = {"model": self.public, **self.settings["generated"]}
             return options(generated, *generated)
         return options(self.settings, "scale")
 
-    @property
-    def off_path(self) -> dict[str, str]:
-        """The file of its views off the path; none of photographed pairs, which have no photographs there."""
-        if not self.plan.config["views"]["off_path"] or (self.is_watermarked and is_photographed(self.settings)):
-            return {}
-        return {"off_path": f"{self.folder}/off_path.json"}
+    def views(self, target: str) -> dict[str, str]:
+        """Return the files of the views that show a target; those of the message are the owner's alone.
+
+        Views off the path are left out for photographed pairs, which have no photographs there.
+        """
+        owner = "" if target == SCENE else OWNER
+        files = {"cameras": f"{self.folder}/{owner}cameras.json"}
+        if self.plan.config["views"]["off_path"] and not (self.is_watermarked and is_photographed(self.settings)):
+            files["off_path"] = f"{self.folder}/{owner}off_path.json"
+        return files
 
     @property
     def targets(self) -> list[str]:
         """What is compared: the scene, and every extraction of the message."""
-        return ["scene", *(self.plan.schemes[self.scheme].extractions if self.is_watermarked else ())]
+        return [SCENE, *(self.plan.schemes[self.scheme].extractions if self.is_watermarked else ())]
 
     @property
     def controls(self) -> list[str]:

@@ -44,7 +44,10 @@ def pair_files(pair: Pair) -> list[str]:
     """Return what a pair is made from: nothing if it is ray-traced, else photographs and the model of the message."""
     if not is_photographed(pair):
         return []
-    return [*capture_files(pair["scene"], pair["photographs"]), message_model(pair)]
+    scene = capture_files(pair["scene"], pair["photographs"])
+    if "own_photographs" in pair:
+        return [*scene, *capture_files(pair["message"], pair["own_photographs"])]
+    return [*scene, message_model(pair)]
 
 
 def pair_arguments(pair: Pair, off_path: int) -> str:
@@ -60,8 +63,8 @@ def pair_arguments(pair: Pair, off_path: int) -> str:
     """
     sources = shlex.join([pair["scene"], message_model(pair)])
     if is_photographed(pair):
-        return f"{sources} {options(pair, 'resolution', 'seed')}"
-    settings = ("placement", "views", "width", "height", "off_path", "seed")
+        return f"{sources} {options(pair, 'protocol', 'resolution', 'seed')}"
+    settings = ("protocol", "placement", "views", "width", "height", "off_path", "seed")
     return f"{sources} {options({**pair, 'off_path': off_path}, *settings)}"
 
 

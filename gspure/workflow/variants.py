@@ -107,15 +107,14 @@ class Variant:
             return self.model.public
         return f"{self.folder}/public/point_cloud.ply"
 
-    @property
-    def view_files(self) -> dict[str, str]:
-        """Files of its views beside the cameras: those off the path, and the rigid transform of the attack."""
-        return self.model.off_path | ({"world": f"{self.folder}/world.npy"} if self.is_attacked else {})
+    def view_files(self, target: str) -> dict[str, str]:
+        """Return the files of the views that show a target, and the rigid transform of the attack."""
+        return self.model.views(target) | ({"world": f"{self.folder}/world.npy"} if self.is_attacked else {})
 
-    @property
-    def view_options(self) -> str:
-        """The same as options."""
-        return options(self.view_files, *self.view_files)
+    def view_options(self, target: str) -> str:
+        """Return the same as options."""
+        files = self.view_files(target)
+        return options(files, *files)
 
     def extraction_options(self, target: str) -> str:
         """Return how to look for the message, as options."""

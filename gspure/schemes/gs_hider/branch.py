@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.schemes.gs_hider.decoder import Decoder
 from gspure.schemes.gs_hider.loss import photometric
+from gspure.schemes.pair import Capture
 from gspure.training.pytorch import torch
 
 Float32 = NDArray[np.float32]
@@ -20,22 +19,23 @@ class Branch:
     Parameters
     ----------
     decoder : Decoder
-    photographs : sequence of array [H,W,3]
-        Of the training views.
+    capture : Capture
+        Its views and photographs.
     weight : float
         Of its loss.
 
     """
 
-    def __init__(self, decoder: Decoder, photographs: Sequence[Float32], weight: float) -> None:
+    def __init__(self, decoder: Decoder, capture: Capture, weight: float) -> None:
         self.decoder = decoder
-        self._photographs = photographs
+        self.views = capture.views
+        self._images = capture.images
         self._weight = weight
 
     def differentiate(self, feature_map: Float32, view: int) -> tuple[float, Float32]:
         """Return the loss of a view and its gradient of the feature map; the decoder stores its own gradients."""
         features = torch.from_numpy(feature_map).requires_grad_()
-        photograph = torch.from_numpy(self._photographs[view])
+        photograph = torch.from_numpy(self._images[view])
         loss = self._weight * photometric(self.decoder(features), photograph)
         self.decoder.zero_grad()
         loss.backward()

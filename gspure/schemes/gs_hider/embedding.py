@@ -76,6 +76,6 @@ def _say_gains(run: Training, seed: int) -> None:
     """Report how much each decoder amplifies noise in the feature map."""
     from gspure.schemes.gs_hider.decoder import noise_gain
 
-    maps = [run.field.feature_map(camera)[0] for camera, *_ in run.pair.probes]
+    maps = [run.field.feature_map(camera)[0] for camera, _ in run.pair.scene.probes]
     gains = (noise_gain(branch.decoder, maps, np.random.default_rng(seed)) for branch in run.branches)
     say(f"noise gain of the decoders, scene and message: {', '.join(f'{gain:.3g}' for gain in gains)}")

@@ -41,6 +41,7 @@ class Field:
         geometry = (start.means, start.quats, start.log_scales, start.opacity_logits)
         self._device = device
         self._steps = 0
+        self._gradients: list[Parameters] = []
         self.replace(TrainState.fresh(Parameters(*geometry, features)))
 
     def __len__(self) -> int:
@@ -72,17 +73,23 @@ class Field:
         """Return a view's blended features [H,W,16] on black, and the function that pulls their gradient back."""
         return Renderer(self.model(), self._device).vjp(camera, sigmoid(self.features))
 
-    def step(self, camera: Camera, gradients: Gradients, rates: LearningRates) -> None:
-        """Add a view's gradients to the statistics and take an optimizer step."""
+    def accumulate(self, camera: Camera, gradients: Gradients) -> None:
+        """Add a view's gradients to those of the next step, and to the statistics."""
         half_size = np.array([camera.width / 2, camera.height / 2], np.float32)
         norms = np.linalg.norm(gradients.means2d * half_size, axis=1)
         self._norms += norms
         self._views += norms > 0
+        self._gradients.append(self._raw(gradients))
+
+    def step(self, rates: LearningRates) -> None:
+        """Take an optimizer step along the sum of the accumulated gradients."""
         self._steps += 1
-        groups = (rates.means, rates.quats, rates.scales, rates.opacities, FEATURES_RATE)
-        parts = [vars(part).values() for part in (*vars(self.state).values(), self._raw(gradients))]
-        for values, first, second, gradient, rate in zip(*parts, groups, strict=True):
+        rates_by_group = (rates.means, rates.quats, rates.scales, rates.opacities, FEATURES_RATE)
+        gradients = [np.sum(parts, axis=0) for parts in zip(*(vars(g).values() for g in self._gradients), strict=True)]
+        states = [vars(part).values() for part in vars(self.state).values()]
+        for values, first, second, gradient, rate in zip(*states, gradients, rates_by_group, strict=True):
             adam_step(values, first, second, gradient, rate, self._steps)
+        self._gradients.clear()
 
     def _raw(self, gradients: Gradients) -> Parameters:
         """Return the gradients of raw parameters, given those of activated ones."""

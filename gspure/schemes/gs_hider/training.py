@@ -17,7 +17,7 @@ from gspure.schemes.gs_hider.decoder import decoded, untrained
 from gspure.schemes.gs_hider.field import Field
 from gspure.schemes.pair import Pair
 from gspure.training.pytorch import single_threaded, torch
-from gspure.training.schedule import Schedule, shuffled
+from gspure.training.schedule import Schedule
 from gspure.training.trainer import densified
 
 Float32 = NDArray[np.float32]
@@ -69,10 +69,10 @@ class Training:
         self._rng = np.random.default_rng(seed)
 
     def __iter__(self) -> Iterator[float]:
-        views = shuffled(len(self.pair.views), self._rng)
+        batches = self.pair.batches(self._rng)
         with single_threaded(), ThreadPoolExecutor(len(self.branches)) as threads:
             for iteration in range(1, self._schedule.iterations + 1):
-                yield self._step(iteration, next(views), threads)
+                yield self._step(iteration, next(batches), threads)
                 if self._schedule.densifies(iteration):
                     self._densify(iteration)
 
@@ -81,23 +81,29 @@ class Training:
         """The renderer of each branch, for the current Gaussians."""
         return [decoded(lambda camera: self.field.feature_map(camera)[0], branch.decoder) for branch in self.branches]
 
-    def _step(self, iteration: int, view: int, threads: ThreadPoolExecutor) -> float:
-        camera = self.pair.views[view]
-        feature_map, pull_back = self.field.feature_map(camera)
-        work = [threads.submit(branch.differentiate, feature_map, view) for branch in self.branches]
-        losses, gradients = zip(*(share.result() for share in work), strict=True)
+    def _step(self, iteration: int, batch: tuple[int, int], threads: ThreadPoolExecutor) -> float:
+        tasks = list(zip(self.branches, batch, strict=False))
+        shown = [tasks] if self.pair.shares_poses else [[task] for task in tasks]
+        loss = 0.0
+        for branches in shown:  # one pass over the Gaussians for all branches that look from the same pose
+            branch, view = branches[0]
+            camera = branch.views[view]
+            feature_map, pull_back = self.field.feature_map(camera)
+            work = [threads.submit(branch.differentiate, feature_map, view) for branch, view in branches]
+            losses, gradients = zip(*(share.result() for share in work), strict=True)
+            self.field.accumulate(camera, pull_back(np.sum(gradients, axis=0)))
+            loss += float(sum(losses))
         for group in self._optimizer.param_groups:
             group["lr"] = DECODER_RATE * self._schedule.settling(iteration)
         self._optimizer.step()
-        rates = self._schedule.rates(iteration, self.pair.dataset.extent)
-        self.field.step(camera, pull_back(np.sum(gradients, axis=0)), rates)
-        return float(sum(losses))
+        self.field.step(self._schedule.rates(iteration, self.pair.extent))
+        return loss
 
     def _densify(self, iteration: int) -> None:
         self.field.replace(
             densified(
                 *(self.field.state, self.field.statistics(), self._schedule, iteration),
-                extent=self.pair.dataset.extent,
+                extent=self.pair.extent,
                 rng=self._rng,
                 max_gaussians=self._max_gaussians,
             )

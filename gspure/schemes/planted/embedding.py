@@ -77,7 +77,7 @@ def embed(
     if not message_weight:
         clean = _gaussians(shown, opacities, rng)
         return PublicModel(Gaussians(clean.table[rng.permutation(len(clean))])), None
-    hidden = tile(pair.staging.lit_message(), message_count, rng)
+    hidden = tile(pair.staging.lit_message(), message_count, rng).moved(pair.staging.message_transform)
     public, rows = _mixed(shown, opacities, hidden, rng)
     return PublicModel(public), _key(public, rows, rng.uniform(*SOLID, message_count), hidden.colours)
 

@@ -70,7 +70,8 @@ class Training:
         device: Device,
     ) -> None:
         self.pair = pair
-        self.learner = Learner(anchors, branches, [pair.scene, pair.message][: len(branches)], device)
+        self._captures = [pair.scene, pair.message][: len(branches)]
+        self.learner = Learner(anchors, branches, [c.images for c in self._captures], device)
         self.boxed = 0.0
         self._voxel = voxel
         self._weights = (1.0, message_weight)
@@ -86,22 +87,24 @@ class Training:
         return len(self._statistics) > 1
 
     def __iter__(self) -> Iterator[float]:
-        pending_views: list[int] = []
+        batches = self.pair.batches(self._rng)
         for iteration in range(1, self._schedule.iterations + 1):
-            pending_views = pending_views or self._rng.permutation(len(self.pair.views)).tolist()
-            yield self._iterate(iteration, pending_views.pop())
+            yield self._iterate(iteration, next(batches))
 
-    def _iterate(self, iteration: int, view: int) -> float:
-        camera, anchors = self.pair.views[view], self.learner.anchors
+    def _iterate(self, iteration: int, batch: tuple[int, int]) -> float:
+        anchors = self.learner.anchors
         upright = np.tile(np.array([1, 0, 0, 0]), (len(anchors.positions), 1))
-        rows = visible_rows(camera, anchors.positions, upright, np.exp(anchors.log_scalings[:, :3]))
         total = 0.0
-        for branch, statistics in enumerate(self._statistics):
+        for branch, (statistics, capture, view) in enumerate(
+            zip(self._statistics, self._captures, batch, strict=False)
+        ):
+            camera = capture.views[view]
+            rows = visible_rows(camera, anchors.positions, upright, np.exp(anchors.log_scalings[:, :3]))
             loss, gaussians, gradients = self.learner.differentiate(branch, camera, rows, view, self._weights[branch])
             total += loss
             if self._schedule.counts(iteration):
                 statistics.add(rows, gaussians, screen_norms(camera, gaussians.means, gradients))
-        self.learner.step(self._schedule.rates(iteration, self.pair.dataset.extent))
+        self.learner.step(self._schedule.rates(iteration, self.pair.extent))
         if self._schedule.adjusts(iteration):
             self._adjust()
         return total
@@ -112,7 +115,8 @@ class Training:
         new = self._grown(least_views / 2)
         measured = [s.views > least_views for s in self._statistics]
         transparent = [s.opacities < OPACITY_MIN * s.views for s in self._statistics]
-        rows = np.flatnonzero(~np.all([*measured, *transparent], axis=0))
+        needed = [m & ~t for m, t in zip(measured, transparent, strict=True)]
+        rows = np.flatnonzero(np.any(needed, axis=0) | ~np.any(measured, axis=0))
         for statistics, anchors in zip(self._statistics, measured, strict=True):
             statistics.reset(statistics.active_views > least_views / 2, anchors)
             statistics.replace_anchors(rows, len(new.positions))

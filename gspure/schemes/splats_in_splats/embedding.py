@@ -69,7 +69,7 @@ def embed(
     device = device or choose_device()
     if not message_weight:
         clean = train(
-            *(pair, pair.scene, begin), iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device
+            *(pair.scene, begin), iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device
         )
         return PublicModel(clean), None
     run = TwinTrainer(
@@ -99,7 +99,7 @@ def _published(
     mapping = fit(opacities, sigmoid(hidden.opacity_logits)[known], np.random.default_rng(seed))
     extracted = replace(hidden.rows(known), opacity_logits=logit(mapping(opacities), LEAST_OPACITY))
     colours = hidden.sh_coeffs.copy()
-    colours[known] = refine(extracted, pair.views, pair.message, steps, seed, device).sh_coeffs
+    colours[known] = refine(extracted, pair.message, steps, seed, device).sh_coeffs
     public = replace(shown, sh_coeffs=bits.embed(shown.sh_coeffs, colours, shift))
     say(f"{len(known)} of {len(shown)} Gaussians are more than {OPACITY_THRESHOLD} opaque in the message")
     return PublicModel(as_gaussians(public)), SplatsInSplatsKey(

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
 from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 from gspure.opencl.twins import States, TwinModel
-from gspure.schemes.pair import Pair
+from gspure.schemes.pair import Capture, Pair
 from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, Schedule, shuffled
 
@@ -60,19 +59,19 @@ class TwinTrainer:
     ) -> None:
         state = TrainState.fresh(begin)
         self.model = TwinModel((state, state), message_weight, device)
-        self.model.set_targets(pair.scene, pair.message)
-        self._views = pair.views
-        self._extent = pair.dataset.extent
+        self.model.set_targets(pair.scene.images, pair.message.images)
+        self._pair = pair
         self._schedule = schedule
         self._max_gaussians = max_gaussians
         self._rng = np.random.default_rng(seed)
 
     def __iter__(self) -> Iterator[float]:
-        views = shuffled(len(self._views), self._rng)
+        batches = self._pair.batches(self._rng)
         for iteration in range(1, self._schedule.iterations + 1):
             self.model.use_sh_degree(self._schedule.sh_degree(iteration))
-            view = next(views)
-            yield self.model.step(self._views[view], view, self._schedule.rates(iteration, self._extent))
+            batch = next(batches)
+            cameras = (self._pair.scene.views[batch[0]], self._pair.message.views[batch[1]])
+            yield self.model.step(cameras, batch, self._schedule.rates(iteration, self._pair.extent))
             if self._schedule.densifies(iteration):
                 first, second = self._grown(iteration)
                 resets = self._schedule.resets_opacities(iteration)
@@ -84,7 +83,7 @@ class TwinTrainer:
             first.parameters,
             sigmoid(np.maximum(first.parameters.opacity_logits, second.parameters.opacity_logits)),
             self.model.statistics(),
-            extent=self._extent,
+            extent=self._pair.extent,
             prune_big=self._schedule.prunes_big(iteration),
             rng=self._rng,
             max_gaussians=self._max_gaussians,
@@ -92,19 +91,12 @@ class TwinTrainer:
         return grow(first, growth), grow(second, growth)
 
 
-def refine(
-    parameters: Parameters,
-    views: Sequence[Camera],
-    images: Sequence[Float32],
-    steps: int,
-    seed: int,
-    device: Device | None,
-) -> Parameters:
+def refine(parameters: Parameters, capture: Capture, steps: int, seed: int, device: Device | None) -> Parameters:
     """Return `parameters` with colours trained for their opacities; everything else is bit-identical."""
     model = TrainableModel(TrainState.fresh(parameters), device=device)
-    model.set_targets(images)
-    order = shuffled(len(views), np.random.default_rng(seed))
+    model.set_targets(capture.images)
+    order = shuffled(len(capture.views), np.random.default_rng(seed))
     for _ in range(steps):
         view = next(order)
-        model.step(views[view], view, REFINING)
+        model.step(capture.views[view], view, REFINING)
     return replace(parameters, sh_coeffs=model.state().parameters.sh_coeffs)

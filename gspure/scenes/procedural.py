@@ -1,0 +1,196 @@
+"""Random scenes by seed: furnished rooms, and landscapes under a sky. A seed is one scene; seeds are independent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gspure.scenes.placement import HALF_WIDTH, Placement
+from gspure.scenes.scene import Lamp, Scene
+from gspure.scenes.solids import Box, Room, Solid, Sphere, Vector
+from gspure.scenes.textures import Texture, banded, checker, inlaid, plain, rings, stripes
+
+Random = np.random.Generator
+
+FRONT_HALF: Final = ((-2.0, 2.0), (-0.5, 2.2))
+"""Range of x and y that all cameras see well, metres: where objects stand."""
+
+GRID: Final = 10
+"""A landscape has this many by this many steps of terrain."""
+
+SKY_HEIGHT: Final = 9.0
+"""Height of the painted sky around a landscape, metres."""
+
+
+@dataclass(frozen=True)
+class Interior:
+    """A room with furniture; walls, floor, objects and lamp are drawn from the seed."""
+
+    seed: int
+
+    def __call__(self, placement: Placement) -> Scene:
+        """Return the room at a placement."""
+        rng = np.random.default_rng([0, self.seed])
+        walls = _pattern(rng, 0.5, 1.1, lightness=(0.55, 0.95))
+        back = inlaid(walls, _pattern(rng, 0.12, 0.3), centre=(_within(rng, 1.5, 4.5), 2.0), size=(1.5, 1.1))
+        floor = inlaid(
+            _pattern(rng, 0.3, 0.7), _pattern(rng, 0.15, 0.4), centre=(_within(rng, 2, 4), 2.9), size=(2.6, 1.8)
+        )
+        furniture = [_table, _tower, _shelf, _balls, _balls]
+        places = rng.permutation(_places(rng, len(furniture)))
+        objects = [
+            solid
+            for build, (x, y) in zip(furniture, places, strict=True)
+            for solid in build((x, y, placement.floor), rng)
+        ]
+        return Scene(
+            solids=(placement.room(walls=walls, back=back, floor=floor), *objects),
+            lamp=Lamp((_within(rng, -1.6, 1.6), -2.0, 4.3), 1.1, _light(rng, 90.0)),
+            sky=_light(rng, 0.48),
+        )
+
+
+@dataclass(frozen=True)
+class Landscape:
+    """Stepped hills with trees, rocks and huts in front of a painted sky."""
+
+    seed: int
+
+    def __call__(self, placement: Placement) -> Scene:
+        """Return the landscape; of the placement only the height of the ground counts."""
+        rng = np.random.default_rng([1, self.seed])
+        ground = _pattern(rng, 0.3, 0.8, hue=(0.15, 0.4))
+        sky = plain(_colour(rng, hue=(0.52, 0.62), value=(0.85, 0.95)))
+        width = 4 * HALF_WIDTH
+        backdrop = Room(
+            (0.0, 0.0, placement.floor + SKY_HEIGHT / 2),
+            (width, width, SKY_HEIGHT),
+            (sky, sky, sky, sky, ground, sky),
+        )
+        grown = [_tree, _tree, _hut, _balls, _tree]
+        objects = [
+            solid
+            for build, (x, y) in zip(grown, rng.permutation(_places(rng, len(grown))), strict=True)
+            for solid in build((x, y, placement.floor), rng)
+        ]
+        return Scene(
+            solids=(backdrop, *_hills(placement.floor, rng), *objects),
+            lamp=Lamp((_within(rng, -2.5, 2.5), -2.5, 5.0), 1.6, _light(rng, 75.0)),
+            sky=(0.6, 0.66, 0.75),
+        )
+
+
+def _places(rng: Random, count: int) -> list[tuple[float, float]]:
+    """Return `count` places (x, y) from left to right, so that objects seldom hide each other."""
+    (left, right), (front, rear) = FRONT_HALF
+    width = (right - left) / count
+    return [(left + (i + rng.uniform(0.3, 0.7)) * width, _within(rng, front, rear)) for i in range(count)]
+
+
+def _table(foot: Vector, rng: Random) -> Iterator[Solid]:
+    x, y, z = foot
+    long, deep, high = rng.uniform((0.8, 0.6, 0.5), (1.4, 0.9, 0.8))
+    wood = (_pattern(rng, 0.1, 0.2),)
+    yield Box((x, y, z + high), (long, deep, 0.08), wood)
+    for side in (-0.5, 0.5):
+        for end in (-0.5, 0.5):
+            yield Box((x + side * (long - 0.15), y + end * (deep - 0.15), z + high / 2), (0.1, 0.1, high), wood)
+    radius = rng.uniform(0.12, 0.24)
+    yield Sphere((x + rng.uniform(-0.2, 0.2), y, z + high + 0.04 + radius), radius, (_pattern(rng, 0.1, 0.2),))
+
+
+def _tower(foot: Vector, rng: Random) -> Iterator[Solid]:
+    x, y, z = foot
+    for side in sorted(rng.uniform(0.3, 0.85, 3), reverse=True):
+        yield Box((x, y, z + side / 2), (side, side, side), (_pattern(rng, 0.1, 0.3),), yaw=rng.uniform(-0.7, 0.7))
+        z += side
+
+
+def _shelf(foot: Vector, rng: Random) -> Iterator[Solid]:
+    x, y, z = foot
+    yield Box((x, y, z + 0.08), (0.9, 0.4, 0.16), (_pattern(rng, 0.1, 0.2),))
+    for column in np.arange(-0.36, 0.4, 0.12):
+        high = rng.uniform(0.4, 1.1)
+        yield Box((x + column, y, z + 0.16 + high / 2), (0.11, 0.3, high), (plain(_colour(rng)),))
+
+
+def _balls(foot: Vector, rng: Random) -> Iterator[Solid]:
+    x, y, z = foot
+    for turn in np.arange(3) * 2.1 + rng.uniform(0, 6.3):
+        radius = rng.uniform(0.12, 0.3)
+        centre = (x + 0.35 * np.cos(turn), y + 0.35 * np.sin(turn), z + radius)
+        yield Sphere(centre, radius, (_pattern(rng, 0.1, 0.25),))
+
+
+def _tree(foot: Vector, rng: Random) -> Iterator[Solid]:
+    x, y, z = foot
+    high = rng.uniform(0.5, 1.2)
+    yield Box((x, y, z + high / 2), (0.14, 0.14, high), (plain(_colour(rng, hue=(0.05, 0.1), value=(0.3, 0.5))),))
+    for _ in range(4):
+        dx, dy, dz = rng.uniform((-0.25, -0.25, -0.1), (0.25, 0.25, 0.4))
+        leaves = (_pattern(rng, 0.08, 0.2, hue=(0.2, 0.4)),)
+        yield Sphere((x + dx, y + dy, z + high + dz), rng.uniform(0.2, 0.38), leaves)
+
+
+def _hut(foot: Vector, rng: Random) -> Iterator[Solid]:
+    x, y, z = foot
+    wide, high, yaw = rng.uniform(0.7, 1.1), rng.uniform(0.5, 0.9), rng.uniform(-0.6, 0.6)
+    yield Box((x, y, z + high / 2), (wide, wide, high), (_pattern(rng, 0.15, 0.3),), yaw=yaw)
+    for layer in range(4):
+        side = (wide + 0.2) * (1 - layer / 4)
+        yield Box((x, y, z + high + 0.06 + 0.12 * layer), (side, side, 0.12), (_pattern(rng, 0.1, 0.2),), yaw=yaw)
+
+
+def _hills(floor: float, rng: Random) -> Iterator[Solid]:
+    """Yield a ring of terrain around the open ground: boxes as high as a sum of a few waves, higher in the distance."""
+    cells = (np.arange(GRID) + 0.5) / GRID * 4 * HALF_WIDTH - 2 * HALF_WIDTH
+    size = cells[1] - cells[0]
+    waves = rng.uniform((0.4, 0.4, 0.0, 0.1), (1.2, 1.2, 6.3, 0.3), (4, 4))
+    for x in cells:
+        for y in cells:
+            height = sum(a * (1 + np.sin(u * x + v * y + phase)) for u, v, phase, a in waves)
+            height *= np.clip(np.hypot(x, y - 0.5) / 3.0 - 0.9, 0.0, 1.2)
+            if height > 0.05 and y > -1.5:
+                texture = _pattern(rng, 0.2, 0.5, hue=(0.12, 0.4))
+                yield Box((x, y, floor + height / 2), (size, size, height), (texture,), detail=2.0)
+
+
+def _pattern(
+    rng: Random,
+    least: float,
+    most: float,
+    *,
+    hue: tuple[float, float] = (0.0, 1.0),
+    lightness: tuple[float, float] = (0.2, 0.95),
+) -> Texture:
+    """Return a random pattern of two colours whose parts are `least` to `most` metres wide."""
+    first, second = (_colour(rng, hue=hue, value=lightness) for _ in range(2))
+    size = _within(rng, least, most)
+    patterns = (
+        lambda: plain(first),
+        lambda: checker(first, second, size),
+        lambda: stripes(first, second, size, along=int(rng.integers(2))),
+        lambda: banded(first, second, 2 * size),
+        lambda: rings(first, second, size),
+    )
+    return patterns[rng.integers(len(patterns))]()
+
+
+def _colour(rng: Random, *, hue: tuple[float, float] = (0.0, 1.0), value: tuple[float, float] = (0.2, 0.95)) -> str:
+    """Return a random colour ``#rrggbb``."""
+    from colorsys import hsv_to_rgb
+
+    channels = hsv_to_rgb(_within(rng, *hue), _within(rng, 0.15, 0.75), _within(rng, *value))
+    return "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)
+
+
+def _light(rng: Random, strength: float) -> Vector:
+    red, green, blue = strength * rng.uniform(0.85, 1.15, 3)
+    return red, green, blue
+
+
+def _within(rng: Random, low: float, high: float) -> float:
+    return float(rng.uniform(low, high))
