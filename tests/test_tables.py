@@ -292,7 +292,7 @@ def test_a_new_metric_is_a_column_of_every_file_and_table(tmp_path: Path, monkey
     def mean_error(a, b) -> float:
         return float(np.mean(np.abs(a - b)))
 
-    monkeypatch.setitem(METRICS, "mae", Metric(mean_error, "MAE", "", 3, ".6f"))
+    monkeypatch.setitem(METRICS, "mae", Metric(mean_error, "MAE", 3, ".6f"))
     for name, brightness in (("truth", 0.2), ("unattacked", 0.2), ("gspure", 0.6)):
         write_image(tmp_path / name / "scene" / "1.png", np.full((16, 16, 3), brightness))
     for name in ("unattacked", "gspure"):
