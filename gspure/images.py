@@ -97,15 +97,17 @@ def read_image(
 
 
 def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
-    """Write an array [H,W,3] as an 8-bit PNG, whole or not at all.
-
-    Values are clipped to 0..1 and rounded to the nearest of 256 levels, a half upwards.
-    """
+    """Write the `levels` of an array [H,W,3] as an 8-bit PNG, whole or not at all."""
     from PIL import Image
 
-    levels = np.floor(np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
     with replacing(Path(path)) as temporary:
-        Image.fromarray(levels).save(temporary, format="PNG")
+        Image.fromarray(levels(array)).save(temporary, format="PNG")
+
+
+def levels(array: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Return values clipped to 0..1 as the nearest of 256 levels, a half upwards."""
+    rounded: NDArray[np.uint8] = np.floor(np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
+    return rounded
 
 
 def require_no_other_images(folder: Path, views: Iterable[str]) -> None:

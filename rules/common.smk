@@ -136,4 +136,5 @@ def get_view_options(wildcards):
 
 
 def get_attack_files(wildcards):
-    return {"model": get_public_model(wildcards), **get_variant(wildcards).evidence}
+    variant = get_variant(wildcards)
+    return {"model": get_public_model(wildcards), **variant.evidence, **variant.damage_files}

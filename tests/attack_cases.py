@@ -49,11 +49,12 @@ KINDS = {"harmonics": blobs, "features": features, "anchors": anchors}
 
 
 def evidence(count: int, seed: int = 1) -> Evidence:
-    """Weights, a decision, opacities and distances, all random."""
+    """Weights, a decision, opacities, distances and clusters, all random."""
     rng = np.random.default_rng(seed)
     weights = rng.lognormal(0, 2, count).astype(np.float32)
     opacities, distances = rng.uniform(size=(2, count)).astype(np.float32)
-    return Evidence(weights, weights < 1, opacities, 6 * distances)
+    labels = rng.permutation(np.arange(count, dtype=np.int32) % 4) - 1
+    return Evidence(weights, weights < 1, opacities, 6 * distances, labels)
 
 
 def changed(before: Gaussians, after: Gaussians) -> set[str]:

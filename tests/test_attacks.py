@@ -16,7 +16,15 @@ from tests.attack_cases import changed, public
 COUNT = 40
 PRUNING = {
     *("unattacked", "gspure", "random_pruning", "lowest_weight", "lowest_opacity", "plain_weight", "plain_opacity"),
-    *("random_matched", "lowest_weight_matched", "lowest_opacity_matched", "crop", "gof", "opacity_weight"),
+    *(
+        "random_matched",
+        "lowest_weight_matched",
+        "lowest_opacity_matched",
+        "crop",
+        "gof",
+        "opacity_weight",
+        "gspure_scaled",
+    ),
 }
 RANDOM = {
     *("random_pruning", "random_matched", "gaussian_noise", "opacity_noise", "position_noise"),
@@ -41,7 +49,8 @@ def evidence(count: int = COUNT) -> Evidence:
     rng = np.random.default_rng(1)
     weights = rng.lognormal(0, 2, count).astype(np.float32)
     opacities, distances = rng.uniform(size=(2, count)).astype(np.float32)
-    return Evidence(weights, weights < 1, opacities, 6 * distances)
+    labels = rng.permutation(np.arange(count, dtype=np.int32) % 4) - 1
+    return Evidence(weights, weights < 1, opacities, 6 * distances, labels)
 
 
 def test_built_in_attacks_are_found_by_name() -> None:
@@ -239,7 +248,7 @@ def test_a_plug_in_is_found_by_its_entry_point(monkeypatch: pytest.MonkeyPatch) 
         ("MISSING", "expected an importable attack, found AttributeError"),
         ("half", "expected a gspure.attacks.Attack, found function"),
         ("TAKEN", "name: expected a name not in use, found 'gspure'"),
-        ("GREEDY", "needs: expected of columns, opacities, prune_mask, surface, weights, found key"),
+        ("GREEDY", "needs: expected of columns, labels, opacities, prune_mask, surface, weights, found key"),
     ],
 )
 def test_a_bad_plug_in_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch, target: str, message: str) -> None:

@@ -62,7 +62,9 @@ def test_every_setting_has_a_description_and_a_default_or_is_required(path, subs
         return  # a setting of the method that a decision may differ in
     assert subschema["description"].endswith(".")
     given = {("assets", "*", name) for name in ("model", "cameras", "train")}
-    assert "default" in subschema or path in given | {("variants", "*", name) for name in ("attack", "decision")}
+    assert "default" in subschema or path in given | {
+        ("variants", "*", name) for name in ("attack", "damage", "decision")
+    }
 
 
 @pytest.mark.parametrize("file", sorted((ROOT / "config").glob("*.yaml")), ids=lambda path: path.name)
@@ -247,6 +249,14 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
                 "variants": {"unattacked": {}, "gspure": {}, "reorder": {"decision": "gentle"}},
             },
             "variants.reorder.decision: expected nothing, since reorder goes by no decision, found 'gentle'",
+        ),
+        (
+            {**PLANTED, "variants": {"unattacked": {}, "gspure": {"damage": 1}}},
+            "variants.gspure.damage: expected an attack with a strength, found gspure",
+        ),
+        (
+            {**PLANTED, "variants": {"unattacked": {}, "gspure": {}, "gof": {"damage": [1, 2], "tolerance": 3}}},
+            "variants.gof.tolerance: expected nothing beside damage, found 3",
         ),
         (
             {**PLANTED, "variants": {"unattacked": {}, "gspure": {}, "gspur": {}}},

@@ -119,6 +119,26 @@ def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else():
     assert factors_of(config["variants"], among) == {"gspure": (2.0, 3.0), "gentle": (9, 3.0)}
 
 
+def test_a_variant_at_several_damages_is_one_variant_each_and_one_sweep():
+    variants = {
+        "unattacked": {},
+        "gspure": {},
+        "gspure_scaled": {"damage": [0.3, 2]},
+        "random": {"attack": "random_pruning", "damage": [0.3, 1, 2], "seed": 4},
+        "noise": {"attack": "gaussian_noise", "damage": 1},
+    }
+    config = settled(variants=variants)
+    assert config["variants"]["random@0.3dB"] == {"attack": "random_pruning", "damage": 0.3, "seed": 4}
+    assert [name for name in config["variants"] if "@" not in name] == ["unattacked", "gspure"]
+    assert "noise@1dB" in config["variants"]
+    among = decisions(config, SUITED)
+    assert sweeps(config["variants"], among) == {
+        "gspure": ["gspure", "gspure_scaled@0.3dB", "gspure_scaled@2dB"],
+        "random_pruning seed 4": ["random@0.3dB", "random@1dB", "random@2dB"],
+    }
+    assert [*factors_of(config["variants"], among)] == ["gspure"]
+
+
 def test_weights_by_another_energy_are_another_sweep():
     variants = {
         "unattacked": {},

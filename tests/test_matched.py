@@ -7,7 +7,7 @@ import pytest
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.matched import Matched, match
+from gspure.evaluation.matched import Matched, match, variant_at, wanted_damage
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.results import write_results
@@ -54,7 +54,7 @@ def test_where_no_strength_damages_a_scene_as_much_the_most_that_was_taken_count
     assert ours.drop.mean == pytest.approx((15.0 + 8.0) / 2)
     assert (ours.gentle, theirs.gentle) == (1, 0)
     shown = {str(row.cells[0]): row.cells[-1] for row in matched_table(rows).rows}
-    assert str(shown["ours"]) == "≥ 11.50 (8.00 to 15.00)"
+    assert str(shown["ours"]) == "≥ 11.50 (8.00 to 15.00) at 1.75 dB"
     assert (shown["ours"].best, shown["theirs"].best) == (True, False)
 
 
@@ -67,6 +67,33 @@ def test_what_no_strength_reaches_is_not_extrapolated() -> None:
     rows = match(outcomes(room={"weak": (0.5, 9.0), "strong": (0.6, 4.0)}), {"ours": ["weak", "strong"]})
     assert [row.drop.mean for row in rows] == pytest.approx([5.4, 9.0, 9.0, 9.0])
     assert [row.gentle for row in rows] == [0, 1, 1, 1]
+
+
+AIMED = {"pruning": ["half", "pruning@1dB", "pruning@2dB"], "noise": ["noise@1dB", "noise@2dB"]}
+
+
+def test_strengths_searched_for_a_damage_are_read_not_interpolated() -> None:
+    drops = {"half": (1.0, 30.0), "pruning@1dB": (1.03, 10.0), "pruning@2dB": (0.7, 7.0)}
+    drops |= {"noise@1dB": (0.98, 2.0), "noise@2dB": (2.6, 3.0), "gof": (4.0, 8.0)}
+    rows = match(outcomes(room=drops), AIMED)
+    assert [*cells(rows, "noise")] == [1.0, 2.0]
+    shown = {(row.sweep, row.damage): (row.drop.mean, row.gentle, round(row.reached, 9)) for row in rows}
+    assert shown == {
+        ("pruning", 1.0): (10.0, 0, 1.0),
+        ("pruning", 2.0): (7.0, 1, 0.7),
+        ("noise", 1.0): (2.0, 0, 1.0),
+        ("noise", 2.0): (3.0, 0, 2.6),
+        ("gof", 1.0): (2.0, 0, 1.0),
+        ("gof", 2.0): (4.0, 0, 2.0),
+    }
+    texts = {str(row.cells[0]): str(row.cells[-1]) for row in matched_table(rows).rows}
+    assert texts == {"pruning": "≥ 7.00 at 0.70 dB", "noise": "3.00 at 2.60 dB", "GOF": "4.00"}
+
+
+@pytest.mark.parametrize("damage", [0.3, 1, 2.0, 1e-05, 20])
+def test_a_damage_is_read_back_from_the_name_of_its_variant(damage: float) -> None:
+    assert wanted_damage(variant_at("random_pruning", damage)) == damage
+    assert wanted_damage("random_pruning") is None
 
 
 def test_models_without_a_message_have_no_rows() -> None:
@@ -92,7 +119,7 @@ def test_the_command_writes_both_tables(tmp_path: Path) -> None:
     with files["matched.csv"].open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 2 * len(MATCHED_DAMAGES)
-    assert list(rows[3].values()) == ["sis", "message", "ours", "2", "2", "11.5", "8", "15", "0.5", "2", "1"]
+    assert list(rows[3].values()) == ["sis", "message", "ours", "2", "2", "11.5", "8", "15", "0.5", "2", "1", "1.75"]
     assert files["matched.md"].read_text() == schemes_markdown(matched=match(TWO, SWEEPS))
 
 
@@ -103,7 +130,9 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     assert schemes_markdown(matched=read) == schemes_markdown(matched=rows)
 
 
-@pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,ours,2\n", "HEADERsis,m,o,2,x,1,1,1,0,1,0\n"])
+@pytest.mark.parametrize(
+    "content", ["", "a,b\n1,2\n", "HEADERsis,message,ours,2\n", "HEADERsis,m,o,2,x,1,1,1,0,1,0,1\n"]
+)
 def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
     write_records(tmp_path / "t.csv", Matched, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))

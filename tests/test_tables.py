@@ -123,7 +123,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
     verdicts = []
     for path in metrics:
         verdicts.append(path.with_name("verdict.json"))
-        write_json(verdicts[-1], {"reached": {"message": "noise" not in path.parent.name}})
+        write_json(verdicts[-1], {"reached": {"message": "noise" not in path.parent.name}, "strength": "tau=4"})
     arguments = ["--metrics", *metrics, "--prune-masks", *masks, "--keys", truth.parent, "--out", out]
     arguments += ["--markdown", text, "--verdicts", *verdicts]
     assert main(["table", *map(str, arguments)]) == 0
@@ -145,6 +145,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "score": "13",
         "pruned_share": "0.4",
         "reached": "true",
+        "strength": "tau=4",
         "failure": "",
         **dict.fromkeys(("off_path_psnr", "off_path_ssim", "off_path_psnr_drop", "off_path_score"), ""),
         "seed": "0",
@@ -153,7 +154,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
     }
     assert text.read_text() == results_markdown(read_results(out))
     cells = shown(read_results(out))
-    pruning = {"pruned": "40.0%", "precision": "50.0%", "recall": "50.0%"}
+    pruning = {"strength": "tau=4", "pruned": "40.0%", "precision": "50.0%", "recall": "50.0%"}
     assert cells["GSPure"].items() >= {"message PSNR": "10.00 (−14.00)", "Score message": "+13.00", **pruning}.items()
     noise = {"message PSNR": "23.00 † (−1.00)", "pruned": "0.0%", "precision": "–"}
     assert cells["Gaussian noise"].items() >= noise.items()
@@ -163,7 +164,7 @@ def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     outcomes = collect(metrics[:1])
     write_results(tmp_path / "t.csv", outcomes)
-    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9" + "," * 12)
+    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",0.9" + "," * 13)
     assert "nan" not in results_markdown(outcomes)
 
 
@@ -183,7 +184,7 @@ def judged(metrics: list[Path]) -> list[Path]:
     """Verdicts: noise did not reach the message."""
     files = [path.with_name("verdict.json") for path in metrics]
     for path in files:
-        write_json(path, {"reached": {"message": "noise" not in path.parent.name}})
+        write_json(path, {"reached": {"message": "noise" not in path.parent.name}, "strength": "tau=4"})
     return files
 
 

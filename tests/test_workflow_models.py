@@ -120,6 +120,27 @@ def test_an_attack_takes_the_evidence_and_the_factor_of_its_decision(again):
     assert attack.attack_options == options
 
 
+def test_a_searched_strength_takes_views_and_photographs_instead_of_a_value(again, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    variants = {**CONFIG["variants"], "plain_weight": {"decision": "mild", "damage": [0.3, 1]}}
+    plan = plan_of(variants=variants)
+    weak = Variant(replace(again, plan=plan), "plain_weight@0.3dB")
+    assert weak.damage_files == {"cameras": f"{again.folder}/cameras.json", "photographs": again.pair["scene"]}
+    assert "--damage 0.3 --split test" in weak.attack_options
+    assert "tau" not in weak.attack_options
+    assert "photographs" not in Variant(Model(plan, "vanilla", "bot"), "plain_weight@1dB").damage_files
+    assert not Variant(again, "plain_weight").damage_files
+
+
+def test_scaled_gspure_thresholds_what_its_decision_does(again, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    variants = {**CONFIG["variants"], "scaled": {"attack": "gspure_scaled", "decision": "blind", "scale": 0.5}}
+    scaled = Variant(replace(again, plan=plan_of(variants=variants)), "scaled")
+    clusters = f"{again.folder}/decisions/blind/clusters.npz"
+    assert scaled.evidence == {"labels": clusters, "weights": f"{again.folder}/opacities.npy"}
+    assert scaled.attack_options.endswith("--set tau_c=4.0 --set tau_n=4.0 --set scale=0.5")
+
+
 def test_equal_decisions_share_artifacts_and_others_have_a_folder(again):
     same, leaf, blind = (Decision(again, name) for name in ("same", "leaf", "blind"))
     assert same.path("prune_mask.npy") == f"{again.folder}/prune_mask.npy"

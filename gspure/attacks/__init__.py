@@ -2,5 +2,6 @@
 
 from gspure.attacks.attack import Attack, Attacked, Evidence
 from gspure.attacks.registry import attacks, find_attack
+from gspure.attacks.strength import Strength
 
-__all__ = ["Attack", "Attacked", "Evidence", "attacks", "find_attack"]
+__all__ = ["Attack", "Attacked", "Evidence", "Strength", "attacks", "find_attack"]

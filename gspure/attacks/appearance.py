@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.attacks.attack import Attacked, Rng, named, require, require_nonnegative, select_columns
+from gspure.attacks.strength import Strength
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import ATTRIBUTES, Columns
@@ -102,4 +103,10 @@ def _to_levels(values: Float32, levels: int) -> Float32:
     return rounded
 
 
-ATTACKS = named(feature_scaling, quantize, sh_truncation)
+ATTACKS = named(
+    {
+        feature_scaling: Strength("factor", 1.01, 10.0, "log"),
+        quantize: Strength("bits", 8, 1),
+        sh_truncation: None,
+    }
+)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure import __version__
+from gspure.attacks.strength import Damage, Match, Strength, search
 from gspure.errors import InputError
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
@@ -38,6 +39,8 @@ class Evidence:
         Opacity of each row, 0 to 1: stored in a Gaussian, computed by the networks for an anchor.
     surface : array [K], float32, optional
         Distance of each row from the visible surface, in the row's own scales (`gspure.surface`).
+    labels : array [K], int32, optional
+        GSPure's clusters 0 .. M-1; -1 is noise.
 
     """
 
@@ -45,6 +48,7 @@ class Evidence:
     prune_mask: Mask | None = None
     opacities: Float32 | None = None
     surface: Float32 | None = None
+    labels: NDArray[np.int32] | None = None
 
 
 EVIDENCE: Final = frozenset(field.name for field in fields(Evidence))
@@ -113,12 +117,18 @@ class Attack:
         settings.
     packages : mapping of str to str
         Optional packages that it imports, each with what pip is to install for it.
+    strength : Strength, optional
+        The setting to search for a certain damage to the scene.
+    sweep : str
+        Name of the attack whose sweep its strengths belong to, by default its own.
 
     """
 
     name: str
     function: Callable[..., Attacked]
     packages: Mapping[str, str] = field(default_factory=dict)
+    strength: Strength | None = None
+    sweep: str = ""
 
     @property
     def needs(self) -> frozenset[str]:
@@ -180,6 +190,51 @@ class Attack:
         self._check_numbers(attacked, model, listed)
         return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
 
+    def with_damage(
+        self,
+        public: PublicModel,
+        evidence: Evidence,
+        target: float,
+        damage_of: Damage,
+        *,
+        seed: int = 0,
+        **settings: Setting,
+    ) -> tuple[Attacked, Match]:
+        """Attack with the strength that does a damage of `target` dB, or the nearest to it that `search` finds.
+
+        Parameters
+        ----------
+        public, evidence, seed, **settings
+            As for `apply`; the settings without the strength.
+        target : float
+            Drop of the scene's PSNR, dB.
+        damage_of : callable
+            From `gspure.attacks.strength.scene_damage`.
+
+        Returns
+        -------
+        Attacked
+            A second comment line of the model names the damage.
+        Match
+            The strength and its damage.
+
+        """
+        strength = self.strength
+        if strength is None:
+            raise InputError(f"attack {self.name}", "damage", expected="an attack with a strength", found="none")
+        if strength.setting in settings:
+            raise InputError(
+                f"attack {self.name}", strength.setting, expected="nothing beside a damage", found="a value"
+            )
+
+        def attacked_at(value: float) -> Attacked:
+            return self.apply(public, evidence, seed=seed, **settings, **{strength.setting: value})
+
+        match = search(strength, lambda value: damage_of(public.with_model(attacked_at(value).model)), target)
+        attacked = attacked_at(match.value)
+        comment = f"gspure {__version__} damage {match.damage:.3f} dB of {target:g} dB"
+        return replace(attacked, model=attacked.model.with_comment(comment)), match
+
     def _check_rows(self, attacked: Attacked, count: int) -> None:
         """Refuse an attacked model whose `rows` do not fit."""
         rows = attacked.rows
@@ -206,9 +261,9 @@ class Attack:
         return array
 
 
-def named(*functions: Callable[..., Attacked]) -> tuple[Attack, ...]:
-    """Return functions as attacks of the same names."""
-    return tuple(Attack(function.__name__, function) for function in functions)
+def named(functions: Mapping[Callable[..., Attacked], Strength | None]) -> tuple[Attack, ...]:
+    """Return functions, each with its strength, as attacks of the same names."""
+    return tuple(Attack(function.__name__, function, strength=strength) for function, strength in functions.items())
 
 
 def require(attack: str, setting: str, value: object, expected: str, *, fits: bool) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gspure.attacks.attack import Attacked, Float32, Mask, Rng, named
-from gspure.attacks.pruning import lowest_mask, random_mask
+from gspure.attacks.pruning import TAUS, lowest_mask, random_mask
 from gspure.constants import TAU_N
 from gspure.method.pruning import plain_prune_mask
 from gspure.model.gaussians import Gaussians
@@ -41,4 +41,13 @@ def lowest_opacity_matched(model: Gaussians, _rng: Rng, opacities: Float32, prun
     return Attacked.without(model, lowest_mask(opacities, int(prune_mask.sum())))
 
 
-ATTACKS = named(unattacked, plain_weight, plain_opacity, random_matched, lowest_weight_matched, lowest_opacity_matched)
+ATTACKS = named(
+    {
+        unattacked: None,
+        plain_weight: TAUS,
+        plain_opacity: TAUS,
+        random_matched: None,
+        lowest_weight_matched: None,
+        lowest_opacity_matched: None,
+    }
+)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gspure.attacks.attack import Attacked, Rng, named, require, require_attribute, require_fraction
 from gspure.attacks.sh_rotation import rotate_sh
+from gspure.attacks.strength import Strength
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
 
@@ -125,4 +126,4 @@ def _left_product(w: float, x: float, y: float, z: float) -> Float64:
     return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
 
 
-ATTACKS = named(crop, rigid_transform)
+ATTACKS = named({crop: Strength("fraction", 1.0, 0.0), rigid_transform: None})

@@ -8,6 +8,7 @@ import numpy as np
 
 from gspure.attacks.attack import Attacked, Rng, named, require_attribute, require_nonnegative, select_columns
 from gspure.attacks.geometry import radius
+from gspure.attacks.strength import Strength
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
@@ -61,4 +62,10 @@ def position_noise(model: Gaussians, rng: Rng, *, sigma: float = POSITION_SIGMA)
     return Attacked.changed(model, dict(zip("xyz", moved.astype(np.float32).T, strict=True)))
 
 
-ATTACKS = named(gaussian_noise, opacity_noise, position_noise)
+ATTACKS = named(
+    {
+        gaussian_noise: Strength("sigma", 1e-3, 10.0, "log"),
+        opacity_noise: Strength("sigma", 1e-2, 10.0, "log"),
+        position_noise: Strength("sigma", 1e-5, 0.1, "log"),
+    }
+)

@@ -7,13 +7,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.attacks.attack import Attacked, Float32, Mask, Rng, named, require_fraction, require_nonnegative
-from gspure.constants import TAU_N
+from gspure.attacks.attack import Attack, Attacked, Float32, Mask, Rng, named, require_fraction, require_nonnegative
+from gspure.attacks.strength import Strength
+from gspure.constants import TAU_C, TAU_N
+from gspure.method import pruning
 from gspure.method.pruning import plain_prune_mask
 from gspure.model.gaussians import Gaussians
 
 FRACTION: Final = 0.25
 """Fraction of the rows to remove. Ours: the paper says "a certain ratio"."""
+
+FRACTIONS: Final = Strength("fraction", 0.0, 1.0)
+TAUS: Final = Strength("tau", 100.0, 0.01, "log")
 
 TOLERANCE: Final = 3.0
 """Scales from the surface. Ours: the paper does not say how GOF, a reconstruction method, decides what to remove."""
@@ -22,6 +27,20 @@ TOLERANCE: Final = 3.0
 def gspure(model: Gaussians, _rng: Rng, prune_mask: Mask) -> Attacked:
     """Remove the rows that GSPure decided on (`gspure.method.pruning.prune_mask`)."""
     return Attacked.without(model, prune_mask)
+
+
+def gspure_scaled(
+    model: Gaussians,
+    _rng: Rng,
+    weights: Float32,
+    labels: NDArray[np.int32],
+    *,
+    scale: float = 1.0,
+    tau_c: float = TAU_C,
+    tau_n: float = TAU_N,
+) -> Attacked:
+    """Remove the rows that GSPure decides on with both pruning factors multiplied by `scale`: GSPure's strength."""
+    return Attacked.without(model, pruning.prune_mask(labels, weights, scale * tau_c, scale * tau_n))
 
 
 def random_pruning(model: Gaussians, rng: Rng, *, fraction: float = FRACTION) -> Attacked:
@@ -62,9 +81,9 @@ def gof(model: Gaussians, _rng: Rng, surface: Float32, *, tolerance: float = TOL
 
 
 def random_mask(count: int, removed: int, rng: Rng) -> Mask:
-    """Return a mask [count] that is true at exactly `removed` random places."""
+    """Return a mask [count] that is true at exactly `removed` random places; masks of one seed are nested."""
     mask = np.zeros(count, np.bool_)
-    mask[rng.choice(count, removed, replace=False)] = True
+    mask[rng.permutation(count)[:removed]] = True
     return mask
 
 
@@ -75,4 +94,16 @@ def lowest_mask(values: NDArray[Any], removed: int) -> Mask:
     return mask
 
 
-ATTACKS = named(gspure, random_pruning, gof, opacity_weight, lowest_weight, lowest_opacity)
+ATTACKS = (
+    *named({gspure: None}),
+    Attack("gspure_scaled", gspure_scaled, strength=Strength("scale", 100.0, 0.01, "log"), sweep="gspure"),
+    *named(
+        {
+            random_pruning: FRACTIONS,
+            gof: Strength("tolerance", 100.0, 0.01, "log"),
+            opacity_weight: TAUS,
+            lowest_weight: FRACTIONS,
+            lowest_opacity: FRACTIONS,
+        }
+    ),
+)

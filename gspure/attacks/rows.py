@@ -16,6 +16,7 @@ import numpy as np
 
 from gspure.attacks.attack import Attacked, Rng, named, require_attribute, require_fraction
 from gspure.attacks.geometry import radius
+from gspure.attacks.strength import Strength
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
@@ -59,4 +60,4 @@ def reorder(model: Gaussians, rng: Rng) -> Attacked:
     return Attacked.copied(model, rng.permutation(len(model)))
 
 
-ATTACKS = named(densify_clone, inject, reorder)
+ATTACKS = named({densify_clone: Strength("fraction", 0.0, 1.0), inject: Strength("fraction", 0.0, 1.0), reorder: None})

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_scheme, read_public
+from gspure.cli.options import SPLITS, add_device, add_scheme, read_device, read_public, read_split
+from gspure.errors import InputError
+
+if TYPE_CHECKING:
+    from gspure.attacks import Evidence
+    from gspure.attacks.strength import Damage
+    from gspure.public_model import PublicModel
 
 HELP = "attack a model (or apply a control): remove, change or move its Gaussians"
 EXAMPLES = """\
@@ -13,6 +22,7 @@ EXAMPLES = """\
   gspure attack gspure --model point_cloud.ply --prune-mask prune_mask.npy --out purified.ply
   gspure attack plain_weight --model point_cloud.ply --weights weights.npy --set tau=4 --out plain.ply
   gspure attack rigid_transform --model point_cloud.ply --set angle=90 --out moved.ply --world world.npy
+  gspure attack random_pruning --model point_cloud.ply --damage 1 --cameras cameras.json --out random_1dB.ply
 """
 
 
@@ -33,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="from `gspure opacities`, if the attack needs them (default: as stored in the model)",
     )
     parser.add_argument("--surface", type=Path, metavar="NPY", help="from `gspure surface`, if the attack needs it")
+    parser.add_argument("--labels", type=Path, metavar="NPZ", help="from `gspure cluster`, if the attack needs it")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the attack; repeatable"
@@ -49,14 +60,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--world", type=Path, metavar="NPY", help="also write the rigid transform applied: float64 [4,4]"
     )
+    parser.add_argument(
+        "--damage",
+        type=float,
+        metavar="DB",
+        help="search the strength that lowers the scene's PSNR by DB; needs --cameras",
+    )
+    parser.add_argument("--cameras", type=Path, metavar="FILE", help="views to measure the damage in")
+    parser.add_argument("--split", choices=SPLITS, default="test", help="which of these views (default: %(default)s)")
+    parser.add_argument(
+        "--photographs",
+        type=Path,
+        metavar="DIR",
+        help="photographs VIEW.png of the scene (default: renders of the model, taken to have 30 dB)",
+    )
+    add_device(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     """Write the attacked model, and optionally removed rows, verdict and transform."""
     import numpy as np
 
-    from gspure.artifacts import load_array, require_made_from, save_array, write_json, write_provenance
-    from gspure.attacks import Evidence, find_attack
+    from gspure.artifacts import save_array, write_json, write_provenance
+    from gspure.attacks import find_attack
     from gspure.attacks.carrier import reached
     from gspure.cli.options import parsed_settings, require_distinct
     from gspure.schemes.registry import find_scheme
@@ -66,13 +92,17 @@ def run(args: argparse.Namespace) -> None:
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     outputs = [path for path in (args.out, args.removed, args.world, args.verdict) if path]
     require_distinct(outputs, [args.model, *files.values()])
-    require_made_from(args.model, *files.values())
-    public = read_public(args)
-    model = public.model
-    types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
-    loaded = {name: load_array(path, dtype=types[name], shape=(len(model),), least=0) for name, path in files.items()}
-    stored = {"opacities": model.opacities} if public.rows_are_gaussians else {}
-    attacked = attack.apply(public, Evidence(**stored | loaded), seed=args.seed, **settings)
+    public, evidence = _read(args, files)
+    sources = {"model": args.model, **files}
+    record = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
+    if args.damage is None:
+        attacked = attack.apply(public, evidence, seed=args.seed, **settings)
+    else:
+        damage_of = _read_damage(args, public)
+        attacked, match = attack.with_damage(public, evidence, args.damage, damage_of, seed=args.seed, **settings)
+        sources["cameras"] = args.cameras
+        record |= {match.setting: match.value, "damage": args.damage, "damage_reached": match.damage}
+        print(f"{attack.name}: {match.setting}={match.value:.4g} lowers the scene's PSNR by {match.damage:.2f} dB")
     public.with_model(attacked.model).write(args.out)
     if args.removed:
         save_array(args.removed, attacked.prune_mask)
@@ -80,9 +110,43 @@ def run(args: argparse.Namespace) -> None:
         save_array(args.world, np.eye(4) if attacked.world is None else attacked.world)
     if args.verdict:
         carriers = find_scheme(args.scheme).extractions if args.scheme else {}
-        touched = {name: reached(model, attacked, columns) for name, columns in carriers.items()}
-        write_json(args.verdict, {"reached": touched})
-    applied = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
+        touched = {name: reached(public.model, attacked, columns) for name, columns in carriers.items()}
+        strength = attack.strength and f"{attack.strength.setting}={record[attack.strength.setting]:.4g}"
+        write_json(args.verdict, {"reached": touched, "strength": strength or ""})
     for path in outputs:
-        write_provenance(path, inputs={"model": args.model, **files}, settings=applied)
-    print(f"{attack.name}: kept {int((~attacked.prune_mask).sum())} of {len(model)} rows, {len(attacked.model)} in all")
+        write_provenance(path, inputs=sources, settings=record)
+    kept, count = int((~attacked.prune_mask).sum()), attacked.count
+    print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
+
+
+def _read(args: argparse.Namespace, files: Mapping[str, Path]) -> tuple[PublicModel, Evidence]:
+    """Read the public model, and the evidence in `files`."""
+    import numpy as np
+
+    from gspure.artifacts import load_array, require_made_from
+    from gspure.attacks import Evidence
+    from gspure.method.clustering.store import read_clusters
+
+    require_made_from(args.model, *files.values())
+    public = read_public(args)
+    evidence: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
+    types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
+    for name, path in files.items():
+        if name == "labels":
+            evidence[name] = read_clusters(path).labels
+        else:
+            evidence[name] = load_array(path, dtype=types[name], shape=(len(public.model),), least=0)
+    return public, Evidence(**evidence)
+
+
+def _read_damage(args: argparse.Namespace, public: PublicModel) -> Damage:
+    """Return the function that measures the damage to the scene in the views of ``--cameras``."""
+    from gspure.attacks.strength import scene_damage
+    from gspure.images import read_image
+
+    if not (args.cameras and 0 < args.damage < math.inf):
+        found = f"{args.damage:g}" if args.cameras else "no cameras"
+        raise InputError("attack", "--damage", expected="a number above 0, and --cameras", found=found)
+    views = read_split(args)
+    photographs = [read_image(args.photographs / f"{view.name}.png") for view in views] if args.photographs else None
+    return scene_damage(public, views, photographs, read_device(args))

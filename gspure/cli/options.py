@@ -115,16 +115,24 @@ def add_off_path(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def read_views(args: argparse.Namespace) -> list[Camera]:
-    """Read the views of ``--cameras``, ``--split`` and ``--off-path``, moved by ``--world``."""
+def read_split(args: argparse.Namespace) -> list[Camera]:
+    """Read the views that ``--cameras`` and ``--split`` name."""
     from gspure.cameras import read_cameras, split
-    from gspure.cameras.world import read_world
 
     cameras = read_cameras(args.cameras)
     train, test = split(cameras)
     views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[args.split]
     if not views:
         raise InputError(args.cameras, "cameras", expected=f"at least one {args.split} view", found="none")
+    return views
+
+
+def read_views(args: argparse.Namespace) -> list[Camera]:
+    """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--world``."""
+    from gspure.cameras import read_cameras
+    from gspure.cameras.world import read_world
+
+    views = read_split(args)
     if getattr(args, "off_path", None):
         views += read_cameras(args.off_path)
     if args.world:

@@ -6,10 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.matched import Drops, Sweeps, completed, drop_within
+from gspure.evaluation.matched import Drops, Point, Sweeps, completed, damages
 from gspure.evaluation.outcomes import GSPURE, SCENE, UNATTACKED, Outcome, ordered
 from gspure.evaluation.statistics import (
-    MATCHED_DAMAGES,
     Cells,
     Interval,
     differences,
@@ -73,7 +72,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
         In any order; schemes and rivals keep it.
     sweeps : mapping
         Variants that are one attack at several strengths; others are sweeps of one strength. The sweep named `GSPURE`
-        is compared with the others at `MATCHED_DAMAGES`.
+        is compared with the others at equal `gspure.evaluation.matched.damages`.
 
     """
     rows: list[Contest] = []
@@ -85,7 +84,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
             as_run = {name: cells for name, cells in drops.items() if name not in other_strengths}
             for quantity in WEIGHTS:
                 rows += _against(_as_run(as_run, quantity), scheme, extraction, quantity, math.nan)
-            for damage in MATCHED_DAMAGES:
+            for damage in damages(drops):
                 cells = _at_equal_damage(drops, completed(sweeps, drops), damage)
                 rows += _against(cells, scheme, extraction, MESSAGE_DROP, damage)
     return rows
@@ -114,11 +113,11 @@ def _at_equal_damage(drops: DropsByVariant, sweeps: Sweeps, damage: float) -> di
     """Return the message's drop by sweep at a permitted drop of the scene."""
     by_sweep: dict[str, Cells] = {}
     for name, variants in sweeps.items():
-        points: dict[tuple[str, int], list[Drops]] = {}
+        curves: dict[tuple[str, int], dict[str, Drops]] = {}
         for variant in variants:
             for cell, both in drops.get(variant, {}).items():
-                points.setdefault(cell, []).append(both)
-        by_sweep[name] = {cell: drop_within(strengths, damage)[0] for cell, strengths in points.items()}
+                curves.setdefault(cell, {})[variant] = both
+        by_sweep[name] = {cell: Point.at(damage, curve).message for cell, curve in curves.items()}
     return by_sweep
 
 

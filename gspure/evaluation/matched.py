@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from typing import Final, NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 
 from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, ordered
 from gspure.evaluation.statistics import (
+    DAMAGE_TOLERANCE,
     MATCHED_DAMAGES,
     Interval,
     by_scene,
@@ -24,8 +26,38 @@ Sweeps = Mapping[str, Sequence[str]]
 Drops = tuple[float, float]
 """Drop of the scene's and of the message's PSNR, dB."""
 
+Curve = Mapping[str, Drops]
+"""The drops of one model by variant of a sweep."""
+
 NO_DROPS: Final[Drops] = (0.0, 0.0)
 """A point of every sweep, since every attack can be weakened to none."""
+
+
+_WANTED: Final = re.compile(r"@(\d+(?:\.\d+)?(?:e[+-]\d+)?)dB$")
+
+
+class Point(NamedTuple):
+    """What a sweep does to one model at a permitted damage."""
+
+    message: float
+    """Drop of the message's PSNR, dB."""
+
+    scene: float
+    """Drop of the scene's PSNR, dB: the permitted one, unless no strength comes near it."""
+
+    @classmethod
+    def at(cls, damage: float, curve: Curve) -> Point:
+        """Return the point of a sweep at a permitted drop of the scene, in dB.
+
+        It is that of the variant whose strength was searched for this damage, or else interpolated between the tested
+        strengths and no attack. If all of them are gentler, the largest drop of the message counts.
+        """
+        for variant, (scene, message) in curve.items():
+            if wanted_damage(variant) == damage:
+                return cls(message, damage if abs(scene - damage) <= DAMAGE_TOLERANCE else scene)
+        scenes, messages = np.array([NO_DROPS, *curve.values()]).T
+        drop = matched_message_drop(scenes, messages, damage)
+        return cls(float(messages.max()), float(scenes.max())) if drop is None else cls(drop, damage)
 
 
 class Matched(NamedTuple):
@@ -46,9 +78,28 @@ class Matched(NamedTuple):
     gentle: int
     """Number of models that no tested strength damages this much; there, the largest drop of the message counts."""
 
+    reached: float
+    """Mean drop of the scene's PSNR, dB; `damage` unless no strength comes near it."""
+
+
+def variant_at(variant: str, damage: float) -> str:
+    """Return the name of a variant whose strength is searched for a damage to the scene, in dB."""
+    return f"{variant}@{damage:g}dB"
+
+
+def wanted_damage(variant: str) -> float | None:
+    """Return the damage, in dB, in a name from `variant_at`; None for other names."""
+    match = _WANTED.search(variant)
+    return float(match[1]) if match else None
+
+
+def damages(variants: Iterable[str]) -> Sequence[float]:
+    """Return the damages at which to compare: those that strengths were searched for, or else `MATCHED_DAMAGES`."""
+    return sorted({damage for variant in variants if (damage := wanted_damage(variant))}) or MATCHED_DAMAGES
+
 
 def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
-    """Compare sweeps at `MATCHED_DAMAGES`, for every scheme and extraction of the message.
+    """Compare sweeps at equal `damages`, for every scheme and extraction of the message.
 
     Parameters
     ----------
@@ -60,6 +111,7 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
 
     """
     rows = []
+    at = damages(o.variant for o in outcomes)
     sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
     for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
         of_scheme = list(group)
@@ -69,7 +121,7 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
                 strengths = max(map(len, curves.values()), default=0)
                 rows += [
                     Matched(scheme, extraction, name, strengths, damage, *_mean_drop(curves, damage))
-                    for damage in MATCHED_DAMAGES
+                    for damage in at
                     if curves
                 ]
     return rows
@@ -81,29 +133,19 @@ def completed(sweeps: Sweeps, variants: Iterable[str]) -> dict[str, Sequence[str
     return {**sweeps, **{variant: [variant] for variant in variants if variant not in swept}}
 
 
-def drop_within(points: Sequence[Drops], damage: float) -> tuple[float, bool]:
-    """Return the message's drop at a permitted drop of the scene, dB, and whether no strength reaches that drop.
-
-    `points` are the drops of one model, by strength. If all strengths are gentler, the largest drop of the message
-    counts.
-    """
-    scene, message = np.array([NO_DROPS, *points]).T
-    drop = matched_message_drop(scene, message, damage)
-    return (float(message.max()), True) if drop is None else (drop, False)
-
-
-def _curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int], list[Drops]]:
-    """Return the drops by scene and seed, one per strength for which both are known."""
-    curves: dict[tuple[str, int], list[Drops]] = {}
+def _curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int], dict[str, Drops]]:
+    """Return the drops by scene and seed, and by variant, where both are known."""
+    curves: dict[tuple[str, int], dict[str, Drops]] = {}
     for o in variants:
         drops = (o.psnr_drop(SCENE), o.psnr_drop(extraction))
         if not any(map(math.isnan, drops)):
-            curves.setdefault((o.scene, o.seed), []).append(drops)
+            curves.setdefault((o.scene, o.seed), {})[o.variant] = drops
     return curves
 
 
-def _mean_drop(curves: Mapping[tuple[str, int], Sequence[Drops]], damage: float) -> tuple[Interval, int]:
-    """Return the mean drop of the message, and the number of models that no strength damages this much."""
-    drops = {cell: drop_within(points, damage) for cell, points in curves.items()}
-    mean = mean_interval(by_scene({cell: drop for cell, (drop, _) in drops.items()}))
-    return mean, sum(gentle for _, gentle in drops.values())
+def _mean_drop(curves: Mapping[tuple[str, int], Curve], damage: float) -> tuple[Interval, int, float]:
+    """Return the mean drop of the message, the number of models that no strength damages this much, and the damage."""
+    points = {cell: Point.at(damage, curve) for cell, curve in curves.items()}
+    mean = mean_interval(by_scene({cell: point.message for cell, point in points.items()}))
+    scenes = [point.scene for point in points.values()]
+    return mean, sum(scene < damage for scene in scenes), float(np.mean(scenes))

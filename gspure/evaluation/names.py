@@ -25,8 +25,10 @@ _WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian"}
 
 
 def display_name(name: str) -> str:
-    """Return the display name of a scheme, a variant or a target."""
-    return _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
+    """Return the name of a scheme, a variant or a target as people write it."""
+    name, _, damage = name.partition("@")
+    shown = _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
+    return f"{shown}, {damage.removesuffix('dB')} dB" if damage else shown
 
 
 def model_name(scheme: str, asset: str) -> str:

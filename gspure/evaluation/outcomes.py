@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -49,6 +49,9 @@ class Outcome:
 
     reached: Mapping[str, bool] = field(default_factory=dict)
     """For each extraction of the message, whether the attack changed its carrier; empty if unknown."""
+
+    strength: str = ""
+    """The attack's strength, ``fraction=0.25``; empty if it has none."""
 
     failure: str = ""
     """Why there are no metrics; empty if there are."""
@@ -208,7 +211,7 @@ def _outcome(path: Path, prune_masks: Sequence[Path], truth: Sequence[Path], ver
     same = {target: identical(on_path(rows))[target] for target in targets}
     off = {mean.target: mean for mean in means(off_path(rows))}
     outcome = replace(outcome, targets=targets, views=views, identical=same, off_path=off)
-    outcome = replace(outcome, reached=_reached(_below(folder, verdicts)))
+    outcome = replace(outcome, **_verdict(_below(folder, verdicts)))
     if (mask_file := _below(folder, prune_masks)) is None:
         return outcome
     pruned = load_array(mask_file, dtype=np.bool_, shape=(None,))
@@ -219,13 +222,13 @@ def _outcome(path: Path, prune_masks: Sequence[Path], truth: Sequence[Path], ver
     return replace(outcome, precision=agreement.precision, recall=agreement.recall)
 
 
-def _reached(verdict: Path | None) -> dict[str, bool]:
-    """Return which extractions an attack can have affected."""
+def _verdict(verdict: Path | None) -> dict[str, Any]:
+    """Return which extractions an attack can have affected, and its strength."""
     if verdict is None:
         return {}
     match read_json(verdict):
-        case {"reached": dict(reached)} if all(isinstance(v, bool) for v in reached.values()):
-            return reached
+        case {"reached": dict(reached), "strength": str(strength)} if {*map(type, reached.values())} <= {bool}:
+            return {"reached": reached, "strength": strength}
     raise InputError(verdict, "file", expected="the verdict of an attack", found="other JSON")
 
 

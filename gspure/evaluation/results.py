@@ -34,6 +34,7 @@ class Result(NamedTuple):
     pruned_share: float = math.nan
     precision: float = math.nan
     recall: float = math.nan
+    strength: str = ""
     failure: str = ""
     off_path: Annotated[Mapping[str, float], PerMetric("off_path_{}")] = _NONE
     off_path_psnr_drop: float = math.nan
@@ -82,6 +83,7 @@ def _rows(o: Outcome) -> Iterator[Result]:
             o.pruned_share,
             o.precision,
             o.recall,
+            o.strength,
             off_path=off.targets[target].values if is_measured else {},
             off_path_psnr_drop=off.psnr_drop(target),
             off_path_score=off.score_of(extraction) if is_measured else math.nan,
@@ -100,6 +102,7 @@ def _outcome(rows: list[Result]) -> Outcome:
         precision=first.precision,
         recall=first.recall,
         reached={row.target: row.reached for row in rows if row.reached is not None},
+        strength=first.strength,
         failure=first.failure,
         identical={row.target: row.identical for row in measured if row.identical is not None},
         off_path={row.target: _mean(row, row.off_path) for row in rows if row.off_path},

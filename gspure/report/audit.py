@@ -188,7 +188,8 @@ def _rivals(contests: Sequence[Contest]) -> Rivals | None:
     if not scores:
         return None
     strongest: list[Contest] = []
-    for damage in MATCHED_DAMAGES:
+    damages = sorted({c.damage for c in contests if not isnan(c.damage)})
+    for damage in damages:
         ahead = [c for c in contests if c.damage == damage and c.difference.mean <= -EQUAL]
         consistent = [c for c in ahead if c.difference.excludes_zero]
         if consistent:
@@ -199,7 +200,7 @@ def _rivals(contests: Sequence[Contest]) -> Rivals | None:
         sorted((c for c in scores if c.difference.mean <= -EQUAL), key=lambda c: c.difference.mean),
         [c for c in scores if abs(c.difference.mean) < EQUAL],
         strongest,
-        (MATCHED_DAMAGES[0], MATCHED_DAMAGES[-1]),
+        (damages[0], damages[-1]),
         [c for c in scores if c.p_adjusted <= SIGNIFICANT],
         min(c.p_attainable for c in scores),
     )

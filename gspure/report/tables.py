@@ -12,10 +12,11 @@ from gspure.evaluation.matched import Matched
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name, model_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_model, ordered
-from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval
+from gspure.evaluation.statistics import Interval
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.report.table import (
+    UNKNOWN,
     Cell,
     Column,
     Row,
@@ -32,7 +33,6 @@ from gspure.report.templates import say
 
 NOTES: Final = "notes.j2"
 SHARES: Final = ("pruned_share", "precision", "recall")
-PERMITTED: Final = [Column(f"{damage:g} dB", "scene drop of") for damage in MATCHED_DAMAGES]
 
 
 def results_markdown(outcomes: Sequence[Outcome]) -> str:
@@ -77,9 +77,11 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     off_path = [target for target in targets if any(target in o.off_path for o in measured)]
     extractions = [target for target in targets if target.startswith(MESSAGE)]
     shares = [name for name in SHARES if any(isfinite(getattr(o, name)) for o in measured)]
+    has_strengths = any(o.strength for o in measured)
     best = max((o.score for o in measured if isfinite(o.score)), default=nan)
     columns = [
         Column("variant"),
+        *[Column("strength", main=False)] * has_strengths,
         *(
             Column(m.title, display_name(target), main=target in (SCENE, MESSAGE) and name == "psnr")
             for target in targets
@@ -96,6 +98,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
             scores[0] = scores[0]._replace(best=True)
         cells = [
             Cell(display_name(o.variant)),
+            *[Cell(o.strength or UNKNOWN)] * has_strengths,
             *(cell for target in targets for cell in _metrics(o, target)),
             *scores,
             *(share(getattr(o, name)) for name in shares),
@@ -154,28 +157,28 @@ def equal_damage_table(contests: Sequence[Contest]) -> Table:
     """Return GSPure minus every rival at equal damage to the scene."""
     rivals = {row.rival: {c.damage: c for c in contests if c.rival == row.rival} for row in contests}
     rows = [
-        Row([Cell(display_name(rival)), *(interval(by_damage[damage].difference) for damage in MATCHED_DAMAGES)])
+        Row([Cell(display_name(rival)), *(interval(row.difference) for row in by_damage.values())])
         for rival, by_damage in rivals.items()
     ]
     title = f"GSPure minus other attacks at equal damage to the scene: {display_name(contests[0].extraction)}"
     note = say(NOTES, "equal_damage", _scenes(row.difference for row in contests))
-    return Table(title, [Column("rival"), *PERMITTED], rows, note)
+    return Table(title, [Column("rival"), *_permitted(contests)], rows, note)
 
 
 def matched_table(matched: Sequence[Matched]) -> Table:
     """Return what every sweep removes of one extraction at equal damage to the scene, the most in bold."""
     most = {
         damage: max((row for row in matched if row.damage == damage), key=lambda row: row.drop.mean)
-        for damage in MATCHED_DAMAGES
+        for damage in {row.damage for row in matched}
     }
     rows = []
     for sweep, group in groupby(matched, key=lambda row: row.sweep):
         cells = list(group)
-        drops = [_at_least(interval(c.drop)._replace(best=c is most[c.damage]), c.gentle) for c in cells]
+        drops = [_at_reached(interval(c.drop)._replace(best=c is most[c.damage]), c) for c in cells]
         rows.append(Row([Cell(display_name(sweep)), Cell(f"{cells[0].strengths}"), *drops]))
     title = f"Drop of the {display_name(matched[0].extraction)} at equal damage to the scene"
     note = say(NOTES, "matched", _scenes(row.drop for row in matched), any(row.gentle for row in matched))
-    return Table(title, [Column("attack"), Column("strengths", main=False), *PERMITTED], rows, note)
+    return Table(title, [Column("attack"), Column("strengths", main=False), *_permitted(matched)], rows, note)
 
 
 def summary_table(rows: Sequence[Summary]) -> Table:
@@ -221,8 +224,16 @@ def _detectability(row: Survival) -> Cell:
     return Cell(f"{auc.auc:.2f}", f"[{auc.low:.2f}, {auc.high:.2f}], {display_name(row.control)}") if auc else Cell()
 
 
-def _at_least(cell: Cell, gentle: int) -> Cell:
-    return cell._replace(text=f"≥ {cell.text}") if gentle else cell
+def _permitted(rows: Iterable[Contest | Matched]) -> list[Column]:
+    return [Column(f"{damage:g} dB", "scene drop of") for damage in dict.fromkeys(row.damage for row in rows)]
+
+
+def _at_reached(cell: Cell, matched: Matched) -> Cell:
+    """Add the damage that was reached, where it is not the permitted one."""
+    if matched.reached == matched.damage:
+        return cell
+    bound = "≥ " if matched.gentle else ""
+    return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {matched.reached:.2f} dB".lstrip())
 
 
 def _scenes(intervals: Iterable[Interval | None]) -> int:

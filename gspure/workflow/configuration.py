@@ -91,6 +91,8 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
         attack = settings.setdefault("attack", variant)
         _check_settings(settings, attack, available, source, f"variants.{variant}")
         _check_decision(settings, settled["decisions"], source, f"variants.{variant}")
+        _check_damage(settings, source, f"variants.{variant}")
+    settled["variants"] = _at_damages(settled["variants"])
     known = schemes() if settled["schemes"] else {}
     available = {name: scheme.settings for name, scheme in known.items()}
     photographed = [f"pairs.{name} of photographs" for name, pair in settled["pairs"].items() if "photographs" in pair]
@@ -171,7 +173,7 @@ def _check_settings(
     if name not in available:
         raise InputError(source, place, expected=f"one of {', '.join(available)}", found=repr(name))
     known = available[name]
-    for setting in sorted(given.keys() - {"attack", "decision", "seed"}):
+    for setting in sorted(given.keys() - {"attack", "damage", "decision", "seed"}):
         if setting not in known:
             expected = f"one of {', '.join(known) or 'no settings'}"
             raise InputError(source, f"{place}.{setting}", expected=expected, found="an unknown key")
@@ -192,6 +194,34 @@ def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], so
     if not find_attack(variant["attack"]).needs & {"weights", "prune_mask"}:
         expected = f"nothing, since {variant['attack']} goes by no decision"
         raise InputError(source, f"{place}.decision", expected=expected, found=repr(variant["decision"]))
+
+
+def _check_damage(variant: Mapping[str, Any], source: str | Path, place: str) -> None:
+    """Refuse a damage for an attack without a strength, or beside a value of that strength."""
+    from gspure.attacks import find_attack
+
+    if "damage" not in variant:
+        return
+    strength = find_attack(variant["attack"]).strength
+    if strength is None:
+        raise InputError(source, f"{place}.damage", expected="an attack with a strength", found=variant["attack"])
+    if strength.setting in variant:
+        expected, found = "nothing beside damage", repr(variant[strength.setting])
+        raise InputError(source, f"{place}.{strength.setting}", expected=expected, found=found)
+
+
+def _at_damages(variants: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return the variants, with one for each damage in place of those that list several."""
+    from gspure.evaluation.matched import variant_at
+
+    expanded: dict[str, dict[str, Any]] = {}
+    for name, settings in variants.items():
+        listed = settings.get("damage", [])
+        for damage in listed if isinstance(listed, list) else [listed]:
+            expanded[variant_at(name, damage)] = {**settings, "damage": damage}
+        if "damage" not in settings:
+            expanded[name] = dict(settings)
+    return expanded
 
 
 def _filling_validator(base: Any) -> Any:

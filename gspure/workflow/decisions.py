@@ -7,6 +7,7 @@ from itertools import takewhile
 from typing import Any, Final
 
 from gspure.attacks import find_attack
+from gspure.evaluation.outcomes import GSPURE
 from gspure.method.features import PARTS
 
 Settings = Mapping[str, Any]
@@ -73,11 +74,11 @@ def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
 
 def factors_of(variants: Decisions, among: Decisions) -> dict[str, tuple[float, float]]:
     """Return tau_n and tau_c of every variant that differs from GSPure in these alone, those with its factors first."""
-    kind = _kind({"attack": "gspure", "seed": 0}, among)
+    kind = _kind({"attack": GSPURE, "seed": 0}, among)
     chosen = {
         name: among[settings.get("decision", DEFAULT)]
         for name, settings in variants.items()
-        if _kind(settings, among) == kind
+        if settings["attack"] == GSPURE and _kind(settings, among) == kind
     }
     points = {name: (settings["tau_n"], settings["tau_c"]) for name, settings in chosen.items()}
     return dict(sorted(points.items(), key=lambda point: point[1] != _default_factors(among)))
@@ -97,9 +98,9 @@ def _kind(settings: Settings, among: Decisions) -> tuple[object, ...]:
     """Return what makes a variant incomparable to others: its attack, and what of its settings is no strength."""
     attack = find_attack(settings["attack"])
     words = {k: v for k, v in settings.items() if isinstance(attack.settings.get(k), str) and v != attack.settings[k]}
-    kind = [attack.name, *words.values(), *([f"seed {settings['seed']}"] if settings["seed"] else [])]
+    kind = [attack.sweep or attack.name, *words.values(), *([f"seed {settings['seed']}"] if settings["seed"] else [])]
     if attack.needs & {"weights", "prune_mask"}:
         name = settings.get("decision", DEFAULT)
-        first = origin(among, name, "clusters.npz" if "prune_mask" in attack.needs else "weights.npy")
+        first = origin(among, name, "clusters.npz" if attack.needs & {"prune_mask", "labels"} else "weights.npy")
         kind += [] if first == DEFAULT else [first]
     return tuple(kind)

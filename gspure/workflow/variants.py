@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
 from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
-from gspure.workflow.decisions import DEFAULT, Settings, origin
+from gspure.workflow.decisions import DEFAULT, FACTORS, Settings, origin
 from gspure.workflow.models import VANILLA, Model
 from gspure.workflow.options import options, setting_options
 from gspure.workflow.pairs import repetition_of
@@ -86,16 +86,29 @@ class Variant:
         """The files that its attack needs beside the model."""
         files = {name: f"{self.model.folder}/{name}.npy" for name in ("opacities", "surface")}
         files |= {name: self.decision.path(f"{name}.npy") for name in ("weights", "prune_mask")}
+        if "labels" in self.attack.needs:
+            files |= {"labels": self.decision.path("clusters.npz"), "weights": self.decision.thresholded}
         return {need: files[need] for need in sorted(self.attack.needs)}
 
     @property
+    def damage_files(self) -> dict[str, str]:
+        """The views and any photographs to measure a damage in, if its strength is searched."""
+        if "damage" not in self.settings:
+            return {}
+        photographs = {"photographs": self.model.pair["scene"]} if self.model.is_watermarked else {}
+        return {"cameras": f"{self.model.folder}/cameras.json", **photographs}
+
+    @property
     def attack_options(self) -> str:
-        """Evidence, seed, scheme and settings of its attack as options; `tau` is tau_n of its decision if not set."""
+        """Evidence, seed, scheme and settings of its attack as options; factors that are not set are its decision's."""
         seed = self.settings["seed"] + repetition_of(self.model.scene)
-        known = {**self.evidence, "seed": seed}
-        settings = {name: value for name, value in self.settings.items() if name in self.attack.settings}
-        if "tau" in self.attack.settings:
-            settings.setdefault("tau", self.decision.settings["tau_n"])
+        known = {**self.evidence, **self.damage_files, "seed": seed}
+        factors = {name: self.decision.settings[name] for name in FACTORS}
+        values = {**factors, "tau": factors["tau_n"], **self.settings}
+        settings = {name: value for name, value in values.items() if name in self.attack.settings}
+        if "damage" in self.settings and self.attack.strength:
+            settings.pop(self.attack.strength.setting, None)
+            known |= {"damage": self.settings["damage"], "split": self.model.plan.config["views"]["evaluate"]}
         return f"{options(known, *known)} {self.model.scheme_option} {setting_options(settings)}"
 
     @property

@@ -9,12 +9,14 @@ from gspure.evaluation.statistics.detectability import Detectability, detectabil
 from gspure.evaluation.statistics.intervals import LEVEL, Interval, known_interval, mean_interval
 from gspure.evaluation.statistics.significance import PairedTest, holm, paired_test
 from gspure.evaluation.statistics.tradeoff import (
+    DAMAGE_TOLERANCE,
     MATCHED_DAMAGES,
     matched_message_drop,
     pareto_front,
 )
 
 __all__ = [
+    "DAMAGE_TOLERANCE",
     "LEVEL",
     "MATCHED_DAMAGES",
     "Cells",

@@ -1,0 +1,125 @@
+"""The strength of an attack, and the search for the one that does a certain damage to the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.evaluation.metrics import psnr
+from gspure.evaluation.statistics import DAMAGE_TOLERANCE
+from gspure.images import levels
+from gspure.public_model import PublicModel
+
+if TYPE_CHECKING:
+    from gspure.opencl.device import Device
+
+Images = Sequence[NDArray[np.float32]]
+Damage = Callable[[PublicModel], float]
+"""From an attacked model to the drop of the scene's PSNR, dB."""
+
+EVALUATIONS: Final = 10
+"""Most models that a search renders."""
+
+NOMINAL_PSNR: Final = 30.0
+"""Assumed PSNR of the unattacked model where no photographs are known, dB. Ours."""
+
+
+@dataclass(frozen=True)
+class Strength:
+    """The setting that makes an attack stronger, and the range in which to search.
+
+    Parameters
+    ----------
+    setting : str
+        Name of the setting.
+    weak, strong : float or int
+        Its values at both ends; above 0 on a logarithmic scale. Whole numbers if the setting is one.
+    scale : {"linear", "log"}
+        How to divide the range.
+
+    """
+
+    setting: str
+    weak: float
+    strong: float
+    scale: Literal["linear", "log"] = "linear"
+
+    def at(self, position: float) -> float:
+        """Return the value at a position between the weak end (0) and the strong end (1)."""
+        if self.scale == "log":
+            return float(self.weak * (self.strong / self.weak) ** position)
+        value = self.weak + position * (self.strong - self.weak)
+        return round(value) if isinstance(self.weak, int) else value
+
+
+class Match(NamedTuple):
+    """A value of a strength's setting, and the damage that it does."""
+
+    setting: str
+    value: float
+    damage: float
+    """Drop of the scene's PSNR, dB."""
+
+
+def search(strength: Strength, damage_at: Callable[[float], float], target: float) -> Match:
+    """Return the value whose damage is nearest to `target` dB, by bisection.
+
+    A damage of at most `target` + `DAMAGE_TOLERANCE` is preferred over a larger one. If the strong end does less than
+    `target`, it is returned.
+
+    Parameters
+    ----------
+    strength : Strength
+    damage_at : callable
+        From a value of the setting to the damage, dB; called at most `EVALUATIONS` times.
+    target : float
+        Drop of the scene's PSNR, dB.
+
+    """
+    matches: list[Match] = []
+    low, high, position = 0.0, 1.0, 1.0
+    while len(matches) < EVALUATIONS:
+        value = strength.at(position)
+        matches.append(Match(strength.setting, value, damage_at(value)))
+        if (position == 1 and matches[-1].damage < target) or abs(matches[-1].damage - target) < DAMAGE_TOLERANCE / 2:
+            break
+        low, high = (position, high) if matches[-1].damage < target else (low, position)
+        position = (low + high) / 2
+    return min(matches, key=lambda m: (m.damage > target + DAMAGE_TOLERANCE, abs(m.damage - target)))
+
+
+def scene_damage(
+    public: PublicModel, views: Sequence[Camera], photographs: Images | None = None, device: Device | None = None
+) -> Damage:
+    r"""Return the function that measures the damage to the scene in 8-bit renders of `views`.
+
+    With photographs, it is the drop of the mean PSNR. Without, it is the drop of a model that has `NOMINAL_PSNR` and
+    whose errors are independent of the attack's:
+
+    .. math:: 10 \log_{10}(1 + 10^{(NOMINAL\_PSNR - p) / 10})
+
+    with the mean PSNR p against renders of the unattacked model.
+    """
+
+    def mean_psnr(model: PublicModel, references: Images) -> float:
+        scene = model.scene(device)
+        return float(
+            np.mean([psnr(image, _rounded(scene(view))) for view, image in zip(views, references, strict=True)])
+        )
+
+    if photographs is None:
+        scene = public.scene(device)
+        renders = [_rounded(scene(view)) for view in views]
+        return lambda model: float(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - mean_psnr(model, renders)) / 10)))
+    before = mean_psnr(public, photographs)
+    return lambda model: before - mean_psnr(model, photographs)
+
+
+def _rounded(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return an image as it is read back from a PNG file."""
+    return levels(image).astype(np.float32) / np.float32(255)

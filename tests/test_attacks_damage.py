@@ -1,0 +1,149 @@
+"""Attacks at a wanted damage to the scene: the search for a strength, its measure, the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.artifacts import read_json
+from gspure.attacks import Evidence, Strength, find_attack
+from gspure.attacks.registry import BUILT_IN
+from gspure.attacks.strength import EVALUATIONS, scene_damage, search
+from gspure.cameras import write_cameras
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.evaluation.statistics import DAMAGE_TOLERANCE
+from gspure.images import read_image, write_image
+from gspure.method.pruning import prune_mask
+from gspure.model import read_model, write_model
+from gspure.public_model import PublicModel
+from tests.models import blobs, camera, tilted_camera
+
+STRONG = [attack for attack in BUILT_IN if attack.strength]
+VIEWS = [camera(name="a"), tilted_camera(name="b")]
+
+
+@pytest.mark.parametrize("target", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize(
+    ("strength", "damage"),
+    [
+        (Strength("fraction", 0.0, 1.0), lambda x: 30 * x**2),
+        (Strength("tau", 100.0, 0.01, "log"), lambda x: 4 / x),
+    ],
+)
+def test_a_search_on_a_monotone_damage_meets_its_target_in_few_evaluations(strength, damage, target) -> None:
+    tried = []
+    match = search(strength, lambda x: tried.append(x) or damage(x), target)
+    assert match.damage == damage(match.value) == pytest.approx(target, abs=DAMAGE_TOLERANCE)
+    assert match.value in tried
+    assert len(tried) <= EVALUATIONS
+
+
+def test_a_damage_out_of_reach_gives_the_strong_end_and_the_damage_that_it_does() -> None:
+    assert search(Strength("fraction", 0.0, 1.0), lambda x: x / 2, 2.0) == ("fraction", 1.0, 0.5)
+
+
+def test_a_setting_in_whole_numbers_takes_whole_numbers_and_rather_too_little_damage_than_too_much() -> None:
+    tried = []
+    match = search(Strength("bits", 8, 1), lambda bits: tried.append(bits) or {7: 0.2, 6: 0.9, 5: 1.05}.get(bits, 4), 1)
+    assert {*map(type, tried)} == {int}
+    assert match == ("bits", 6, 0.9)
+
+
+@pytest.mark.parametrize("attack", STRONG, ids=lambda attack: attack.name)
+def test_both_ends_of_every_strength_are_valid_and_the_strong_one_damages_more(attack) -> None:
+    public = PublicModel(blobs(200))
+    rng = np.random.default_rng(0)
+    weights, surface = rng.lognormal(0, 2, (2, 200)).astype(np.float32)
+    known = Evidence(weights, None, public.model.opacities, surface, np.repeat(np.int32([-1, 0, 1, 2]), 50))
+    damage_of = scene_damage(public, VIEWS)
+    ends = [
+        damage_of(PublicModel(attack.apply(public, known, **{attack.strength.setting: attack.strength.at(end)}).model))
+        for end in (0.0, 1.0)
+    ]
+    assert ends[0] < ends[1]
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_gspure_scaled_multiplies_both_factors(scale: float) -> None:
+    rng = np.random.default_rng(0)
+    weights, labels = rng.lognormal(0, 2, 60).astype(np.float32), rng.permutation(np.int32([-1, 0, 1] * 20))
+    known = Evidence(weights, labels=labels)
+    removed = find_attack("gspure_scaled").apply(blobs(60), known, scale=scale, tau_c=3.0, tau_n=2.0).prune_mask
+    np.testing.assert_array_equal(removed, prune_mask(labels, weights, 3 * scale, 2 * scale))
+
+
+def test_without_photographs_damage_is_that_of_independent_errors_of_a_nominal_model() -> None:
+    public = PublicModel(blobs(50))
+    damage_of = scene_damage(public, VIEWS)
+    assert damage_of(public) == 0
+    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
+    assert damage_of(noisy) > 1
+
+
+def attack(folder: Path, *words: str) -> int:
+    given = ("--model", folder / "model.ply", "--cameras", folder / "cameras.json", "--split", "all")
+    return main(["attack", *map(str, (*words, *given))])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A model, its cameras, and photographs that it shows up to some noise."""
+    folder = tmp_path_factory.mktemp("damage")
+    write_model(folder / "model.ply", model := blobs(2000, size=(0.02, 0.1)))
+    write_cameras(folder / "cameras.json", VIEWS)
+    scene, rng = PublicModel(model).scene(), np.random.default_rng(0)
+    for view in VIEWS:
+        image = scene(view)
+        write_image(folder / f"{view.name}.png", image + rng.normal(0, 0.05, image.shape))
+    return folder
+
+
+@pytest.mark.parametrize("name", ["random_pruning", "gaussian_noise"])
+def test_the_command_does_the_damage_and_records_strength_and_damage(folder: Path, tmp_path: Path, name: str) -> None:
+    outputs = [tmp_path / "one.ply", tmp_path / "other.ply"]
+    for out in outputs:
+        options = ("--damage", "1", "--photographs", str(folder), "--out", str(out), "--verdict", str(out) + ".verdict")
+        assert attack(folder, name, *options) == 0
+    assert outputs[0].read_bytes() == outputs[1].read_bytes()
+    setting = find_attack(name).strength.setting
+    record = read_json(tmp_path / "one.ply.json")["settings"]
+    images = [read_image(folder / f"{view.name}.png") for view in VIEWS]
+    attacked = read_model(outputs[0])
+    damage = scene_damage(PublicModel(read_model(folder / "model.ply")), VIEWS, images)(PublicModel(attacked))
+    assert damage == record["damage_reached"] == pytest.approx(1, abs=DAMAGE_TOLERANCE)
+    assert f"{setting}={record[setting]}" in attacked.comments[-2]
+    assert f"{damage:.3f} dB of 1 dB" in attacked.comments[-1]
+    assert read_json(Path(f"{outputs[0]}.verdict"))["strength"] == f"{setting}={record[setting]:.4g}"
+
+
+def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "out.ply"
+    assert attack(folder, "densify_clone", "--damage", "30", "--out", str(out)) == 0
+    record = read_json(tmp_path / "out.ply.json")["settings"]
+    assert record["fraction"] == 1
+    assert record["damage_reached"] < record["damage"] == 30
+    assert f"{record['damage_reached']:.2f} dB" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("reorder", "--damage", "1"), "damage: expected an attack with a strength"),
+        (("random_pruning", "--damage", "1", "--set", "fraction=0.5"), "fraction: expected nothing beside a damage"),
+        (("random_pruning", "--damage", "0"), "--damage: expected a number above 0"),
+        (("random_pruning", "--damage", "nan"), "--damage: expected a number above 0"),
+        (("random_pruning", "--damage", "1", "--photographs", "nowhere"), "nowhere"),
+    ],
+)
+def test_a_search_that_cannot_start_is_refused(folder: Path, tmp_path: Path, capsys, words, message) -> None:
+    assert attack(folder, *words, "--out", str(tmp_path / "out.ply")) == 2
+    assert message in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
+
+
+def test_an_attack_without_a_strength_has_no_damage_to_search() -> None:
+    with pytest.raises(InputError, match="strength"):
+        find_attack("unattacked").with_damage(PublicModel(blobs(3)), Evidence(), 1.0, lambda _: 0.0)
