@@ -33,7 +33,7 @@ logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks o
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[ImageFile]:
-    """Open an image; only its header is read.
+    """Open an image; its pixels are not decoded.
 
     Raises
     ------
@@ -43,11 +43,14 @@ def opened(path: str | Path) -> Iterator[ImageFile]:
     """
     from PIL import Image
 
-    with reading(path, "an image"), Image.open(str(path), formats=FORMATS) as image:
-        if image.width * image.height > MOST_PIXELS:
-            found = f"{image.width}x{image.height}"
-            raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=found)
-        yield image
+    with reading(path, "an image"):
+        with Image.open(str(path), formats=FORMATS) as image:
+            image.verify()  # compares the checksums of a PNG; decoding does not
+        with Image.open(str(path), formats=FORMATS) as image:
+            if image.width * image.height > MOST_PIXELS:
+                found = f"{image.width}x{image.height}"
+                raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=found)
+            yield image
 
 
 def read_image(

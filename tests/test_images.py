@@ -117,6 +117,15 @@ def test_formats_in_which_photographs_come_are_read(tmp_path, kind):
     assert read_image(tmp_path / "a")[1, 1] == pytest.approx([1, 0, 0], abs=0.02)
 
 
+def test_a_png_with_a_changed_byte_is_refused(tmp_path):
+    write_image(tmp_path / "a.png", np.indices((60, 80, 3)).sum(0) / 143)
+    content = (tmp_path / "a.png").read_bytes()
+    for place in range(8, len(content) - 12, 7):
+        (tmp_path / "a.png").write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
+        with pytest.raises(InputError, match=r"a\.png"):
+            read_image(tmp_path / "a.png")
+
+
 def test_a_tiff_without_its_last_rows_is_refused(tmp_path):
     file = tmp_path / "a.tif"
     Image.new("RGB", (12, 10), "white").save(file)

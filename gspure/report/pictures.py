@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from gspure.artifacts import record_of
-from gspure.errors import InputError, reading
+from gspure.errors import InputError
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import Outcome, ordered
 from gspure.figures import style
+from gspure.images import opened
 
 _WIDEST: Final = 1400  # pixels of an embedded figure
 _RENDER: Final = 560  # and of a render
@@ -66,11 +67,9 @@ def companions(file: Path, page: Path) -> list[Link]:
 
 def picture(file: Path, page: Path) -> Picture:
     """Return a PNG figure with the caption in the record beside it."""
-    from PIL import Image
-
     note = file.with_name(file.name + ".json")
     caption = record(note)["settings"].get("caption", "") if note.exists() else ""
-    with reading(file, "a PNG image"), Image.open(file) as image:
+    with opened(file) as image:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
         data = _embedded(image, _WIDEST)
     return Picture(display_name(file.stem), caption, data, wide, companions(file, page))
@@ -89,8 +88,6 @@ def lineup(figure: Path, outcomes: Sequence[Outcome], further: str = "") -> Line
         A variant to include in any case.
 
     """
-    from PIL import Image
-
     match record_of(figure):
         case {"inputs": {"unattacked scene": {"file": str(view)}, **titles}}:
             variants = {"unattacked", further, *(str(title).rpartition(" ")[0] for title in titles)}
@@ -101,7 +98,7 @@ def lineup(figure: Path, outcomes: Sequence[Outcome], further: str = "") -> Line
         for target in ordered(outcome.targets):
             file = figure.parents[1] / outcome.variant / "renders" / target / view
             if file.is_file():
-                with reading(file, "a PNG image"), Image.open(file) as image:
+                with opened(file) as image:
                     images.setdefault(outcome.variant, {})[target] = _embedded(image, _RENDER)
     return Lineup(Path(view).stem, images) if "unattacked" in images else None
 

@@ -145,4 +145,4 @@ def ending(done: Ended, said: str, *, whole: bool) -> str:
         return "done"
     if done.hangs:
         return "hangs"
-    return "crashed" if "Traceback" in said or done.status not in {1, 2} else "refused"
+    return "crashed" if "Traceback" in said or done.status not in {1, 2, 120} else "refused"
