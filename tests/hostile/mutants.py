@@ -67,8 +67,8 @@ CORE = {
         "test_kernels_binning.py::test_bands_are_as_tall_as_the_budget_allows",
         *_FRAME,
     ),
-    "gspure.opencl.blending": _FRAME,
-    "gspure.opencl.storage": _FRAME,
+    "gspure.opencl.blending": ("test_device_memory.py", *_FRAME),
+    "gspure.opencl.storage": ("test_device_memory.py", *_FRAME),
     "gspure.renderer": (*_FRAME, *_REFUSALS, *_GRADIENTS),
 }
 """Modules, and the tests that must notice a change, those first that fail soonest."""
