@@ -285,12 +285,13 @@ def test_the_first_screen_answers_for_every_scheme_and_shows_it(tmp_path: Path, 
     clean = variant("clean", 30.0, 8.5)
     outcomes = of_one_model(*PLANTED, clean)
     write_report(tmp_path / "report.html", "Title", outcomes + VANILLA, figures=[attacks], survivals=survival(outcomes))
-    first, *_ = Page(tmp_path / "report.html").source.split("<nav")
-    planted, vanilla = first.split("<details")[1:]
-    assert "did not survive GSPure" in " ".join(planted.split())
-    assert planted.count("<img") == 4
-    assert " open" in planted.split(">")[0]
-    assert "only the owner, with the key" in vanilla
+    first = " ".join(Page(tmp_path / "report.html").source.split("<nav")[0].split())
+    verdicts, evidence = first.split("<details", 1)
+    assert re.findall('id="verdict/(.*?)"', verdicts) == ["planted", "vanilla"]
+    assert "did not survive GSPure, which lowers the PSNR of the message by 16.0 dB" in verdicts
+    assert "only the owner, with the key" in verdicts
+    assert evidence.startswith(' class="evidence" open>')
+    assert evidence.count("<img") == 4
 
 
 def test_renders_of_the_attacks_figure_replace_it(tmp_path: Path, attacks: Path) -> None:

@@ -102,6 +102,7 @@ def _scale(axes: Axes, damage: Sequence[float]) -> None:
 
 def _label(axes: Axes, listed: Sequence[Place]) -> None:
     """Write names beside points, with a thin line if there is only room farther away; without any room, no name."""
+    from matplotlib.patheffects import withStroke
     from matplotlib.text import Text
     from matplotlib.transforms import Bbox
 
@@ -119,6 +120,7 @@ def _label(axes: Axes, listed: Sequence[Place]) -> None:
                 va="bottom" if above else "top",
                 fontsize=5.5,
                 in_layout=False,
+                path_effects=[withStroke(linewidth=1.5, foreground="white")],
                 arrowprops={"arrowstyle": "-", "linewidth": 0.3, "color": style.FAINT} if distance > _NEAR else None,
             )
             text.get_window_extent()  # places the name
