@@ -12,7 +12,7 @@ from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, as_text, means, pair_images, read_metrics, write_metrics
-from gspure.evaluation.metrics import METRICS, gaussian_window, psnr, ssim
+from gspure.evaluation.metrics import METRICS, gaussian_window, gradient_correlation, psnr, ssim
 from gspure.evaluation.recall import recall
 from gspure.images import read_image, write_image
 from tests.contest_cases import measured
@@ -61,7 +61,7 @@ def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
     assert ssim(image(0), image(0)) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("metric", [psnr, ssim])
+@pytest.mark.parametrize("metric", [psnr, ssim, gradient_correlation])
 def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
     with pytest.raises(InputError, match=r"images: shape: expected \[20, 20, 3\], found \[20, 20, 1\]"):
         metric(np.zeros((20, 20, 3)), np.zeros((20, 20, 1)))
@@ -89,6 +89,29 @@ def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:
         full=True,
     )
     assert ssim(a, b) == pytest.approx(theirs[11:-11, 11:-11].mean(), abs=1e-12)
+
+
+def test_equation_of_gradient_correlation_by_a_loop_over_neighbours() -> None:
+    a, b = np.random.default_rng(0).random((2, 4, 5, 3))
+    steps = [
+        [
+            image[y + dy, x + dx] - image[y, x]
+            for y, x in np.ndindex(4, 5)
+            for dy, dx in ((0, 1), (1, 0))
+            if y + dy < 4 and x + dx < 5
+        ]
+        for image in (a, b)
+    ]
+    first, second = (np.ravel(step) for step in steps)
+    expected = first @ second / np.sqrt((first @ first) * (second @ second))
+    assert gradient_correlation(a, b) == pytest.approx(expected)
+
+
+def test_gradient_correlation_sees_structure_only() -> None:
+    image = np.random.default_rng(0).random((4, 5, 3))
+    assert gradient_correlation(image, 0.3 * image + 0.2) == pytest.approx(1.0)
+    assert gradient_correlation(image, 1.0 - image) == pytest.approx(-1.0)
+    assert gradient_correlation(image, np.ones_like(image)) == 0.0
 
 
 @settings(deadline=None)
