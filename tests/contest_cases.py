@@ -3,15 +3,16 @@
 from collections.abc import Mapping
 
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
+from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome
 
 BEFORE = {"scene": 30.0, "message": 28.0}
 CONTROLS = {"clean": 8.0, "wrong_key": 7.0, "other_scene": 6.0, "black": 5.0, "mean_colour": 10.0}
 
 
-def measured(target: str, psnr: float, ssim: float = 0.9, reference: str = TRUTH, view: str = "mean") -> ViewMetrics:
-    """The metrics of one view, or their means."""
-    return ViewMetrics(target, view, reference, {"psnr": psnr, "ssim": ssim})
+def measured(target: str, psnr: float, others: float = 0.9, reference: str = TRUTH, view: str = "mean") -> ViewMetrics:
+    """The metrics of one view, or their means; all but PSNR have the same value."""
+    return ViewMetrics(target, view, reference, {**dict.fromkeys(METRICS, others), "psnr": psnr})
 
 
 def outcome(variant: str, scene: str = "room", seed: int = 0, *, scheme: str = "sis", **known) -> Outcome:

@@ -223,12 +223,19 @@ def test_the_printed_metrics_count_the_identical_views_that_a_mean_leaves_out() 
     assert not any("identical" in line for line in as_text(views[1:2]))
 
 
-HEADER = "target,view,reference,psnr,ssim\n"
+HEADER = f"target,view,reference,{','.join(METRICS)}\n"
 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "a,b\n1,2\n", HEADER, HEADER + "scene,1,truth,x,2\n", HEADER + "scene,1,photo,1,2\n", HEADER + "scene,1,2\n"],
+    [
+        "",
+        "a,b\n1,2\n",
+        HEADER,
+        HEADER + "scene,1,truth,x,2,3\n",
+        HEADER + "scene,1,photo,1,2,3\n",
+        HEADER + "scene,1,2\n",
+    ],
 )
 def test_a_broken_metrics_table_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "metrics.csv").write_text(text)

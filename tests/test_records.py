@@ -32,7 +32,8 @@ class Sample(NamedTuple):
     drops: Annotated[Mapping[str, float], PerMetric("{}_drop")]
 
 
-COLUMNS = "name,kind,count,views,number,known,part_low,part_count,other_low,other_count,psnr,ssim,psnr_drop,ssim_drop"
+DROPS = [f"{metric}_drop" for metric in METRICS]
+COLUMNS = ",".join(["name,kind,count,views,number,known,part_low,part_count,other_low,other_count", *METRICS, *DROPS])
 NUMBERS = st.one_of(st.just(math.inf), st.floats(-99, 99).map(lambda x: float(f"{x:.6g}")))
 PARTS = st.builds(Part, NUMBERS, st.integers(0, 9))
 PER_METRIC = st.one_of(st.just({}), st.fixed_dictionaries(dict.fromkeys(METRICS, NUMBERS)))
@@ -49,7 +50,7 @@ SAMPLES = st.builds(
     PER_METRIC,
     PER_METRIC,
 )
-ONE = Sample("x", "a", 1, None, 0.5, True, Part(1.0, 2), None, {"psnr": 30.0, "ssim": 0.9}, {})
+ONE = Sample("x", "a", 1, None, 0.5, True, Part(1.0, 2), None, {**dict.fromkeys(METRICS, 0.9), "psnr": 30.0}, {})
 
 
 @given(st.lists(SAMPLES, max_size=4))
@@ -61,15 +62,17 @@ def test_records_read_back_are_those_written(tmp_path_factory, rows: list[Sample
 
 def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: Path) -> None:
     write_records(tmp_path / "r.csv", Sample, [ONE._replace(number=math.nan)])
-    assert (tmp_path / "r.csv").read_text() == f"{COLUMNS}\nx,a,1,,,true,1,2,,,30,0.9,,\n"
+    metrics = ",0.9" * len(DROPS[1:]) + "," * len(DROPS)
+    assert (tmp_path / "r.csv").read_text() == f"{COLUMNS}\nx,a,1,,,true,1,2,,,30{metrics}\n"
     assert math.isnan(read_records(tmp_path / "r.csv", Sample)[0].number)
 
 
 def test_a_new_metric_is_a_column_of_every_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(METRICS, "mse", Metric(lambda _a, _b: 0.0, "MSE", 3, ".6f"))
-    write_records(tmp_path / "r.csv", Sample, [ONE._replace(values={"psnr": 1.0, "ssim": 2.0, "mse": 3.0})])
+    write_records(tmp_path / "r.csv", Sample, [ONE._replace(values={**dict.fromkeys(METRICS, 1.0), "mse": 3.0})])
     header = (tmp_path / "r.csv").read_text().splitlines()[0].split(",")
-    assert header[-6:] == ["psnr", "ssim", "mse", "psnr_drop", "ssim_drop", "mse_drop"]
+    assert header[-2 * len(METRICS) :] == [*METRICS, *(f"{metric}_drop" for metric in METRICS)]
+    assert "mse_drop" in header
     assert read_records(tmp_path / "r.csv", Sample)[0].values["mse"] == 3.0
 
 

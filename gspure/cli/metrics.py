@@ -1,11 +1,11 @@
-"""``gspure metrics``: PSNR and SSIM of two folders of images."""
+"""``gspure metrics``: PSNR, SSIM and GC of two folders of images."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-HELP = "compare two folders of images: PSNR and SSIM, per view and mean"
+HELP = "compare two folders of images: PSNR, SSIM and gradient correlation (GC), per view and mean"
 EXAMPLES = """\
   gspure metrics before after
   gspure metrics photographs renders --reference truth --out metrics.csv

@@ -32,7 +32,7 @@ files in DIR:
   prune_mask.npy     bool [K]      true where the row was removed
   diagnosis.json     diagnosis of the clustering, with warnings; suspicious rows by reason
   renders/           held-out views before and after
-  metrics.csv        PSNR and SSIM of the renders after pruning, against those before
+  metrics.csv        metrics of the renders after pruning, against those before
   figures/           clusters, weights, kept and pruned rows, before and after; a failed figure is only a warning
 """
 

@@ -32,7 +32,7 @@ Every eighth view by name is held out, unless DATA has splits; the model is eval
 in DIR are those of 3DGS's trainer and render script:
   point_cloud/iteration_N/point_cloud.ply, cameras.json, cfg_args, input.ply
   test/ours_N/gt, test/ours_N/renders     held-out photographs and the model's renders
-  metrics.csv                             PSNR and SSIM of these
+  metrics.csv                             metrics of these
 """
 
 _LEAST = {"iterations": 1, "seed": 0, "max_gaussians": 4}

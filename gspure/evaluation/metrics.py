@@ -131,6 +131,7 @@ class Metric(NamedTuple):
 METRICS: Final[Mapping[str, Metric]] = {
     "psnr": Metric(psnr, "PSNR", 2, ".6f"),
     "ssim": Metric(ssim, "SSIM", 3, ".8f"),
+    "structure": Metric(gradient_correlation, "GC", 3, ".8f"),
 }
 
 
