@@ -15,23 +15,24 @@ from timing import CORES
 
 from gspure.opencl.engine import Engine
 
-CHAINS = 16  # independent accumulators: an FMA takes 4 cycles, and up to two begin in each
+CHAINS = 12
+"""Independent accumulators. An FMA takes 4 cycles and two begin in each, so 8 are needed. With the two factors they must
+fit the 16 vector registers of AVX2."""
+
 STEPS = 4_000_000
-FLOPS = 2 * 16 * CHAINS * STEPS * CORES
-"""Floating-point operations of one run, native or OpenCL: as many on each core, in vectors of 16 floats."""
 
 _NATIVE = """
-typedef float V __attribute__((vector_size(64)));
+typedef float V __attribute__((vector_size(4 * LANES)));
 float fma_chains(long steps, float a, float b) {
     V x[CHAINS];
     for (int i = 0; i < CHAINS; i++) x[i] = (V){} + (float)i;
     V va = (V){} + a, vb = (V){} + b;
     for (long s = 0; s < steps; s++)
-#pragma GCC unroll 16
+#pragma GCC unroll 12
         for (int i = 0; i < CHAINS; i++) x[i] = x[i] * va + vb;
     float sum = 0;
     for (int i = 0; i < CHAINS; i++)
-        for (int lane = 0; lane < 16; lane++) sum += x[i][lane];
+        for (int lane = 0; lane < LANES; lane++) sum += x[i][lane];
     return sum;
 }
 """
@@ -39,28 +40,41 @@ float fma_chains(long steps, float a, float b) {
 _OPENCL = """
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
 void fma_chains(uint steps, float a, float b, __global float *sums) {
-    float16 x[CHAINS];
-    for (int i = 0; i < CHAINS; i++) x[i] = (float16)(i + get_global_id(0));
-    float16 va = (float16)a, vb = (float16)b;
+    V x[CHAINS];
+    for (int i = 0; i < CHAINS; i++) x[i] = (V)(i + get_global_id(0));
+    V va = (V)a, vb = (V)b;
     for (uint s = 0; s < steps; s++) {
 #pragma unroll
-        for (int i = 0; i < CHAINS; i++) x[i] = x[i] * va + vb;
+        for (int i = 0; i < CHAINS; i++) x[i] = fma(x[i], va, vb);
     }
-    float16 sum = (float16)0.0f;
+    V sum = (V)0.0f;
     for (int i = 0; i < CHAINS; i++) sum += x[i];
-    sums[get_global_id(0)] = sum.s0 + sum.s7 + sum.sf;
+    float all[LANES];
+    VSTORE(sum, 0, all);
+    for (int lane = 1; lane < LANES; lane++) all[0] += all[lane];
+    sums[get_global_id(0)] = all[0];
 }
 """
 
 
-def native(folder: Path) -> Callable[[], object] | None:
+def lanes(engine: Engine) -> int:
+    """Return the number of floats in a vector of the machine."""
+    return int(engine.device.native_vector_width_float)
+
+
+def flops(engine: Engine) -> int:
+    """Return the floating-point operations of one run, native or OpenCL: as many on each core."""
+    return 2 * lanes(engine) * CHAINS * STEPS * CORES
+
+
+def native(engine: Engine, folder: Path) -> Callable[[], object] | None:
     """Compile the C program in `folder`; return what runs it on all cores, or None where there is no compiler."""
     compiler = shutil.which("gcc")
     if compiler is None:
         return None
     source, library = folder / "fma.c", folder / "fma.so"
     source.write_text(_NATIVE, encoding="utf-8")
-    options = ["-O3", "-march=native", f"-DCHAINS={CHAINS}", "-shared", "-fPIC"]
+    options = ["-O3", "-march=native", f"-DCHAINS={CHAINS}", f"-DLANES={lanes(engine)}", "-shared", "-fPIC"]
     subprocess.run([compiler, *options, str(source), "-o", str(library)], check=True)
     chains = ctypes.CDLL(str(library)).fma_chains
     chains.argtypes, chains.restype = (ctypes.c_long, ctypes.c_float, ctypes.c_float), ctypes.c_float
@@ -75,7 +89,9 @@ def native(folder: Path) -> Callable[[], object] | None:
 
 def opencl(engine: Engine) -> Callable[[], object]:
     """Return what runs the OpenCL program on all cores."""
-    program = cl.Program(engine.context, _OPENCL).build(options=[f"-DCHAINS={CHAINS}"])
+    width = lanes(engine)
+    options = [f"-DCHAINS={CHAINS}", f"-DLANES={width}", f"-DV=float{width}", f"-DVSTORE=vstore{width}"]
+    program = cl.Program(engine.context, _OPENCL).build(options=options)
     kernel = cl.Kernel(program, "fma_chains")
     parts = 8 * CORES
     sums = engine.allocate(4 * parts)
