@@ -16,8 +16,8 @@ from timing import CORES
 from gspure.opencl.engine import Engine
 
 CHAINS = 12
-"""Independent accumulators. An FMA takes 4 cycles and two begin in each, so 8 are needed. With the two factors they must
-fit the 16 vector registers of AVX2."""
+"""Independent accumulators. An FMA takes 4 cycles and two begin in each, so 8 are needed; with the two factors, they
+must fit the 16 vector registers of AVX2."""
 
 STEPS = 4_000_000
 
