@@ -113,7 +113,7 @@ function start(form) {
     gl.uniform2fv(at("focal"), focal());
     gl.uniform1f(at("reach"), data.reach);
     gl.uniform1f(at("distance"), eye.distance);
-    gl.uniform1f(at("size"), FIELD * side() * ratio * Math.max(1.6 / Math.sqrt(data.points), 0.004));
+    gl.uniform1f(at("size"), FIELD * side() * ratio * Math.min(1.6 / Math.sqrt(data.points), 0.04));
     gl.uniform1f(at("cut"), cut);
     gl.uniform1f(at("selected"), selected);
     gl.drawArrays(gl.POINTS, 0, data.points);
