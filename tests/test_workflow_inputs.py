@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from gspure.workflow.pairs import (
     repetition_of,
     trained_message,
 )
+from tests.training_cases import colmap_project, ring
 
 TRACED = {"scene": "room", "message": "vault", "protocol": "own", "placement": "raised", "seed": 1}
 TRACED |= {"views": 9, "width": 32, "height": 24}
@@ -48,6 +50,15 @@ def test_options_are_quoted_and_a_null_setting_has_none():
     assert options(settings, *settings) == "--tau-c 4.0 --cluster-on position weight --model 'my model.ply'"
     assert shlex.split(setting_options({"codec": "a b", "n": 1})) == ["--set", "codec=a b", "--set", "n=1"]
     assert column_options({"gspure": "x/renders"}) == "--column gspure=x/renders"
+
+
+def test_photographs_of_a_folder_in_the_project_are_relative(tmp_path, monkeypatch):
+    """With absolute paths, a project that was moved would be trained again."""
+    colmap_project(tmp_path / "photos", ring(), np.eye(3))
+    monkeypatch.chdir(tmp_path)
+    config = {"pairs": {}, "schemes": {}, "variants": {}, "assets": {"desk": {"train": "photos"}}}
+    for photograph in resolved(config, "mine.yaml")["assets"]["desk"]["photographs"]:
+        assert Path(photograph).parent == Path("photos/images")
 
 
 def test_a_capture_is_its_cameras_points_and_photographs(garden):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from difflib import get_close_matches
@@ -151,10 +152,12 @@ def _require_path(path: str, source: str | Path, place: str) -> None:
 
 
 def _photographs(data: str) -> list[str]:
-    """Return the files that the cameras of training data name, held-out ones too."""
+    """Return the files that the cameras of training data name, held-out ones too; relative if the data is."""
     from gspure.training.views import read_views
 
     images = [str(camera.image) for camera in read_views(Path(data)).cameras if camera.image]
+    if not Path(data).is_absolute():  # a project that was moved is not trained again
+        images = [os.path.relpath(image) for image in images]
     for image in images:
         _require_no_braces(image, data, "photographs")
     return images

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import resource
 import shutil
+import signal
 import subprocess
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -145,4 +146,4 @@ def ending(done: Ended, said: str, *, whole: bool) -> str:
         return "done"
     if done.hangs:
         return "hangs"
-    return "crashed" if "Traceback" in said or done.status not in {1, 2, 120} else "refused"
+    return "crashed" if "Traceback" in said or done.status not in {1, 2, -signal.SIGXFSZ} else "refused"

@@ -19,7 +19,7 @@ ENDINGS = ("done", "refused", "crashed", "hangs")
 INTRODUCTION = """\
 # Torture
 
-Written by `make torture`, which takes an hour or more on two cores, goes on where it was stopped (its records are in
+Written by `make torture`, which takes about three hours on two cores, goes on where it was stopped (its records are in
 `build/torture/`), and ends with an error if a defect is open. A seeded part of it is in the test suite
 ([`tests/hostile`](../tests/hostile)). What is expected:
 
@@ -32,7 +32,7 @@ Written by `make torture`, which takes an hour or more on two cores, goes on whe
   same bytes afterwards. Without room on disk, they are refused in one line. Without address space, libraries may crash
   or hang, PoCL and OpenBLAS among them.
 - **Damage.** Whatever reads a damaged artifact names it, and the next runs of the workflow repair it to the same bytes.
-- **Mutants.** Tests notice small changes to the numerical core.
+- **Mutants.** Tests notice small changes to the numerical core. `--sample` tries some of a module, drawn at random.
 """
 
 
