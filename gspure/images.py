@@ -113,6 +113,11 @@ def levels(array: NDArray[np.floating]) -> NDArray[np.uint8]:
     return rounded
 
 
+def read_back(array: NDArray[np.floating]) -> Float32:
+    """Return an image as it is after `write_image` and `read_image`."""
+    return levels(array).astype(np.float32) / np.float32(255)
+
+
 def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
     """Refuse a folder with PNG files of other views, of another model perhaps, which count in every later comparison.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Final, Self
 
@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import digest
-from gspure.cameras.camera import Camera
+from gspure.cameras.camera import Camera, spread
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import drawable
+from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
+from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 from gspure.renderer import CONTRIBUTION, Renderer
 
 Float32 = NDArray[np.float32]
@@ -57,6 +59,15 @@ class PublicModel:
         "position": ("x", "y", "z"),
     }
     """The columns of each of `ATTRIBUTES` that rows have: names, or ``prefix*`` for numbered ones."""
+
+    rates: ClassVar[Mapping[str, float]] = {
+        "colour": 2.5e-3,
+        "opacity": 0.025,
+        "scale": 5e-3,
+        "rotation": 1e-3,
+        "position": 1.6e-6,
+    }
+    """Learning rates by attribute: 3DGS's, of positions the last one, as a share of the views' extent."""
 
     rows_are_gaussians: ClassVar[bool] = True
     """Whether rows are Gaussians; false if Gaussians are computed from them for each view."""
@@ -111,6 +122,57 @@ class PublicModel:
         renderer = Renderer(self.model, device, energy=energy)
         return lambda camera: renderer.image(camera, background)
 
+    def learned(
+        self,
+        views: Sequence[Camera],
+        images: Sequence[Float32],
+        attributes: Collection[str],
+        *,
+        steps: int,
+        rng: np.random.Generator,
+        pace: float = 1.0,
+        device: Device | None = None,
+    ) -> Self:
+        """Return the model with the columns of some attributes learned from images of views, all else bit-identical.
+
+        Parameters
+        ----------
+        views, images : sequences of Camera and array [H,W,3]
+        attributes : collection of str
+            Of `ATTRIBUTES`; those that the model does not learn are ignored.
+        steps : int
+            One view each; the rates fall linearly to a tenth.
+        rng : Generator
+            Of the order of views.
+        pace : float
+            Factor of the learning rates.
+        device : Device, optional
+
+        """
+        model = self.model
+        raw = (model.means, model.quats, model.columns(*(f"scale_{i}" for i in range(3))), model.table["opacity"])
+        trainable = TrainableModel(TrainState.fresh(Parameters(*raw, model.sh_coeffs)), device=device)
+        trainable.set_targets(images)
+        rates = {name: rate * pace for name, rate in self.rates.items() if name in attributes}
+        reach = spread(views)
+        for view, factor in learning_steps(len(views), steps, rng):
+            means, quats, scales, opacities, colours = (
+                factor * rates.get(name, 0.0) for name in ("position", "rotation", "scale", "opacity", "colour")
+            )
+            step = LearningRates(means * reach, quats, scales, opacities, colours, colours / 20)
+            trainable.step(views[view], view, step)
+        p = trainable.state().parameters
+        after = model.with_appearance(p.opacity_logits, p.sh_coeffs)
+        parts = {"position": p.means, "rotation": p.quats, "scale": p.log_scales}
+        for attribute, values in parts.items():
+            after = after.with_columns(dict(zip(self.columns[attribute], values.T, strict=True)))
+        return self._with_attributes(after, rates)
+
+    def _with_attributes(self, model: Gaussians, attributes: Collection[str]) -> Self:
+        """Return the same model with the columns of some attributes of another."""
+        names = [name for attribute in attributes for name in self.columns[attribute]]
+        return self.with_model(self.model.with_columns({name: model.table[name] for name in names}))
+
     def opacities(self, cameras: Sequence[Camera]) -> Float32:  # noqa: ARG002
         """Return the opacity [K] of each row, 0 to 1, a feature of the clustering."""
         return self.model.opacities
@@ -122,6 +184,12 @@ class PublicModel:
     def geometry_digest(self) -> str:
         """Return a digest of everything in the model that contributions depend on."""
         return digest(self.model.columns(*GEOMETRY))
+
+
+def learning_steps(views: int, steps: int, rng: np.random.Generator) -> Iterator[tuple[int, float]]:
+    """Yield a view's number and the factor of the learning rates for each step."""
+    order = np.concatenate([rng.permutation(views) for _ in range(-(-steps // views))])[:steps]
+    return zip(order.tolist(), np.linspace(1.0, 0.1, steps).tolist(), strict=True)
 
 
 def merge_by_row(records: NDArray[Any], owners: Rows) -> NDArray[Any]:

@@ -14,11 +14,11 @@ rule attack_model:
         variant="|".join(VARIANTS),
     conda:
         "../envs/gspure.yaml"
-    threads: lambda wildcards: THREADS if get_variant(wildcards).damage_files else 1
+    threads: lambda wildcards: THREADS if get_variant(wildcards).render_files else 1
     resources:
-        opencl_device=lambda wildcards: TURNS if get_variant(wildcards).damage_files else 0,
+        opencl_device=lambda wildcards: TURNS if get_variant(wildcards).render_files else 0,
     params:
-        kernels=lambda wildcards: KERNELS if get_variant(wildcards).damage_files else "",
+        kernels=lambda wildcards: KERNELS if get_variant(wildcards).render_files else "",
         code=lambda wildcards: get_variant(wildcards).code,
         attack=lambda wildcards: get_variant(wildcards).attack.name,
         options=lambda wildcards: get_variant(wildcards).attack_options,

@@ -137,4 +137,4 @@ def get_view_options(wildcards):
 
 def get_attack_files(wildcards):
     variant = get_variant(wildcards)
-    return {"model": get_public_model(wildcards), **variant.evidence, **variant.damage_files}
+    return {"model": get_public_model(wildcards), **variant.evidence, **variant.render_files}

@@ -125,11 +125,20 @@ def test_a_searched_strength_takes_views_and_photographs_instead_of_a_value(agai
     variants = {**CONFIG["variants"], "plain_weight": {"decision": "mild", "damage": [0.3, 1]}}
     plan = plan_of(variants=variants)
     weak = Variant(replace(again, plan=plan), "plain_weight@0.3dB")
-    assert weak.damage_files == {"cameras": f"{again.folder}/cameras.json", "photographs": again.pair["scene"]}
+    assert weak.render_files == {"cameras": f"{again.folder}/cameras.json", "photographs": again.pair["scene"]}
     assert "--damage 0.3 --split test" in weak.attack_options
     assert "tau" not in weak.attack_options
-    assert "photographs" not in Variant(Model(plan, "vanilla", "bot"), "plain_weight@1dB").damage_files
-    assert not Variant(again, "plain_weight").damage_files
+    assert "photographs" not in Variant(Model(plan, "vanilla", "bot"), "plain_weight@1dB").render_files
+    assert not Variant(again, "plain_weight").render_files
+
+
+@pytest.mark.parametrize("name", ["finetune", "reestimate", "distil", "prune_repair"])
+def test_an_attack_that_learns_gets_views_but_neither_photographs_nor_key_nor_message(again, monkeypatch, name):
+    monkeypatch.chdir(ROOT)
+    learning = Variant(replace(again, plan=plan_of(variants={**CONFIG["variants"], name: {}})), name)
+    weights = {"weights": f"{again.folder}/weights.npy"} if name == "prune_repair" else {}
+    assert {**learning.evidence, **learning.render_files} == {"cameras": f"{again.folder}/cameras.json"} | weights
+    assert not any(word in learning.attack_options for word in ("photographs", "key", "message", "pairs"))
 
 
 def test_scaled_gspure_thresholds_what_its_decision_does(again, monkeypatch):

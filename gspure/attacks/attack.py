@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Self
 
@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from gspure import __version__
 from gspure.attacks.strength import Damage, Match, Strength, search
+from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
+from gspure.opencl.device import Device
 from gspure.public_model import Columns, PublicModel
 
 Mask = NDArray[np.bool_]
@@ -52,8 +54,9 @@ class Evidence:
 
 
 EVIDENCE: Final = frozenset(field.name for field in fields(Evidence))
-COLUMNS: Final = "columns"
-"""The parameter of attacks on attributes: the columns that the scheme declares for each (`PublicModel.columns`)."""
+PUBLIC: Final = frozenset({"columns", "public", "cameras", "device"})
+"""What everybody has, and attacks may name as parameters: the columns that the scheme declares for each attribute
+(`PublicModel.columns`), the public model with the files beside it, its cameras without photographs, and a device."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +68,7 @@ class Attacked:
     model : Gaussians
         K' rows.
     rows : array [K'], int
-        The row of the public model that each of them is, or was copied from.
+        The row of the public model that each of them is, or was copied from; -1 for a new one.
     count : int
         Number K of rows of the public model.
     world : array [4,4], optional
@@ -82,7 +85,7 @@ class Attacked:
     def prune_mask(self) -> Mask:
         """Rows [K] of the public model that are gone, whatever the order and number of the rest."""
         mask = np.ones(self.count, np.bool_)
-        mask[self.rows] = False
+        mask[self.rows[self.rows >= 0]] = False
         return mask
 
     @classmethod
@@ -113,7 +116,7 @@ class Attack:
         Unique; the name of its variant in every table.
     function : callable
         ``function(model, rng, [evidence, ...], *, setting=default, ...) -> Attacked``: pure and deterministic. It
-        names the evidence that it needs (fields of `Evidence`, or ``columns``); its keyword-only parameters are its
+        names the evidence that it needs (fields of `Evidence`, or of `PUBLIC`); its keyword-only parameters are its
         settings.
     packages : mapping of str to str
         Optional packages that it imports, each with what pip is to install for it.
@@ -133,7 +136,7 @@ class Attack:
     @property
     def needs(self) -> frozenset[str]:
         """The measured evidence that it needs: fields of `Evidence`."""
-        return self.parameters - {COLUMNS}
+        return self.parameters - PUBLIC
 
     @property
     def parameters(self) -> frozenset[str]:
@@ -150,7 +153,14 @@ class Attack:
         return list(inspect.signature(self.function).parameters.values())
 
     def apply(
-        self, public: PublicModel | Gaussians, evidence: Evidence, *, seed: int = 0, **settings: Setting
+        self,
+        public: PublicModel | Gaussians,
+        evidence: Evidence,
+        *,
+        seed: int = 0,
+        cameras: Sequence[Camera] = (),
+        device: Device | None = None,
+        **settings: Setting,
     ) -> Attacked:
         """Attack a public model; a comment line of the attacked model names attack, settings and seed.
 
@@ -162,6 +172,10 @@ class Attack:
             At least what the attack needs.
         seed : int
             Random seed, of `numpy.random.default_rng`.
+        cameras : sequence of Camera
+            Public views; the attack gets them without their photographs.
+        device : Device, optional
+            For attacks that render.
         **settings : float, int or str
             Any of `self.settings`.
 
@@ -179,8 +193,13 @@ class Attack:
         public = public if isinstance(public, PublicModel) else PublicModel(public)
         model = public.model
         given: dict[str, Any] = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
-        if COLUMNS in self.parameters:
-            given[COLUMNS] = public.columns
+        open_to_all = {
+            "columns": public.columns,
+            "public": public,
+            "cameras": [replace(camera, image=None) for camera in cameras],
+            "device": device,
+        }
+        given |= {name: open_to_all[name] for name in self.parameters & PUBLIC}
         with np.errstate(all="ignore"):  # numbers that overflow are refused below
             attacked = self.function(model, np.random.default_rng(seed), **given, **settings)
         if attacked.model is model:
@@ -198,13 +217,15 @@ class Attack:
         damage_of: Damage,
         *,
         seed: int = 0,
+        cameras: Sequence[Camera] = (),
+        device: Device | None = None,
         **settings: Setting,
     ) -> tuple[Attacked, Match]:
         """Attack with the strength that does a damage of `target` dB, or the nearest to it that `search` finds.
 
         Parameters
         ----------
-        public, evidence, seed, **settings
+        public, evidence, seed, cameras, device, **settings
             As for `apply`; the settings without the strength.
         target : float
             Drop of the scene's PSNR, dB.
@@ -228,7 +249,8 @@ class Attack:
             )
 
         def attacked_at(value: float) -> Attacked:
-            return self.apply(public, evidence, seed=seed, **settings, **{strength.setting: value})
+            setting = {strength.setting: value}
+            return self.apply(public, evidence, seed=seed, cameras=cameras, device=device, **settings, **setting)
 
         match = search(strength, lambda value: damage_of(public.with_model(attacked_at(value).model)), target)
         attacked = attacked_at(match.value)
@@ -239,7 +261,7 @@ class Attack:
         """Refuse an attacked model whose `rows` do not fit."""
         rows = attacked.rows
         fits = rows.shape == (len(attacked.model),) and attacked.count == count
-        if not (fits and ((rows >= 0) & (rows < count)).all()):
+        if not (fits and ((rows >= -1) & (rows < count)).all()):
             expected = f"for each of {len(attacked.model)} rows, one of {count}"
             found = f"{list(rows.shape)} of {attacked.count}"
             raise InputError(f"attack {self.name}", "rows", expected=expected, found=found)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gspure.attacks import appearance, compression, controls, geometry, noise, pruning, rows
-from gspure.attacks.attack import COLUMNS, EVIDENCE, Attack
+from gspure.attacks import appearance, compression, controls, geometry, learning, noise, pruning, rows
+from gspure.attacks.attack import EVIDENCE, PUBLIC, Attack
 from gspure.errors import InputError
 from gspure.plugins import registered
 
@@ -15,6 +15,7 @@ BUILT_IN = (
     *compression.ATTACKS,
     *geometry.ATTACKS,
     *rows.ATTACKS,
+    *learning.ATTACKS,
 )
 GROUP = "gspure.attacks"
 
@@ -41,7 +42,7 @@ def find_attack(name: str) -> Attack:
 
 def _require_evidence(attack: Attack, source: str) -> None:
     """Refuse an attack that needs evidence nobody measures."""
-    known = EVIDENCE | {COLUMNS}
+    known = EVIDENCE | PUBLIC
     if not attack.parameters <= known:
         needs = ", ".join(sorted(attack.parameters))
         raise InputError(source, "needs", expected=f"of {', '.join(sorted(known))}", found=needs)

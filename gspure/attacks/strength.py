@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.evaluation.metrics import psnr
 from gspure.evaluation.statistics import DAMAGE_TOLERANCE
-from gspure.images import levels
+from gspure.images import read_back
 from gspure.public_model import PublicModel
 
 if TYPE_CHECKING:
@@ -109,17 +109,12 @@ def scene_damage(
     def mean_psnr(model: PublicModel, references: Images) -> float:
         scene = model.scene(device)
         return float(
-            np.mean([psnr(image, _rounded(scene(view))) for view, image in zip(views, references, strict=True)])
+            np.mean([psnr(image, read_back(scene(view))) for view, image in zip(views, references, strict=True)])
         )
 
     if photographs is None:
         scene = public.scene(device)
-        renders = [_rounded(scene(view)) for view in views]
+        renders = [read_back(scene(view)) for view in views]
         return lambda model: float(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - mean_psnr(model, renders)) / 10)))
     before = mean_psnr(public, photographs)
     return lambda model: before - mean_psnr(model, photographs)
-
-
-def _rounded(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return an image as it is read back from a PNG file."""
-    return levels(image).astype(np.float32) / np.float32(255)

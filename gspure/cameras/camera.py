@@ -88,3 +88,9 @@ def split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
     test = ordered[::TEST_EVERY]
     train = [camera for i, camera in enumerate(ordered) if i % TEST_EVERY]
     return train, test
+
+
+def spread(cameras: Sequence[Camera]) -> float:
+    """Return the largest distance of a camera from the mean of all, in world units."""
+    centres = np.array([camera.centre for camera in cameras])
+    return float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())

@@ -14,6 +14,7 @@ from gspure.errors import InputError
 if TYPE_CHECKING:
     from gspure.attacks import Evidence
     from gspure.attacks.strength import Damage
+    from gspure.cameras import Camera
     from gspure.public_model import PublicModel
 
 HELP = "attack a model (or apply a control): remove, change or move its Gaussians"
@@ -23,6 +24,7 @@ EXAMPLES = """\
   gspure attack plain_weight --model point_cloud.ply --weights weights.npy --set tau=4 --out plain.ply
   gspure attack rigid_transform --model point_cloud.ply --set angle=90 --out moved.ply --world world.npy
   gspure attack random_pruning --model point_cloud.ply --damage 1 --cameras cameras.json --out random_1dB.ply
+  gspure attack finetune --model point_cloud.ply --cameras cameras.json --set iterations=20 --out finetuned.ply
 """
 
 
@@ -66,8 +68,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DB",
         help="search the strength that lowers the scene's PSNR by DB; needs --cameras",
     )
-    parser.add_argument("--cameras", type=Path, metavar="FILE", help="views to measure the damage in")
-    parser.add_argument("--split", choices=SPLITS, default="test", help="which of these views (default: %(default)s)")
+    parser.add_argument(
+        "--cameras", type=Path, metavar="FILE", help="public views, for attacks that learn and for --damage"
+    )
+    parser.add_argument("--split", choices=SPLITS, default="test", help="views of --damage (default: %(default)s)")
     parser.add_argument(
         "--photographs",
         type=Path,
@@ -88,19 +92,22 @@ def run(args: argparse.Namespace) -> None:
     from gspure.schemes.registry import find_scheme
 
     attack = find_attack(args.name)
-    settings = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
+    settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     outputs = [path for path in (args.out, args.removed, args.world, args.verdict) if path]
     require_distinct(outputs, [args.model, *files.values()])
     public, evidence = _read(args, files)
-    sources = {"model": args.model, **files}
+    views = _read_training_views(args) if "cameras" in attack.parameters else []
+    device = read_device(args) if views else None
+    sources = {"model": args.model, **files} | ({"cameras": args.cameras} if args.cameras else {})
     record = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
     if args.damage is None:
-        attacked = attack.apply(public, evidence, seed=args.seed, **settings)
+        attacked = attack.apply(public, evidence, seed=args.seed, cameras=views, device=device, **settings)
     else:
         damage_of = _read_damage(args, public)
-        attacked, match = attack.with_damage(public, evidence, args.damage, damage_of, seed=args.seed, **settings)
-        sources["cameras"] = args.cameras
+        attacked, match = attack.with_damage(
+            public, evidence, args.damage, damage_of, seed=args.seed, cameras=views, device=device, **settings
+        )
         record |= {match.setting: match.value, "damage": args.damage, "damage_reached": match.damage}
         print(f"{attack.name}: {match.setting}={match.value:.4g} lowers the scene's PSNR by {match.damage:.2f} dB")
     public.with_model(attacked.model).write(args.out)
@@ -137,6 +144,16 @@ def _read(args: argparse.Namespace, files: Mapping[str, Path]) -> tuple[PublicMo
         else:
             evidence[name] = load_array(path, dtype=types[name], shape=(len(public.model),), least=0)
     return public, Evidence(**evidence)
+
+
+def _read_training_views(args: argparse.Namespace) -> list[Camera]:
+    """Read the training views of ``--cameras``, for attacks that render."""
+    from gspure.cameras import read_cameras, split
+
+    if not args.cameras:
+        raise InputError("attack", "--cameras", expected="public views to learn from", found="none")
+    train, test = split(read_cameras(args.cameras))
+    return train or test
 
 
 def _read_damage(args: argparse.Namespace, public: PublicModel) -> Damage:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import digest
 from gspure.cameras import Camera, require_images, scaled
+from gspure.cameras.camera import spread
 from gspure.cameras.colmap import find_sparse, read_points
 from gspure.cameras.naming import safe_name
 from gspure.cameras.photographs import missing_photographs, photograph, photograph_size, require_present
@@ -118,8 +119,7 @@ def read_dataset(
 
 def extent(cameras: Sequence[Camera]) -> float:
     """Return 1.1 times the largest distance of a camera from the mean of all."""
-    centres = np.array([camera.centre for camera in cameras])
-    return float(EXTENT_MARGIN * np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
+    return EXTENT_MARGIN * spread(cameras)
 
 
 def read_photographs(cameras: Iterable[Camera], background: Sequence[float] = (0.0, 0.0, 0.0)) -> list[Float32]:

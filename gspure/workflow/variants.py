@@ -91,18 +91,18 @@ class Variant:
         return {need: files[need] for need in sorted(self.attack.needs)}
 
     @property
-    def damage_files(self) -> dict[str, str]:
-        """The views and any photographs to measure a damage in, if its strength is searched."""
-        if "damage" not in self.settings:
-            return {}
-        photographs = {"photographs": self.model.pair["scene"]} if self.model.is_watermarked else {}
-        return {"cameras": f"{self.model.folder}/cameras.json", **photographs}
+    def render_files(self) -> dict[str, str]:
+        """The public views, if its attack renders them; to search its strength, also any photographs of the scene."""
+        is_searched = "damage" in self.settings
+        cameras = {"cameras": f"{self.model.folder}/cameras.json"}
+        photographs = {"photographs": self.model.pair["scene"]} if self.model.is_watermarked and is_searched else {}
+        return {**cameras, **photographs} if is_searched or "cameras" in self.attack.parameters else {}
 
     @property
     def attack_options(self) -> str:
         """Evidence, seed, scheme and settings of its attack as options; factors that are not set are its decision's."""
         seed = self.settings["seed"] + repetition_of(self.model.scene)
-        known = {**self.evidence, **self.damage_files, "seed": seed}
+        known = {**self.evidence, **self.render_files, "seed": seed}
         factors = {name: self.decision.settings[name] for name in FACTORS}
         values = {**factors, "tau": factors["tau_n"], **self.settings}
         settings = {name: value for name, value in values.items() if name in self.attack.settings}

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.schemes.gs_hider.decoder import Decoder
-from gspure.schemes.gs_hider.loss import photometric
+from gspure.schemes.gs_hider.loss import differentiated
 from gspure.schemes.pair import Capture
-from gspure.training.pytorch import torch
 
 Float32 = NDArray[np.float32]
 
@@ -34,10 +33,4 @@ class Branch:
 
     def differentiate(self, feature_map: Float32, view: int) -> tuple[float, Float32]:
         """Return the loss of a view and its gradient of the feature map; the decoder stores its own gradients."""
-        features = torch.from_numpy(feature_map).requires_grad_()
-        photograph = torch.from_numpy(self._images[view])
-        loss = self._weight * photometric(self.decoder(features), photograph)
-        self.decoder.zero_grad()
-        loss.backward()
-        gradient: Float32 = features.grad.numpy()
-        return loss.item(), gradient
+        return differentiated(self.decoder, feature_map, self._images[view], self._weight)

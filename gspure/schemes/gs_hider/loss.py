@@ -5,17 +5,32 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gspure.constants import SSIM_C1, SSIM_C2, SSIM_WINDOW
 from gspure.opencl.losses import ssim_window
 from gspure.opencl.trainable import SSIM_WEIGHT
 from gspure.training.pytorch import torch
 
+Float32 = NDArray[np.float32]
+
 
 def photometric(image: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     """Return 0.8 L1 + 0.2 (1 - SSIM) of images [H,W,3], both means over all values."""
     l1 = (image - target).abs().mean()
     return (1 - SSIM_WEIGHT) * l1 + SSIM_WEIGHT * (1 - ssim(image, target))
+
+
+def differentiated(
+    decoder: torch.nn.Module, feature_map: Float32, image: Float32, weight: float = 1.0
+) -> tuple[float, Float32]:
+    """Return the weighted loss of a decoder's image, and its gradient with respect to the feature map."""
+    features = torch.from_numpy(feature_map).requires_grad_()
+    loss = weight * photometric(decoder(features), torch.from_numpy(image))
+    decoder.zero_grad()
+    loss.backward()
+    gradient: Float32 = features.grad.numpy()
+    return loss.item(), gradient
 
 
 def ssim(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:

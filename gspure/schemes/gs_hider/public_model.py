@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar, Self
 
@@ -17,10 +17,11 @@ from gspure.model.activations import sigmoid
 from gspure.model.inria import point_cloud
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
-from gspure.public_model import BLACK, Background, Columns, PublicModel, RenderView
+from gspure.public_model import BLACK, Background, Columns, PublicModel, RenderView, learning_steps
 from gspure.renderer import Renderer
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES, SCENE_DECODER, find_decoder, read_rows
+from gspure.training.adam import adam_step
 
 Float32 = NDArray[np.float32]
 
@@ -42,6 +43,9 @@ class FeatureModel(PublicModel):
         "colour": ("semantic_*",),
         "base_colour": ("semantic_*",),
     }
+
+    rates: ClassVar[Mapping[str, float]] = {"colour": 5e-3}
+    """Learning rate of the features, before the sigmoid. Ours."""
 
     def __init__(self, model: Gaussians, decoder: DecoderFile | None) -> None:
         super().__init__(model)
@@ -86,6 +90,36 @@ class FeatureModel(PublicModel):
         from gspure.schemes.gs_hider.decoder import decoded
 
         return decoded(self.feature_map(device, background, energy), self.decoder.network)
+
+    def learned(
+        self,
+        views: Sequence[Camera],
+        images: Sequence[Float32],
+        attributes: Collection[str],
+        *,
+        steps: int,
+        rng: np.random.Generator,
+        pace: float = 1.0,
+        device: Device | None = None,
+    ) -> Self:
+        """Return the model with features learned through the public decoder; the decoder and all else stay."""
+        if self.decoder is None:
+            raise InputError("model", "decoder", expected=f"chkpntN_{SCENE_DECODER}.pth with the .ply", found="none")
+        from gspure.schemes.gs_hider.loss import differentiated
+        from gspure.training.pytorch import single_threaded
+
+        decoder = self.decoder.network.requires_grad_(requires_grad=False)
+        raw, renderer = self.model.columns(*FEATURES).copy(), Renderer(self.model, device)
+        first, second = np.zeros_like(raw), np.zeros_like(raw)
+        rate = pace * self.rates["colour"] if "colour" in attributes else 0.0
+        with single_threaded():
+            for number, (view, factor) in enumerate(learning_steps(len(views), steps, rng), start=1):
+                features = sigmoid(raw)
+                feature_map, pull_back = renderer.vjp(views[view], features)
+                _, gradient = differentiated(decoder, feature_map, images[view])
+                gradient = pull_back(gradient).channels * features * (1 - features)
+                adam_step(raw, first, second, gradient, factor * rate, number)
+        return self.with_model(self.model.with_columns(dict(zip(FEATURES, raw.T, strict=True))))
 
     def feature_map(
         self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -15,9 +15,19 @@ from gspure.model import Gaussians, read_model, write_model
 from gspure.model.inria import point_cloud
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
-from gspure.public_model import BLACK, Background, Columns, PublicModel, RenderView, Rows, merge_by_row, rows_digest
+from gspure.public_model import (
+    BLACK,
+    Background,
+    Columns,
+    PublicModel,
+    RenderView,
+    Rows,
+    learning_steps,
+    merge_by_row,
+    rows_digest,
+)
 from gspure.renderer import Renderer
-from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors
+from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors, table_of
 from gspure.schemes.secure_gs.files import read_networks, write_networks
 from gspure.schemes.secure_gs.networks import Networks, require_networks
 from gspure.schemes.secure_gs.neural import Neural, as_gaussians, neural
@@ -45,6 +55,9 @@ class AnchorModel(PublicModel):
         "position": ("x", "y", "z", "f_offset_*"),
     }
     """Without the opacities and rotations that Scaffold-GS stores but does not use."""
+
+    rates: ClassVar[Mapping[str, float]] = {"colour": 2e-3, "scale": 3e-4, "position": 1e-4}
+    """Learning rates of features, logarithms of scalings and offsets, whose unit is the scaling. Ours."""
 
     rows_are_gaussians: ClassVar[bool] = False
 
@@ -96,6 +109,33 @@ class AnchorModel(PublicModel):
         """Return the renderer of the scene."""
         device = device or choose_device()
         return lambda camera: Renderer(self.gaussians(camera)[0], device, energy=energy).image(camera, background)
+
+    def learned(
+        self,
+        views: Sequence[Camera],
+        images: Sequence[Float32],
+        attributes: Collection[str],
+        *,
+        steps: int,
+        rng: np.random.Generator,
+        pace: float = 1.0,
+        device: Device | None = None,
+    ) -> Self:
+        """Return the model with features, scalings and offsets learned through the public networks, which stay."""
+        from gspure.schemes.secure_gs.learner import Learner
+        from gspure.training.pytorch import single_threaded
+
+        rates = {name: pace * rate for name, rate in self.rates.items() if name in attributes}
+        groups = {"features": "colour", "log_scalings": "scale", "offsets": "position"}
+        with single_threaded():
+            learner = Learner(self.anchors, [self.networks], [images], device or choose_device())
+            for view, factor in learning_steps(len(views), steps, rng):
+                scales = np.exp(learner.anchors.log_scalings[:, :3])
+                rows = visible_rows(views[view], self.model.means, self.model.quats, scales)
+                learner.differentiate(0, views[view], rows, view, 1.0)
+                steps_of = {group: factor * rates.get(name, 0.0) for group, name in groups.items()}
+                learner.step(dict.fromkeys(self.networks, 0.0) | steps_of)
+        return self._with_attributes(table_of(learner.anchors), rates)
 
     def opacities(self, cameras: Sequence[Camera]) -> Float32:
         """Return the opacity [M] of each anchor, the mean over its Gaussians and the views where it is visible.

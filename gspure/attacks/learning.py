@@ -1,0 +1,165 @@
+"""Attacks that learn from the public model's own renders at public cameras: no photographs, no key, no message."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.attacks.attack import Attack, Attacked, Float32, Rng, require
+from gspure.cameras.camera import Camera
+from gspure.constants import SH_DC, TAU_N
+from gspure.errors import InputError
+from gspure.images import read_back
+from gspure.method.pruning import plain_prune_mask
+from gspure.model.gaussians import Gaussians
+from gspure.opencl.device import Device
+from gspure.opencl.trainable import TrainableModel
+from gspure.public_model import PublicModel
+from gspure.training.dataset import extent
+from gspure.training.initialization import LEAST_POINTS, gaussians_at
+from gspure.training.output import as_gaussians
+from gspure.training.schedule import Schedule
+from gspure.training.trainer import Trainer, beginning
+
+ITERATIONS: Final = 200
+DISTILLATION: Final = 1500
+"""Steps of a training from nothing. Ours."""
+
+PACE: Final = 10.0
+"""Factor of the learning rates of a `reestimate`, whose colours start at zero. Ours."""
+
+OPAQUE: Final = 0.5
+"""Rows at least this opaque are points to start a distillation from. Ours."""
+
+EVERYTHING: Final = "colour,opacity,scale,rotation,position"
+APPEARANCE: Final = "colour,opacity"
+LEARNED: Final = {"all": EVERYTHING, "appearance": APPEARANCE}
+
+
+def finetune(
+    _model: Gaussians,
+    rng: Rng,
+    public: PublicModel,
+    cameras: Sequence[Camera],
+    device: Device | None,
+    *,
+    iterations: int = ITERATIONS,
+    learn: str = "all",
+) -> Attacked:
+    """Train the model on its own renders: every row stays and changes a little.
+
+    Parameters
+    ----------
+    _model : Gaussians
+    rng : Generator
+    public : PublicModel
+    cameras : sequence of Camera
+    device : Device, optional
+    iterations : int
+        Steps, one view each.
+    learn : {"all", "appearance"}
+        All attributes, or only colour and opacity, so that rows are still recognized by their geometry.
+
+    """
+    images = _renders(public, cameras, device)
+    return _learned(public, public, cameras, images, device, rng, iterations, learn)
+
+
+def prune_repair(
+    _model: Gaussians,
+    rng: Rng,
+    weights: Float32,
+    public: PublicModel,
+    cameras: Sequence[Camera],
+    device: Device | None,
+    *,
+    tau: float = TAU_N,
+    iterations: int = ITERATIONS,
+    learn: str = "all",
+) -> Attacked:
+    """Remove the rows with ω_k < ω̄ / `tau`, then train the rest on renders of the unpruned model, as `finetune`."""
+    prune_mask = plain_prune_mask(weights, tau)
+    pruned = public.with_model(public.model.subset(~prune_mask))
+    images = _renders(public, cameras, device)
+    repaired = _learned(public, pruned, cameras, images, device, rng, iterations, learn)
+    return Attacked(repaired.model, np.flatnonzero(~prune_mask), len(public.model))
+
+
+def reestimate(
+    _model: Gaussians,
+    rng: Rng,
+    public: PublicModel,
+    cameras: Sequence[Camera],
+    device: Device | None,
+    *,
+    iterations: int = ITERATIONS,
+) -> Attacked:
+    """Set all colours or features to zero and learn them again; geometry, decoder and networks stay."""
+    images = _renders(public, cameras, device)
+    zeros = dict.fromkeys(public.columns["colour"], np.zeros(len(public.model), np.float32))
+    blank = public.with_model(public.model.with_columns(zeros))
+    return _learned(public, blank, cameras, images, device, rng, iterations, "colour", PACE)
+
+
+def distil(
+    model: Gaussians,
+    rng: Rng,
+    public: PublicModel,
+    cameras: Sequence[Camera],
+    device: Device | None,
+    *,
+    iterations: int = DISTILLATION,
+) -> Attacked:
+    """Train a new vanilla 3DGS model on the model's renders; it starts at the centres of opaque rows.
+
+    Only for models that are 3DGS already. Of others nothing remains that their extraction could read.
+    """
+    require("distil", "iterations", iterations, "at least 1", fits=iterations >= 1)
+    if type(public).attributes is not PublicModel.attributes:
+        expected = "a model of Gaussians with spherical harmonics, as the new one would be"
+        raise InputError("attack distil", "model", expected=expected, found="another format")
+    opaque = np.flatnonzero(model.opacities >= OPAQUE)
+    require("distil", "model", len(opaque), f"at least {LEAST_POINTS} opaque rows", fits=len(opaque) >= LEAST_POINTS)
+    colours = np.clip(0.5 + SH_DC * model.sh_coeffs[opaque, 0], 0, 1)
+    snapshot = beginning(
+        gaussians_at(model.means[opaque].astype(np.float64), (255 * colours).astype(np.uint8)),
+        int(rng.integers(2**31)),
+    )
+    student = TrainableModel(snapshot.state, device=device)
+    student.set_targets(_renders(public, cameras, device))
+    schedule = Schedule.scaled(iterations)
+    for _ in Trainer(student, cameras, schedule, snapshot, extent=extent(cameras), max_gaussians=len(model)):
+        pass
+    distilled = as_gaussians(student.state().parameters).with_comment("vanilla 3DGS distilled from a public model")
+    return Attacked(distilled, np.full(len(distilled), -1), len(model))
+
+
+def _renders(public: PublicModel, cameras: Sequence[Camera], device: Device | None) -> list[NDArray[np.float32]]:
+    if not cameras:
+        raise InputError("attack", "cameras", expected="public views", found="none")
+    scene = public.scene(device)
+    return [read_back(scene(camera)) for camera in cameras]
+
+
+def _learned(
+    public: PublicModel,
+    begin: PublicModel,
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.float32]],
+    device: Device | None,
+    rng: Rng,
+    iterations: int,
+    learn: str,
+    pace: float = 1.0,
+) -> Attacked:
+    require("finetune", "iterations", iterations, "at least 1", fits=iterations >= 1)
+    attributes = LEARNED.get(learn, learn).split(",")
+    require("finetune", "learn", learn, "all or appearance", fits=set(attributes) <= set(EVERYTHING.split(",")))
+    learned = begin.learned(cameras, images, attributes, steps=iterations, pace=pace, rng=rng, device=device)
+    return Attacked(learned.model, np.arange(len(begin.model)), len(public.model))
+
+
+ATTACKS = tuple(Attack(function.__name__, function) for function in (finetune, prune_repair, reestimate, distil))

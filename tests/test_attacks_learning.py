@@ -1,0 +1,131 @@
+"""Attacks that learn from the public model's own renders: what they are given, change and keep."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.attacks import Attack, Attacked, Evidence, find_attack
+from gspure.attacks.learning import ATTACKS
+from gspure.attacks.strength import scene_damage
+from gspure.cameras import write_cameras
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.method.pruning import plain_prune_mask
+from gspure.model import read_model, write_model
+from gspure.public_model import PublicModel
+from tests.attack_cases import changed, public
+from tests.models import blobs, camera, tilted_camera
+
+VIEWS = [camera(name="a"), tilted_camera(name="b")]
+ROWS = 80
+WEIGHTS = np.random.default_rng(0).lognormal(0, 1, ROWS).astype(np.float32)
+NAMES = [attack.name for attack in ATTACKS]
+GEOMETRY = {"x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3))}
+
+
+def attacked_by(name: str, seed: int = 0, **settings) -> Attacked:
+    evidence = Evidence(WEIGHTS) if find_attack(name).needs else Evidence()
+    settings = {"iterations": 6, **settings}
+    return find_attack(name).apply(PublicModel(blobs(ROWS)), evidence, seed=seed, cameras=VIEWS, **settings)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_arguments_give_the_same_bytes_and_change_the_model(name: str) -> None:
+    one, other = attacked_by(name), attacked_by(name)
+    assert one.model.table.tobytes() == other.model.table.tobytes()
+    assert one.model.table.tobytes() != blobs(ROWS).table.tobytes()
+    assert one.model.table.tobytes() != attacked_by(name, seed=1).model.table.tobytes()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_needs_no_photographs_key_or_message(name: str) -> None:
+    assert find_attack(name).parameters <= {"public", "cameras", "device", "weights"}
+
+
+def test_an_attack_gets_cameras_without_their_photographs() -> None:
+    got = []
+
+    def curious(model, _rng, cameras) -> Attacked:
+        got.extend(cameras)
+        return Attacked.without(model, np.zeros(len(model), bool))
+
+    photographed = [replace(view, image=Path("photograph.png")) for view in VIEWS]
+    Attack("curious", curious).apply(blobs(3), Evidence(), cameras=photographed)
+    assert [view.image for view in got] == [None, None]
+    assert [view.name for view in got] == ["a", "b"]
+
+
+@pytest.mark.parametrize("name", ["finetune", "prune_repair"])
+def test_learning_the_appearance_leaves_the_geometry_bit_identical(name: str) -> None:
+    attacked = attacked_by(name, learn="appearance")
+    before = blobs(ROWS).subset(~attacked.prune_mask)
+    assert not changed(before, attacked.model) & GEOMETRY
+    assert changed(before, attacked.model) >= {"opacity", "f_dc_0"}
+    assert changed(before, attacked_by(name).model) >= GEOMETRY
+
+
+def test_prune_repair_keeps_the_rows_above_the_threshold_and_repairs_the_scene() -> None:
+    attacked = attacked_by("prune_repair", tau=1.5, iterations=60)
+    np.testing.assert_array_equal(attacked.prune_mask, plain_prune_mask(WEIGHTS, 1.5))
+    damage_of = scene_damage(PublicModel(blobs(ROWS)), VIEWS)
+    pruned = PublicModel(blobs(ROWS).subset(~attacked.prune_mask))
+    assert damage_of(PublicModel(attacked.model)) < damage_of(pruned) - 0.1
+
+
+def test_reestimate_changes_all_colours_and_keeps_the_rest_and_the_scene() -> None:
+    attacked = attacked_by("reestimate", iterations=150)
+    before = blobs(ROWS)
+    colours = {name for name in before.table.dtype.names if name.startswith("f_")}
+    assert changed(before, attacked.model) == colours
+    zeros = PublicModel(before.with_columns(dict.fromkeys(colours, np.zeros(ROWS, np.float32))))
+    damage_of = scene_damage(PublicModel(before), VIEWS)
+    assert damage_of(PublicModel(attacked.model)) < 0.5 * damage_of(zeros)
+
+
+def test_a_distilled_model_has_new_rows_only_and_says_that_it_is_vanilla() -> None:
+    attacked = attacked_by("distil", iterations=20)
+    assert attacked.prune_mask.all()
+    assert any("vanilla 3DGS" in comment for comment in attacked.model.comments)
+    assert attacked.model.sh_degree == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "message"),
+    [
+        ("finetune", {"iterations": 0}, "iterations: expected at least 1"),
+        ("finetune", {"learn": "sky"}, "learn: expected all or appearance"),
+        ("distil", {"iterations": 0}, "iterations: expected at least 1"),
+    ],
+)
+def test_bad_settings_are_refused(name: str, settings: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        attacked_by(name, **settings)
+
+
+def test_without_views_there_is_nothing_to_learn_from() -> None:
+    with pytest.raises(InputError, match="cameras: expected public views"):
+        find_attack("finetune").apply(blobs(3), Evidence())
+
+
+def test_only_3dgs_is_distilled() -> None:
+    from tests.attack_cases import features
+
+    with pytest.raises(InputError, match="another format"):
+        find_attack("distil").apply(public(features(9)), Evidence(), cameras=VIEWS)
+
+
+def test_the_command_learns_from_the_training_views(tmp_path: Path, capsys) -> None:
+    write_model(tmp_path / "model.ply", blobs(ROWS))
+    views = [replace(VIEWS[i % 2], name=f"view_{i}") for i in range(3)]
+    write_cameras(tmp_path / "cameras.json", views)
+    words = ["attack", "finetune", "--model", tmp_path / "model.ply", "--set", "iterations=4", "--out"]
+    cameras = ["--cameras", tmp_path / "cameras.json"]
+    assert main([*map(str, [*words, tmp_path / "out.ply", *cameras])]) == 0
+    expected = find_attack("finetune").apply(blobs(ROWS), Evidence(), cameras=views[1:], iterations=4).model
+    assert read_model(tmp_path / "out.ply").table.tobytes() == expected.table.tobytes()
+    assert main([*map(str, [*words, tmp_path / "other.ply"])]) == 2
+    assert "--cameras: expected public views" in capsys.readouterr().err
