@@ -159,7 +159,7 @@ def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path)
 def test_the_tables_hold_survival_and_differences() -> None:
     left = {str(row.cells[0]): [str(cell) for cell in row.cells] for row in survival_table(survival(SCENES)).rows}
     assert left["better"][1].startswith("14.50 [")
-    assert left["better"][3] == "6 of 6"
+    assert left["better"][4] == "6 of 6"
     rivals = {
         str(row.cells[0]): row.cells
         for row in rivals_table(

@@ -13,9 +13,12 @@ import numpy as np
 import pytest
 
 from gspure.cli import main
-from gspure.evaluation.paper import Claim, check_claims, find_oddities, read_cells, score_interval
+from gspure.evaluation.paper import Claim, check_claims, find_oddities, read_cells, rms_ratio_of, score_interval
 from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS
 from gspure.evaluation.paper.quantities import ablations, drop, lead, score, score_lead, table_1
+from gspure.evaluation.records import write_records
+from gspure.evaluation.survival import Survival, survival
+from tests.contest_cases import benchmark
 
 ROWS = ("unattacked", *ATTACKS)
 CELLS = read_cells()
@@ -169,6 +172,21 @@ def test_oddities_of_other_cells_are_not_found():
     assert "print the same message PSNR in all" not in text
     assert "Gaussian noise raises" not in text
     assert "feature scaling raises" in text
+
+
+def test_in_table_1_gspure_alone_harms_the_message_of_gs_hider_far_more_than_the_scene():
+    ratios = {attack: rms_ratio_of(CELLS, "gs_hider", attack) for attack in ATTACKS}
+    assert ratios.pop("gspure") == pytest.approx(18.18, abs=0.005)
+    assert all(0.9 < ratio < 1.7 for ratio in ratios.values())
+
+
+def test_the_command_prints_our_ratios_beside_those_of_table_1(tmp_path, capsys):
+    outcomes = benchmark({"a": {"gspure": (1.0, 10.0)}}, scheme="gs_hider")
+    ours = survival(outcomes)
+    write_records(tmp_path / "survival.csv", Survival, ours)
+    assert main(["paper-check", "--survival", str(tmp_path / "survival.csv")]) == 0
+    ratio = next(row.rms_ratio for row in ours if row.variant == "gspure")
+    assert re.search(rf"GS-Hider +\| GSPure +\| +18\.18 \| +{ratio:.2f} \|", capsys.readouterr().out)
 
 
 def test_the_command_prints_every_number_and_writes_a_row_for_each(tmp_path, capsys):

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.errors import InputError
+from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import detectability
 from gspure.evaluation.survival import MARGIN, Survival, floor, survival
@@ -147,3 +148,29 @@ def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):
         read_records(tmp_path / "t.csv", Survival)
+
+
+def test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before() -> None:
+    def lowered(before: float) -> list[float]:
+        return [before, -10 * math.log10(10 ** (-before / 10) + 3e-4)]
+
+    assert rms_ratio([lowered(27.8)], [lowered(33.5)]) == pytest.approx(1.0)
+    assert rms_ratio([lowered(27.8)] * 2, [lowered(33.5), lowered(20.0)]) == pytest.approx(1.0)
+    assert rms_ratio([[20.0, 21.0]], [lowered(30.0)]) == 0.0
+    assert math.isnan(rms_ratio([lowered(30.0)], [[30.0, 30.0]]))
+
+
+def test_the_rms_ratio_of_a_variant_is_that_of_its_scenes_means_over_seeds() -> None:
+    rows = by_variant(benchmark({f"s{i}": {"x": (1.0 + i, 10.0)} for i in range(3)}, seeds=2))
+    message = [[BEFORE["message"], BEFORE["message"] - 10.05]] * 3
+    scene = [[BEFORE["scene"], BEFORE["scene"] - 1 - i] for i in range(3)]
+    assert rows["x"].rms_ratio == pytest.approx(rms_ratio(message, scene))
+    assert math.isnan(rows["unattacked"].rms_ratio)
+
+
+def test_the_share_left_is_of_the_part_above_the_floor_and_never_negative() -> None:
+    above = BEFORE["message"] - CONTROLS["mean_colour"]
+    rows = by_variant(benchmark({"a": {"half": (1.0, above / 2), "below": (1.0, above + 5)}}))
+    assert [rows[name].share_left.mean for name in ("unattacked", "half", "below")] == [1.0, 0.5, 0.0]
+    absent = outcome("unattacked", "a", targets={"message": CONTROLS["mean_colour"] + 0.5})
+    assert by_variant([absent, *benchmark({"a": {}})[1:]])["unattacked"].share_left is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,12 +11,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gspure.evaluation.paper import Cell, Check
+    from gspure.evaluation.survival import Survival
     from gspure.report.table import Table
 
 HELP = "compare the paper's printed numbers with those that follow from its tables"
 EXAMPLES = """\
   gspure paper-check
   gspure paper-check --out paper.csv     # one row per number
+  gspure paper-check --survival results/tables/survival.csv
 """
 
 TEXTS = ("attack", "follows")
@@ -23,6 +26,9 @@ TEXTS = ("attack", "follows")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
+    parser.add_argument(
+        "--survival", type=Path, metavar="CSV", help="from `gspure contest`: our results beside the paper's"
+    )
     parser.add_argument("--out", type=Path, metavar="CSV", help="also write all checks to this table")
 
 
@@ -31,10 +37,13 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import write_text
     from gspure.evaluation.paper import check_claims, find_oddities, read_cells
     from gspure.evaluation.paper.checks import ROUNDING
+    from gspure.evaluation.records import read_records
+    from gspure.evaluation.survival import Survival
 
     cells = read_cells()
     checks = check_claims(cells)
-    for table in (_scores(checks, cells), _without_scores(checks)):
+    ours = read_records(args.survival, Survival) if args.survival else []
+    for table in (_scores(checks, cells), _without_scores(checks), _rms_ratios(cells, ours)):
         print(f"{table.title}\n\n{table.markdown()}\n")
     print("Other inconsistencies\n")
     print("\n".join(f"- {sentence}" for sentence in find_oddities(cells)))
@@ -76,6 +85,28 @@ def _without_scores(checks: Sequence[Check]) -> Table:
     ]
     columns = ["place", "printed", "recomputed", "difference", "follows"]
     return _table("Other numbers in dB, recomputed from Table 1", columns, rows)
+
+
+def _rms_ratios(cells: Sequence[Cell], ours: Sequence[Survival]) -> Table:
+    from gspure.evaluation.names import display_name
+    from gspure.evaluation.outcomes import MESSAGE
+    from gspure.evaluation.paper import rms_ratio_of
+    from gspure.evaluation.paper.cells import ATTACKS, SCHEMES
+    from gspure.report.table import plain
+
+    measured = {(row.scheme, row.variant): row.rms_ratio for row in ours if row.extraction == MESSAGE}
+    rows = [
+        [
+            display_name(scheme),
+            display_name(attack),
+            plain(rms_ratio_of(cells, scheme, attack)),
+            plain(measured.get((scheme, attack), nan)),
+        ]
+        for scheme in SCHEMES
+        for attack in ATTACKS
+    ]
+    title = "Root-mean-square damage to the message relative to that of the scene"
+    return _table(title, ["scheme", "attack", "Table 1", "ours"], rows)
 
 
 def _all(checks: Sequence[Check]) -> Table:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gspure.constants import SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
 from gspure.errors import InputError
@@ -91,6 +92,24 @@ def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
     first, second = (_gradients(np.asarray(image, np.float64)) for image in (a, b))
     norm = float(np.sqrt(np.sum(first**2) * np.sum(second**2)))
     return float(np.sum(first * second)) / norm if norm else 0.0
+
+
+def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
+    r"""Return the root-mean-square damage to the message, relative to that of the scene.
+
+    .. math:: \sqrt{\frac{\sum \Delta \mathrm{MSE}_{message}}{\sum \Delta \mathrm{MSE}_{scene}}}, \quad
+        \mathrm{MSE} = 10^{-\mathrm{PSNR} / 10}
+
+    0 if the message loses nothing, NaN if the scene loses nothing.
+
+    Parameters
+    ----------
+    message, scene : array [N,2]
+        PSNR before and after an attack in the same N scenes, dB.
+
+    """
+    rises = [float(np.sum(np.diff(10.0 ** (-np.asarray(psnr) / 10)))) for psnr in (message, scene)]
+    return float(np.sqrt(max(rises[0], 0.0) / rises[1])) if rises[1] > 0 else math.nan
 
 
 def _gradients(image: Float64) -> Float64:

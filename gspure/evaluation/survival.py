@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
+from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, ordered
 from gspure.evaluation.statistics import (
     Cells,
@@ -44,8 +46,14 @@ class Survival(NamedTuple):
 
     message_drop: Interval | None
     scene_drop: Interval | None
+    rms_ratio: float
+    """Damage to the message relative to that of the scene (`gspure.evaluation.metrics.rms_ratio`), over all scenes."""
+
     above_floor: Interval | None
     """The message's PSNR minus the floor of the same scene, dB."""
+
+    share_left: Interval | None
+    """`above_floor` as a share of what it was before the attack, in scenes in which the message was present."""
 
     above_wrong_key: Interval | None
     """The message's PSNR minus that of a wrong key applied to the unattacked model, dB."""
@@ -78,10 +86,10 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     for scheme in dict.fromkeys(o.scheme for o in outcomes):
         of_scheme = [o for o in outcomes if o.scheme == scheme]
         for extraction in ordered({target for o in of_scheme for target in o.messages}):
-            psnr = _psnr(of_scheme, extraction)
+            psnr, scene_psnr = _psnr(of_scheme, extraction), _psnr(of_scheme, SCENE)
             attacked = [o for o in of_scheme if not o.is_control and extraction in o.targets]
             rows += [
-                _survival([o for o in of_scheme if o.variant == variant], extraction, psnr)
+                _survival([o for o in of_scheme if o.variant == variant], extraction, psnr, scene_psnr)
                 for variant in dict.fromkeys(o.variant for o in attacked)
             ]
     return rows
@@ -109,10 +117,12 @@ def _highest(psnr: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
     return highest
 
 
-def _survival(attacked: Sequence[Outcome], extraction: str, psnr: Mapping[str, Cells]) -> Survival:
+def _survival(
+    attacked: Sequence[Outcome], extraction: str, psnr: Mapping[str, Cells], scene_psnr: Mapping[str, Cells]
+) -> Survival:
     first = attacked[0]
-    after, scene_floor = psnr.get(first.variant, {}), _highest(psnr)
-    present_before = _present(psnr.get(UNATTACKED, {}), scene_floor)
+    before, after, scene_floor = psnr.get(UNATTACKED, {}), psnr.get(first.variant, {}), _highest(psnr)
+    present_before = _present(before, scene_floor)
     reached = [o.reached[extraction] for o in attacked if extraction in o.reached]
     kinds = [kind for kind in MESSAGE_FREE if after and kind in psnr]
     auc = {kind: detectability(_scene_means(after), _scene_means(psnr[kind])) for kind in kinds}
@@ -126,7 +136,9 @@ def _survival(attacked: Sequence[Outcome], extraction: str, psnr: Mapping[str, C
         any(reached) if reached else None,
         known_interval(_drops(attacked, extraction)),
         known_interval(_drops(attacked, SCENE)),
+        _rms_ratio(first.variant, psnr, scene_psnr),
         _mean(differences(after, scene_floor)),
+        known_interval(_shares_left(before, after, scene_floor)),
         _mean(differences(after, psnr.get(WRONG_KEY, {}))),
         hardest,
         auc.get(hardest),
@@ -135,6 +147,21 @@ def _survival(attacked: Sequence[Outcome], extraction: str, psnr: Mapping[str, C
 
 def _drops(attacked: Sequence[Outcome], target: str) -> Cells:
     return {(o.scene, o.seed): o.psnr_drop(target) for o in attacked}
+
+
+def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, Cells]) -> float:
+    tables = [target.get(name, {}) for target in (message, scene) for name in (UNATTACKED, variant)]
+    cells = set.intersection(*({*table} for table in tables))
+    columns = [[seeds.mean() for seeds in by_scene({cell: table[cell] for cell in cells})] for table in tables]
+    return rms_ratio(np.transpose(columns[:2]), np.transpose(columns[2:]))
+
+
+def _shares_left(before: Cells, after: Cells, scene_floor: Cells) -> Cells:
+    return {
+        cell: max(0.0, after[cell] - scene_floor[cell]) / margin
+        for cell in before.keys() & after.keys() & scene_floor.keys()
+        if (margin := before[cell] - scene_floor[cell]) >= MARGIN
+    }
 
 
 def _present(psnr: Cells, scene_floor: Cells) -> set[str]:

@@ -115,18 +115,21 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
     has_floor = any(row.above_floor for row in attacks)
     scenes = _scenes(row.message_drop for row in attacks)
     columns = [Column("attack"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
+    columns += [Column("RMS ratio", main=False)]
     if has_floor:
         columns += [
             Column("survived"),
+            Column("share left"),
             *(Column(name, "message above", main=False) for name in ("the floor", "wrong key")),
         ]
         columns += [Column("detectability", main=False)] * (scenes > 1)
     rows = []
     for row in attacks:
         name = display_name(row.variant) + (" †" if row.reached is False and row.variant != UNATTACKED else "")
-        cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop)]
+        cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop), Cell(plain(row.rms_ratio))]
         if has_floor:
             cells.append(Cell(f"{row.survived} of {row.present}") if row.present else Cell())
+            cells.append(share(row.share_left.mean if row.share_left else nan))
             cells += [interval(row.above_floor), interval(row.above_wrong_key)]
             cells += [_detectability(row)] * (scenes > 1)
         rows.append(Row(cells))

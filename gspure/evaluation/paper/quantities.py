@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, PSNR, SCORE, TARGETS, Cell
 from gspure.evaluation.statistics import Interval, mean_interval
@@ -70,6 +71,12 @@ QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
     "lead": lead,
     "score_lead": score_lead,
 }
+
+
+def rms_ratio_of(cells: Sequence[Cell], scheme: str, variant: str) -> float:
+    """Return the damage to the message relative to that of the scene over the nine scenes of Table 1."""
+    psnr = {t: [[*by_scene(cells, scheme, v, t).values()] for v in (UNATTACKED, variant)] for t in TARGETS}
+    return rms_ratio(np.transpose(psnr[MESSAGE]), np.transpose(psnr[SCENE]))
 
 
 def score_interval(cells: Sequence[Cell], scheme: str, variant: str) -> Interval:
