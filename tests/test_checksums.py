@@ -21,7 +21,7 @@ from gspure.artifacts import (
     write_provenance,
     write_text,
 )
-from gspure.artifacts.checksums import file_checksum
+from gspure.artifacts.checksums import file_checksum, intact
 from gspure.cameras import read_cameras, write_cameras
 from gspure.errors import InputError
 from gspure.evaluation import metrics
@@ -100,6 +100,14 @@ def test_files_that_appear_together_lose_their_old_checksums(tmp_path: Path) -> 
         save_array(folder / "other.npy", np.arange(9.0))
     assert len(read(path)) == 9
     assert read_json(tmp_path / "weights.npy.json")["settings"] == {"new": True}
+
+
+def test_a_file_whose_record_names_another_is_not_intact(tmp_path: Path) -> None:
+    save_array(tmp_path / "a.npy", np.arange(3), checksum=True)
+    assert intact(tmp_path / "a.npy")
+    record = tmp_path / "a.npy.json"
+    record.write_text(record.read_text().replace("a.npy", "b.npy"))
+    assert not intact(tmp_path / "a.npy")
 
 
 def test_a_users_json_beside_a_file_is_no_checksum_and_stays(tmp_path: Path) -> None:

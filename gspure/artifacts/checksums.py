@@ -117,10 +117,10 @@ def require_size(path: Path) -> None:
 
 
 def intact(path: Path) -> bool:
-    """Return whether a file is there, has a checksum, and agrees with it."""
+    """Return whether a file is there, has a record of its name, and agrees with its checksum."""
     try:
         verify(path)
-        return Path(path).exists() and record_of(path) is not None
+        return Path(path).exists() and (record_of(path) or {}).get("artifact") == Path(path).name
     except InputError:
         return False
 
