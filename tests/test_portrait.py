@@ -2,6 +2,7 @@
 
 import base64
 import json
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -117,3 +118,15 @@ def test_vtp_holds_points_colours_and_scalars(tmp_path: Path) -> None:
     assert np.array_equal(mesh.points, BALL)
     assert np.array_equal(mesh["rgb"], cloud.colours)
     assert np.array_equal(mesh["cluster"], labels)
+
+
+def test_points_are_written_whole_or_not_at_all(tmp_path):
+    cloud = Cloud(np.zeros((5000, 3), np.float32), np.zeros((5000, 3), np.uint8), {})
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            export.write_vtp(tmp_path / "a.vtp", cloud)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(tmp_path.iterdir()) == []

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import replacing, write_text
+from gspure.artifacts import write_text
 from gspure.figures.clouds import Cloud
 
 _FLOAT: Final = 5126
@@ -22,13 +22,17 @@ _POINTS: Final = 0
 def write_vtp(path: Path, cloud: Cloud) -> None:
     """Write points, colours (``rgb``) and scalars as VTK XML poly data."""
     import pyvista as pv
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
     mesh = pv.PolyData(cloud.points.astype(np.float32))
     mesh["rgb"] = cloud.colours
     for name, values in cloud.scalars.items():
         mesh[name] = values
-    with replacing(path) as temporary:
-        mesh.save(temporary)
+    writer = vtkXMLPolyDataWriter()
+    writer.SetInputData(mesh)
+    writer.WriteToOutputStringOn()  # on a full disk, VTK's own files end early without an error
+    writer.Write()
+    write_text(path, writer.GetOutputString())
 
 
 def write_gltf(path: Path, cloud: Cloud, axes: NDArray[np.floating]) -> None:
