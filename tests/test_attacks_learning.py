@@ -97,7 +97,7 @@ def test_a_distilled_model_has_new_rows_only_and_says_that_it_is_vanilla() -> No
     ("name", "settings", "message"),
     [
         ("finetune", {"iterations": 0}, "iterations: expected at least 1"),
-        ("finetune", {"learn": "sky"}, "learn: expected all or appearance"),
+        ("finetune", {"learn": "sky"}, "attack finetune: learn: expected one of all, appearance, colour"),
         ("distil", {"iterations": 0}, "iterations: expected at least 1"),
     ],
 )

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.attacks.attack import Attack, Attacked, Float32, Rng, require
 from gspure.cameras.camera import Camera
@@ -34,9 +33,42 @@ PACE: Final = 10.0
 OPAQUE: Final = 0.5
 """Rows at least this opaque are points to start a distillation from. Ours."""
 
-EVERYTHING: Final = "colour,opacity,scale,rotation,position"
-APPEARANCE: Final = "colour,opacity"
-LEARNED: Final = {"all": EVERYTHING, "appearance": APPEARANCE}
+LEARNED: Final = {
+    "all": ("colour", "opacity", "scale", "rotation", "position"),
+    "appearance": ("colour", "opacity"),
+    "colour": ("colour",),
+}
+"""Attributes that are learned, by name of the choice."""
+
+
+class Teacher:
+    """The renders of a public model at public cameras, to train others on.
+
+    Parameters
+    ----------
+    attack : str
+        Name of the attack, for errors.
+    public : PublicModel
+    cameras : sequence of Camera
+    device : Device, optional
+
+    """
+
+    def __init__(self, attack: str, public: PublicModel, cameras: Sequence[Camera], device: Device | None) -> None:
+        if not cameras:
+            raise InputError(f"attack {attack}", "cameras", expected="public views", found="none")
+        self.attack, self.cameras, self.device = attack, cameras, device
+        scene = public.scene(device)
+        self.images = [read_back(scene(camera)) for camera in cameras]
+
+    def taught(self, student: PublicModel, rng: Rng, iterations: int, learn: str, pace: float = 1.0) -> Gaussians:
+        """Return the rows of `student` after training some of its attributes."""
+        require(self.attack, "iterations", iterations, "at least 1", fits=iterations >= 1)
+        require(self.attack, "learn", learn, f"one of {', '.join(LEARNED)}", fits=learn in LEARNED)
+        learned = student.learned(
+            self.cameras, self.images, LEARNED[learn], steps=iterations, pace=pace, rng=rng, device=self.device
+        )
+        return learned.model
 
 
 def finetune(
@@ -60,12 +92,12 @@ def finetune(
     device : Device, optional
     iterations : int
         Steps, one view each.
-    learn : {"all", "appearance"}
-        All attributes, or only colour and opacity, so that rows are still recognized by their geometry.
+    learn : {"all", "appearance", "colour"}
+        All attributes; or colour and opacity, or colour alone, so that rows are still recognized by their geometry.
 
     """
-    images = _renders(public, cameras, device)
-    return _learned(public, public, cameras, images, device, rng, iterations, learn)
+    rows = Teacher("finetune", public, cameras, device).taught(public, rng, iterations, learn)
+    return Attacked(rows, np.arange(len(rows)), len(rows))
 
 
 def prune_repair(
@@ -83,9 +115,8 @@ def prune_repair(
     """Remove the rows with ω_k < ω̄ / `tau`, then train the rest on renders of the unpruned model, as `finetune`."""
     prune_mask = plain_prune_mask(weights, tau)
     pruned = public.with_model(public.model.subset(~prune_mask))
-    images = _renders(public, cameras, device)
-    repaired = _learned(public, pruned, cameras, images, device, rng, iterations, learn)
-    return Attacked(repaired.model, np.flatnonzero(~prune_mask), len(public.model))
+    rows = Teacher("prune_repair", public, cameras, device).taught(pruned, rng, iterations, learn)
+    return Attacked(rows, np.flatnonzero(~prune_mask), len(prune_mask))
 
 
 def reestimate(
@@ -98,10 +129,10 @@ def reestimate(
     iterations: int = ITERATIONS,
 ) -> Attacked:
     """Set all colours or features to zero and learn them again; geometry, decoder and networks stay."""
-    images = _renders(public, cameras, device)
     zeros = dict.fromkeys(public.columns["colour"], np.zeros(len(public.model), np.float32))
     blank = public.with_model(public.model.with_columns(zeros))
-    return _learned(public, blank, cameras, images, device, rng, iterations, "colour", PACE)
+    rows = Teacher("reestimate", public, cameras, device).taught(blank, rng, iterations, "colour", PACE)
+    return Attacked(rows, np.arange(len(rows)), len(rows))
 
 
 def distil(
@@ -129,37 +160,12 @@ def distil(
         int(rng.integers(2**31)),
     )
     student = TrainableModel(snapshot.state, device=device)
-    student.set_targets(_renders(public, cameras, device))
+    student.set_targets(Teacher("distil", public, cameras, device).images)
     schedule = Schedule.scaled(iterations)
     for _ in Trainer(student, cameras, schedule, snapshot, extent=extent(cameras), max_gaussians=len(model)):
         pass
     distilled = as_gaussians(student.state().parameters).with_comment("vanilla 3DGS distilled from a public model")
     return Attacked(distilled, np.full(len(distilled), -1), len(model))
-
-
-def _renders(public: PublicModel, cameras: Sequence[Camera], device: Device | None) -> list[NDArray[np.float32]]:
-    if not cameras:
-        raise InputError("attack", "cameras", expected="public views", found="none")
-    scene = public.scene(device)
-    return [read_back(scene(camera)) for camera in cameras]
-
-
-def _learned(
-    public: PublicModel,
-    begin: PublicModel,
-    cameras: Sequence[Camera],
-    images: Sequence[NDArray[np.float32]],
-    device: Device | None,
-    rng: Rng,
-    iterations: int,
-    learn: str,
-    pace: float = 1.0,
-) -> Attacked:
-    require("finetune", "iterations", iterations, "at least 1", fits=iterations >= 1)
-    attributes = LEARNED.get(learn, learn).split(",")
-    require("finetune", "learn", learn, "all or appearance", fits=set(attributes) <= set(EVERYTHING.split(",")))
-    learned = begin.learned(cameras, images, attributes, steps=iterations, pace=pace, rng=rng, device=device)
-    return Attacked(learned.model, np.arange(len(begin.model)), len(public.model))
 
 
 ATTACKS = tuple(Attack(function.__name__, function) for function in (finetune, prune_repair, reestimate, distil))
