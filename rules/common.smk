@@ -6,7 +6,7 @@ from gspure.artifacts import file_digest
 from gspure.attacks import find_attack
 from gspure.workflow.configuration import resolved, validated
 from gspure.errors import InputError
-from gspure.evaluation.controls import CONTROLS
+from gspure.evaluation.controls import BASELINES, CONTROLS
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
 from gspure.workflow.captures import capture_files

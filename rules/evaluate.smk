@@ -84,11 +84,75 @@ rule compare_renders:
         job("metrics {params.references:q} {params.images:q} {params.options}" " --out {output.metrics:q}")
 
 
+def get_extractions(model):
+    """The finished images of what all variants and controls of a model show with a key; baselines have none."""
+    names = [name for name in (*VARIANTS, *model.controls) if name not in BASELINES]
+    folders = [folder for name in names for folder in Variant(model, name).renders]
+    return get_finished(folder for folder in folders if os.path.basename(folder) != "scene")
+
+
+rule trace_decoys:
+    output:
+        scene=directory("results/decoys/{width}x{height}x{views}/{seed}/scene"),
+        message=directory("results/decoys/{width}x{height}x{views}/{seed}/message"),
+    log:
+        "results/logs/decoys/{width}x{height}x{views}/{seed}.log",
+    benchmark:
+        "results/benchmarks/decoys/{width}x{height}x{views}/{seed}.tsv"
+    wildcard_constraints:
+        width="[0-9]+",
+        height="[0-9]+",
+        views="[0-9]+",
+        seed="[0-9]+",
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.pair"),
+        folder="results/decoys/{width}x{height}x{views}/{seed}",
+        other=lambda wildcards: int(wildcards.seed) + 1,
+    message:
+        "Tracing random scenes, as candidates of the retrieval"
+    shell:
+        job(
+            "pair interior-{wildcards.seed} interior-{params.other} --placement coincident --views {wildcards.views}"
+            " --width {wildcards.width} --height {wildcards.height} --out {params.folder:q}"
+        )
+
+
+rule retrieve_message:
+    input:
+        pair=lambda wildcards: get_model(wildcards).references,
+        extractions=lambda wildcards: get_extractions(get_model(wildcards)),
+        decoys=lambda wildcards: get_finished(get_model(wildcards).decoys),
+    output:
+        table="results/{scheme}/{scene}/retrieval.csv",
+    log:
+        "results/logs/{scheme}/{scene}/retrieval.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/retrieval.tsv"
+    wildcard_constraints:
+        scheme="|".join(PLAN.schemes) or "none",
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.retrieve"),
+    message:
+        "Retrieving the message of {wildcards.scheme}/{wildcards.scene} among candidates"
+    shell:
+        job(
+            "retrieve {input.pair[1]:q} --extractions {input.extractions:q} --decoys {input.decoys:q}"
+            " --out {output.table:q}"
+        )
+
+
 rule tabulate_metrics:
     input:
         metrics=get_finished(path for model in PLAN.models for path in model.metrics),
         masks=get_finished(expand("results/{model}/{variant}/prune_mask.npy", model=MODELS, variant=VARIANTS)),
         verdicts=get_finished(expand("results/{model}/{variant}/verdict.json", model=MODELS, variant=VARIANTS)),
+        retrievals=get_finished(
+            f"{model.folder}/retrieval.csv" for model in PLAN.models if model.is_watermarked and get_extractions(model)
+        ),
         key_folders=get_finished(f"{model.folder}/key" for model in PLAN.models if model.is_watermarked),
         failures=[status_of(failure.log) for failure in FAILURES],
     output:
@@ -110,6 +174,6 @@ rule tabulate_metrics:
     shell:
         job(
             "table --metrics {input.metrics:q} --prune-masks {input.masks:q} --keys {input.key_folders:q}"
-            " --verdicts {input.verdicts:q} --failures {input.failures:q} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q}"
-            " --latex {output.latex:q}"
+            " --verdicts {input.verdicts:q} --failures {input.failures:q} --retrievals {input.retrievals:q}"
+            " --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q} --latex {output.latex:q}"
         )

@@ -23,7 +23,7 @@ def get_finished(paths):
 
 def get_summaries():
     """The jobs that make do with finished cells: the tables, and all that is made of them."""
-    tables = [job for job in workflow.dag.jobs if job.rule.name == "tabulate_metrics"]
+    tables = [job for job in workflow.dag.jobs if job.rule.name in {"retrieve_message", "tabulate_metrics"}]
     return set(workflow.dag.bfs(workflow.dag.depending, *tables))
 
 

@@ -14,6 +14,7 @@ from gspure.evaluation.comparison import RENDER, compare, pair_images, read_metr
 from gspure.evaluation.metrics import METRICS, Metric
 from gspure.evaluation.outcomes import collect
 from gspure.evaluation.results import read_results, write_results
+from gspure.evaluation.retrieval import Retrieval
 from gspure.evaluation.summary import summarize
 from gspure.failures import Failure, status_of
 from gspure.images import write_image
@@ -148,6 +149,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "strength": "tau=4",
         "failure": "",
         **dict.fromkeys((*(f"off_path_{name}" for name in METRICS), "off_path_psnr_drop", "off_path_score"), ""),
+        **dict.fromkeys((f"retrieval_{name}" for name in Retrieval._fields), ""),
         "seed": "0",
         "precision": "0.5",
         "recall": "0.5",

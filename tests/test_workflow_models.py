@@ -52,6 +52,13 @@ def again(plan) -> Model:
     return Model(plan, "splats_in_splats", "raised@1")
 
 
+def test_candidates_of_the_retrieval_are_other_messages_and_random_scenes_of_the_same_size(again):
+    others, traced = ([path for path in again.decoys if ("/pairs/" in path) == is_pair] for is_pair in (True, False))
+    assert others == ["results/pairs/front/message"]
+    assert len(traced) == 10
+    assert all(path.startswith("results/decoys/160x120x4/") for path in traced)
+
+
 def test_there_is_a_model_of_each_asset_and_of_each_scheme_pair_and_repetition(plan):
     scenes = ["raised", "raised@1", "front", "front@1"]
     schemes = ["splats_in_splats", "secure_gs"]

@@ -80,6 +80,13 @@ def test_an_attack_that_refuses_is_told_and_stops_nothing(rows):
     assert not row["psnr"]
 
 
+def test_extractions_are_compared_with_flips_the_scene_another_message_and_random_scenes(rows):
+    for variant in ("unattacked", "gspure", "clean"):
+        row = numbers(rows, variant)["message"]
+        assert (row["retrieval_views"], row["retrieval_candidates"]) == ("2", str(1 + 3 + 1 + 1 + 10))
+    assert not numbers(rows, "black")["message"]["retrieval_views"]
+
+
 def test_what_an_attack_reached_is_told(rows):
     assert {t: row["reached"] for t, row in numbers(rows, "unattacked").items() if t != "scene"} == {
         "message": "false",

@@ -43,6 +43,7 @@ JOBS = (
     "tree",
     "cluster",
     "prune",
+    "retrieve",
     "table",
     "matched",
     "contest",

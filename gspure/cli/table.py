@@ -52,6 +52,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="JSON",
         help="statuses of failed jobs of the workflow: variants that have no metrics because of them",
     )
+    parser.add_argument(
+        "--retrievals",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="CSV",
+        help="retrieval.csv of `gspure retrieve`, in folders SCHEME/SCENE",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per variant and target")
     parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="the same as readable tables")
     parser.add_argument("--summary", type=Path, metavar="CSV", help="means over scenes, with intervals")
@@ -61,19 +69,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
+    from gspure.evaluation.names import model_name
     from gspure.evaluation.outcomes import collect
     from gspure.evaluation.recall import CARRIERS
     from gspure.evaluation.records import write_records
     from gspure.evaluation.results import write_results
     from gspure.evaluation.summary import Summary, summarize
+    from gspure.evaluation.survival import not_embedded
+    from gspure.progress import say
     from gspure.report.tables import results_markdown, summary_table
 
     truth = [mask for key in args.keys if (mask := key / CARRIERS).is_file()]
-    outcomes = collect(args.metrics, args.prune_masks, truth, args.verdicts, args.failures)
+    outcomes = collect(args.metrics, args.prune_masks, truth, args.verdicts, args.failures, args.retrievals)
     write_results(args.out, outcomes)
-    files = (*args.metrics, *args.prune_masks, *truth, *args.verdicts, *args.failures)
+    files = (*args.metrics, *args.prune_masks, *truth, *args.verdicts, *args.failures, *args.retrievals)
     write_provenance(args.out, inputs={path.as_posix(): path for path in files}, settings={})
     write_text(args.markdown, results_markdown(outcomes))
+    for scheme, asset in not_embedded(outcomes):
+        say(f"WARNING: {model_name(scheme, asset)}: nothing is embedded: its message is not above all controls, or not")
+        say("WARNING: retrieved, even without an attack. No attack on it means anything; look at its extraction.")
     if args.summary:
         write_records(args.summary, Summary, summarize(outcomes))
         write_provenance(args.summary, inputs={"table": args.out}, settings={})

@@ -17,6 +17,8 @@ from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, o
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.recall import recall
+from gspure.evaluation.records import read_records
+from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
 
 UNATTACKED: Final = "unattacked"
@@ -64,6 +66,9 @@ class Outcome:
 
     identical: Mapping[str, int] = field(default_factory=dict)
     """The number of `views` on the camera path with infinite PSNR, which are not in the mean unless all are."""
+
+    retrieval: Mapping[str, Retrieval] = field(default_factory=dict)
+    """For each extraction of the message, how well it is retrieved; empty if unknown."""
 
     seed: int = 0
     """Number of the repetition on the same scene, each with its own random seeds."""
@@ -129,6 +134,7 @@ def collect(
     truth: Sequence[Path] = (),
     verdicts: Sequence[Path] = (),
     failures: Sequence[Path] = (),
+    retrievals: Sequence[Path] = (),
 ) -> list[Outcome]:
     """Gather the outcomes of all variants.
 
@@ -146,6 +152,8 @@ def collect(
     failures : sequence of Path
         Statuses of failed jobs (`gspure.failures`): a variant whose ``metrics.csv`` is missing because of one has
         failed for its reason.
+    retrievals : sequence of Path
+        Files ``.../{scheme}/{scene}/retrieval.csv`` of `gspure retrieve`.
 
     Returns
     -------
@@ -163,6 +171,8 @@ def collect(
         reason = failed[0].failure if failed else "nothing"
         raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
     outcomes = [*(_outcome(path, prune_masks, truth, verdicts) for path in metrics), *failed]
+    retrieved = {path.resolve().parts[-3:-1]: read_records(path, Retrieved) for path in retrievals}
+    outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.asset), ()))) for o in outcomes]
     outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != UNATTACKED))
     return with_references(outcomes)
 
@@ -220,6 +230,10 @@ def _outcome(path: Path, prune_masks: Sequence[Path], truth: Sequence[Path], ver
         return outcome
     agreement = recall(pruned, load_array(truth_file, dtype=np.bool_, shape=(len(pruned),)))
     return replace(outcome, precision=agreement.precision, recall=agreement.recall)
+
+
+def _retrieval(o: Outcome, retrieved: Sequence[Retrieved]) -> dict[str, Retrieval]:
+    return {row.target: row.retrieval for row in retrieved if row.variant == o.variant}
 
 
 def _verdict(verdict: Path | None) -> dict[str, Any]:

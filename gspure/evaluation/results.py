@@ -12,6 +12,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 from gspure.evaluation.comparison import RENDER, ViewMetrics
 from gspure.evaluation.outcomes import MESSAGE, Outcome, ordered, with_references
 from gspure.evaluation.records import PerMetric, Values, read_records, write_records
+from gspure.evaluation.retrieval import Retrieval
 
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
@@ -39,6 +40,7 @@ class Result(NamedTuple):
     off_path: Annotated[Mapping[str, float], PerMetric("off_path_{}")] = _NONE
     off_path_psnr_drop: float = math.nan
     off_path_score: float = math.nan
+    retrieval: Retrieval | None = None
 
 
 def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
@@ -87,6 +89,7 @@ def _rows(o: Outcome) -> Iterator[Result]:
             off_path=off.targets[target].values if is_measured else {},
             off_path_psnr_drop=off.psnr_drop(target),
             off_path_score=off.score_of(extraction) if is_measured else math.nan,
+            retrieval=o.retrieval.get(target),
         )
 
 
@@ -106,6 +109,7 @@ def _outcome(rows: list[Result]) -> Outcome:
         failure=first.failure,
         identical={row.target: row.identical for row in measured if row.identical is not None},
         off_path={row.target: _mean(row, row.off_path) for row in rows if row.off_path},
+        retrieval={row.target: row.retrieval for row in rows if row.retrieval},
         seed=first.seed,
     )
 

@@ -41,6 +41,9 @@ class Survival(NamedTuple):
     survived: int
     """Number of these in which it is present after the attack."""
 
+    only_retrieved: int
+    """Number of these in which it is too close to the floor to be present, but still retrieved."""
+
     reached: bool | None
     """Whether the attack changed the extraction's carrier in any scene."""
 
@@ -66,8 +69,13 @@ class Survival(NamedTuple):
 
     @property
     def survives(self) -> bool | None:
-        """Whether the message survives in all scenes where it was present; None if only in some, or if it never was."""
-        return self.survived > 0 if self.survived in {0, self.present} and self.present else None
+        """Whether the message is present after the attack in all scenes where it was before, or gone in all of them.
+
+        None if neither, or if it never was present. It is gone if PSNR and retrieval agree that it is.
+        """
+        if not self.present or self.survived not in {0, self.present} or self.only_retrieved:
+            return None
+        return self.survived > 0
 
 
 def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
@@ -89,7 +97,7 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
             psnr, scene_psnr = _psnr(of_scheme, extraction), _psnr(of_scheme, SCENE)
             attacked = [o for o in of_scheme if not o.is_control and extraction in o.targets]
             rows += [
-                _survival([o for o in of_scheme if o.variant == variant], extraction, psnr, scene_psnr)
+                _survival(of_scheme, variant, extraction, psnr, scene_psnr)
                 for variant in dict.fromkeys(o.variant for o in attacked)
             ]
     return rows
@@ -109,6 +117,19 @@ def _psnr(outcomes: Iterable[Outcome], extraction: str) -> dict[str, dict[tuple[
     return by_variant
 
 
+def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
+    """Return scheme and asset of the models whose message is not present, or not retrieved, before any attack."""
+    absent = []
+    for scheme in dict.fromkeys(o.scheme for o in outcomes):
+        of_scheme = [o for o in outcomes if o.scheme == scheme]
+        scene_floor = floor(of_scheme)
+        for o in (o for o in of_scheme if o.variant == UNATTACKED and MESSAGE in o.targets):
+            above = o.targets[MESSAGE].psnr - scene_floor.get((o.scene, o.seed), -math.inf)
+            if above < MARGIN or (MESSAGE in o.retrieval and not o.retrieval[MESSAGE].succeeds):
+                absent.append((scheme, o.asset))
+    return absent
+
+
 def _highest(psnr: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
     highest: dict[tuple[str, int], float] = {}
     for control in FLOOR:
@@ -118,25 +139,32 @@ def _highest(psnr: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
 
 
 def _survival(
-    attacked: Sequence[Outcome], extraction: str, psnr: Mapping[str, Cells], scene_psnr: Mapping[str, Cells]
+    of_scheme: Sequence[Outcome],
+    variant: str,
+    extraction: str,
+    psnr: Mapping[str, Cells],
+    scene_psnr: Mapping[str, Cells],
 ) -> Survival:
-    first = attacked[0]
-    before, after, scene_floor = psnr.get(UNATTACKED, {}), psnr.get(first.variant, {}), _highest(psnr)
-    present_before = _present(before, scene_floor)
+    attacked, unattacked = ([o for o in of_scheme if o.variant == name] for name in (variant, UNATTACKED))
+    before, after, scene_floor = psnr.get(UNATTACKED, {}), psnr.get(variant, {}), _highest(psnr)
+    present_before = _present(before, scene_floor) - _by_retrieval(unattacked, extraction, succeeds=False)
+    survived = present_before & _present(after, scene_floor)
+    lost = present_before & {scene for scene, _ in after} - survived
     reached = [o.reached[extraction] for o in attacked if extraction in o.reached]
     kinds = [kind for kind in MESSAGE_FREE if after and kind in psnr]
     auc = {kind: detectability(_scene_means(after), _scene_means(psnr[kind])) for kind in kinds}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
     return Survival(
-        first.scheme,
+        attacked[0].scheme,
         extraction,
-        first.variant,
+        variant,
         len(present_before & {scene for scene, _ in after}),
-        len(present_before & _present(after, scene_floor)),
+        len(survived),
+        len(lost & _by_retrieval(attacked, extraction, succeeds=True)),
         any(reached) if reached else None,
         known_interval(_drops(attacked, extraction)),
         known_interval(_drops(attacked, SCENE)),
-        _rms_ratio(first.variant, psnr, scene_psnr),
+        _rms_ratio(variant, psnr, scene_psnr),
         _mean(differences(after, scene_floor)),
         known_interval(_shares_left(before, after, scene_floor)),
         _mean(differences(after, psnr.get(WRONG_KEY, {}))),
@@ -169,6 +197,13 @@ def _present(psnr: Cells, scene_floor: Cells) -> set[str]:
     scenes = sorted({scene for scene, _ in psnr.keys() & scene_floor.keys()})
     margins = differences(psnr, scene_floor)
     return {scene for scene, margin in zip(scenes, margins, strict=True) if margin.mean() >= MARGIN}
+
+
+def _by_retrieval(outcomes: Sequence[Outcome], extraction: str, *, succeeds: bool) -> set[str]:
+    """Return the scenes in which the message is known to be retrieved in a seed, or in none."""
+    known = [o for o in outcomes if extraction in o.retrieval]
+    retrieved = {o.scene for o in known if o.retrieval[extraction].succeeds}
+    return retrieved if succeeds else {o.scene for o in known} - retrieved
 
 
 def _scene_means(cells: Cells) -> list[float]:

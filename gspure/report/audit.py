@@ -106,13 +106,18 @@ class Audit:
 
     def where(self, survives: bool | None) -> list[Survival]:  # noqa: FBT001 (None: in some scenes only)
         """Return the judged attacks that the message survives in every scene, in some, or in none."""
-        return [row for row in self.attacks if row.survives is survives]
+        return [row for row in self.attacks if row.survives is survives and row not in self.only_retrieved]
+
+    @property
+    def only_retrieved(self) -> list[Survival]:
+        """The judged attacks after which the message is present in no scene, but still retrieved in some."""
+        return [row for row in self.attacks if row.only_retrieved and not row.survived]
 
     @property
     def strongest(self) -> Survival | None:
-        """Of the attacks within `ALLOWED`, that which the message survives in the fewest scenes, then by its drop."""
+        """Of the attacks within `ALLOWED`, that which leaves the message in the fewest scenes, then by its drop."""
         within = [
-            ((-row.survived / row.present, row.message_drop.mean), row)
+            ((-(row.survived + row.only_retrieved) / row.present, row.message_drop.mean), row)
             for row in self.attacks
             if self.verdict == "judged" and row.message_drop and row.scene_drop and row.scene_drop.mean <= ALLOWED
         ]

@@ -128,7 +128,8 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
         name = display_name(row.variant) + (" †" if row.reached is False and row.variant != UNATTACKED else "")
         cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop), Cell(plain(row.rms_ratio))]
         if has_floor:
-            cells.append(Cell(f"{row.survived} of {row.present}") if row.present else Cell())
+            retrieved = f"(+{row.only_retrieved})" if row.only_retrieved else ""
+            cells.append(Cell(f"{row.survived} of {row.present}", retrieved) if row.present else Cell())
             cells.append(share(row.share_left.mean if row.share_left else nan))
             cells += [interval(row.above_floor), interval(row.above_wrong_key)]
             cells += [_detectability(row)] * (scenes > 1)

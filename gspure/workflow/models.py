@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-from gspure.constants import TAU_C, TAU_N
+from gspure.constants import TAU_C, TAU_N, TEST_EVERY
 from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
 from gspure.evaluation.outcomes import SCENE
 from gspure.schemes.registry import find_scheme
@@ -21,6 +21,9 @@ from gspure.workflow.sources import code_digest
 
 OWNER: Final = "message_"
 """Prefix of files that only the owner has: the views of the message."""
+
+DECOYS: Final = range(9000, 9010, 2)
+"""Random seeds of every second one of ten interiors, which are traced two by two as candidates of the retrieval."""
 
 VANILLA: Final = "vanilla"
 """Folder of the user's own models."""
@@ -200,6 +203,18 @@ class Model:
         if self.is_watermarked:
             return [self.pair[target] for target in ("scene", "message")]
         return [f"{self.folder}/unattacked/renders/scene"]
+
+    @property
+    def decoys(self) -> list[str]:
+        """The folders of false candidates of its message: other messages, and random scenes of the same image size."""
+        pairs, settings = self.plan.config["pairs"], self.settings
+        others = [name for name, pair in pairs.items() if pair["message"] != settings["message"]]
+        decoys = [f"results/pairs/{name}/message" for name in others]
+        if is_photographed(settings):
+            return decoys
+        views = max(3, -(-settings["views"] // TEST_EVERY))  # as many as are held out; a pair has at least three
+        folder = f"results/decoys/{settings['width']}x{settings['height']}x{views}"
+        return decoys + [f"{folder}/{seed}/{kind}" for seed in DECOYS for kind in ("scene", "message")]
 
     @property
     def hidden(self) -> list[str]:

@@ -1,0 +1,110 @@
+"""Retrieval: whether an extraction is nearest to the right message among candidates, whatever its brightness."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gspure.errors import InputError
+from gspure.evaluation.comparison import Pair
+from gspure.evaluation.metrics import Float64, gradient_correlation
+from gspure.evaluation.statistics import detectability
+from gspure.images import Float32, read_image
+
+CHANCE: Final = 0.05
+"""Largest probability of as many views by chance at which the message counts as retrieved. Ours."""
+
+FALSE_POSITIVES: Final = 0.01
+"""Rate of false candidates above the threshold of `Retrieval.tpr`."""
+
+
+class Retrieval(NamedTuple):
+    """How well one extraction retrieves its message, over the views on the camera path."""
+
+    top1: float
+    """Share of the views in which no false candidate is as near as the message."""
+
+    auc: float
+    """Area under the ROC curve of true against false candidates, of all views together."""
+
+    tpr: float
+    """Share of the true candidates above the threshold that `FALSE_POSITIVES` of the false ones exceed."""
+
+    views: int
+    candidates: int
+    """Number of candidates of a view, the true one included; the smallest over the views."""
+
+    @property
+    def succeeds(self) -> bool:
+        """Whether so many views, or more, have a probability of at most `CHANCE` if candidates are drawn at random."""
+        from scipy.stats import binom
+
+        hits = round(self.top1 * self.views)
+        return bool(binom.sf(hits - 1, self.views, 1 / self.candidates) <= CHANCE)
+
+
+class Retrieved(NamedTuple):
+    """One row of ``retrieval.csv``: one extraction of one variant of a model."""
+
+    variant: str
+    target: str
+    retrieval: Retrieval
+
+
+def retrieval(similarities: Sequence[Float64]) -> Retrieval:
+    """Return how well a message is retrieved.
+
+    Parameters
+    ----------
+    similarities : sequence of array [N]
+        For every view, the similarity of the extraction to each of two or more candidates, the true one first.
+
+    """
+    true, false = np.array([view[0] for view in similarities]), np.concatenate([view[1:] for view in similarities])
+    threshold = np.quantile(false, 1 - FALSE_POSITIVES, method="higher")
+    return Retrieval(
+        float(np.mean([view[0] > view[1:].max() for view in similarities])),
+        detectability(true, false).auc,
+        float(np.mean(true > threshold)),
+        len(similarities),
+        min(map(len, similarities)),
+    )
+
+
+def compare_candidates(pair: Pair, index: int, decoys: Sequence[Path]) -> Float64:
+    """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
+
+    The false ones are the message's photograph mirrored, upside down and turned by 180 degrees, the scene's photograph
+    of the same view, and a picture of every decoy that has the same size.
+
+    Parameters
+    ----------
+    pair : Pair
+        Photograph and extraction of the message in one view.
+    index : int
+        Number of the view: it selects the picture of a decoy without a view of this name.
+    decoys : sequence of Path
+        Folders of pictures.
+
+    Raises
+    ------
+    InputError
+        If an image cannot be read, a folder holds none, or the extraction has another size than the photograph.
+
+    """
+    truth, extraction = read_image(pair.reference), read_image(pair.image)
+    files = [pair.reference.parents[1] / "scene" / pair.reference.name, *_pictures(pair.view, index, decoys)]
+    others = [picture for picture in map(read_image, files) if picture.shape == truth.shape]
+    candidates: list[Float32] = [truth, truth[:, ::-1], truth[::-1], truth[::-1, ::-1], *others]
+    return np.array([gradient_correlation(candidate, extraction) for candidate in candidates])
+
+
+def _pictures(view: str, index: int, decoys: Sequence[Path]) -> Iterator[Path]:
+    for folder in decoys:
+        files = sorted(folder.glob("*.png"))
+        if not files:
+            raise InputError(folder, "folder", expected="PNG files", found="none")
+        yield next((file for file in files if file.stem == view), files[index % len(files)])
