@@ -135,6 +135,17 @@ def get_view_options(wildcards):
     return get_variant(wildcards).view_options(wildcards.get("target", "scene"))
 
 
+def get_target(wildcards):
+    return "message" if wildcards.owner else "scene"
+
+
 def get_attack_files(wildcards):
     variant = get_variant(wildcards)
     return {"model": get_public_model(wildcards), **variant.evidence, **variant.render_files}
+
+
+def get_extractions(model):
+    """The finished images of what all variants and controls of a model show with a key; baselines have none."""
+    names = [name for name in (*VARIANTS, *model.controls) if name not in BASELINES]
+    folders = [folder for name in names for folder in Variant(model, name).renders]
+    return get_finished(folder for folder in folders if os.path.basename(folder) != "scene")

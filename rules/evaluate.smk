@@ -84,13 +84,6 @@ rule compare_renders:
         job("metrics {params.references:q} {params.images:q} {params.options}" " --out {output.metrics:q}")
 
 
-def get_extractions(model):
-    """The finished images of what all variants and controls of a model show with a key; baselines have none."""
-    names = [name for name in (*VARIANTS, *model.controls) if name not in BASELINES]
-    folders = [folder for name in names for folder in Variant(model, name).renders]
-    return get_finished(folder for folder in folders if os.path.basename(folder) != "scene")
-
-
 rule trace_decoys:
     output:
         scene=directory("results/decoys/{width}x{height}x{views}/{seed}/scene"),

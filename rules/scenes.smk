@@ -2,10 +2,6 @@
 # has.
 
 
-def get_target(wildcards):
-    return "message" if wildcards.owner else "scene"
-
-
 rule step_off_path:
     input:
         cameras="results/{scheme}/{scene}/{owner}cameras.json",

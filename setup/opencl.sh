@@ -13,8 +13,8 @@ works() { # say which device works, or fail
 import sys
 from gspure.trial import try_devices
 trials = try_devices()
-print(*(f"{trial.name}: {trial.fault or 'works'}" for trial in trials), sep="\n", file=sys.stderr)
-working = [trial for trial in trials if trial.fault is None]
+print(*(f"{trial.name}: {trial.problem or 'works'}" for trial in trials), sep="\n", file=sys.stderr)
+working = [trial for trial in trials if trial.problem is None]
 if not working:
     sys.exit(1)
 print(f"setup: OpenCL works on {working[0].name}")

@@ -1,7 +1,8 @@
-"""The OpenCL sources are found however gspure is installed: as a wheel, as an editable install, as a plain checkout."""
+"""Kernels are found however gspure is installed (wheel, editable, checkout), and the set-up can ask it what works."""
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tarfile
@@ -68,3 +69,14 @@ def test_an_editable_install_finds_the_kernels_of_the_checkout(tmp_path: Path) -
 def test_a_plain_checkout_finds_its_own_kernels(tmp_path: Path) -> None:
     found = python(f"import sys; sys.path.insert(0, {str(ROOT)!r}); {FIND}", cwd=tmp_path)
     assert Path(found) == ROOT / "kernels_cl"
+
+
+@pytest.mark.parametrize("name", ["opencl", "gl"])
+def test_the_checks_of_the_set_up_run(name):
+    """The scripts that install drivers ask the package what works, in Python of their own."""
+    script = (ROOT / "setup" / f"{name}.sh").read_text()
+    (check,) = re.findall(r"<<'END'\n(.*?)^END$", script, re.DOTALL | re.MULTILINE)
+    done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+    if name == "opencl":  # the tests need a device
+        assert (done.returncode, done.stdout[:6]) == (0, "setup:")
