@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--damage",
         type=float,
         metavar="DB",
-        help="search the strength that lowers the scene's PSNR by DB; needs --cameras",
+        help="search for the strength at which the scene loses DB dB of PSNR; needs --cameras",
     )
     parser.add_argument(
         "--cameras", type=Path, metavar="FILE", help="public views, for attacks that learn and for --damage"
@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--photographs",
         type=Path,
         metavar="DIR",
-        help="photographs VIEW.png of the scene (default: renders of the model, taken to have 30 dB)",
+        help="photographs VIEW.png of the scene; without them, the model is assumed to have a PSNR of 30 dB",
     )
     add_device(parser)
 

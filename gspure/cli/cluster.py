@@ -49,8 +49,8 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
         "--selection",
         choices=SELECTIONS,
         default=SELECTIONS[0],
-        help="excess of mass without clusters above --max-cluster-share, plain excess of mass, or the leaves of the "
-        "hierarchy (default: %(default)s)",
+        help="HDBSCAN's excess of mass with (eom_capped) or without (eom) the limit --max-cluster-share, or the leaves "
+        "of its hierarchy (default: %(default)s)",
     )
     parser.add_argument(
         "--max-cluster-share",

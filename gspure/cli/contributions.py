@@ -22,7 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_views(parser, split="train")
     parser.add_argument("--stages", type=Path, required=True, metavar="DIR", help="folder of the stage files")
     parser.add_argument(
-        "--part", type=_part, default=(1, 1), metavar="I/N", help="compute only every N-th view, from the I-th on"
+        "--part",
+        type=_part,
+        default=(1, 1),
+        metavar="I/N",
+        help="compute a part of the views, for parallel jobs: view I and every N-th after it, by name",
     )
     parser.add_argument("--index", type=Path, required=True, metavar="TSV", help="index of the views and their files")
     add_energy(parser, default="ray")

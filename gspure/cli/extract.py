@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_views(parser, split="all")
     add_off_path(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png, without other views"
+        "--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png; it must not hold other images"
     )
     add_device(parser)
 

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--baseline",
         choices=BASELINES,
-        help="content-free baseline: compare black or mean-colour images with DIR_A, at the views of DIR_B",
+        help="compare DIR_A with images of one colour instead of DIR_B: black, or the mean of DIR_A",
     )
     parser.add_argument("--out", type=Path, metavar="CSV", help="also write the metrics of every view to this table")
 

@@ -49,9 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         metavar="SOURCE",
         help="cameras.json, transforms.json, or a folder with one of them or a COLMAP model (views wider than 1600 "
-        "pixels are reduced to that); or `orbit` or `shells` for generated views; for other settings write a "
-        "file with `gspure cameras`. By name, every eighth view is held out for the metrics; weights are measured on "
-        "the others",
+        "pixels are reduced to that); or `orbit` or `shells` for generated views, with settings in `gspure cameras`. "
+        "Every eighth view, by name, is held out for the metrics; the others measure the weights",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     add_energy(parser, default="ray")
