@@ -26,7 +26,7 @@ from gspure.cameras import read_cameras, write_cameras
 from gspure.errors import InputError
 from gspure.evaluation import metrics
 from gspure.evaluation.comparison import ViewMetrics, read_metrics, write_metrics
-from gspure.method.contributions import read_index, write_index
+from gspure.method.contributions import Measurement, read_index, write_index
 from gspure.model import read_model, write_model
 from gspure.model.points import read_point_ply, write_point_ply
 from tests.models import blobs, camera
@@ -46,7 +46,7 @@ KINDS = {
     "cameras.json": (lambda path: write_cameras(path, [camera(40, 30)]), read_cameras),
     "verdict.json": (lambda path: write_json(path, {"reached": {}}), read_json),
     "metrics.csv": (lambda path: write_metrics(path, METRICS), read_metrics),
-    "1.tsv": (lambda path: write_index(path, [], "model", 0), read_index),
+    "1.tsv": (lambda path: write_index(path, [], Measurement("model", "settings", 0)), read_index),
 }
 
 

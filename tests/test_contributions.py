@@ -18,6 +18,7 @@ from gspure.cli import main
 from gspure.errors import InputError
 from gspure.method import contributions
 from gspure.method.contributions import (
+    Measurement,
     Stage,
     contribute,
     contribution_key,
@@ -176,7 +177,7 @@ def test_a_model_with_nan_is_refused_before_anything_is_written(tmp_path, render
 def test_an_index_reads_back_after_the_project_was_moved(tmp_path, renderer):
     project = tmp_path / "project"
     stages = contribute(PublicModel(small_model()), views(), project / "stages" / "room")
-    write_index(project / "results" / "contributions" / "1.tsv", stages, "model", 4)
+    write_index(project / "results" / "contributions" / "1.tsv", stages, Measurement("model", "settings", 4))
     project.rename(tmp_path / "moved")
     found = read_index(tmp_path / "moved" / "results" / "contributions" / "1.tsv")
     assert [stage.view for stage in found] == [stage.view for stage in stages]
@@ -190,7 +191,7 @@ FILE_NAMES = st.text(st.characters(exclude_categories=["Cc", "Cs"], exclude_char
 def test_any_view_name_survives_an_index(tmp_path_factory, names):
     folder = tmp_path_factory.mktemp("index")
     stages = [Stage(name, "key", folder / f"{name}.key.npy") for name in sorted(names)]
-    write_index(folder / "1.tsv", stages, "model", len(stages))
+    write_index(folder / "1.tsv", stages, Measurement("model", "settings", len(stages)))
     assert read_index(folder / "1.tsv") == stages
 
 
@@ -200,13 +201,15 @@ def test_the_order_of_views_does_not_depend_on_how_they_were_dealt_out(tmp_path_
     stages = [Stage(f"view_{i:02}", "key", folder / f"view_{i:02}.key.npy") for i in range(count)]
     indices = [folder / f"{part}.tsv" for part in range(parts)]
     for part, index in enumerate(indices):
-        write_index(index, stages[part::parts], "model", count)
+        write_index(index, stages[part::parts], Measurement("model", "settings", count))
     assert read_index(*reversed(indices)) == stages
 
 
 def test_a_view_in_two_indices_is_refused(tmp_path):
     for name in ("1.tsv", "2.tsv"):
-        write_index(tmp_path / name, [Stage("view_0", "key", tmp_path / "view_0.key.npy")], "model", 2)
+        write_index(
+            tmp_path / name, [Stage("view_0", "key", tmp_path / "view_0.key.npy")], Measurement("model", "settings", 2)
+        )
     with pytest.raises(InputError, match="'view_0' twice"):
         read_index(tmp_path / "1.tsv", tmp_path / "2.tsv")
 
@@ -227,7 +230,7 @@ class Stored:
     def __post_init__(self):
         self.stages = contribute(PublicModel(small_model()), views(), self.folder)
         self.index = self.folder / "1.tsv"
-        write_index(self.index, self.stages, "model", len(self.stages))
+        write_index(self.index, self.stages, Measurement("model", "settings", len(self.stages)))
         write_provenance(self.index, inputs={}, settings={})
 
 
@@ -289,11 +292,15 @@ class Weights:
         self.folder, self.indices = folder, [folder / "1.tsv", folder / "2.tsv"]
         write_model(folder / "model.ply", small_model(9))
         write_cameras(folder / "cameras.json", views())
-        command = ["contributions", "--model", str(folder / "model.ply"), "--cameras", str(folder / "cameras.json")]
-        for part, index in enumerate(self.indices, 1):
-            stages = ["--split", "all", "--stages", str(folder / "stages"), "--index", str(index)]
-            assert main([*command, *stages, "--part", f"{part}/2"]) == 0
-            Path(f"{index}.json").unlink()
+        self.measure(1)
+        self.measure(2)
+
+    def measure(self, part, *options):
+        index = self.indices[part - 1]
+        files = {"model": "model.ply", "cameras": "cameras.json", "stages": "stages", "index": index.name}
+        paths = [text for name, file in files.items() for text in (f"--{name}", str(self.folder / file))]
+        assert main(["contributions", *paths, "--split", "all", "--part", f"{part}/2", *options]) == 0
+        Path(f"{index}.json").unlink()
 
     def run(self, *indices):
         out = ["--model", str(self.folder / "model.ply"), "--out", str(self.folder / "weights.npy")]
@@ -320,6 +327,17 @@ def test_weights_of_another_model_of_as_many_rows_are_refused(weights, capsys):
     assert weights.run() == 2
     assert "1.tsv: model: expected" in capsys.readouterr().err
     write_model(weights.folder / "model.ply", model.with_columns({"f_dc_0": model.table["f_dc_0"] + 1}))
+    assert weights.run() == 0
+
+
+def test_weights_of_parts_with_other_cameras_or_another_energy_are_refused(weights, capsys):
+    weights.measure(2, "--energy", "ewa")
+    assert weights.run() == 2
+    write_cameras(weights.folder / "cameras.json", [moved(views()[0]), *views()[1:]])  # a view of the first part
+    weights.measure(2)
+    assert weights.run() == 2
+    assert "2.tsv: settings: expected" in capsys.readouterr().err
+    weights.measure(1)
     assert weights.run() == 0
 
 
@@ -369,8 +387,8 @@ def test_the_contributions_of_a_model_are_within_their_bounds(energy, style):
 def test_only_stages_that_no_index_lists_are_deleted(tmp_path, renderer):
     stages = contribute(PublicModel(small_model()), views(4), tmp_path / "stages")
     stale = contribute(PublicModel(small_model()), [moved(views(1)[0])], tmp_path / "stages")
-    write_index(tmp_path / "1.tsv", stages[:2], "model", 4)
-    write_index(tmp_path / "2.tsv", stages[2:], "model", 4)
+    write_index(tmp_path / "1.tsv", stages[:2], Measurement("model", "settings", 4))
+    write_index(tmp_path / "2.tsv", stages[2:], Measurement("model", "settings", 4))
     size = stale[0].path.stat().st_size
     size += stale[0].path.with_suffix(".npy.json").stat().st_size
     assert remove_unlisted(tmp_path / "stages", [tmp_path / "1.tsv", tmp_path / "2.tsv"]) == (1, size)

@@ -10,7 +10,7 @@ import pytest
 from gspure.artifacts import save_array, write_json, write_provenance
 from gspure.cli import main
 from gspure.damage import missing_or_cut, set_aside
-from gspure.method.contributions import Stage, write_index
+from gspure.method.contributions import Measurement, Stage, write_index
 from gspure.renderer import CONTRIBUTION
 from tests.test_checksums import flipped
 
@@ -34,7 +34,7 @@ def project(tmp_path, monkeypatch):
     for stage in stages:
         save_array(stage.path, np.array([(0, 1.5, 0.5, 4), (3, 0.25, 0.25, 1)], CONTRIBUTION))
         noted(stage.path)
-    write_index(INDEX, stages, "model", len(stages))
+    write_index(INDEX, stages, Measurement("model", "settings", len(stages)))
     noted(INDEX)
     save_array(OMEGA, np.ones(20, np.float32))
     noted(OMEGA)

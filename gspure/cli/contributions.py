@@ -36,11 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Compute the missing views of this part, then write its index."""
     from gspure.artifacts import write_provenance
-    from gspure.method.contributions import contribute, write_index
+    from gspure.method.contributions import Measurement, contribute, write_index
     from gspure.model import read_model
     from gspure.model.suspicious import lines, suspicious_rows
     from gspure.progress import say
-    from gspure.public_model import PublicModel
 
     part, parts = args.part
     views = read_views(args)
@@ -49,7 +48,7 @@ def run(args: argparse.Namespace) -> None:
         say(line)
     device = read_device(args)
     stages = contribute(public, views[part - 1 :: parts], args.stages, device=device, energy=args.energy)
-    write_index(args.index, stages, PublicModel(model).geometry_digest(), len(views))
+    write_index(args.index, stages, Measurement.of(public, model, views, args.energy))
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
     write_provenance(args.index, inputs={"model": args.model, "cameras": args.cameras}, settings=settings)
 

@@ -2,9 +2,8 @@
 
 A stage is one file per view, ``{view}.{key}.npy``. Its key is a digest of everything that its numbers depend on, so an
 edited camera, model or kernel gives another file, and none is stale. Its checksum is beside it; a stage that does not
-match it counts as missing. An index (one .tsv per job, written last) lists the stages of a result, with
-the digest of its model (`PublicModel.geometry_digest` of the rows as stored) and the number of its views in all
-indices.
+match it counts as missing. An index (one .tsv per job, written last) lists the stages of a part, with what the indices
+of all parts share (`Measurement`).
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,7 @@ from gspure.artifacts import digest, intact, load_array, save_array, verify, wri
 from gspure.artifacts.checksums import record_file
 from gspure.cameras import Camera
 from gspure.errors import InputError, reading
-from gspure.model import require_finite
+from gspure.model import Gaussians, require_finite
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import device_digest
 from gspure.opencl.frame import Energy
@@ -37,7 +36,29 @@ from gspure.progress import say, track
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
 
-INDEX_COLUMNS = ["view", "key", "path", "model", "views"]
+
+class Measurement(NamedTuple):
+    """What the indices of all parts share."""
+
+    model: str
+    """Digest of the rows as stored (`PublicModel.geometry_digest`)."""
+
+    settings: str
+    """Digest of all views, the energy, the rendering code and files beside the model; not of the device, since parts may
+    run on several."""
+
+    views: int
+    """Number of views in all parts."""
+
+    @classmethod
+    def of(cls, public: PublicModel, rows: Gaussians, cameras: Sequence[Camera], energy: Energy) -> Self:
+        """Describe the contributions of `public`, stored as `rows`, to all views."""
+        geometry = public.geometry_digest()
+        views = [digest(camera.name, contribution_key(geometry, camera, energy, "")) for camera in cameras]
+        return cls(PublicModel(rows).geometry_digest(), digest(*views), len(views))
+
+
+INDEX_COLUMNS = ["view", "key", "path", *Measurement._fields]
 
 
 @dataclass(frozen=True)
@@ -165,24 +186,13 @@ def require_valid(source: str | Path, stage: NDArray[Any]) -> None:
             raise InputError(source, f"row {wrong['index']}", expected=expected, found=found)
 
 
-def write_index(path: Path, stages: Iterable[Stage], model: str, views: int) -> None:
-    """Write the list of `stages`; their paths are stored relative to the index, so that a project can be moved.
-
-    Parameters
-    ----------
-    path : Path
-    stages : iterable of Stage
-    model : str
-        Digest of the model.
-    views : int
-        How many stages the indices of all parts list.
-
-    """
+def write_index(path: Path, stages: Iterable[Stage], measurement: Measurement) -> None:
+    """Write the list of `stages`; their paths are stored relative to the index, so that a project can be moved."""
     text = io.StringIO()
     table = csv.writer(text, delimiter="\t", lineterminator="\n")
     table.writerow(INDEX_COLUMNS)
     paths = ((stage, os.path.relpath(stage.path, path.parent)) for stage in stages)
-    table.writerows((stage.view, stage.key, file, model, views) for stage, file in paths)
+    table.writerows((stage.view, stage.key, file, *measurement) for stage, file in paths)
     write_text(path, text.getvalue())
 
 
@@ -211,19 +221,23 @@ def read_index(*paths: Path) -> list[Stage]:
 
 
 def require_result_of(model: str, paths: Sequence[Path]) -> None:
-    """Check that indices are of a model, by its digest, and list all views of one result.
+    """Check that indices are of a model, by its digest, and list all views of one measurement.
 
     Raises
     ------
     InputError
-        Naming the first index of another model, or of another number of views than all indices list together.
+        Naming the first index of another model, of other settings than the first index, or of another number of views
+        than all indices list together.
 
     """
     rows = [(path, row) for path in paths for row in _rows(path)]
-    for path, (*_, digest_of_model, views) in rows:
+    for path, (*_, digest_of_model, settings, views) in rows:
         if digest_of_model != model:
             hint = "these contributions are of another model"
             raise InputError(path, "model", expected=model, found=digest_of_model, hint=hint)
+        if settings != (expected := rows[0][1][-2]):
+            hint = f"not of the views, energy and code of {rows[0][0]}"
+            raise InputError(path, "settings", expected=expected, found=settings, hint=hint)
         if views != str(len(rows)):
             hint = "an index is cut, or left out"
             raise InputError(path, "views", expected=f"{views} in all indices", found=str(len(rows)), hint=hint)

@@ -28,7 +28,7 @@ from gspure.evaluation.results import read_results, write_results
 from gspure.failures import Failure, read_failure
 from gspure.images import read_image
 from gspure.method.clustering import Clusters, read_clusters, read_tree, write_clusters
-from gspure.method.contributions import Stage, read_index, read_stage, write_index
+from gspure.method.contributions import Measurement, Stage, read_index, read_stage, write_index
 from gspure.model import Gaussians, read_model, require_finite, write_model
 from gspure.model.inria import saved_iterations, training_arguments
 from gspure.model.points import read_point_ply, write_point_ply
@@ -344,7 +344,7 @@ def _read_stage(folder: Path) -> None:
 
 def _index(folder: Path) -> None:
     stages = [Stage(f"v{i}", f"{i:032x}", folder / f"v{i}.{i:032x}.npy") for i in range(4)]
-    write_index(folder / "index.tsv", stages, f"{7:032x}", len(stages))
+    write_index(folder / "index.tsv", stages, Measurement(f"{7:032x}", f"{8:032x}", len(stages)))
 
 
 def _read_index(folder: Path) -> None:
