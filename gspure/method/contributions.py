@@ -44,8 +44,8 @@ class Measurement(NamedTuple):
     """Digest of the rows as stored (`PublicModel.geometry_digest`)."""
 
     settings: str
-    """Digest of all views, the energy, the rendering code and files beside the model; not of the device, since parts may
-    run on several."""
+    """Digest of all views, energy, rendering code and files beside the model; not of the device: parts may run on
+    several."""
 
     views: int
     """Number of views in all parts."""
