@@ -22,6 +22,7 @@ rule attack_model:
         code=lambda wildcards: get_variant(wildcards).code,
         attack=lambda wildcards: get_variant(wildcards).attack.name,
         options=lambda wildcards: get_variant(wildcards).attack_options,
+        content=get_model_content,
     message:
         "Making variant {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:

@@ -9,7 +9,7 @@ from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
-from gspure.workflow.captures import capture_files
+from gspure.workflow.captures import capture_files, content_digest
 from gspure.workflow.decisions import DEFAULT
 from gspure.workflow.models import OWNER, Model, Plan
 from gspure.workflow.options import column_options, options
@@ -68,6 +68,10 @@ def get_model(wildcards):
 
 def get_public_model(wildcards):
     return get_model(wildcards).public
+
+
+def get_model_content(wildcards):
+    return content_digest([get_public_model(wildcards)])
 
 
 def get_scheme(wildcards):
@@ -137,6 +141,10 @@ def get_view_options(wildcards):
 
 def get_target(wildcards):
     return "message" if wildcards.owner else "scene"
+
+
+def get_camera_files(wildcards):
+    return get_model(wildcards).camera_files(get_target(wildcards))
 
 
 def get_attack_files(wildcards):

@@ -18,6 +18,7 @@ rule measure_opacities:
     params:
         code=code_digest("gspure.cli.opacities"),
         scheme=get_scheme,
+        content=get_model_content,
     message:
         "Taking the opacities of {wildcards.scheme}/{wildcards.scene}"
     shell:

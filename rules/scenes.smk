@@ -26,7 +26,7 @@ rule step_off_path:
 
 rule prepare_cameras:
     input:
-        cameras=lambda wildcards: get_model(wildcards).camera_files(get_target(wildcards)),
+        cameras=get_camera_files,
         model=get_public_model,
     output:
         cameras="results/{scheme}/{scene}/{owner}cameras.json",
@@ -42,6 +42,7 @@ rule prepare_cameras:
         code=code_digest("gspure.cli.cameras"),
         source=lambda wildcards: get_model(wildcards).camera_source(get_target(wildcards)),
         options=lambda wildcards: get_model(wildcards).camera_options,
+        content=lambda wildcards: content_digest([*get_camera_files(wildcards), get_public_model(wildcards)]),
     message:
         "Preparing the views of {wildcards.scene}"
     shell:

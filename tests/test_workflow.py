@@ -219,6 +219,19 @@ def test_a_variant_added_only_that_variant_made(project):
     assert np.load(project.folder / BOT / "half" / "prune_mask.npy").mean() == 0.5
 
 
+def test_a_model_or_cameras_replaced_by_older_files_are_read_again(project):
+    for name, rules in (("views.json", {"prepare_cameras"}), ("bot.ply", {"measure_contributions", "attack_model"})):
+        (other := project.folder / name).rename(project.folder / "original")
+        if name == "bot.ply":
+            write_model(other, blobs(300, sh_degree=0, seed=1))
+        else:
+            other.write_text((project.folder / "original").read_text().replace("view_8", "view_9"))
+        os.utime(other, (1, 1))
+        assert rules <= planned(project.run(TABLE, "--dry-run")).keys()
+        (project.folder / "original").replace(other)
+        assert "Nothing to be done" in project.run(TABLE, "--dry-run")
+
+
 def test_colours_changed_no_view_recomputed(project):
     before = project.stages()
     model = blobs(300, sh_degree=0)

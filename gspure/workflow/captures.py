@@ -1,11 +1,15 @@
-"""Files of a capture: Snakemake has to know them, so that an edit of any makes its results stale."""
+"""Files of a capture or model: Snakemake has to know them, so that an edit of any makes its results stale."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Final
 
+from gspure.artifacts import digest
+from gspure.artifacts.checksums import file_checksum
+from gspure.damage import RESULTS
 from gspure.training.dataset import POINT_FILES
 from gspure.training.views import BLENDER_HELD_OUT
 
@@ -31,6 +35,20 @@ def capture_files(source: str, photographs: Sequence[str]) -> list[str]:
     folder = Path(source) if Path(source).is_dir() else Path(source).parent
     names = [*BLENDER_HELD_OUT, "points3D.bin", "points3D.txt", *POINT_FILES]
     return [*camera_files(source), *_files(str(folder), names), *photographs]
+
+
+def content_digest(files: Iterable[str]) -> str:
+    """Return a digest of the content of the user's files, as Snakemake does not notice a file replaced by an older one.
+
+    Results, folders and missing files are passed over. Names do not count: a project may be moved.
+    """
+    paths = [path for path in map(Path, files) if path.is_file() and RESULTS not in path.parents]
+    return digest(*(_checksum(path, path.stat().st_ctime_ns) for path in paths))
+
+
+@cache
+def _checksum(path: Path, _changed: int) -> str:
+    return file_checksum(path)
 
 
 def _files(source: str, names: Sequence[str]) -> list[str]:
