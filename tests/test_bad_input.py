@@ -345,3 +345,39 @@ def test_weights_of_another_model_with_as_many_rows_are_refused(folder, capsys, 
     assert line.startswith("weights.npy: model: expected model.ply, found made from another model")
     Path("weights.npy.json").unlink()
     assert main(COMMANDS[command].split()) == 0
+
+
+MASKED = "attack gspure --model model.ply --prune-mask mask.npy --out out.ply"
+PRUNED = "prune --clusters clusters.npz --weights weights.npy --out mask.npy"
+
+
+def test_a_prune_mask_of_another_model_is_refused_by_the_origin_of_its_weights(folder, capsys):
+    write_provenance(Path("weights.npy"), inputs={"model": Path("model.ply")}, settings={})
+    write_provenance(Path("clusters.npz"), inputs={"weights": Path("weights.npy")}, settings={})
+    assert main(PRUNED.split()) == 0
+    spoil_row(x=9.0)
+    assert refusal(folder, capsys, MASKED).startswith("mask.npy: model: expected model.ply")
+    assert refusal(folder, capsys, f"{PRUNED} --model model.ply").startswith("clusters.npz: model: expected model.ply")
+
+
+def test_clusters_and_weights_of_two_models_decide_nothing(folder, capsys):
+    write_provenance(Path("clusters.npz"), inputs={"model": Path("model.ply")}, settings={})
+    spoil_row(x=9.0)
+    write_provenance(Path("weights.npy"), inputs={"model": Path("model.ply")}, settings={})
+    assert refusal(folder, capsys, PRUNED).startswith("weights.npy: model: expected the model of clusters.npz")
+
+
+def test_results_of_purify_are_refused_for_another_model(folder, capsys):
+    Path("run/point_cloud/iteration_7").mkdir(parents=True)
+    Path("run/cfg_args").write_text("Namespace()")
+    Path("model.ply").rename("run/point_cloud/iteration_7/point_cloud.ply")
+    assert main(["purify", "run", "--cameras", "cameras.json", "--out", "."]) == 0
+    capsys.readouterr()
+    Path("prune_mask.npy").rename("mask.npy")
+    Path("prune_mask.npy.json").rename("mask.npy.json")
+    write_model("model.ply", read_model("run"))
+    assert main(MASKED.split()) == 0
+    capsys.readouterr()
+    spoil_row(x=9.0)
+    for command in (MASKED, COMMANDS["attack"]):
+        assert "made from another model" in refusal(folder, capsys, command)

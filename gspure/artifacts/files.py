@@ -74,7 +74,8 @@ def filling(folder: Path) -> Iterator[Path]:
         with _blaming(folder, temporary):
             temporary.mkdir()
             yield temporary
-            targets = {file: folder / file.relative_to(temporary) for file in temporary.rglob("*") if file.is_file()}
+            files = sorted(temporary.rglob("*"))  # a record after its file
+            targets = {file: folder / file.relative_to(temporary) for file in files if file.is_file()}
             for target in targets.values():
                 forget(target)
                 target.parent.mkdir(parents=True, exist_ok=True)

@@ -95,7 +95,7 @@ def _draw_model(args: argparse.Namespace) -> Drawn:
     labels = read_clusters(args.clusters).labels
     if labels.shape != shape:
         raise InputError(args.clusters, "labels", expected=f"{len(model)}, as in {args.model}", found=str(len(labels)))
-    require_made_from(args.model, args.weights, args.prune_mask)
+    require_made_from(args.model, args.clusters, args.weights, args.prune_mask)
     evidence = Evidence(
         model.means,
         labels,

@@ -32,26 +32,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write the mask; print the diagnosis and optionally write it."""
+    """Write the mask, and optionally the diagnosis; print the diagnosis."""
     import numpy as np
 
-    from gspure.artifacts import load_array, save_array, write_json, write_provenance
+    from gspure.artifacts import load_array, require_made_from, save_array, write_json, write_provenance
     from gspure.method.clustering.diagnosis import diagnose
     from gspure.method.clustering.store import read_clusters
     from gspure.method.pruning import prune_mask
     from gspure.model.ply import read_ply
     from gspure.model.suspicious import suspicious_rows, to_json
 
+    require_made_from(args.model, args.clusters, args.weights)
     labels, coincident = read_clusters(args.clusters)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),), least=0)
     diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident)
-    print("\n".join(diagnosis.lines()))
-    inputs = {"clusters": args.clusters, "weights": args.weights}
+    inputs = {"clusters": args.clusters, "weights": args.weights} | ({"model": args.model} if args.model else {})
     settings = {"tau_c": args.tau_c, "tau_n": args.tau_n}
     if args.diagnosis:
         suspects = {"suspicious": to_json(suspicious_rows(read_ply(args.model)))} if args.model else {}
         write_json(args.diagnosis, diagnosis.to_json() | suspects)
-        model = {"model": args.model} if args.model else {}
-        write_provenance(args.diagnosis, inputs=inputs | model, settings=settings)
+        write_provenance(args.diagnosis, inputs=inputs, settings=settings)
     save_array(args.out, prune_mask(labels, weights, args.tau_c, args.tau_n))
     write_provenance(args.out, inputs=inputs, settings=settings)
+    print("\n".join(diagnosis.lines()))

@@ -26,7 +26,7 @@ EXAMPLES = """\
   gspure purify point_cloud.ply --cameras orbit --out purified        # a model without cameras
 
 files in DIR:
-  purified.ply       the Gaussians that remain, bit-identical
+  purified.ply       the Gaussians that remain, bit-identical; it and the arrays have a record of origin, FILE.json
   weights.npy        float32 [K]   mean contribution of every Gaussian
   labels.npy         int32 [K]     its cluster; -1 is noise
   prune_mask.npy     bool [K]      true where the row was removed
@@ -63,12 +63,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures."""
-    from gspure.artifacts import filling
+    from gspure.artifacts import filling, write_provenance
     from gspure.cameras import split
     from gspure.images import require_no_other_images
     from gspure.method.purify import purify
     from gspure.method.subpixel import subpixel_rows
-    from gspure.model import read_model, suspicious
+    from gspure.model import model_file, read_model, suspicious
     from gspure.model.inria import trained_background
     from gspure.model.signature import Signature
     from gspure.opencl.device import choose_device
@@ -90,6 +90,9 @@ def run(args: argparse.Namespace) -> None:
         purification = purify(public, train or test, device=device, energy=args.energy, **settings)
         purified = public.with_model(purification.model)
         _write(folder, purified, purification, suspicious.to_json(suspects))
+        inputs = {"model": model_file(args.model), "cameras": Path(args.cameras)}
+        for name in ("purified.ply", "weights.npy", "labels.npy", "prune_mask.npy"):
+            write_provenance(folder / name, inputs=inputs, settings={"energy": args.energy, **settings})
         rows = _compare(folder, (public, purified), test, device, background) if public.visible else []
     print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
     gaussian_rays = args.energy == "ray" and Signature.of(model.table.dtype.names or ()).rows == "Gaussians"

@@ -9,7 +9,7 @@ from gspure.model.gaussians import Gaussians
 from gspure.model.inria import point_cloud
 from gspure.model.ply import read_ply, write_ply
 
-__all__ = ["Gaussians", "read_model", "require_finite", "write_model"]
+__all__ = ["Gaussians", "model_file", "read_model", "require_finite", "write_model"]
 
 
 def read_model(path: str | Path) -> Gaussians:
@@ -21,8 +21,12 @@ def read_model(path: str | Path) -> Gaussians:
         If there is no such file, or if it does not hold a 3DGS model.
 
     """
-    path = Path(path)
-    return read_ply(point_cloud(path) if path.is_dir() else path)
+    return read_ply(model_file(Path(path)))
+
+
+def model_file(path: Path) -> Path:
+    """Return the ``.ply`` of a model: the file itself, or that of an INRIA output folder's newest iteration."""
+    return point_cloud(path) if path.is_dir() else path
 
 
 def write_model(path: str | Path, model: Gaussians) -> None:

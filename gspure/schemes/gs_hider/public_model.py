@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from gspure.artifacts import filling
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
-from gspure.model import Gaussians, write_model
+from gspure.model import Gaussians, model_file, write_model
 from gspure.model.activations import sigmoid
-from gspure.model.inria import point_cloud
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, PublicModel, RenderView, learning_steps
@@ -55,7 +54,7 @@ class FeatureModel(PublicModel):
     def read(cls, path: Path) -> Self:
         """Read a model's .ply, or its folder, and the decoder beside it or in the authors' layout."""
         path = Path(path)
-        ply = point_cloud(path) if path.is_dir() else path
+        ply = model_file(path)
         decoder = find_decoder(ply.parent, SCENE_DECODER)
         return cls(read_rows(ply), DecoderFile.read(decoder) if decoder else None)
 

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.model import Gaussians, read_model, write_model
-from gspure.model.inria import point_cloud
+from gspure.model import Gaussians, model_file, read_model, write_model
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
 from gspure.public_model import (
@@ -78,7 +77,7 @@ class AnchorModel(PublicModel):
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read a model's .ply, or its folder, and the networks beside the .ply."""
-        file = point_cloud(path) if Path(path).is_dir() else Path(path)
+        file = model_file(Path(path))
         rows = read_model(file)
         require_anchors(file, rows)
         public = cls(rows, read_networks(file.parent))
