@@ -11,6 +11,7 @@ from typing import Final
 from gspure.artifacts import record_of, verify
 from gspure.artifacts.checksums import record_file, require_size
 from gspure.errors import InputError
+from gspure.images import RENDERED, require_all_images
 from gspure.method.contributions import is_index, read_index, read_stage
 
 RESULTS: Final = Path("results")
@@ -43,8 +44,10 @@ def damage_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
 
 
 def missing_or_cut() -> dict[Path, str]:
-    """Return the artifacts of a workflow that are missing or of another size, each with a line; none is read."""
-    return {file: damage for file in _recorded(RESULTS.rglob("*.json")) if (damage := _damage(file, require_size))}
+    """Return the artifacts of a workflow that are missing, cut or lack an image, each with a line; none is read."""
+    checks: dict[Path, Callable[[Path], object]] = dict.fromkeys(_recorded(RESULTS.rglob("*.json")), require_size)
+    checks |= dict.fromkeys((record.parent for record in RESULTS.rglob(RENDERED)), require_all_images)
+    return {artifact: damage for artifact, check in checks.items() if (damage := _damage(artifact, check))}
 
 
 def set_aside(artifacts: Iterable[Path]) -> dict[Path, str]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import replacing
+from gspure.artifacts import read_json, replacing, write_json
 from gspure.errors import InputError, reading
 
 if TYPE_CHECKING:
@@ -25,6 +25,9 @@ FORMATS: Final = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
 
 MOST_PIXELS: Final = 1 << 27
 """A compressed file of any size may claim any number of pixels; no camera takes as many. Ours."""
+
+RENDERED: Final = "rendered.json"
+"""Record of the views that a folder of images has to hold."""
 
 _STDERR: Final = 2
 
@@ -132,6 +135,27 @@ def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
         found = f"{len(others)} more: {others[0]}.png" + ", ..." * (len(others) > 1)
         hint = "name another folder, or delete them"
         raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
+
+
+def record_views(folder: Path, views: Iterable[str]) -> None:
+    """Write the record of a finished folder of images."""
+    write_json(folder / RENDERED, sorted(views))
+
+
+def require_all_images(folder: Path) -> None:
+    """Refuse a folder that lacks the image of a view in its record; a folder without a record passes.
+
+    Raises
+    ------
+    InputError
+        Naming the first of them.
+
+    """
+    views = read_json(folder / RENDERED) if (folder / RENDERED).is_file() else []
+    if missing := [view for view in views if not (folder / f"{view}.png").is_file()]:
+        found = f"all but {len(missing)}: {missing[0]}.png" + ", ..." * (len(missing) > 1)
+        hint = f"render them again; if deleted on purpose, delete {RENDERED} too"
+        raise InputError(folder, "images", expected=f"all {len(views)} views", found=found, hint=hint)
 
 
 def _require_all_strips(path: str | Path, image: ImageFile) -> None:

@@ -122,9 +122,8 @@ def test_render_names_images_after_views(asset):
     assert main(["render", str(asset / "model.ply"), *arguments, "--background", "0", "0.5", "1"]) == 0
     held_out = split(read_cameras(asset / "cameras.json"))[1]
     names = [view.name for view in held_out]
-    assert sorted(path.name for path in out.iterdir()) == sorted(
-        f"{name}.{kind}" for name in names for kind in ("npy", "png")
-    )
+    images = [f"{name}.{kind}" for name in names for kind in ("npy", "png")]
+    assert sorted(path.name for path in out.iterdir()) == sorted(["rendered.json", *images])
     floats = np.load(out / f"{names[0]}.npy")
     assert floats.dtype == np.float32
     np.testing.assert_array_equal(floats, Renderer(blobs(30)).image(held_out[0], background=(0, 0.5, 1)))
@@ -140,6 +139,16 @@ def test_a_folder_with_renders_of_other_views_is_refused(asset, capsys):
     assert main([*command, str(asset / "renders"), "--split", "test"]) == 2
     assert "renders: images: expected none but of these views, found 7 more: view_" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in (asset / "renders").iterdir()} == before
+
+
+def test_metrics_refuses_a_folder_that_lacks_one_of_its_renders(asset, capsys):
+    renders = str(asset / "renders")
+    assert main(["render", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json"), "--out", renders]) == 0
+    assert main(["metrics", renders, renders]) == 0
+    (asset / "renders" / "view_3.png").unlink()
+    capsys.readouterr()
+    assert main(["metrics", renders, renders]) == 2
+    assert "view_3.png" in capsys.readouterr().err
 
 
 def test_an_interrupted_render_leaves_no_mixture_of_two_models(asset, monkeypatch):

@@ -10,6 +10,7 @@ import pytest
 from gspure.artifacts import save_array, write_json, write_provenance
 from gspure.cli import main
 from gspure.damage import missing_or_cut, set_aside
+from gspure.images import record_views, write_image
 from gspure.method.contributions import Measurement, Stage, write_index
 from gspure.renderer import CONTRIBUTION
 from tests.test_checksums import flipped
@@ -93,6 +94,17 @@ def test_deleted_artifacts_are_listed_by_their_records(capsys):
 def test_an_artifact_of_its_size_is_not_read_for_being_missing_or_cut():
     flipped(OMEGA)
     assert missing_or_cut() == {}
+
+
+def test_renders_that_lack_an_image_are_missing_one():
+    for view in ("a", "b"):
+        write_image(SCENE / "renders" / f"{view}.png", np.zeros((2, 2, 3)))
+    record_views(SCENE / "renders", ["b", "a"])
+    assert missing_or_cut() == {}
+    (SCENE / "renders" / "b.png").unlink()
+    (damage,) = missing_or_cut().items()
+    assert damage[0] == SCENE / "renders"
+    assert "b.png" in damage[1]
 
 
 def test_a_folder_that_is_not_there_cannot_be_verified(capsys):

@@ -6,7 +6,17 @@ from pathlib import Path
 import pytest
 
 from tests.test_checksums import flipped
-from tests.test_workflow import BOT, OMEGA, TABLE, checkout, finished, project, rules_run, started  # noqa: F401
+from tests.test_workflow import (  # noqa: F401
+    BOT,
+    OMEGA,
+    TABLE,
+    checkout,
+    finished,
+    planned,
+    project,
+    rules_run,
+    started,
+)
 
 pytestmark = pytest.mark.workflow
 
@@ -65,6 +75,12 @@ def test_measuring_again_finds_a_damaged_stage(project):  # noqa: F811
     zeroed(stage)
     project.run(OMEGA, "--forcerun", "measure_contributions")
     assert stage.read_bytes() == good
+
+
+def test_a_variant_whose_render_was_deleted_is_rendered_again(project):  # noqa: F811
+    renders = project.folder / BOT / "gspure" / "renders" / "scene"
+    min(renders.glob("*.png")).unlink()
+    assert planned(project.run(TABLE, "--dry-run")).items() >= {"render_scene": 1, "compare_renders": 1}.items()
 
 
 @pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_bytes(b"x")], ids=["deleted", "cut"])

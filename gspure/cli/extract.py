@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import filling
     from gspure.cli.options import read_device, read_views
     from gspure.errors import InputError
-    from gspure.images import require_no_other_images, write_image
+    from gspure.images import record_views, require_no_other_images, write_image
     from gspure.progress import track
     from gspure.schemes.registry import find_scheme
 
@@ -59,3 +59,4 @@ def run(args: argparse.Namespace) -> None:
     with filling(args.out) as folder:
         for camera in track(views, "extract"):
             write_image(folder / f"{camera.name}.png", view(camera))
+        record_views(folder, (camera.name for camera in views))

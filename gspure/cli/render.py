@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Render every view."""
     from gspure.artifacts import filling, save_array
-    from gspure.images import require_no_other_images, write_image
+    from gspure.images import record_views, require_no_other_images, write_image
     from gspure.progress import track
 
     background = read_background(args, "render", args.model)
@@ -59,3 +59,4 @@ def run(args: argparse.Namespace) -> None:
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
+        record_views(folder, (camera.name for camera in views))

@@ -15,7 +15,7 @@ from gspure.errors import InputError
 from gspure.evaluation.controls import BLACK
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.records import PerMetric, read_records, write_records
-from gspure.images import read_image
+from gspure.images import read_image, require_all_images
 
 Reference = Literal["truth", "render"]
 TRUTH: Final = "truth"
@@ -70,7 +70,7 @@ def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None
     Raises
     ------
     InputError
-        If a folder holds no PNG file, or `images` has one that `reference` lacks.
+        If a folder holds no PNG file or lacks one of its record, or `images` has one that `reference` lacks.
 
     """
     available = _png_files(reference)
@@ -187,4 +187,6 @@ def _png_files(folder: Path) -> set[Path]:
     files = {path.relative_to(folder) for path in folder.rglob("*.png")}
     if not files:
         raise InputError(folder, "folder", expected="PNG files", found="none" if folder.is_dir() else "no such folder")
+    for place in {folder / path.parent for path in files}:
+        require_all_images(place)
     return files
