@@ -381,3 +381,26 @@ def test_results_of_purify_are_refused_for_another_model(folder, capsys):
     spoil_row(x=9.0)
     for command in (MASKED, COMMANDS["attack"]):
         assert "made from another model" in refusal(folder, capsys, command)
+
+
+OVERWRITING = (
+    "prune --clusters clusters.npz --weights weights.npy --out weights.npy",
+    "prune --clusters clusters.npz --weights weights.npy --out out --diagnosis ./out",
+    "weights --index 1.tsv 2.tsv --model model.ply --out 2.tsv",
+    "cameras cameras.json --scale 1/2 --out cameras.json",
+    "metrics a b --out b/../a/1.png",
+    "figures panels --column left=a --column right=b --out a/1.png",
+    "render a --cameras cameras.json --out a",
+)
+
+
+@pytest.mark.parametrize("command", OVERWRITING)
+def test_no_command_overwrites_an_input_or_another_output(folder, capsys, command):
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert "expected a separate file" in refusal(folder, capsys, command)
+    assert all(path.read_bytes() == content for path, content in before.items())
+
+
+def test_a_result_in_an_input_folder_is_replaced_by_the_next_run(folder):
+    for _ in range(2):
+        assert main(["metrics", "a", "b", "--out", "b/metrics.csv"]) == 0

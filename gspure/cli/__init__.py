@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from gspure import __version__
+from gspure.cli.options import require_distinct
 from gspure.errors import InputError, printable
 
 USER_COMMANDS = (
@@ -62,6 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _overview().parse_args(argv[:1] or ["--help"])  # exits: help, version, or an error
     args = _parser(argv[0]).parse_args(argv[1:])
     try:
+        require_distinct(args)
         return int(args.run(args) or 0)
     except InputError as error:
         return _refuse(argv[0], str(error))

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import SPLITS, add_device, add_scheme, read_device, read_public, read_split
+from gspure.cli.options import SPLITS, Output, add_device, add_scheme, read_device, read_public, read_split
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,17 +50,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the attack; repeatable"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="PLY", help="the attacked model")
-    parser.add_argument("--removed", type=Path, metavar="NPY", help="also write the mask of the removed rows: bool [K]")
+    parser.add_argument("--out", type=Output, required=True, metavar="PLY", help="the attacked model")
+    parser.add_argument(
+        "--removed", type=Output, metavar="NPY", help="also write the mask of the removed rows: bool [K]"
+    )
     add_scheme(parser)
     parser.add_argument(
         "--verdict",
-        type=Path,
+        type=Output,
         metavar="JSON",
         help="also write whether the attack changed the carrier of each extraction",
     )
     parser.add_argument(
-        "--world", type=Path, metavar="NPY", help="also write the rigid transform applied: float64 [4,4]"
+        "--world", type=Output, metavar="NPY", help="also write the rigid transform applied: float64 [4,4]"
     )
     parser.add_argument(
         "--damage",
@@ -88,14 +90,12 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import save_array, write_json, write_provenance
     from gspure.attacks import find_attack
     from gspure.attacks.carrier import reached
-    from gspure.cli.options import parsed_settings, require_distinct
+    from gspure.cli.options import parsed_settings
     from gspure.schemes.registry import find_scheme
 
     attack = find_attack(args.name)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
-    outputs = [path for path in (args.out, args.removed, args.world, args.verdict) if path]
-    require_distinct(outputs, [args.model, *files.values()])
     public, evidence = _read(args, files)
     views = _read_training_views(args) if "cameras" in attack.parameters else []
     device = read_device(args) if views else None
@@ -120,7 +120,7 @@ def run(args: argparse.Namespace) -> None:
         touched = {name: reached(public.model, attacked, columns) for name, columns in carriers.items()}
         strength = attack.strength and f"{attack.strength.setting}={record[attack.strength.setting]:.4g}"
         write_json(args.verdict, {"reached": touched, "strength": strength or ""})
-    for path in outputs:
+    for path in filter(None, (args.out, args.removed, args.world, args.verdict)):
         write_provenance(path, inputs=sources, settings=record)
     kept, count = int((~attacked.prune_mask).sum()), attacked.count
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")

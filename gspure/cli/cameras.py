@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gspure.cli.options import Output
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,11 +33,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument(
         "source",
+        type=lambda text: text if text in _GENERATED else Path(text),
         metavar="SOURCE",
         help="cameras.json, transforms.json (nerfstudio, Blender), or a folder with one of them or a COLMAP sparse "
         "model; or `orbit` or `shells` to generate views around --model",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the cameras.json to write")
+    parser.add_argument("--out", type=Output, required=True, metavar="FILE", help="the cameras.json to write")
     parser.add_argument(
         "--scale",
         metavar="RULE",
@@ -78,8 +80,8 @@ def run(args: argparse.Namespace) -> None:
     if args.off_path is not None:
         cameras = off_path_cameras(cameras, args.off_path)
     write_cameras(args.out, cameras)
-    inputs = {} if generated else {"source": Path(args.source)}
-    write_provenance(args.out, inputs=inputs, settings={"source": args.source, "scale": args.scale})
+    inputs = {} if generated else {"source": args.source}
+    write_provenance(args.out, inputs=inputs, settings={"source": str(args.source), "scale": args.scale})
     print("\n".join(_table(cameras)))
 
 
@@ -88,7 +90,7 @@ def _read(args: argparse.Namespace) -> list[Camera]:
 
     if unused := [name for name in ("model", *_SETTINGS) if getattr(args, name) is not None]:
         raise InputError(args.source, "source", expected="orbit or shells", found=f"a camera file and --{unused[0]}")
-    return read_cameras(Path(args.source))
+    return read_cameras(args.source)
 
 
 def _generate(args: argparse.Namespace) -> list[Camera]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import Output
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 
 HELP = "select clusters from a spanning tree"
@@ -18,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--tree", type=Path, required=True, metavar="NPY", help="tree, from `gspure tree`")
     add_selection(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="NPZ", help="labels: int32 [K], -1 is noise")
+    parser.add_argument("--out", type=Output, required=True, metavar="NPZ", help="labels: int32 [K], -1 is noise")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_sweeps
+from gspure.cli.options import Output, add_sweeps
 
 HELP = "measure which attacks the message survives, and compare GSPure with every other attack"
 EXAMPLES = """\
@@ -20,15 +20,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="results, from `gspure table`")
     add_sweeps(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="GSPure minus every other attack")
+    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="GSPure minus every other attack")
     parser.add_argument(
         "--survival",
-        type=Path,
+        type=Output,
         required=True,
         metavar="CSV",
         help="table of the message after each attack, against controls",
     )
-    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="both as readable tables")
+    parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="both as readable tables")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -5,7 +5,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
+from gspure.cli.options import (
+    Output,
+    add_device,
+    add_energy,
+    add_scheme,
+    add_views,
+    read_device,
+    read_public,
+    read_views,
+)
 
 HELP = "compute the contribution of every Gaussian to each view (stored per view)"
 EXAMPLES = """\
@@ -28,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="I/N",
         help="compute a part of the views, for parallel jobs: view I and every N-th after it, by name",
     )
-    parser.add_argument("--index", type=Path, required=True, metavar="TSV", help="index of the views and their files")
+    parser.add_argument("--index", type=Output, required=True, metavar="TSV", help="index of the views and their files")
     add_energy(parser, default="ray")
     add_device(parser)
 

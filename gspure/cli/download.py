@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import Output
 from gspure.errors import InputError
 
 HELP = "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending"
@@ -30,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("scenes", nargs="+", metavar="SCENE", help=f"{ALL}, or some of {', '.join(SCENES)}")
     parser.add_argument(
-        "--out", type=Path, default=Path("data"), metavar="DIR", help="folder for the scenes (default: %(default)s)"
+        "--out", type=Output, default=Path("data"), metavar="DIR", help="folder for the scenes (default: %(default)s)"
     )
     parser.add_argument(
         "--accept-licence", action="store_true", help="you have read the publishers' terms and accept them"

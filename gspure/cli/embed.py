@@ -19,14 +19,14 @@ gs_hider and secure_gs need PyTorch: pip install gspure[torch].
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    from gspure.cli.options import add_device, described
+    from gspure.cli.options import Output, add_device, described
     from gspure.schemes.pair import INITIALIZATIONS
     from gspure.schemes.registry import BUILT_IN
 
     known = ", ".join(described(scheme.name, scheme.settings) for scheme in BUILT_IN)
     parser.add_argument("scheme", metavar="SCHEME", help=f"one of {known}, or a plug-in")
     parser.add_argument("pair", type=Path, metavar="PAIR", help="output folder of `gspure pair`")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for public/ and key/")
+    parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for public/ and key/")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the scheme; repeatable"
     )

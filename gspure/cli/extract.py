@@ -17,7 +17,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    from gspure.cli.options import add_device, add_off_path, add_views
+    from gspure.cli.options import Output, add_device, add_off_path, add_views
 
     parser.add_argument("model", type=Path, metavar="MODEL", help="the model's .ply, or its folder")
     parser.add_argument("--scheme", required=True, metavar="NAME", help="the watermarking scheme")
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_views(parser, split="all")
     add_off_path(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png; it must not hold other images"
+        "--out", type=Output, required=True, metavar="DIR", help="folder for VIEW.png; it must not hold other images"
     )
     add_device(parser)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import Output
+
 HELP = "standardize positions, opacities and weights: features F [K,5]"
 EXAMPLES = """\
   gspure features --model point_cloud.ply --weights weights.npy --out features.npy
@@ -19,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--opacities", type=Path, metavar="NPY", help="from `gspure opacities` (default: as stored in the model)"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="features: float64 [K,5]")
+    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="features: float64 [K,5]")
 
 
 def run(args: argparse.Namespace) -> None:

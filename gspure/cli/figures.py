@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from gspure.cli import image_figures, scheme_figures
 from gspure.cli.image_figures import Drawn
 from gspure.cli.method_options import add_factors
+from gspure.cli.options import Output
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--view", metavar="NAME", help="viewpoint (default: outside the model, or inside a room)")
     parser.add_argument(
         "--out",
-        type=Path,
+        type=Output,
         required=True,
         metavar="DIR",
         help="folder for clusters, ranks, kept (and truth or hidden) as .png, .gltf and .vtp, weights.png (and "
@@ -62,7 +63,7 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
 def _add_outcomes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
     parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
-    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
+    parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
     parser.set_defaults(draw=_draw_outcomes)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
+from gspure.cli.options import Output, add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.weights import add_reduction
 
 HELP = "measure the share of the message's weight on rows of low public weight"
@@ -30,8 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=TAU_N,
         help="low: below the mean weight divided by TAU (default: %(default)s)",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="the share, 0 to 1")
-    parser.add_argument("--hidden", type=Path, metavar="NPY", help="also write the message's weight of every row: [K]")
+    parser.add_argument("--out", type=Output, required=True, metavar="JSON", help="the share, 0 to 1")
+    parser.add_argument(
+        "--hidden", type=Output, metavar="NPY", help="also write the message's weight of every row: [K]"
+    )
     add_reduction(parser)
     add_energy(parser, default="ray")
     add_device(parser)

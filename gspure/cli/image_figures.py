@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_sweeps
+from gspure.cli.options import Output, add_sweeps
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def _add_panels(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--difference", action="store_true", help="add the difference between the last column and the first"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
+    parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
     parser.set_defaults(draw=_draw_panels)
 
 
@@ -39,7 +39,7 @@ def _add_attacks(parser: argparse.ArgumentParser) -> None:
         "a variant and its folder of TARGET/VIEW.png, the reference first; repeatable",
     )
     add_sweeps(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
+    parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
     parser.set_defaults(draw=_draw_attacks)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_sweeps
+from gspure.cli.options import Output, add_sweeps
 
 HELP = "measure the message's drop under each attack at equal damage to the scene"
 EXAMPLES = """\
@@ -18,8 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="results, from `gspure table`")
     add_sweeps(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per sweep and damage")
-    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="the same as readable tables")
+    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per sweep and damage")
+    parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="the same as readable tables")
 
 
 def run(args: argparse.Namespace) -> None:

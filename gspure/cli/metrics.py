@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import Output
+
 HELP = "compare two folders of images: PSNR, SSIM and gradient correlation (GC), per view and mean"
 EXAMPLES = """\
   gspure metrics before after
@@ -42,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=BASELINES,
         help="compare DIR_A with images of one colour instead of DIR_B: black, or the mean of DIR_A",
     )
-    parser.add_argument("--out", type=Path, metavar="CSV", help="also write the metrics of every view to this table")
+    parser.add_argument("--out", type=Output, metavar="CSV", help="also write the metrics of every view to this table")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_scheme, add_views, read_public, read_views
+from gspure.cli.options import Output, add_scheme, add_views, read_public, read_views
 
 HELP = "write the opacity of every row (for an anchor, the mean over its Gaussians and the views)"
 EXAMPLES = """\
@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
     add_scheme(parser)
     add_views(parser, split="train")
-    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="opacities: float32 [K]")
+    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="opacities: float32 [K]")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_device, read_device
+from gspure.cli.options import Output, add_device, read_device
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MESSAGE",
         help=f"the hidden scene: a trained model or its folder (photographs with --protocol own), or {NAMES}",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the pair")
+    parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder of the pair")
     parser.add_argument(
         "--protocol",
         choices=PROTOCOLS,

@@ -7,6 +7,8 @@ from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gspure.cli.options import Output
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -29,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--survival", type=Path, metavar="CSV", help="from `gspure contest`: our results beside the paper's"
     )
-    parser.add_argument("--out", type=Path, metavar="CSV", help="also write all checks to this table")
+    parser.add_argument("--out", type=Output, metavar="CSV", help="also write all checks to this table")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from gspure.cli.method_options import add_factors
+from gspure.cli.options import Output
 
 HELP = "decide which Gaussians to prune, and diagnose the clustering"
 EXAMPLES = """\
@@ -26,8 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="weights, from `gspure weights`; or opacities, from `gspure opacities`, to prune by opacity",
     )
     add_factors(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="bool [K], true where pruned")
-    parser.add_argument("--diagnosis", type=Path, metavar="JSON", help="also write the diagnosis here")
+    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="bool [K], true where pruned")
+    parser.add_argument("--diagnosis", type=Output, metavar="JSON", help="also write the diagnosis here")
     parser.add_argument("--model", type=Path, metavar="PLY", help="list its suspicious rows in the diagnosis")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
-from gspure.cli.options import add_device, add_energy
+from gspure.cli.options import Output, add_device, add_energy
 from gspure.cli.weights import add_reduction
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "pixels are reduced to that); or `orbit` or `shells` for generated views, with settings in `gspure cameras`. "
         "Every eighth view, by name, is held out for the metrics; the others measure the weights",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for the results")
     add_energy(parser, default="ray")
     add_reduction(parser)
     add_min_samples(parser)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from gspure.cli.options import (
+    Output,
     add_background,
     add_device,
     add_energy,
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_views(parser, split="all")
     add_off_path(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder for VIEW.png; it must not hold other images"
+        "--out", type=Output, required=True, metavar="DIR", help="folder for VIEW.png; it must not hold other images"
     )
     parser.add_argument("--npy", action="store_true", help="also write VIEW.npy: float32 [H,W,3], not clipped")
     add_background(parser, "the model", "MODEL")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import Output
+
 HELP = "write a self-contained HTML page with audit, tables, figures and provenance"
 EXAMPLES = """\
   gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
@@ -52,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--link", type=Path, nargs="*", default=[], metavar="FILE", help="further files to link: configuration, logs"
     )
     parser.add_argument("--title", default="How robust is the watermark?", help="heading (default: %(default)s)")
-    parser.add_argument("--out", type=Path, required=True, metavar="HTML", help="the page")
+    parser.add_argument("--out", type=Output, required=True, metavar="HTML", help="the page")
 
 
 def run(args: argparse.Namespace) -> None:

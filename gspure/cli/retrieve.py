@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import Output
+
 HELP = "measure whether extractions are nearest to the right message among candidates"
 EXAMPLES = """\
   gspure retrieve pair/message --extractions results/planted/room/*/renders/message --out retrieval.csv
@@ -29,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--decoys", type=Path, nargs="*", default=[], metavar="DIR", help="photographs of other scenes, as candidates"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per variant and target")
+    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per variant and target")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gspure.cli.image_figures import Drawn
+from gspure.cli.options import Output
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
 def _add_scheme(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
     parser.add_argument("--scheme", required=True, metavar="NAME", help="the scheme whose variants to compare")
-    parser.add_argument("--out", type=Path, required=True, metavar="PNG", help="the figure")
+    parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
 
 
 def _point(text: str) -> tuple[str, tuple[float, float]]:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import add_device, add_scheme, add_views, read_device, read_public, read_views
+from gspure.cli.options import Output, add_device, add_scheme, add_views, read_device, read_public, read_views
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,14 +36,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
     add_scheme(parser)
     add_views(parser, split="train")
-    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="distances in scales: float32 [K]")
+    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="distances in scales: float32 [K]")
     parser.add_argument(
         "--method",
         choices=METHODS,
         help="mesh: from the level set of the opacity field; depth: from the views' median depths (default: mesh; "
         f"depth of anchors, and of models with more than {MOST_OPAQUE} opaque Gaussians)",
     )
-    parser.add_argument("--mesh", type=Path, metavar="PLY", help="also write the mesh")
+    parser.add_argument("--mesh", type=Output, metavar="PLY", help="also write the mesh")
     add_device(parser)
 
 
@@ -62,7 +62,8 @@ def run(args: argparse.Namespace) -> None:
     distances = _from_mesh(args, public, views, device) if method == "mesh" else depth_distances(public, views, device)
     save_array(args.out, distances)
     inputs = {"model": args.model, "cameras": args.cameras}
-    write_provenance(args.out, inputs=inputs, settings={"split": args.split, "method": method})
+    for path in filter(None, (args.out, args.mesh)):
+        write_provenance(path, inputs=inputs, settings={"split": args.split, "method": method})
     near = int((distances <= TOLERANCE).sum())
     print(f"method {method}: {near} of {len(distances)} rows within {TOLERANCE:g} scales of the surface")
 

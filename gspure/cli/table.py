@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import Output
+
 HELP = "collect the metrics of all variants in one table, with the Score"
 EXAMPLES = """\
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md
@@ -60,10 +62,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CSV",
         help="retrieval.csv of `gspure retrieve`, in folders SCHEME/SCENE",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="one row per variant and target")
-    parser.add_argument("--markdown", type=Path, required=True, metavar="MD", help="the same as readable tables")
-    parser.add_argument("--summary", type=Path, metavar="CSV", help="means over scenes, with intervals")
-    parser.add_argument("--latex", type=Path, metavar="TEX", help="means over scenes, with intervals, as a LaTeX table")
+    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per variant and target")
+    parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="the same as readable tables")
+    parser.add_argument("--summary", type=Output, metavar="CSV", help="means over scenes, with intervals")
+    parser.add_argument(
+        "--latex", type=Output, metavar="TEX", help="means over scenes, with intervals, as a LaTeX table"
+    )
 
 
 def run(args: argparse.Namespace) -> None:

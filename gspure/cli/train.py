@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_background, add_device, read_background, read_device
+from gspure.cli.options import Output, add_background, add_device, read_background, read_device
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,8 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="COLMAP project, transforms.json (nerfstudio, Blender), cameras.json, or a folder with one of them; with "
         "transforms_train.json, the views of transforms_test.json (or _val) are held out",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the model")
-    parser.add_argument("--model", type=Path, metavar="PLY", help="also copy the model there")
+    parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for the model")
+    parser.add_argument("--model", type=Output, metavar="PLY", help="also copy the model there")
     parser.add_argument("--iterations", type=int, default=3000, metavar="N", help="steps (default: %(default)s)")
     parser.add_argument(
         "--resolution",

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from gspure.cli.method_options import add_min_samples
+from gspure.cli.options import Output
 
 HELP = "compute HDBSCAN's minimum spanning tree from features and min_samples"
 EXAMPLES = """\
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the features of the clustering: position, opacity, weight (default: all)",
     )
     add_min_samples(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="edges: float64 [K-1,3], by distance")
+    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="edges: float64 [K-1,3], by distance")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import Output
+
 HELP = "average the contributions over the views: weights omega [K]"
 EXAMPLES = """\
   gspure weights --index room.tsv --model point_cloud.ply --out weights.npy
@@ -19,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--model", type=Path, required=True, help="the model of these contributions")
     add_reduction(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="NPY", help="weights: float32 [K]")
+    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="weights: float32 [K]")
 
 
 def run(args: argparse.Namespace) -> None:
