@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -404,3 +405,31 @@ def test_no_command_overwrites_an_input_or_another_output(folder, capsys, comman
 def test_a_result_in_an_input_folder_is_replaced_by_the_next_run(folder):
     for _ in range(2):
         assert main(["metrics", "a", "b", "--out", "b/metrics.csv"]) == 0
+
+
+class Closed(io.StringIO):
+    """Standard output whose reader (`| head`) has gone."""
+
+    def write(self, text):
+        raise BrokenPipeError
+
+    def fileno(self):
+        return os.open(os.devnull, os.O_WRONLY)
+
+
+PRINTING = {
+    "prune": "prune --clusters clusters.npz --weights weights.npy --out out --diagnosis out.json",
+    "metrics": "metrics a b --out out",
+    "paper-check": "paper-check --out out",
+    "attack": "attack random_pruning --model model.ply --damage 1 --cameras cameras.json --out out",
+    "purify": "purify model.ply --cameras cameras.json --out dir",
+    "figures": COMMANDS["figures"],
+}
+WRITTEN = {"purify": "dir/figures/kept.png", "figures": "out/weights.png.json"}
+
+
+@pytest.mark.parametrize("command", PRINTING)
+def test_everything_is_written_before_anything_is_printed(folder, monkeypatch, command):
+    monkeypatch.setattr(sys, "stdout", Closed())
+    assert main(PRINTING[command].split()) == 1
+    assert Path(WRITTEN.get(command, "out")).is_file()

@@ -91,6 +91,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.attacks import find_attack
     from gspure.attacks.carrier import reached
     from gspure.cli.options import parsed_settings
+    from gspure.progress import say
     from gspure.schemes.registry import find_scheme
 
     attack = find_attack(args.name)
@@ -109,7 +110,7 @@ def run(args: argparse.Namespace) -> None:
             public, evidence, args.damage, damage_of, seed=args.seed, cameras=views, device=device, **settings
         )
         record |= {match.setting: match.value, "damage": args.damage, "damage_reached": match.damage}
-        print(f"{attack.name}: {match.setting}={match.value:.4g} lowers the scene's PSNR by {match.damage:.2f} dB")
+        say(f"{attack.name}: {match.setting}={match.value:.4g} lowers the scene's PSNR by {match.damage:.2f} dB")
     public.with_model(attacked.model).write(args.out)
     if args.removed:
         save_array(args.removed, attacked.prune_mask)

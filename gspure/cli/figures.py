@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> None:
     captions, inputs, settings = args.draw(args)
     for path, caption in captions.items():
         write_provenance(path, inputs=inputs, settings={**settings, "caption": caption})
-        print(f"{path}: {caption}")
+    print("\n".join(f"{path}: {caption}" for path, caption in captions.items()))
 
 
 def _draw_model(args: argparse.Namespace) -> Drawn:

@@ -48,20 +48,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Compare, print, and write the table."""
+    """Compare, write the table, and print it."""
     from gspure.artifacts import write_provenance
     from gspure.evaluation.comparison import as_text, compare, pair_images, write_metrics
     from gspure.progress import say, track
 
     pairs, unused = pair_images(args.images, args.other, dict(args.against))
     rows = [compare(pair, args.reference, args.baseline) for pair in track(pairs, "metrics")]
-    print("\n".join(as_text(rows)))
     if unused:
         say(f"metrics: {unused} images of {args.images} have no counterpart in {args.other}")
     if args.out:
         write_metrics(args.out, rows)
         images = {path.as_posix(): path for pair in pairs for path in (pair.reference, pair.image)}
         write_provenance(args.out, inputs=images, settings={"reference": args.reference, "baseline": args.baseline})
+    print("\n".join(as_text(rows)))
 
 
 def _assigned(text: str) -> tuple[str, str]:

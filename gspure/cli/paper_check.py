@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Print every check, then the other inconsistencies."""
+    """Write and print every check, then print the other inconsistencies."""
     from gspure.artifacts import write_text
     from gspure.evaluation.paper import check_claims, find_oddities, read_cells
     from gspure.evaluation.paper.checks import ROUNDING
@@ -45,14 +45,14 @@ def run(args: argparse.Namespace) -> None:
     cells = read_cells()
     checks = check_claims(cells)
     ours = read_records(args.survival, Survival) if args.survival else []
+    if args.out:
+        write_text(args.out, _all(checks).csv())
     for table in (_scores(checks, cells), _without_scores(checks), _rms_ratios(cells, ours)):
         print(f"{table.title}\n\n{table.markdown()}\n")
     print("Other inconsistencies\n")
     print("\n".join(f"- {sentence}" for sentence in find_oddities(cells)))
     failed = sum(not check.holds for check in checks)
     print(f"\n{failed} of {len(checks)} numbers do not follow from Table 1 within {ROUNDING} dB")
-    if args.out:
-        write_text(args.out, _all(checks).csv())
 
 
 def _scores(checks: Sequence[Check], cells: Sequence[Cell]) -> Table:

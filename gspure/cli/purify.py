@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Purify, compare the held-out views and write the results, all or none; then draw figures."""
+    """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
     from gspure.artifacts import filling, write_provenance
     from gspure.cameras import split
     from gspure.images import require_no_other_images
@@ -94,17 +94,16 @@ def run(args: argparse.Namespace) -> None:
         for name in ("purified.ply", "weights.npy", "labels.npy", "prune_mask.npy"):
             write_provenance(folder / name, inputs=inputs, settings={"energy": args.energy, **settings})
         rows = _compare(folder, (public, purified), test, device, background) if public.visible else []
+    if public.visible:
+        _draw_views(args.out, test)
+    else:
+        say("the model holds no colour: no renders, no metrics")
+    captions = _draw_model(args, model, purification, cameras)
     print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
     gaussian_rays = args.energy == "ray" and Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
     if gaussian_rays and (small := subpixel_rows(model, purification.weights, train or test)):
         print(small.line(len(model), cameras[0].width))
-    print(f"results in {args.out}")
-    if public.visible:
-        print("\n".join(rows))
-        _draw_views(args.out, test)
-    else:
-        say("the model holds no colour: no renders, no metrics")
-    _draw_model(args, model, purification, cameras)
+    print("\n".join([f"results in {args.out}", *rows, *captions]))
 
 
 def _choose_factors(args: argparse.Namespace, model: Gaussians) -> None:
@@ -180,7 +179,8 @@ def _draw_views(folder: Path, views: Sequence[Camera]) -> None:
 
 def _draw_model(
     args: argparse.Namespace, model: Gaussians, purification: Purification, cameras: Sequence[Camera]
-) -> None:
+) -> list[str]:
+    """Draw the model, and return a line per figure."""
     from gspure.figures.gallery import Evidence, drawings
     from gspure.figures.optional import optional
     from gspure.model.signature import Signature
@@ -188,7 +188,9 @@ def _draw_model(
     rows = Signature.of(model.table.dtype.names or ()).rows
     arrays = (model.means, purification.labels, purification.weights, purification.prune_mask)
     evidence = Evidence(*arrays, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
+    captions = []
     for path, caption, draw in drawings(args.out / "figures", evidence, cameras):
         with optional(path):
             draw()
-            print(f"{path}: {caption}")
+            captions.append(f"{path}: {caption}")
+    return captions
