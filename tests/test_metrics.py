@@ -186,6 +186,13 @@ def test_an_image_without_reference_is_refused(tmp_path: Path) -> None:
         pair_images(a, b)
 
 
+def test_an_unknown_target_is_refused(tmp_path: Path) -> None:
+    a, b = folders(tmp_path, "scene")
+    pair_images(a, b, {"scene": "scene"})
+    with pytest.raises(InputError, match=r"target: expected one of scene, found 'scenes'"):
+        pair_images(a, b, {"scenes": "scene"})
+
+
 def test_images_of_different_sizes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a, b = folders(tmp_path, "scene")
     write_image(b / "scene" / "002.png", image(0, 20, 31))

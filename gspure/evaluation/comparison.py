@@ -70,12 +70,15 @@ def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None
     Raises
     ------
     InputError
-        If a folder holds no PNG file or lacks one of its record, or `images` has one that `reference` lacks.
+        If a folder holds no PNG file or lacks one of its record, or `images` has one that `reference` lacks,
+        or no target of `against`.
 
     """
-    available = _png_files(reference)
-    renamed = against or {}
-    counterparts = {p: Path(renamed.get(p.parent.as_posix(), p.parent)) / p.name for p in _png_files(images)}
+    available, compared = _png_files(reference), _png_files(images)
+    renamed, targets = against or {}, {path.parent.as_posix() for path in compared}
+    for target in renamed.keys() - targets:
+        raise InputError(images, "target", expected=f"one of {', '.join(sorted(targets))}", found=repr(target))
+    counterparts = {p: Path(renamed.get(p.parent.as_posix(), p.parent)) / p.name for p in compared}
     for path, counterpart in sorted(counterparts.items()):
         if counterpart not in available:
             expected = f"a counterpart of {images / path}"
