@@ -288,7 +288,7 @@ def test_command_overwrites_neither_its_input_nor_another_output(tmp_path: Path,
         ),
         (["random_pruning", "--set", "part=0.5"], "setting: expected one of fraction, found part"),
         (["plain_weight"], "weights: expected an array, found nothing"),
-        (["random_pruning", "--set", "fraction=1"], "out.ply: element vertex: expected at least one row, found 0 rows"),
+        (["random_pruning", "--set", "fraction=1"], "attack random_pruning: rows: expected some to remain, found 0 of"),
         (["nothing"], "attack: name: expected one of unattacked"),
         (
             ["plain_weight", "--weights", "absent.npy"],

@@ -111,6 +111,10 @@ def run(args: argparse.Namespace) -> None:
         )
         record |= {match.setting: match.value, "damage": args.damage, "damage_reached": match.damage}
         say(f"{attack.name}: {match.setting}={match.value:.4g} lowers the scene's PSNR by {match.damage:.2f} dB")
+    kept, count = int((~attacked.prune_mask).sum()), attacked.count
+    if not len(attacked.model):
+        hint = " ".join(f"{name}={value}" for name, value in record.items() if name != "attack")
+        raise InputError(f"attack {attack.name}", "rows", expected="some to remain", found=f"0 of {count}", hint=hint)
     public.with_model(attacked.model).write(args.out)
     if args.removed:
         save_array(args.removed, attacked.prune_mask)
@@ -123,7 +127,6 @@ def run(args: argparse.Namespace) -> None:
         write_json(args.verdict, {"reached": touched, "strength": strength or ""})
     for path in filter(None, (args.out, args.removed, args.world, args.verdict)):
         write_provenance(path, inputs=sources, settings=record)
-    kept, count = int((~attacked.prune_mask).sum()), attacked.count
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 
 
