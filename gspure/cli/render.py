@@ -61,3 +61,5 @@ def run(args: argparse.Namespace) -> None:
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
         record_views(folder, (camera.name for camera in views))
+    for camera in [] if args.npy else views:  # of an earlier model
+        (args.out / f"{camera.name}.npy").unlink(missing_ok=True)
