@@ -73,12 +73,14 @@ def test_examples_of_the_stages_pasted_one_after_the_other_purify_a_model(asset,
     assert Path("figures/kept.png").exists()
 
 
-@pytest.mark.parametrize("argv", [["bogus"], ["--bogus"], ["render"]])
-def test_a_wrong_command_line_ends_with_status_2(argv, capsys):
+@pytest.mark.parametrize("argv", [["bogus"], ["--bogus"], ["render"], ["figures", "b\nd"]])
+def test_a_wrong_command_line_ends_in_one_line_with_status_2(argv, capsys):
     with pytest.raises(SystemExit) as leaving:
         main(argv)
     assert leaving.value.code == 2
-    assert "usage: gspure" in capsys.readouterr().err
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("gspure")
+    assert line.endswith("--help`")
 
 
 def test_bad_input_is_told_in_one_line_with_status_2(asset, capsys):
@@ -128,6 +130,15 @@ def test_render_names_images_after_views(asset):
     assert floats.dtype == np.float32
     np.testing.assert_array_equal(floats, Renderer(blobs(30)).image(held_out[0], background=(0, 0.5, 1)))
     np.testing.assert_allclose(read_image(out / f"{names[0]}.png"), np.clip(floats, 0, 1), atol=0.5 / 255 + 1e-6)
+
+
+def test_floats_of_an_earlier_render_do_not_stay_beside_other_images(asset):
+    command = ["render", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json")]
+    command += ["--out", str(asset / "renders"), "--split", "test"]
+    assert main([*command, "--npy"]) == 0
+    np.save(asset / "renders" / "kept.npy", 0)  # of no view
+    assert main(command) == 0
+    assert [path.name for path in (asset / "renders").glob("*.npy")] == ["kept.npy"]
 
 
 def test_a_folder_with_renders_of_other_views_is_refused(asset, capsys):

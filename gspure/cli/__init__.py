@@ -12,6 +12,7 @@ import os
 import sys
 from collections.abc import Sequence
 from types import ModuleType
+from typing import NoReturn
 
 from gspure import __version__
 from gspure.cli.options import require_distinct
@@ -87,10 +88,18 @@ def _refuse(command: str, reason: str) -> int:
     return 2
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser that refuses a wrong command line in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the reason, and exit with status 2."""
+        self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
+
+
 def _parser(name: str) -> argparse.ArgumentParser:
     """Return the parser of one command; the others are not imported."""
     module = _module(name)
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=f"gspure {name}",
         description=module.HELP,
         epilog="examples:\n" + module.EXAMPLES,
@@ -104,7 +113,7 @@ def _parser(name: str) -> argparse.ArgumentParser:
 def _overview() -> argparse.ArgumentParser:
     """Return the parser that lists all commands."""
     commands = _listed("commands", USER_COMMANDS) + "\n\n" + _listed("jobs of the workflow", JOBS)
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="gspure",
         usage="gspure [-h] [--version] COMMAND ...",
         description=f"{DESCRIPTION}\n\n{commands}",
