@@ -307,6 +307,13 @@ def test_diagnosis_warns_of_a_collapsed_clustering() -> None:
     assert "largest cluster holds 75%" in found.warnings[0]
 
 
+@pytest.mark.parametrize(("weighted", "warns"), [(1, True), (2, False)])
+def test_diagnosis_warns_of_views_that_see_less_than_a_hundredth_of_the_rows(weighted: int, warns: bool) -> None:
+    labels = np.repeat(np.arange(4, dtype=np.int32), 50)
+    warnings = diagnose(labels, np.repeat([0.0, 1.0], [200 - weighted, weighted])).warnings
+    assert any(f"{weighted} of 200" in text for text in warnings) == warns
+
+
 def test_diagnosis_warns_of_a_clustering_without_effect() -> None:
     labels = np.array([0] * 4 + [1] * 4 + [-1] * 2, np.int32)
     assert "changes 0.0% of the decision" in diagnose(labels, np.array([0.0] * 4 + [9.0] * 6)).warnings[0]

@@ -321,6 +321,20 @@ def test_weights_of_an_index_that_is_cut_or_left_out_are_refused(weights, capsys
     assert "1.tsv: views: expected 4 in all indices, found 3" in capsys.readouterr().err
 
 
+def test_weights_of_views_that_see_no_row_are_refused_and_few_rows_are_warned_of(tmp_path, capsys):
+    front = small_model(300).table[:1]
+    behind = small_model(300).with_columns({"z": np.full(300, -9, np.float32)}).table
+    for model, status, warning in ((np.concatenate([front, behind]), 0, "1 of 301"), (behind, 2, "none of 300")):
+        write_model(tmp_path / "model.ply", Gaussians(model))
+        write_cameras(tmp_path / "cameras.json", views())
+        paths = ["--model", str(tmp_path / "model.ply"), "--index", str(tmp_path / "1.tsv")]
+        cameras = ["--cameras", str(tmp_path / "cameras.json"), "--stages", str(tmp_path / "stages")]
+        assert main(["contributions", *paths, *cameras]) == 0
+        assert main(["weights", *paths, "--out", str(tmp_path / f"weights_{status}.npy")]) == status
+        assert warning in capsys.readouterr().err
+    assert not (tmp_path / "weights_2.npy").exists()
+
+
 def test_weights_of_another_model_of_as_many_rows_are_refused(weights, capsys):
     model = small_model(9)
     write_model(weights.folder / "model.ply", model.with_columns({"x": model.table["x"] + 1}))

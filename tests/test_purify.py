@@ -1,6 +1,7 @@
 """The whole method on one model in one process."""
 
 import errno
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,12 @@ def test_settings_reach_their_stage() -> None:
     assert (purify(*given, **SETTINGS | {"min_cluster_size": 400}).labels == -1).all()
     assert purify(*given, energy="ewa", **SETTINGS).weights.sum() > purify(*given, **SETTINGS).weights.sum()
     assert purify(*given, reduction="max", **SETTINGS).weights.max() <= 1
+
+
+def test_views_that_see_nothing_are_refused() -> None:
+    behind = [replace(view, viewmat=np.diag([-1.0, 1, -1, 1]) @ view.viewmat) for view in cameras()]
+    with pytest.raises(InputError, match="in view"):
+        purify(model(), behind, **SETTINGS)
 
 
 def test_no_views_are_refused() -> None:

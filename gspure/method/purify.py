@@ -17,7 +17,7 @@ from gspure.method.clustering import Diagnosis, Selection, coincident_points, di
 from gspure.method.clustering.selection import Labels
 from gspure.method.features import features
 from gspure.method.pruning import Mask
-from gspure.method.weights import Reduction, accumulate
+from gspure.method.weights import Reduction, accumulate, require_in_view
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say, track
 from gspure.public_model import PublicModel
@@ -93,7 +93,7 @@ def purify(
     ------
     InputError
         The model or the views are invalid, a setting is out of range, or there is no device. It is raised before
-        anything is computed.
+        anything is computed. Or no view shows any row.
 
     """
     from gspure.opencl.device import choose_device
@@ -117,6 +117,7 @@ def purify(
     views = sorted(cameras, key=lambda camera: camera.name)
     stages = map(public.contributions(device, energy), track(views, "contributions"))
     weights = accumulate(stages, len(rows), reduction)
+    require_in_view(weights)
     say(f"clustering {len(rows)} Gaussians")
     labels, pruned, diagnosis = decide(rows.means, public.opacities(views), weights)
     settings = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"

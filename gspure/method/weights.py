@@ -13,6 +13,9 @@ from gspure.errors import InputError
 Reduction = Literal["sum", "max", "mean_touched"]
 REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
 
+FEW_SHARE: Final = 0.01
+"""Share of rows with a weight; smaller ones are warned of. Ours."""
+
 
 def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[np.float64]:
     r"""Return ω_{k,v} of the Gaussians touched in one view.
@@ -76,3 +79,17 @@ def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction 
     if not views:
         raise InputError("contributions", "views", expected="at least one", found="none")
     return (total / views).astype(np.float32)
+
+
+def require_in_view(weights: NDArray[Any]) -> None:
+    """Refuse weights that are all 0: a model that no view shows would seem untouched by every attack."""
+    if not weights.any():
+        hint = "do cameras and model belong together?"
+        raise InputError("weights", "rows", expected="at least one in view", found=f"none of {len(weights)}", hint=hint)
+
+
+def few_in_view(weighted: int, rows: int) -> list[str]:
+    """Return a warning, one sentence, if the views see few of the rows."""
+    if weighted >= FEW_SHARE * rows:
+        return []
+    return [f"the views see {weighted} of {rows} rows: do cameras and model belong together?"]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
 from gspure.errors import InputError
 from gspure.method.pruning import Mask, plain_prune_mask, prune_mask
+from gspure.method.weights import few_in_view
 
 _LARGEST_SHARE_WARNED = 0.5
 _CHANGED_SHARE_WARNED = 0.05
@@ -22,8 +23,8 @@ class Diagnosis:
 
     Parameters
     ----------
-    gaussians, clusters : int
-        Their numbers.
+    gaussians, weighted, clusters : int
+        Their numbers; `weighted` are those of weight above 0.
     coincident : int
         Surplus points in piles of equal features (see `gspure.method.clustering.coincident_points`).
     largest_share, noise_share : float
@@ -42,6 +43,7 @@ class Diagnosis:
     """
 
     gaussians: int
+    weighted: int
     clusters: int
     coincident: int
     largest_share: float
@@ -57,7 +59,7 @@ class Diagnosis:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the clustering, one sentence each."""
-        sentences = []
+        sentences = few_in_view(self.weighted, self.gaussians)
         if self.largest_share > _LARGEST_SHARE_WARNED:
             sentences.append(
                 f"the largest cluster holds {self.largest_share:.0%} of all Gaussians: the clustering has collapsed; "
@@ -126,6 +128,7 @@ def diagnose(
     sizes = np.bincount(labels[clustered])
     return Diagnosis(
         gaussians=len(labels),
+        weighted=int(np.count_nonzero(weights)),
         clusters=len(sizes),
         coincident=coincident,
         largest_share=_share(sizes.max(initial=0), len(labels)),
