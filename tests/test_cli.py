@@ -83,6 +83,24 @@ def test_a_wrong_command_line_ends_in_one_line_with_status_2(argv, capsys):
     assert line.endswith("--help`")
 
 
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ["render", "m.ply", "--cameras", "c.json", "--out", ""],
+        ["render", "", "--cameras", "c.json", "--out", "x"],
+        ["purify", "m.ply", "--cameras", "", "--out", "x"],
+        ["figures", "outcomes", "--table", "t.csv", "--asset", "a/b", "--out="],
+        ["report", "--table", "t.csv", "--figures", "", "--out", "x"],
+    ],
+    ids=lambda argv: argv[0],
+)
+def test_an_empty_path_is_refused(argv, capsys):
+    with pytest.raises(SystemExit) as leaving:
+        main(argv)
+    assert leaving.value.code == 2
+    assert "found an empty text" in capsys.readouterr().err
+
+
 def test_bad_input_is_told_in_one_line_with_status_2(asset, capsys):
     status = main(["render", "missing.ply", "--cameras", str(asset / "cameras.json"), "--out", str(asset / "out")])
     error = capsys.readouterr().err

@@ -10,12 +10,14 @@ import argparse
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
 from types import ModuleType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from gspure import __version__
-from gspure.cli.options import require_distinct
+from gspure.cli.options import Output, require_distinct
 from gspure.errors import InputError, printable
 
 USER_COMMANDS = (
@@ -89,11 +91,22 @@ def _refuse(command: str, reason: str) -> int:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that refuses a wrong command line in one line."""
+    """A parser that refuses a wrong command line in one line, and empty texts: an empty path is the current folder."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        for kind in (None, Path, Output):
+            self.register("type", kind, partial(_filled, kind or str))
 
     def error(self, message: str) -> NoReturn:
         """Print the reason, and exit with status 2."""
         self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
+
+
+def _filled(kind: Callable[[str], Any], text: str) -> Any:
+    if not text:
+        raise argparse.ArgumentTypeError("expected a value, found an empty text")
+    return kind(text)
 
 
 def _parser(name: str) -> argparse.ArgumentParser:
