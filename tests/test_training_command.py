@@ -179,3 +179,13 @@ def test_a_setting_out_of_range_is_refused_before_anything_is_written(project, t
     assert main(["train", str(project), "--out", str(tmp_path / "out"), option]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_damaged_file_of_a_training_run_is_named(project, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["train", str(project), "--out", str(out), "--iterations", "2"]) == 0
+    cameras = out / "cameras.json"
+    cameras.write_bytes(cameras.read_bytes().replace(b",", b" ", 1))
+    capsys.readouterr()
+    assert main(["cameras", str(out), "--out", str(tmp_path / "cameras.json")]) == 2
+    assert "damaged" in capsys.readouterr().err

@@ -105,7 +105,8 @@ def run(args: argparse.Namespace) -> None:
     device = read_device(args)
     trainer = _train(args, dataset, images, settings, device)
     model = write_output(args.out, dataset, trainer.model.state().parameters, args.iterations, args.background)
-    write_provenance(model, inputs={}, settings=settings)
+    for path in (model, *(args.out / name for name in ("cameras.json", "input.ply", "cfg_args"))):
+        write_provenance(path, inputs={}, settings=settings)
     if args.model:
         with replacing(args.model) as temporary:
             shutil.copyfile(model, temporary)
