@@ -55,6 +55,7 @@ rule build_features:
 rule span_tree:
     input:
         features=get_artifact("features.npy"),
+        model=get_public_model,  # recorded as the origin
     output:
         tree="results/{scheme}/{scene}{decision}/tree.npy",
     log:
@@ -77,6 +78,7 @@ rule span_tree:
 rule select_clusters:
     input:
         tree=get_artifact("tree.npy"),
+        model=get_public_model,  # recorded as the origin
     output:
         clusters="results/{scheme}/{scene}{decision}/clusters.npz",
     log:
