@@ -63,7 +63,6 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
     once = [
         "embed_message",
         "embed_nothing",
-        "prepare_cameras",
         "measure_opacities",
         "measure_surface",
         "weigh_message",
@@ -71,6 +70,7 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
     once += ["accumulate_weights", "build_features", "span_tree", "select_clusters", "decide_pruning", "draw_model"]
     expected = {"make_pair": 9, "train_message": len({*HIDDEN.values()}), "write_report": 1}
     expected |= dict.fromkeys(once, models)
+    expected["prepare_cameras"] = 2 * models  # of the scene and of the message
     expected["measure_contributions"] = config["views"]["parts"] * models
     expected["attack_model"] = variants * models
     expected["render_scene"] = (variants + 1) * models  # and that of the clean model
