@@ -1,11 +1,15 @@
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gspure.cameras import write_cameras
+from gspure.cli import main
 from gspure.errors import InputError
+from gspure.images import read_image
 from gspure.model import read_model, write_model
 from gspure.model.inria import cameras_file, point_cloud, saved_iterations, trained_background, training_arguments
-from tests.models import blobs
+from tests.models import blobs, camera
 
 CFG_ARGS = (
     r"Namespace(sh_degree=3, source_path='C:\\data\\bicycle', images='images', resolution=-1, white_background=False)"
@@ -62,7 +66,29 @@ def test_training_arguments_are_read(trained):
 @pytest.mark.parametrize(("value", "shade"), [("True", 1.0), ("False", 0.0), ("'True'", 0.0)])
 def test_the_background_of_training_is_that_of_cfg_args(trained, value, shade):
     (trained / "cfg_args").write_text(f"Namespace(white_background={value})")
-    assert trained_background(trained) == (shade, shade, shade)
+    assert trained_background(trained) == trained_background(point_cloud(trained)) == (shade, shade, shade)
+
+
+@pytest.mark.parametrize("command", ["attack", "purify"])
+def test_what_is_made_of_a_model_is_rendered_on_the_background_of_its_training(trained, command):
+    (trained / "cfg_args").write_text("Namespace(white_background=True)")
+    write_cameras(trained / "cameras.json", [camera(name=f"view_{i}") for i in range(2)])
+    write_model(point_cloud(trained), blobs(40, size=(0.05, 0.1)))
+    file, cameras = str(point_cloud(trained)), str(trained / "cameras.json")
+    if command == "attack":
+        made = trained / "attacked" / "point_cloud.ply"
+        assert main(["attack", "unattacked", "--model", file, "--out", str(made)]) == 0
+    else:
+        made = trained / "results" / "purified.ply"
+        settings = ["--min-samples", "2", "--min-cluster-size", "2", "--tau-c", "1e9", "--tau-n", "1e9"]
+        assert main(["purify", file, "--cameras", cameras, "--out", str(made.parent), *settings]) == 0
+    for source, out in ((str(trained), "before"), (str(made), "after")):
+        assert main(["render", source, "--cameras", cameras, "--out", str(trained / out)]) == 0
+    before, after = (read_image(trained / out / "view_0.png") for out in ("before", "after"))
+    white = (before == 1).all(axis=-1)
+    assert white.any()
+    assert not white.all()
+    np.testing.assert_allclose(after, before, atol=0.1)
 
 
 def test_a_folder_without_cfg_args_has_no_training_arguments(tmp_path):

@@ -107,13 +107,13 @@ def scene_damage(
     """
 
     def mean_psnr(model: PublicModel, references: Images) -> float:
-        scene = model.scene(device)
+        scene = model.scene(device, model.model.background)
         return float(
             np.mean([psnr(image, read_back(scene(view))) for view, image in zip(views, references, strict=True)])
         )
 
     if photographs is None:
-        scene = public.scene(device)
+        scene = public.scene(device, public.model.background)
         renders = [read_back(scene(view)) for view in views]
         return lambda model: float(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - mean_psnr(model, renders)) / 10)))
     before = mean_psnr(public, photographs)

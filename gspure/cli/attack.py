@@ -115,7 +115,7 @@ def run(args: argparse.Namespace) -> None:
     if not len(attacked.model):
         hint = " ".join(f"{name}={value}" for name, value in record.items() if name != "attack")
         raise InputError(f"attack {attack.name}", "rows", expected="some to remain", found=f"0 of {count}", hint=hint)
-    public.with_model(attacked.model).write(args.out)
+    public.with_model(attacked.model.with_background(public.model.background)).write(args.out)
     if args.removed:
         save_array(args.removed, attacked.prune_mask)
     if args.world:

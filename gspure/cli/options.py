@@ -54,7 +54,7 @@ def read_public(args: argparse.Namespace) -> PublicModel:
 
 
 def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> None:
-    """Add ``--background``, the colour `behind` the model; `known` is the argument whose folder may have cfg_args."""
+    """Add ``--background``, the colour `behind` the model; `known` is the argument that may name the default."""
     parser.add_argument(
         "--background",
         type=float,
@@ -64,12 +64,10 @@ def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> 
     )
 
 
-def read_background(args: argparse.Namespace, command: str, source: Path) -> tuple[float, ...]:
-    """Return the colour of ``--background``; by default that of the training run in the folder of `source`."""
-    from gspure.model.inria import trained_background
-
+def read_background(args: argparse.Namespace, command: str, default: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the colour of ``--background``, or the default."""
     if args.background is None:
-        return trained_background(source)
+        return default
     if not all(0 <= channel <= 1 for channel in args.background):
         found = " ".join(map(str, args.background))
         raise InputError(command, "--background", expected="three numbers from 0 to 1", found=found)

@@ -69,7 +69,6 @@ def run(args: argparse.Namespace) -> None:
     from gspure.method.purify import purify
     from gspure.method.subpixel import subpixel_rows
     from gspure.model import model_file, read_model, suspicious
-    from gspure.model.inria import trained_background
     from gspure.model.signature import Signature
     from gspure.opencl.device import choose_device
     from gspure.progress import say
@@ -85,7 +84,7 @@ def run(args: argparse.Namespace) -> None:
     for renders in _renders(args.out).values():
         require_no_other_images(renders, (camera.name for camera in test))
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
-    device, background = choose_device(args.device), trained_background(args.model)
+    device = choose_device(args.device)
     with filling(args.out) as folder:
         purification = purify(public, train or test, device=device, energy=args.energy, **settings)
         purified = public.with_model(purification.model)
@@ -93,7 +92,7 @@ def run(args: argparse.Namespace) -> None:
         inputs = {"model": model_file(args.model), "cameras": Path(args.cameras)}
         for name in ("purified.ply", "weights.npy", "labels.npy", "prune_mask.npy"):
             write_provenance(folder / name, inputs=inputs, settings={"energy": args.energy, **settings})
-        rows = _compare(folder, (public, purified), test, device, background) if public.visible else []
+        rows = _compare(folder, (public, purified), test, device, model.background) if public.visible else []
     if public.visible:
         _draw_views(args.out, test)
     else:

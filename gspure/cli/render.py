@@ -49,10 +49,10 @@ def run(args: argparse.Namespace) -> None:
     from gspure.images import record_views, require_no_other_images, write_image
     from gspure.progress import track
 
-    background = read_background(args, "render", args.model)
     views = read_views(args)
     require_no_other_images(args.out, (camera.name for camera in views))
     public = read_public(args)
+    background = read_background(args, "render", public.model.background)
     scene = public.scene(read_device(args), background, args.energy)
     with filling(args.out) as folder:
         for camera in track(views, "render"):

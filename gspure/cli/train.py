@@ -83,6 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
     from gspure.artifacts import replacing, write_provenance
+    from gspure.model.inria import trained_background
     from gspure.progress import say, track
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
     from gspure.training.output import write_output
@@ -92,7 +93,7 @@ def run(args: argparse.Namespace) -> None:
         if value is not None and value < least:
             field = f"--{name.replace('_', '-')}"
             raise InputError("train", field, expected=f"at least {least}", found=str(value))
-    args.background = read_background(args, "train", args.data)
+    args.background = read_background(args, "train", trained_background(args.data))
     photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
     dataset = read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
     args.max_gaussians = args.max_gaussians or dataset.max_gaussians

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
-from gspure.model.inria import point_cloud
+from gspure.model.inria import point_cloud, trained_background
 from gspure.model.ply import read_ply, write_ply
 
 __all__ = ["Gaussians", "model_file", "read_model", "require_finite", "write_model"]
@@ -21,7 +21,8 @@ def read_model(path: str | Path) -> Gaussians:
         If there is no such file, or if it does not hold a 3DGS model.
 
     """
-    return read_ply(model_file(Path(path)))
+    file = model_file(Path(path))
+    return read_ply(file).with_background(trained_background(file))
 
 
 def model_file(path: Path) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from mmap import MADV_DONTNEED, mmap
@@ -23,6 +23,9 @@ CORE = ("x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot
 
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 """Columns of the zeroth spherical harmonic, absent from models whose colours come from a network."""
+
+_BACKGROUND = re.compile(r"gspure background ([01]\.\d+) ([01]\.\d+) ([01]\.\d+)")
+"""The comment that names the colour behind a model."""
 
 _BLOCK_ROWS = 4096
 
@@ -144,6 +147,18 @@ class Gaussians:
     def with_comment(self, comment: str) -> Gaussians:
         """Return the same rows with one more comment line."""
         return Gaussians(self.table, (*self.comments, comment))
+
+    @property
+    def background(self) -> tuple[float, ...]:
+        """The colour that the model was trained on, if a comment names it, else black."""
+        shades = (_BACKGROUND.fullmatch(comment) for comment in self.comments)
+        return next((tuple(map(float, shade.groups())) for shade in shades if shade), (0.0, 0.0, 0.0))
+
+    def with_background(self, background: Sequence[float]) -> Gaussians:
+        """Return the same rows with a comment that names the background, unless it is black or a comment names one."""
+        if not any(background) or any(self.background):
+            return self
+        return self.with_comment("gspure background " + " ".join(f"{channel:.4f}" for channel in background))
 
     @staticmethod
     def from_parameters(

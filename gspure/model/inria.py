@@ -80,9 +80,11 @@ def training_arguments(folder: Path) -> dict[str, Argument]:
 def trained_background(source: Path) -> tuple[float, float, float]:
     """Return the background of training: white if cfg_args has ``white_background=True``, else black.
 
-    `source` is the folder of cfg_args, or a file in it.
+    `source` is the folder of cfg_args, a file in it, or the model of an iteration.
     """
     folder = source if source.is_dir() else source.parent
+    if folder.match("point_cloud/iteration_*"):
+        folder = folder.parents[1]
     shade = 1.0 if training_arguments(folder).get("white_background") is True else 0.0
     return shade, shade, shade
 

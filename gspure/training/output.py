@@ -51,7 +51,7 @@ def write_output(
     write_point_ply(folder / "input.ply", dataset.xyz, dataset.rgb)
     write_cameras(folder / "cameras.json", [*dataset.test, *dataset.train])
     write_text(folder / "cfg_args", _arguments(folder, dataset, parameters, background))
-    write_model(model, as_gaussians(parameters))
+    write_model(model, as_gaussians(parameters).with_background(background))
     return model
 
 
