@@ -125,7 +125,7 @@ def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, 
     record = read_json(tmp_path / "out.ply.json")["settings"]
     assert record["fraction"] == 1
     assert record["damage_reached"] < record["damage"] == 30
-    assert f"{record['damage_reached']:.2f} dB" in capsys.readouterr().out
+    assert f"{record['damage_reached']:.2f} dB" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
