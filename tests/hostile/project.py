@@ -33,7 +33,10 @@ TARGETS = {"all", "purified"}
 
 CONFIG = {
     "assets": {"desk": {"train": "photos", "training": {"iterations": 60}}},
-    "pairs": {"hung": {"scene": "photos", "message": "hidden", "resolution": "native", "iterations": 40}},
+    "pairs": {
+        "hung": {"scene": "photos", "message": "hidden", "resolution": "native", "iterations": 40},
+        "traced": {"protocol": "own", "views": 4, "width": 32, "height": 24},
+    },
     "schemes": {"splats_in_splats": {"iterations": 60, "max_gaussians": 400}},
     "views": {"parts": 2},
     "method": {"min_samples": 3, "min_cluster_size": 5},
