@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from gspure import __version__
-from gspure.cli.options import Output, require_distinct
+from gspure.cli.outputs import Output, require_distinct
 from gspure.errors import InputError, printable
 
 USER_COMMANDS = (

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import SPLITS, Output, add_device, add_scheme, read_device, read_public, read_split
+from gspure.cli.options import SPLITS, add_device, add_scheme, read_device, read_public, read_split
+from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
 if TYPE_CHECKING:

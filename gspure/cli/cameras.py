@@ -9,7 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import Output
+from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
 if TYPE_CHECKING:

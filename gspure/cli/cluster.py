@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import Output
+from gspure.cli.outputs import Output
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 
 HELP = "select clusters from a spanning tree"

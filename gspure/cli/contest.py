@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import Output, add_sweeps
+from gspure.cli.options import add_sweeps
+from gspure.cli.outputs import Output
 
 HELP = "measure which attacks the message survives, and compare GSPure with every other attack"
 EXAMPLES = """\

@@ -5,16 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import (
-    Output,
-    add_device,
-    add_energy,
-    add_scheme,
-    add_views,
-    read_device,
-    read_public,
-    read_views,
-)
+from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
+from gspure.cli.outputs import Output
 
 HELP = "compute the contribution of every Gaussian to each view (stored per view)"
 EXAMPLES = """\

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import Output
+from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
 HELP = "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending"

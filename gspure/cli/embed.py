@@ -19,7 +19,8 @@ gs_hider and secure_gs need PyTorch: pip install gspure[torch].
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    from gspure.cli.options import Output, add_device, described
+    from gspure.cli.options import add_device, described
+    from gspure.cli.outputs import Output
     from gspure.schemes.pair import INITIALIZATIONS
     from gspure.schemes.registry import BUILT_IN
 

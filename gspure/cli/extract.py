@@ -17,7 +17,8 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    from gspure.cli.options import Output, add_device, add_off_path, add_views
+    from gspure.cli.options import add_device, add_off_path, add_views
+    from gspure.cli.outputs import Output
 
     parser.add_argument("model", type=Path, metavar="MODEL", help="the model's .ply, or its folder")
     parser.add_argument("--scheme", required=True, metavar="NAME", help="the watermarking scheme")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import Output
+from gspure.cli.outputs import Output
 
 HELP = "standardize positions, opacities and weights: features F [K,5]"
 EXAMPLES = """\

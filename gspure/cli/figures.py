@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from gspure.cli import image_figures, scheme_figures
 from gspure.cli.image_figures import Drawn
 from gspure.cli.method_options import add_factors
-from gspure.cli.options import Output
+from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import Output, add_device, add_energy, add_views, read_device, read_views
+from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
+from gspure.cli.outputs import Output
 from gspure.cli.weights import add_reduction
 
 HELP = "measure the share of the message's weight on rows of low public weight"

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import Output, add_sweeps
+from gspure.cli.options import add_sweeps
+from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import Output, add_sweeps
+from gspure.cli.options import add_sweeps
+from gspure.cli.outputs import Output
 
 HELP = "measure the message's drop under each attack at equal damage to the scene"
 EXAMPLES = """\

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import Output
+from gspure.cli.outputs import Output
 
 HELP = "compare two folders of images: PSNR, SSIM and gradient correlation (GC), per view and mean"
 EXAMPLES = """\

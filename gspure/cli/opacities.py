@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import Output, add_scheme, add_views, read_public, read_views
+from gspure.cli.options import add_scheme, add_views, read_public, read_views
+from gspure.cli.outputs import Output
 
 HELP = "write the opacity of every row (for an anchor, the mean over its Gaussians and the views)"
 EXAMPLES = """\

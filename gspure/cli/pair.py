@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import Output, add_device, read_device
+from gspure.cli.options import add_device, read_device
+from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import Output
+from gspure.cli.outputs import Output
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from gspure.cli.method_options import add_factors
-from gspure.cli.options import Output
+from gspure.cli.outputs import Output
 
 HELP = "decide which Gaussians to prune, and diagnose the clustering"
 EXAMPLES = """\

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
-from gspure.cli.options import Output, add_device, add_energy
+from gspure.cli.options import add_device, add_energy
+from gspure.cli.outputs import Output
 from gspure.cli.weights import add_reduction
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from gspure.cli.options import (
-    Output,
     add_background,
     add_device,
     add_energy,
@@ -18,6 +17,7 @@ from gspure.cli.options import (
     read_public,
     read_views,
 )
+from gspure.cli.outputs import Output
 
 HELP = "render a model's views to images"
 EXAMPLES = """\

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import Output
+from gspure.cli.outputs import Output
 
 HELP = "measure whether extractions are nearest to the right message among candidates"
 EXAMPLES = """\

@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import Output, add_device, add_scheme, add_views, read_device, read_public, read_views
+from gspure.cli.options import add_device, add_scheme, add_views, read_device, read_public, read_views
+from gspure.cli.outputs import Output
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

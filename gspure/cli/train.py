@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import Output, add_background, add_device, read_background, read_device
+from gspure.cli.options import add_background, add_device, read_background, read_device
+from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
