@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> None:
     device = read_device(args)
     trainer = _train(args, dataset, images, settings, device)
     model = write_output(args.out, dataset, trainer.model.state().parameters, args.iterations, args.background)
-    for path in (model, *(args.out / name for name in ("cameras.json", "input.ply", "cfg_args"))):
+    for path in (model, *(args.out / name for name in ("cameras.json", "input.ply"))):
         write_provenance(path, inputs={}, settings=settings)
     if args.model:
         with replacing(args.model) as temporary:
