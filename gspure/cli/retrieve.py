@@ -43,12 +43,11 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.retrieval import Retrieved, compare_candidates, retrieval
     from gspure.progress import track
 
-    rows = []
+    rows, used = [], [path for folder in args.decoys for path in folder.glob("*.png")]
     for folder in track(args.extractions, "retrieval"):
         views = [pair for pair in pair_images(args.message, folder)[0] if not pair.view.startswith(PREFIX)]
+        used += [path for pair in views for path in (pair.reference, pair.other)]
         similarities = [compare_candidates(pair, index, args.decoys) for index, pair in enumerate(views)]
         rows.append(Retrieved(folder.resolve().parts[-3], folder.name, retrieval(similarities)))
     write_records(args.out, Retrieved, rows)
-    folders = [args.message, *args.extractions, *args.decoys]
-    images = {path.as_posix(): path for folder in folders for path in sorted(folder.glob("*.png"))}
-    write_provenance(args.out, inputs=images, settings={})
+    write_provenance(args.out, inputs={path.as_posix(): path for path in sorted(used)}, settings={})
