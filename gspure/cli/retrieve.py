@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> None:
     rows, used = [], [path for folder in args.decoys for path in folder.glob("*.png")]
     for folder in track(args.extractions, "retrieval"):
         views = [pair for pair in pair_images(args.message, folder)[0] if not pair.view.startswith(PREFIX)]
-        used += [path for pair in views for path in (pair.reference, pair.other)]
+        used += [path for pair in views for path in (pair.reference, pair.image)]
         similarities = [compare_candidates(pair, index, args.decoys) for index, pair in enumerate(views)]
         rows.append(Retrieved(folder.resolve().parts[-3], folder.name, retrieval(similarities)))
     write_records(args.out, Retrieved, rows)
