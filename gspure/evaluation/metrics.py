@@ -113,7 +113,7 @@ def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
 
 
 def _gradients(image: Float64) -> Float64:
-    """Return forward differences [2 (H W C) - ...] along both directions of an image [H,W,C], flat."""
+    """Return the forward differences of an image [H,W,C] down and across, as one flat array."""
     return np.concatenate([np.diff(image, axis=axis).ravel() for axis in (0, 1)])
 
 
