@@ -4,7 +4,7 @@ rule attack_model:
     output:
         model="results/{scheme}/{scene}/{variant}/public/point_cloud.ply",
         removed="results/{scheme}/{scene}/{variant}/prune_mask.npy",
-        world="results/{scheme}/{scene}/{variant}/world.npy",
+        transform="results/{scheme}/{scene}/{variant}/transform.npy",
         verdict="results/{scheme}/{scene}/{variant}/verdict.json",
     log:
         "results/logs/{scheme}/{scene}/{variant}/attack.log",
@@ -28,6 +28,6 @@ rule attack_model:
     shell:
         job(
             "attack {params.attack:q} --model {input.model:q} {params.options}"
-            " --out {output.model:q} --removed {output.removed:q} --world {output.world:q}"
+            " --out {output.model:q} --removed {output.removed:q} --transform {output.transform:q}"
             " --verdict {output.verdict:q}"
         )

@@ -37,7 +37,7 @@ def moved(model: Gaussians, angle: float, axis=(0, 1, 0), translation=(0, 0, 0))
 @given(degree=st.integers(1, 3), axis=axes, angle=angles, seed=st.integers(0, 99))
 def test_turned_harmonics_are_those_seen_from_turned_directions(degree, axis, angle, seed) -> None:
     unit, radians = np.array(axis) / np.linalg.norm(axis), np.deg2rad(angle)
-    rotation = moved(blobs(1), angle, axis).world[:3, :3]
+    rotation = moved(blobs(1), angle, axis).transform[:3, :3]
     rng = np.random.default_rng(seed)
     directions = rng.normal(size=(10, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -61,10 +61,10 @@ def test_matrices_of_harmonics_are_orthogonal_and_turns_add_up(degree, axis, one
 def test_distances_and_shapes_stay(axis, angle, translation) -> None:
     before = blobs(COUNT)
     attacked = moved(before, angle, axis, translation)
-    world, after = attacked.world, attacked.model
+    transform, after = attacked.transform, attacked.model
     np.testing.assert_allclose(distances(after.means), distances(before.means), rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(covariances(after), turn(world, covariances(before)), atol=1e-5)
-    np.testing.assert_allclose(after.means, before.means @ world[:3, :3].T + world[:3, 3], rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(covariances(after), turn(transform, covariances(before)), atol=1e-5)
+    np.testing.assert_allclose(after.means, before.means @ transform[:3, :3].T + transform[:3, 3], rtol=1e-5, atol=1e-5)
     assert changed(before, after) <= {
         *("x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3"),
         *before.columns_named("f_rest_"),
@@ -76,7 +76,7 @@ def test_distances_and_shapes_stay(axis, angle, translation) -> None:
 def test_colours_are_the_same_from_moved_views(axis, angle, translation, degree) -> None:
     before = blobs(COUNT, sh_degree=degree)
     attacked = moved(before, angle, axis, translation)
-    centre = tilted_camera().moved(attacked.world).centre
+    centre = tilted_camera().moved(attacked.transform).centre
     colours = sh_colors(attacked.model.sh_coeffs, attacked.model.means, centre)
     np.testing.assert_allclose(colours, sh_colors(before.sh_coeffs, before.means, tilted_camera().centre), atol=1e-4)
 
@@ -86,7 +86,7 @@ def test_images_are_the_same_from_moved_views_and_others_from_the_old_ones(view)
     before = blobs(COUNT)
     attacked = moved(before, 70.0, (1, 2, -1), (0.5, 0, -1))
     truth = render(before, view, "ewa").channels
-    assert np.abs(render(attacked.model, view.moved(attacked.world), "ewa").channels - truth).mean() < 1e-4
+    assert np.abs(render(attacked.model, view.moved(attacked.transform), "ewa").channels - truth).mean() < 1e-4
     assert np.abs(render(attacked.model, view, "ewa").channels - truth).mean() > 1e-2
 
 
@@ -124,12 +124,12 @@ def test_commands_hand_the_motion_on(tmp_path: Path) -> None:
     write_model(tmp_path / "model.ply", blobs(COUNT))
     write_cameras(tmp_path / "cameras.json", [tilted_camera()])
     files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
-    for name, world in (("rigid_transform", moved(blobs(COUNT), 30.0).world), ("reorder", np.eye(4))):
-        assert main(["attack", name, *files, "--world", str(tmp_path / "world.npy")]) == 0
-        np.testing.assert_array_equal(np.load(tmp_path / "world.npy"), world)
-    save_array(tmp_path / "world.npy", moved(blobs(COUNT), 30.0).world)
+    for name, transform in (("rigid_transform", moved(blobs(COUNT), 30.0).transform), ("reorder", np.eye(4))):
+        assert main(["attack", name, *files, "--transform", str(tmp_path / "transform.npy")]) == 0
+        np.testing.assert_array_equal(np.load(tmp_path / "transform.npy"), transform)
+    save_array(tmp_path / "transform.npy", moved(blobs(COUNT), 30.0).transform)
     (view,) = read_views(Arguments(tmp_path))
-    expected = tilted_camera().moved(moved(blobs(COUNT), 30.0).world).viewmat
+    expected = tilted_camera().moved(moved(blobs(COUNT), 30.0).transform).viewmat
     np.testing.assert_allclose(view.viewmat, expected, atol=1e-12)
 
 
@@ -137,7 +137,7 @@ class Arguments:
     split = "all"
 
     def __init__(self, folder: Path) -> None:
-        self.cameras, self.world = folder / "cameras.json", folder / "world.npy"
+        self.cameras, self.transform = folder / "cameras.json", folder / "transform.npy"
 
 
 def distances(means: np.ndarray) -> np.ndarray:
@@ -149,5 +149,5 @@ def covariances(model: Gaussians) -> np.ndarray:
     return axes @ axes.transpose(0, 2, 1)
 
 
-def turn(world: np.ndarray, covs: np.ndarray) -> np.ndarray:
-    return world[:3, :3] @ covs @ world[:3, :3].T
+def turn(transform: np.ndarray, covs: np.ndarray) -> np.ndarray:
+    return transform[:3, :3] @ covs @ transform[:3, :3].T

@@ -192,7 +192,7 @@ def test_bad_weights_are_refused_by_every_command(folder, capsys, command, weigh
     assert refusal(folder, capsys, COMMANDS[command]) == f"weights.npy: array: {line}\n"
 
 
-BAD_WORLDS = {
+BAD_TRANSFORMS = {
     "singular": np.diag([1.0, 1.0, 0.0, 1.0]),
     "scaled": np.diag([2.0, 2.0, 2.0, 1.0]),
     "mirrored": np.diag([1.0, 1.0, -1.0, 1.0]),
@@ -201,11 +201,11 @@ BAD_WORLDS = {
 }
 
 
-@pytest.mark.parametrize("world", BAD_WORLDS.values(), ids=BAD_WORLDS)
-def test_a_transform_that_is_not_rigid_is_refused(folder, capsys, world):
-    save_array(Path("world.npy"), world)
-    error = refusal(folder, capsys, COMMANDS["render"] + " --world world.npy")
-    assert error.startswith("world.npy: array: expected ")
+@pytest.mark.parametrize("transform", BAD_TRANSFORMS.values(), ids=BAD_TRANSFORMS)
+def test_a_transform_that_is_not_rigid_is_refused(folder, capsys, transform):
+    save_array(Path("transform.npy"), transform)
+    error = refusal(folder, capsys, COMMANDS["render"] + " --transform transform.npy")
+    assert error.startswith("transform.npy: array: expected ")
 
 
 BAD_IMAGES = {

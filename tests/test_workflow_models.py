@@ -92,7 +92,7 @@ def test_a_wrong_key_is_tried_on_the_message_of_the_public_model(again):
     assert control.public == again.public
     assert control.extraction_options("message") == "--scheme splats_in_splats --extraction message --wrong-key 1"
     assert [folder.rpartition("/")[2] for folder in control.renders] == ["message", "message_oracle"]
-    assert "world" not in control.view_files("message")
+    assert "transform" not in control.view_files("message")
 
 
 @pytest.mark.parametrize("name", BASELINES)
@@ -106,7 +106,7 @@ def test_photographed_pairs_have_no_views_off_the_path(plan, again):
     assert "off_path" in Variant(again, "gspure").view_files("scene")
     config = {**plan.config, "pairs": {"raised": {**plan.config["pairs"]["raised"], "photographs": []}}}
     photographed = replace(again, plan=Plan(config))
-    files = {"cameras": f"{again.folder}/cameras.json", "world": f"{again.folder}/gspure/world.npy"}
+    files = {"cameras": f"{again.folder}/cameras.json", "transform": f"{again.folder}/gspure/transform.npy"}
     assert Variant(photographed, "gspure").view_files("scene") == files
 
 

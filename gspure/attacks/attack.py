@@ -71,7 +71,7 @@ class Attacked:
         The row of the public model that each of them is, or was copied from; -1 for a new one.
     count : int
         Number K of rows of the public model.
-    world : array [4,4], optional
+    transform : array [4,4], optional
         Rigid transform applied to the whole model; views move along (`gspure.cameras.camera.Camera.moved`).
 
     """
@@ -79,7 +79,7 @@ class Attacked:
     model: Gaussians
     rows: Rows
     count: int
-    world: NDArray[np.float64] | None = None
+    transform: NDArray[np.float64] | None = None
 
     @property
     def prune_mask(self) -> Mask:
@@ -95,10 +95,10 @@ class Attacked:
 
     @classmethod
     def changed(
-        cls, model: Gaussians, values: Mapping[str, NDArray[Any]], world: NDArray[np.float64] | None = None
+        cls, model: Gaussians, values: Mapping[str, NDArray[Any]], transform: NDArray[np.float64] | None = None
     ) -> Self:
         """Return `model` with new `values` (each [K]) in the named columns."""
-        return cls(model.with_columns(values), np.arange(len(model)), len(model), world)
+        return cls(model.with_columns(values), np.arange(len(model)), len(model), transform)
 
     @classmethod
     def copied(cls, model: Gaussians, rows: Rows, values: Mapping[str, NDArray[Any]] | None = None) -> Self:

@@ -73,14 +73,14 @@ def rigid_transform(
     length = float(np.linalg.norm(direction))
     require("rigid_transform", "axis", axis, "an axis", fits=length > 0)
     radians = float(np.deg2rad(angle))
-    world = np.eye(4)
-    world[:3, :3] = _rotation(direction / length, radians)
-    world[:3, 3] = shift
+    transform = np.eye(4)
+    transform[:3, :3] = _rotation(direction / length, radians)
+    transform[:3, 3] = shift
     if angle:
         require_attribute("rigid_transform", columns, "rotation")
         model = _rotated(model, direction / length, radians)
-    means = (model.means @ world[:3, :3].T + shift).astype(np.float32)
-    return Attacked.changed(model, dict(zip("xyz", means.T, strict=True)), world)
+    means = (model.means @ transform[:3, :3].T + shift).astype(np.float32)
+    return Attacked.changed(model, dict(zip("xyz", means.T, strict=True)), transform)
 
 
 def radius(model: Gaussians) -> float:

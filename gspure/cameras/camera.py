@@ -59,9 +59,9 @@ class Camera:
         scale = np.diag([width / self.width, height / self.height, 1.0])
         return replace(self, width=width, height=height, K=scale @ self.K)
 
-    def moved(self, world: Float64) -> Camera:
-        """Return the view that moves with the world: a world moved by the rigid `world` [4,4] looks the same in it."""
-        return replace(self, viewmat=self.viewmat @ np.linalg.inv(world))
+    def moved(self, transform: Float64) -> Camera:
+        """Return the view moved by the rigid `transform` [4,4]; a model moved by it looks the same in this view."""
+        return replace(self, viewmat=self.viewmat @ np.linalg.inv(transform))
 
 
 def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:

@@ -23,7 +23,7 @@ EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
   gspure attack gspure --model point_cloud.ply --prune-mask prune_mask.npy --out purified.ply
   gspure attack plain_weight --model point_cloud.ply --weights weights.npy --set tau=4 --out plain.ply
-  gspure attack rigid_transform --model point_cloud.ply --set angle=90 --out moved.ply --world world.npy
+  gspure attack rigid_transform --model point_cloud.ply --set angle=90 --out moved.ply --transform transform.npy
   gspure attack random_pruning --model point_cloud.ply --damage 1 --cameras cameras.json --out random_1dB.ply
   gspure attack finetune --model point_cloud.ply --cameras cameras.json --set iterations=20 --out finetuned.ply
 """
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also write whether the attack changed the carrier of each extraction",
     )
     parser.add_argument(
-        "--world", type=Output, metavar="NPY", help="also write the rigid transform applied: float64 [4,4]"
+        "--transform", type=Output, metavar="NPY", help="also write the rigid transform applied: float64 [4,4]"
     )
     parser.add_argument(
         "--damage",
@@ -119,14 +119,14 @@ def run(args: argparse.Namespace) -> None:
     public.with_model(attacked.model.with_background(public.model.background)).write(args.out)
     if args.removed:
         save_array(args.removed, attacked.prune_mask)
-    if args.world:
-        save_array(args.world, np.eye(4) if attacked.world is None else attacked.world)
+    if args.transform:
+        save_array(args.transform, np.eye(4) if attacked.transform is None else attacked.transform)
     if args.verdict:
         carriers = find_scheme(args.scheme).extractions if args.scheme else {}
         touched = {name: reached(public.model, attacked, columns) for name, columns in carriers.items()}
         strength = attack.strength and f"{attack.strength.setting}={record[attack.strength.setting]:.4g}"
         write_json(args.verdict, {"reached": touched, "strength": strength or ""})
-    for path in filter(None, (args.out, args.removed, args.world, args.verdict)):
+    for path in filter(None, (args.out, args.removed, args.transform, args.verdict)):
         write_provenance(path, inputs=sources, settings=record)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 

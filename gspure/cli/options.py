@@ -101,7 +101,10 @@ def add_views(parser: argparse.ArgumentParser, split: str) -> None:
         help="which views; by name, every eighth is a test view (default: %(default)s)",
     )
     parser.add_argument(
-        "--world", type=Path, metavar="NPY", help="rigid transform from `gspure attack --world`, applied to the views"
+        "--transform",
+        type=Path,
+        metavar="NPY",
+        help="rigid transform from `gspure attack --transform`, applied to the views",
     )
 
 
@@ -125,16 +128,16 @@ def read_split(args: argparse.Namespace) -> list[Camera]:
 
 
 def read_views(args: argparse.Namespace) -> list[Camera]:
-    """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--world``."""
+    """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--transform``."""
     from gspure.cameras import read_cameras
-    from gspure.cameras.world import read_world
+    from gspure.cameras.transform import read_transform
 
     views = read_split(args)
     if getattr(args, "off_path", None):
         views += read_cameras(args.off_path)
-    if args.world:
-        world = read_world(args.world)
-        views = [camera.moved(world) for camera in views]
+    if args.transform:
+        transform = read_transform(args.transform)
+        views = [camera.moved(transform) for camera in views]
     return views
 
 

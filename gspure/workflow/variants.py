@@ -122,7 +122,7 @@ class Variant:
 
     def view_files(self, target: str) -> dict[str, str]:
         """Return the files of the views that show a target, and the rigid transform of the attack."""
-        return self.model.views(target) | ({"world": f"{self.folder}/world.npy"} if self.is_attacked else {})
+        return self.model.views(target) | ({"transform": f"{self.folder}/transform.npy"} if self.is_attacked else {})
 
     def view_options(self, target: str) -> str:
         """Return the same as options."""
