@@ -46,7 +46,7 @@ KINDS = {
     "cameras.json": (lambda path: write_cameras(path, [camera(40, 30)]), read_cameras),
     "verdict.json": (lambda path: write_json(path, {"reached": {}}), read_json),
     "metrics.csv": (lambda path: write_metrics(path, METRICS), read_metrics),
-    "1.tsv": (lambda path: write_index(path, [], Measurement("model", "settings", 0)), read_index),
+    "1.tsv": (lambda path: write_index(path, [], Measurement("model", "settings", "device", 0)), read_index),
 }
 
 

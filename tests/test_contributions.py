@@ -151,7 +151,7 @@ def test_the_energy_the_device_and_the_rendering_code_are_in_the_key(monkeypatch
 def test_another_driver_or_kernel_style_computes_every_view_again(tmp_path, renderer, monkeypatch):
     contribute(PublicModel(small_model()), views(), tmp_path)
     renderer.asked.clear()
-    monkeypatch.setattr(contributions, "device_digest", lambda device: "another driver")
+    monkeypatch.setattr(contributions, "device_identity", lambda device: "another driver")
     contribute(PublicModel(small_model()), views(), tmp_path)
     assert renderer.asked == [camera.name for camera in views()]
 
@@ -177,7 +177,7 @@ def test_a_model_with_nan_is_refused_before_anything_is_written(tmp_path, render
 def test_an_index_reads_back_after_the_project_was_moved(tmp_path, renderer):
     project = tmp_path / "project"
     stages = contribute(PublicModel(small_model()), views(), project / "stages" / "room")
-    write_index(project / "results" / "contributions" / "1.tsv", stages, Measurement("model", "settings", 4))
+    write_index(project / "results" / "contributions" / "1.tsv", stages, Measurement("model", "settings", "device", 4))
     project.rename(tmp_path / "moved")
     found = read_index(tmp_path / "moved" / "results" / "contributions" / "1.tsv")
     assert [stage.view for stage in found] == [stage.view for stage in stages]
@@ -191,7 +191,7 @@ FILE_NAMES = st.text(st.characters(exclude_categories=["Cc", "Cs"], exclude_char
 def test_any_view_name_survives_an_index(tmp_path_factory, names):
     folder = tmp_path_factory.mktemp("index")
     stages = [Stage(name, "key", folder / f"{name}.key.npy") for name in sorted(names)]
-    write_index(folder / "1.tsv", stages, Measurement("model", "settings", len(stages)))
+    write_index(folder / "1.tsv", stages, Measurement("model", "settings", "device", len(stages)))
     assert read_index(folder / "1.tsv") == stages
 
 
@@ -201,14 +201,16 @@ def test_the_order_of_views_does_not_depend_on_how_they_were_dealt_out(tmp_path_
     stages = [Stage(f"view_{i:02}", "key", folder / f"view_{i:02}.key.npy") for i in range(count)]
     indices = [folder / f"{part}.tsv" for part in range(parts)]
     for part, index in enumerate(indices):
-        write_index(index, stages[part::parts], Measurement("model", "settings", count))
+        write_index(index, stages[part::parts], Measurement("model", "settings", "device", count))
     assert read_index(*reversed(indices)) == stages
 
 
 def test_a_view_in_two_indices_is_refused(tmp_path):
     for name in ("1.tsv", "2.tsv"):
         write_index(
-            tmp_path / name, [Stage("view_0", "key", tmp_path / "view_0.key.npy")], Measurement("model", "settings", 2)
+            tmp_path / name,
+            [Stage("view_0", "key", tmp_path / "view_0.key.npy")],
+            Measurement("model", "settings", "device", 2),
         )
     with pytest.raises(InputError, match="'view_0' twice"):
         read_index(tmp_path / "1.tsv", tmp_path / "2.tsv")
@@ -230,7 +232,7 @@ class Stored:
     def __post_init__(self):
         self.stages = contribute(PublicModel(small_model()), views(), self.folder)
         self.index = self.folder / "1.tsv"
-        write_index(self.index, self.stages, Measurement("model", "settings", len(self.stages)))
+        write_index(self.index, self.stages, Measurement("model", "settings", "device", len(self.stages)))
         write_provenance(self.index, inputs={}, settings={})
 
 
@@ -355,6 +357,18 @@ def test_weights_of_parts_with_other_cameras_or_another_energy_are_refused(weigh
     assert weights.run() == 0
 
 
+def test_weights_of_parts_measured_on_several_devices_are_refused(weights, capsys, monkeypatch):
+    monkeypatch.setattr(contributions, "device_identity", lambda device: "a newer driver")
+    weights.measure(2)
+    capsys.readouterr()
+    assert weights.run() == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "2.tsv: device: expected" in line
+    assert "found a newer driver" in line
+    weights.measure(1)
+    assert weights.run() == 0
+
+
 def test_a_row_that_the_model_does_not_have_is_refused_by_file_row_and_range(tmp_path):
     save_array(tmp_path / "view_0.key.npy", np.array(GOOD_STAGE, CONTRIBUTION))
     assert len(read_stage(tmp_path / "view_0.key.npy", 5)) == 3
@@ -401,8 +415,8 @@ def test_the_contributions_of_a_model_are_within_their_bounds(energy, style):
 def test_only_stages_that_no_index_lists_are_deleted(tmp_path, renderer):
     stages = contribute(PublicModel(small_model()), views(4), tmp_path / "stages")
     stale = contribute(PublicModel(small_model()), [moved(views(1)[0])], tmp_path / "stages")
-    write_index(tmp_path / "1.tsv", stages[:2], Measurement("model", "settings", 4))
-    write_index(tmp_path / "2.tsv", stages[2:], Measurement("model", "settings", 4))
+    write_index(tmp_path / "1.tsv", stages[:2], Measurement("model", "settings", "device", 4))
+    write_index(tmp_path / "2.tsv", stages[2:], Measurement("model", "settings", "device", 4))
     size = stale[0].path.stat().st_size
     size += stale[0].path.with_suffix(".npy.json").stat().st_size
     assert remove_unlisted(tmp_path / "stages", [tmp_path / "1.tsv", tmp_path / "2.tsv"]) == (1, size)

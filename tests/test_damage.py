@@ -35,7 +35,7 @@ def project(tmp_path, monkeypatch):
     for stage in stages:
         save_array(stage.path, np.array([(0, 1.5, 0.5, 4), (3, 0.25, 0.25, 1)], CONTRIBUTION))
         noted(stage.path)
-    write_index(INDEX, stages, Measurement("model", "settings", len(stages)))
+    write_index(INDEX, stages, Measurement("model", "settings", "device", len(stages)))
     noted(INDEX)
     save_array(OMEGA, np.ones(20, np.float32))
     noted(OMEGA)

@@ -13,7 +13,7 @@ import pytest
 from gspure.errors import InputError
 from gspure.opencl import device as devices
 from gspure.opencl.device import choose_device, list_devices, matching_devices
-from gspure.opencl.engine import device_digest
+from gspure.opencl.engine import device_identity
 
 CPU, GPU = cl.device_type.CPU, cl.device_type.GPU
 
@@ -153,20 +153,20 @@ def test_wrong_results_are_a_fault(monkeypatch) -> None:
     assert devices.fault.__wrapped__(chosen) == "a trivial program gives wrong results"
 
 
-def test_the_device_digest_names_driver_device_and_kernel_style(machine):
-    def one_digest(platform: FakePlatform, **changes: object) -> str:
+def test_the_identity_of_a_device_names_driver_device_and_kernel_style(machine):
+    def one_identity(platform: FakePlatform, **changes: object) -> str:
         machine(replace(platform, found=(replace(POCL.found[0], **changes),)))
-        return device_digest(list_devices()[0])
+        return device_identity(list_devices()[0])
 
-    plain = one_digest(POCL)
-    assert one_digest(POCL) == plain
-    assert device_digest(list_devices()[0], "cpu") == plain
+    plain = one_identity(POCL)
+    assert one_identity(POCL) == plain
+    assert device_identity(list_devices()[0], "cpu") == plain
     others = [
-        device_digest(list_devices()[0], "gpu"),
-        one_digest(replace(POCL, name="Other")),
-        one_digest(replace(POCL, version="OpenCL 3.0 PoCL 3.2")),
-        one_digest(POCL, driver_version="2"),
-        one_digest(POCL, name="pthread-Xeon"),
-        one_digest(POCL, version="OpenCL 3.0 PoCL HSTR: pthread-x86_64-skylake"),
+        device_identity(list_devices()[0], "gpu"),
+        one_identity(replace(POCL, name="Other")),
+        one_identity(replace(POCL, version="OpenCL 3.0 PoCL 3.2")),
+        one_identity(POCL, driver_version="2"),
+        one_identity(POCL, name="pthread-Xeon"),
+        one_identity(POCL, version="OpenCL 3.0 PoCL HSTR: pthread-x86_64-skylake"),
     ]
     assert len({plain, *others}) == 7

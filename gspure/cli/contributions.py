@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> None:
         say(line)
     device = read_device(args)
     stages = contribute(public, views[part - 1 :: parts], args.stages, device=device, energy=args.energy)
-    write_index(args.index, stages, Measurement.of(public, model, views, args.energy))
+    write_index(args.index, stages, Measurement.of(public, model, views, args.energy, device))
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
     write_provenance(args.index, inputs={"model": args.model, "cameras": args.cameras}, settings=settings)
 

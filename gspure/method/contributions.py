@@ -29,7 +29,7 @@ from gspure.cameras import Camera
 from gspure.errors import InputError, reading
 from gspure.model import Gaussians, require_finite
 from gspure.opencl.device import Device, choose_device
-from gspure.opencl.engine import device_digest
+from gspure.opencl.engine import device_identity
 from gspure.opencl.frame import Energy
 from gspure.opencl.program import kernel_digest
 from gspure.progress import say, track
@@ -44,18 +44,22 @@ class Measurement(NamedTuple):
     """Digest of the rows as stored (`PublicModel.geometry_digest`)."""
 
     settings: str
-    """Digest of all views, energy, rendering code and files beside the model; not of the device: parts may run on
-    several."""
+    """Digest of all views, energy, rendering code and files beside the model."""
+
+    device: str
+    """Driver, device and kernel style (`gspure.opencl.engine.device_identity`)."""
 
     views: int
     """Number of views in all parts."""
 
     @classmethod
-    def of(cls, public: PublicModel, rows: Gaussians, cameras: Sequence[Camera], energy: Energy) -> Self:
+    def of(
+        cls, public: PublicModel, rows: Gaussians, cameras: Sequence[Camera], energy: Energy, device: Device
+    ) -> Self:
         """Describe the contributions of `public`, stored as `rows`, to all views."""
         geometry = public.geometry_digest()
         views = [digest(camera.name, contribution_key(geometry, camera, energy, "")) for camera in cameras]
-        return cls(PublicModel(rows).geometry_digest(), digest(*views), len(views))
+        return cls(PublicModel(rows).geometry_digest(), digest(*views), device_identity(device), len(views))
 
 
 INDEX_COLUMNS = ["view", "key", "path", *Measurement._fields]
@@ -107,7 +111,7 @@ def contribute(
     """
     require_finite(public.model, "model")
     device = device or choose_device()
-    geometry, target = public.geometry_digest(), device_digest(device)
+    geometry, target = public.geometry_digest(), device_identity(device)
     stages = []
     for camera in cameras:
         key = contribution_key(geometry, camera, energy, target)
@@ -129,7 +133,7 @@ def contribution_key(geometry: str, camera: Camera, energy: str, device: str) ->
     Parameters
     ----------
     geometry, device : str
-        Digests of the model (`PublicModel.geometry_digest`) and of the device (`gspure.opencl.engine.device_digest`).
+        Digest of the model (`PublicModel.geometry_digest`), and the device (`gspure.opencl.engine.device_identity`).
     camera : Camera
         Its numbers count, not its name.
     energy : str
@@ -226,18 +230,21 @@ def require_result_of(model: str, paths: Sequence[Path]) -> None:
     Raises
     ------
     InputError
-        Naming the first index of another model, of other settings than the first index, or of another number of views
-        than all indices list together.
+        Naming the first index of another model, of other settings or of another device than the first index, or of
+        another number of views than all indices list together.
 
     """
     rows = [(path, row) for path in paths for row in _rows(path)]
-    for path, (*_, digest_of_model, settings, views) in rows:
+    for path, (*_, digest_of_model, settings, device, views) in rows:
         if digest_of_model != model:
             hint = "these contributions are of another model"
             raise InputError(path, "model", expected=model, found=digest_of_model, hint=hint)
-        if settings != (expected := rows[0][1][-2]):
+        if settings != (expected := rows[0][1][-3]):
             hint = f"not of the views, energy and code of {rows[0][0]}"
             raise InputError(path, "settings", expected=expected, found=settings, hint=hint)
+        if device != (expected := rows[0][1][-2]):
+            hint = "devices round differently; `snakemake --forcerun measure_contributions` on one device measures all"
+            raise InputError(path, "device", expected=expected, found=device, hint=hint)
         if views != str(len(rows)):
             hint = "an index is cut, or left out"
             raise InputError(path, "views", expected=f"{views} in all indices", found=str(len(rows)), hint=hint)

@@ -12,7 +12,6 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from gspure.artifacts import digest
 from gspure.errors import InputError
 from gspure.opencl.buffers import Buffers
 from gspure.opencl.device import Device
@@ -28,17 +27,15 @@ def suited_style(device: cl.Device) -> Style:
     return "cpu" if device.type & cl.device_type.CPU else "gpu"
 
 
-def device_digest(device: Device, style: Style | None = None) -> str:
-    """Return a digest of driver, device and kernel style (by default the suited one), for keys of stored results.
+def device_identity(device: Device, style: Style | None = None) -> str:
+    """Return a text of driver, device and kernel style (by default the suited one), for keys of stored results.
 
-    Drivers, CPUs and kernel styles round differently: results are bit-identical only where this digest is the same. The
+    Drivers, CPUs and kernel styles round differently: results are bit-identical only where this text is the same. The
     version strings of a driver name its compiler and the CPU that it targets.
     """
     target = device.cl_device
-    return digest(
-        *(device.platform, device.version, device.driver, device.name, target.version.strip()),
-        style or suited_style(target),
-    )
+    driver = (device.platform, device.version, device.driver)
+    return "; ".join([*driver, device.name, target.version.strip(), f"{style or suited_style(target)} style"])
 
 
 @cache

@@ -344,7 +344,7 @@ def _read_stage(folder: Path) -> None:
 
 def _index(folder: Path) -> None:
     stages = [Stage(f"v{i}", f"{i:032x}", folder / f"v{i}.{i:032x}.npy") for i in range(4)]
-    write_index(folder / "index.tsv", stages, Measurement(f"{7:032x}", f"{8:032x}", len(stages)))
+    write_index(folder / "index.tsv", stages, Measurement(f"{7:032x}", f"{8:032x}", "device", len(stages)))
 
 
 def _read_index(folder: Path) -> None:
