@@ -23,8 +23,6 @@ Errors
     `InputError`: what unfit input raises, one line that names file and field.
 """
 
-from typing import TYPE_CHECKING
-
 __version__ = "0.1.0"
 
 __all__ = [
@@ -41,6 +39,7 @@ __all__ = [
     "write_model",
 ]
 
+TYPE_CHECKING = False  # not imported: an interruption before `gspure.__main__` would print a traceback
 if TYPE_CHECKING:
     from gspure.cameras import orbit_cameras, read_cameras, write_cameras
     from gspure.errors import InputError

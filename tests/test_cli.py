@@ -45,6 +45,30 @@ def test_help_imports_nothing_heavy():
     assert run.stdout.splitlines()[-1] == ""
 
 
+INTERRUPTED = """
+import os, runpy, signal, sys
+
+class Finder:
+    interrupting = sys.argv.pop(1)
+
+    def find_spec(self, name, *_):
+        if name == self.interrupting:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Finder())
+runpy.run_module("gspure", run_name="__main__", alter_sys=True)
+"""
+
+
+@pytest.mark.parametrize("module", ["gspure.cli", "argparse", "gspure.cli.info", "gspure.model", "numpy", "datetime"])
+def test_an_interruption_of_any_import_ends_in_one_line(asset, module):
+    """Of datetime, too: numpy replaces an interruption of that import by an error."""
+    command = [sys.executable, "-c", INTERRUPTED, module, "info", str(asset / "model.ply")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (130, "")
+    assert re.fullmatch(r"gspure( info)?: interrupted\n", run.stderr)
+
+
 def test_help_lists_main_commands_before_stages(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])

@@ -60,12 +60,12 @@ DESCRIPTION = "Measure how robust a 3D Gaussian Splatting watermark is against G
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; bad input gives one line on standard error and exit status 2."""
+    """Run one command; bad input gives one line on standard error and exit status 2, an interruption 130."""
     argv = sys.argv[1:] if argv is None else argv
     if not argv or argv[0] not in COMMANDS:
         _overview().parse_args(argv[:1] or ["--help"])  # exits: help, version, or an error
-    args = _parser(argv[0]).parse_args(argv[1:])
     try:
+        args = _parser(argv[0]).parse_args(argv[1:])
         require_distinct(args)
         return int(args.run(args) or 0)
     except InputError as error:
