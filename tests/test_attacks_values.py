@@ -63,6 +63,15 @@ def test_half_precision_is_that_of_ieee_and_does_not_overflow() -> None:
     np.testing.assert_array_equal(after.means, before.means)
 
 
+def test_values_beyond_half_precision_are_counted_in_a_warning(capsys) -> None:
+    attacked("quantize", blobs(COUNT), bits=16)
+    assert capsys.readouterr().err == ""
+    attacked("quantize", blobs(COUNT).with_columns({"f_dc_1": np.append(np.zeros(COUNT - 1), 1e30)}), bits=16)
+    warning = capsys.readouterr().err
+    assert "quantize" in warning
+    assert f"f_dc_1: 1 of {COUNT} rows" in warning
+
+
 def test_a_column_of_one_value_keeps_it() -> None:
     before = blobs(COUNT).with_columns({"opacity": np.full(COUNT, 0.3)})
     assert "opacity" not in changed(before, attacked("quantize", before, bits=1))
@@ -154,6 +163,8 @@ def test_attacks_on_what_anchors_do_not_have_refuse_them(name: str, settings: di
             {"translation": "1,2"},
             "translation: expected three numbers .*, found 1,2",
         ),
+        ("rigid_transform", {"translation": "0,1e39,0"}, "translation: expected at most 10000 radii"),
+        ("rigid_transform", {"translation": "-1e38,0,0"}, "translation: expected at most 10000 radii"),
         ("rigid_transform", {"angle": float("inf")}, "angle: expected a number, found inf"),
         ("compression", {"codec": "sog"}, "codec: expected one of compressed_ply, spz, found sog"),
     ],
@@ -171,7 +182,6 @@ def test_settings_out_of_range_are_refused(name: str, settings: dict, message: s
         ("position_noise", {"sigma": 1e38}, "x"),
         ("feature_scaling", {"factor": 3e38}, "f_dc_0"),
         ("feature_scaling", {"factor": 1e300}, "f_dc_0"),
-        ("rigid_transform", {"translation": "0,1e39,0"}, "y"),
     ],
 )
 def test_numbers_that_overflow_are_refused_with_column_and_setting(name: str, settings: dict, column: str) -> None:

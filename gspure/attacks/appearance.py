@@ -11,6 +11,7 @@ from gspure.attacks.attack import Attacked, Rng, named, require, require_nonnega
 from gspure.attacks.strength import Strength
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
+from gspure.progress import say
 from gspure.public_model import ATTRIBUTES, Columns
 
 Float32 = NDArray[np.float32]
@@ -62,15 +63,17 @@ def quantize(
     columns : mapping
         The model's columns by attribute.
     bits : int
-        16: half precision. 1 to 8: 2^bits equally spaced levels between a column's extremes.
+        16: half precision; greater numbers become its largest, with a warning. 1 to 8: 2^bits equally spaced levels
+        between a column's extremes, so one extreme value coarsens all others.
     attributes : str
         Of ``colour``, ``base_colour``, ``opacity``, ``scale``, ``rotation``, ``position``.
 
     """
     require("quantize", "bits", bits, "1 to 8, or 16", fits=bits in {*range(1, 9), HALF})
     names = select_columns(columns, attributes, ATTRIBUTES)
-    round_off = _to_half if bits == HALF else lambda values: _to_levels(values, 2**bits)
-    return Attacked.changed(model, {name: round_off(model.table[name]) for name in names})
+    if bits == HALF:
+        return Attacked.changed(model, {name: _to_half(name, model.table[name]) for name in names})
+    return Attacked.changed(model, {name: _to_levels(model.table[name], 2**bits) for name in names})
 
 
 def sh_truncation(model: Gaussians, _rng: Rng, *, degree: int = 0) -> Attacked:
@@ -87,9 +90,13 @@ def sh_truncation(model: Gaussians, _rng: Rng, *, degree: int = 0) -> Attacked:
     return Attacked.changed(model, dict.fromkeys(above, np.zeros(len(model), np.float32)))
 
 
-def _to_half(values: Float32) -> Float32:
-    """Return the nearest half-precision numbers; overflow saturates."""
+def _to_half(name: str, values: Float32) -> Float32:
+    """Return the nearest half-precision numbers of a column; overflow saturates, with a warning."""
     largest = np.finfo(np.float16).max
+    if beyond := np.count_nonzero(np.abs(values) > largest):
+        say(
+            f"warning: attack quantize: {name}: {beyond} of {len(values)} rows are beyond half precision: set to {largest}"
+        )
     return np.clip(values, -largest, largest).astype(np.float16).astype(np.float32)
 
 

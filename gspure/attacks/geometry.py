@@ -24,6 +24,9 @@ FLOATERS: Final = 0.01
 INNER: Final = 0.9
 """Fraction of the rows within the radius. Ours."""
 
+FARTHEST: Final = 1e4
+"""Largest translation in radii: float32 rounds centres that far away to a thousandth of the radius. Ours."""
+
 ANGLE: Final = 30.0
 AXIS: Final = "0,1,0"
 TRANSLATION: Final = "0,0,0"
@@ -65,13 +68,16 @@ def rigid_transform(
     axis : str
         Three numbers separated by commas, of any length but zero.
     translation : str
-        Three numbers separated by commas, in radii of the model.
+        Three numbers separated by commas, in radii of the model, none beyond `FARTHEST`.
 
     """
     require("rigid_transform", "angle", angle, "a number", fits=bool(np.isfinite(angle)))
-    direction, shift = _vector("axis", axis), _vector("translation", translation) * radius(model)
+    direction, shift = _vector("axis", axis), _vector("translation", translation)
     length = float(np.linalg.norm(direction))
     require("rigid_transform", "axis", axis, "an axis", fits=length > 0)
+    near = bool((np.abs(shift) <= FARTHEST).all())
+    require("rigid_transform", "translation", translation, f"at most {FARTHEST:.0f} radii (float32)", fits=near)
+    shift *= radius(model)
     radians = float(np.deg2rad(angle))
     transform = np.eye(4)
     transform[:3, :3] = _rotation(direction / length, radians)
