@@ -94,9 +94,8 @@ def _to_half(name: str, values: Float32) -> Float32:
     """Return the nearest half-precision numbers of a column; overflow saturates, with a warning."""
     largest = np.finfo(np.float16).max
     if beyond := np.count_nonzero(np.abs(values) > largest):
-        say(
-            f"warning: attack quantize: {name}: {beyond} of {len(values)} rows are beyond half precision: set to {largest}"
-        )
+        affected = f"{beyond} of {len(values)} rows beyond half precision are set to ±{largest}"
+        say(f"warning: attack quantize: {name}: {affected}")
     return np.clip(values, -largest, largest).astype(np.float16).astype(np.float32)
 
 
