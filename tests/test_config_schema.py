@@ -165,7 +165,7 @@ def test_the_configuration_handed_in_is_left_alone():
         ({"assets": {"bot": {**BOT, "scale": "half"}}}, "assets.bot.scale: .* found 'half'"),
         ({"views": {"parts": 1.5}}, "views.parts: expected type integer, found 1.5"),
         ({"variants": {"gspure": {}}}, "variants.unattacked: expected an entry, found nothing"),
-        ({"pairs": {"room": {"views": 1}}}, "pairs.room.views: expected at least 2, found 1"),
+        ({"pairs": {"room": {"views": 2}}}, "pairs.room.views: expected at least 3, found 2"),
         ({"method": None}, "method: expected type object, found None"),
         ({"decisions": {"gentle": {"tau": 2}}}, "decisions.gentle.tau: expected one of cluster_on, .* unknown key"),
         ({"decisions": {"gentle": {"tau_n": 0}}}, "decisions.gentle.tau_n: expected more than 0, found 0"),

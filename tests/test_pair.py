@@ -176,7 +176,7 @@ def test_a_model_with_cameras_is_moved_to_where_the_photographs_look(photographe
             ["room", "no"],
             "SCENE and MESSAGE: expected both of room, vault, .* or both files, found room and no",
         ),
-        (["room", "vault", "--views", "1"], "--views: expected at least 2, found 1"),
+        (["room", "vault", "--views", "2"], "--views: expected at least 3, found 2"),
         (["no", "no.ply"], "no"),
     ],
 )

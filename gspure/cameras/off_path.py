@@ -41,7 +41,7 @@ def off_path_cameras(cameras: Sequence[Camera], count: int) -> list[Camera]:
     train, _ = split(cameras)
     spread = _spread(train)
     if any(camera.name.startswith(PREFIX) for camera in cameras) or not spread > 0:
-        expected = f"training views in different places, none named {PREFIX}*"
+        expected = f"two or more training views in different places, none named {PREFIX}*"
         raise InputError("cameras", "views", expected=expected, found=", ".join(c.name for c in cameras) or "none")
     target = _target(train)
     starts = [train[i * len(train) // count] for i in range(count)]

@@ -37,7 +37,8 @@ MESSAGE_POINTS = 20_000
 OPAQUE = 0.5
 """Least opacity of these Gaussians. Ours."""
 
-_LEAST = {"seed": 0, "views": 2, "width": 16, "height": 16, "off_path": 0}
+# With two views, one is a test view, and a single training view fixes no positions.
+_LEAST = {"seed": 0, "views": 3, "width": 16, "height": 16, "off_path": 0}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,7 +68,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="ray-traced only: position of the message's surfaces relative to the scene's (default: %(default)s)",
     )
     parser.add_argument(
-        "--views", type=int, default=32, metavar="N", help="ray-traced only: number of views (default: %(default)s)"
+        "--views",
+        type=int,
+        default=32,
+        metavar="N",
+        help="ray-traced only: number of views, at least 3; every eighth is a test view (default: %(default)s)",
     )
     parser.add_argument(
         "--width", type=int, default=160, metavar="PX", help="ray-traced only: image width (default: %(default)s)"
