@@ -28,7 +28,7 @@ def evidence(monkeypatch: pytest.MonkeyPatch) -> gallery.Evidence:
     monkeypatch.setattr(gallery, "THIRD_WIDTH", 120)
     labels = np.repeat([-1, 0, 1, -1], 100).astype(np.int32)
     weights = np.where(np.arange(400) < 50, 0, RNG.random(400)).astype(np.float32)
-    return gallery.Evidence(BALL, labels, weights, weights < 0.1, carries_message=weights < 0.2)
+    return gallery.Evidence(BALL, labels, weights, weights < 0.1, hidden=weights[::-1].copy())
 
 
 def test_without_opengl_all_figures_are_drawn_and_say_why(
@@ -37,7 +37,7 @@ def test_without_opengl_all_figures_are_drawn_and_say_why(
     monkeypatch.setattr(gallery, "gl_problem", lambda: "no driver: install one")
     monkeypatch.setattr(portrait, "_draw_balls", None)
     captions = gallery.draw(tmp_path / "figures", evidence)
-    clouds = ("clusters", "ranks", "kept", "truth")
+    clouds = ("clusters", "ranks", "kept", "hidden")
     expected = {f"{name}{suffix}" for name in clouds for suffix in (".png", ".gltf", ".vtp")}
     expected |= {"purification.png", "weights.png"}
     assert {path.name for path in (tmp_path / "figures").iterdir()} == expected
@@ -47,14 +47,17 @@ def test_without_opengl_all_figures_are_drawn_and_say_why(
         assert ("Drawn without OpenGL (no driver: install one)." in caption) == (path.stem != "weights")
 
 
-def test_of_a_trained_scheme_the_weights_of_the_message_stand_for_the_truth(tmp_path: Path, evidence) -> None:
+def test_captions_name_the_rows_and_the_weight_that_pruning_removes(tmp_path: Path, evidence) -> None:
     hidden = np.where(evidence.pruned, 3 * evidence.weights.max(), 0).astype(np.float32)
-    trained = replace(evidence, carries_message=None, hidden=hidden, rows="anchors")
-    captions = {path.stem: caption for path, caption in gallery.draw(tmp_path, trained).items()}
+    anchors = replace(evidence, hidden=hidden, rows="anchors")
+    captions = {path.stem: caption for path, caption in gallery.draw(tmp_path, anchors).items()}
     assert captions.keys() == {"clusters", "ranks", "kept", "hidden", "purification", "weights"}
     assert "Pruning removes 100.0% of the weight in the message" in captions["purification"]
     assert not any("Gaussians" in caption for caption in captions.values())
-    unmarked = gallery.draw(tmp_path / "unmarked", replace(evidence, carries_message=None))
+
+
+def test_without_a_message_its_figures_are_left_out(tmp_path: Path, evidence) -> None:
+    unmarked = gallery.draw(tmp_path, replace(evidence, hidden=None))
     assert {path.stem for path in unmarked} == {"clusters", "ranks", "kept", "weights"}
 
 
@@ -96,7 +99,7 @@ def test_figures_of_a_model_have_their_captions_beside_them(tmp_path: Path, inpu
     [
         (["--view", "nowhere"], "cameras.json: view: expected a view named nowhere"),
         (["--prune-mask", "{}/short.npy"], "short.npy: array: expected bool [400], found bool [3]"),
-        (["--truth", "{}/absent.npy"], "absent.npy: file: expected a .npy array, found no such file"),
+        (["--hidden", "{}/absent.npy"], "absent.npy: file: expected a .npy array, found no such file"),
     ],
 )
 def test_what_does_not_fit_the_model_is_told_in_one_line(tmp_path: Path, inputs, capsys, change, told) -> None:

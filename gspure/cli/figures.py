@@ -42,9 +42,7 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="from `gspure cluster`")
     parser.add_argument("--prune-mask", type=Path, required=True, metavar="NPY", help="from `gspure prune`")
     add_factors(parser)
-    known = parser.add_mutually_exclusive_group()
-    known.add_argument("--truth", type=Path, metavar="NPY", help="bool [K], true for Gaussians of the message")
-    known.add_argument("--hidden", type=Path, metavar="NPY", help="or the message's weight, from `gspure hidden`")
+    parser.add_argument("--hidden", type=Path, metavar="NPY", help="weights of the message, from `gspure hidden`")
     parser.add_argument(
         "--cameras", type=Path, metavar="FILE", help="the model's views, for up direction and viewpoint"
     )
@@ -54,7 +52,7 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
         type=Output,
         required=True,
         metavar="DIR",
-        help="folder for clusters, ranks, kept (and truth or hidden) as .png, .gltf and .vtp, weights.png (and "
+        help="folder for clusters, ranks, kept (and hidden) as .png, .gltf and .vtp, weights.png (and "
         "purification.png), viewer.json for the report; each .png has its caption in .png.json",
     )
     parser.set_defaults(draw=_draw_model)
@@ -102,7 +100,6 @@ def _draw_model(args: argparse.Namespace) -> Drawn:
         labels,
         load_array(args.weights, dtype=np.float32, shape=shape, least=0),
         load_array(args.prune_mask, dtype=np.bool_, shape=shape),
-        carries_message=load_array(args.truth, dtype=np.bool_, shape=shape) if args.truth else None,
         hidden=load_array(args.hidden, dtype=np.float32, shape=shape, least=0) if args.hidden else None,
         tau_c=args.tau_c,
         tau_n=args.tau_n,
@@ -113,7 +110,7 @@ def _draw_model(args: argparse.Namespace) -> Drawn:
     sh_dc = model.columns(*COLOUR) if model.sh_degree >= 0 else None
     write_viewer(args.out / "viewer.json", evidence, world_axes(model.means, cameras), sh_dc)
     captions = draw(args.out, evidence, cameras, view)
-    names = ("model", "weights", "clusters", "prune_mask", "truth", "hidden", "cameras")
+    names = ("model", "weights", "clusters", "prune_mask", "hidden", "cameras")
     inputs = {name: path for name in names if (path := getattr(args, name))}
     return captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n, "view": args.view}
 

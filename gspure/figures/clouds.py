@@ -1,7 +1,7 @@
 """Point clouds of figures: points, their colours and scalars, and the legend.
 
 Three clouds show the method, as in the paper: clusters, ranks of the weights that decide about pruning, and the prune
-mask. Two show the message: the Gaussians that carry it, if they are known, or its share of each Gaussian's weight.
+mask. One shows the message: its share of each Gaussian's weight.
 """
 
 from __future__ import annotations
@@ -145,12 +145,10 @@ def _colour_map(values: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 def kept_cloud(means: NDArray[np.float32], pruned: NDArray[np.bool_]) -> Cloud:
     """Colour each Gaussian by the prune mask (bool [K])."""
-    return _two_kinds(means, pruned, "pruned", ("kept", style.KEPT), ("pruned", style.PRUNED))
-
-
-def truth_cloud(means: NDArray[np.float32], carries_message: NDArray[np.bool_]) -> Cloud:
-    """Colour each Gaussian by whether it carries the message (bool [K])."""
-    return _two_kinds(means, carries_message, "message", ("scene", style.KEPT), ("message", style.MESSAGE))
+    colours = np.array([style.rgb(style.KEPT), style.rgb(style.PRUNED)])[pruned.astype(np.intp)]
+    share = float(pruned.mean()) if len(pruned) else 0.0
+    row = ((f"kept: {1 - share:.1%}", style.KEPT), (f"pruned: {share:.1%}", style.PRUNED))
+    return Cloud(means, colours, {"pruned": pruned.astype(np.uint8)}, (row,))
 
 
 def share_cloud(means: NDArray[np.float32], weights: NDArray[np.float32], hidden: NDArray[np.float32]) -> Cloud:
@@ -177,12 +175,3 @@ def _between(share: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Return colours [S,3] between those of the scene (0) and of the message (1)."""
     ends = [style.rgb(colour).astype(np.float64) for colour in (style.KEPT, style.MESSAGE)]
     return np.rint(ends[0] + share[:, None] * (ends[1] - ends[0])).astype(np.uint8)
-
-
-def _two_kinds(
-    means: NDArray[np.float32], mask: NDArray[np.bool_], scalar: str, false: tuple[str, str], true: tuple[str, str]
-) -> Cloud:
-    colours = np.array([style.rgb(false[1]), style.rgb(true[1])])[mask.astype(np.intp)]
-    share = float(mask.mean()) if len(mask) else 0.0
-    row = ((f"{false[0]}: {1 - share:.1%}", false[1]), (f"{true[0]}: {share:.1%}", true[1]))
-    return Cloud(means, colours, {scalar: mask.astype(np.uint8)}, (row,))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
-from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud, truth_cloud
+from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud
 from gspure.figures.export import write_gltf, write_vtp
 from gspure.figures.plate import PICTURE_WIDTH, THIRD_WIDTH, write_plate
 from gspure.figures.plots import write_weight_histogram
@@ -44,10 +44,8 @@ class Evidence:
         View-accumulated weights.
     pruned : bool array [K]
         True where a Gaussian is pruned.
-    carries_message : bool array [K], optional
-        True where a Gaussian carries the message, if known.
     hidden : float32 array [K], optional
-        Otherwise, the weights of the Gaussians in views of the message.
+        Weights in views of the message, if there is one.
     tau_c, tau_n : float
         Pruning factors.
     rows : str
@@ -60,16 +58,10 @@ class Evidence:
     weights: NDArray[np.float32]
     pruned: NDArray[np.bool_]
     _: KW_ONLY
-    carries_message: NDArray[np.bool_] | None = None
     hidden: NDArray[np.float32] | None = None
     tau_c: float = TAU_C
     tau_n: float = TAU_N
     rows: str = "Gaussians"
-
-    @property
-    def shows_message(self) -> bool:
-        """Whether the message's Gaussians, or its weights, are known."""
-        return self.carries_message is not None or self.hidden is not None
 
 
 class Drawing(NamedTuple):
@@ -96,9 +88,9 @@ def drawings(
 ) -> Iterator[Drawing]:
     """Yield every figure of a model.
 
-    They write ``clusters``, ``ranks``, ``kept`` and, if the message is known, ``truth`` or ``hidden``, each as .png,
-    .gltf and .vtp, and ``weights.png``. ``purification.png`` follows the paper's Fig. 6: the message before pruning,
-    the ranks, and the message after pruning. Without OpenGL numpy draws the clouds, and their captions say so.
+    They write ``clusters``, ``ranks``, ``kept`` and, of a model with a message, ``hidden``, each as .png, .gltf and
+    .vtp, and ``weights.png``. ``purification.png`` follows the paper's Fig. 6: the message before pruning, the ranks,
+    and the message after pruning. Without OpenGL, numpy draws the clouds, and their captions say so.
 
     Parameters
     ----------
@@ -127,17 +119,17 @@ def drawings(
         write_gltf(folder / f"{name}.gltf", shown, world_axes(means, cameras))
         write_vtp(folder / f"{name}.vtp", shown)
 
-    def draw_purification() -> None:
-        clouds = [cloud.subset(thinned(len(cloud))) for cloud in _purification(evidence)]
+    def draw_purification(hidden: NDArray[np.float32]) -> None:
+        clouds = [cloud.subset(thinned(len(cloud))) for cloud in _purification(evidence, hidden)]
         pictures = [portrait(cloud, fitted(eye(), THIRD_WIDTH), opengl=problem is None) for cloud in clouds]
         write_plate(folder / "purification.png", pictures, clouds, TITLES)
 
     for name, make, caption in _clouds(evidence):
         path = folder / f"{name}.png"
         yield Drawing(path, " ".join([caption, *remarks]), partial(draw_cloud, name, make))
-    if evidence.shows_message:
-        caption = " ".join([_message_caption(evidence), _RANKS, *_pruned_weight(evidence), *remarks])
-        yield Drawing(folder / "purification.png", caption, draw_purification)
+    if (hidden := evidence.hidden) is not None:
+        caption = " ".join([_message_caption(evidence, hidden), _RANKS, _pruned_weight(evidence, hidden), *remarks])
+        yield Drawing(folder / "purification.png", caption, partial(draw_purification, hidden))
     histogram = folder / "weights.png"
     arguments = histogram, evidence.weights, evidence.pruned, evidence.tau_c, evidence.tau_n, evidence.rows
     yield Drawing(histogram, _histogram_caption(evidence), partial(write_weight_histogram, *arguments))
@@ -152,44 +144,29 @@ def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]
     yield "ranks", partial(rank_cloud, means, labels, evidence.weights), _RANKS
     caption = f"{evidence.pruned.sum():,} of {len(means):,} {rows} are pruned."
     yield "kept", partial(kept_cloud, means, evidence.pruned), caption
-    if evidence.shows_message:
-        name = "hidden" if evidence.carries_message is None else "truth"
-        yield name, partial(_message_cloud, evidence, np.ones_like(evidence.pruned)), _message_caption(evidence)
+    if (hidden := evidence.hidden) is not None:
+        yield "hidden", partial(share_cloud, means, evidence.weights, hidden), _message_caption(evidence, hidden)
 
 
-def _purification(evidence: Evidence) -> list[Cloud]:
+def _purification(evidence: Evidence, hidden: NDArray[np.float32]) -> list[Cloud]:
     """Return the message before pruning, the ranks, and the message after pruning."""
-    before, after = (_message_cloud(evidence, chosen) for chosen in (np.ones_like(evidence.pruned), ~evidence.pruned))
-    return [before, rank_cloud(evidence.means, evidence.labels, evidence.weights), after]
+    before = share_cloud(evidence.means, evidence.weights, hidden)
+    return [before, rank_cloud(evidence.means, evidence.labels, evidence.weights), before.subset(~evidence.pruned)]
 
 
-def _message_cloud(evidence: Evidence, chosen: NDArray[np.bool_]) -> Cloud:
-    """Return the message among the `chosen` rows (bool [K]); `Evidence.shows_message` must hold."""
-    means = evidence.means[chosen]
-    if evidence.carries_message is not None:
-        return truth_cloud(means, evidence.carries_message[chosen])
-    if evidence.hidden is None:
-        raise ValueError("neither the message's Gaussians nor its weights are known")
-    return share_cloud(means, evidence.weights[chosen], evidence.hidden[chosen])
-
-
-def _message_caption(evidence: Evidence) -> str:
-    if evidence.carries_message is not None:
-        return f"Ground truth: {evidence.carries_message.sum():,} {evidence.rows} carry the message."
+def _message_caption(evidence: Evidence, hidden: NDArray[np.float32]) -> str:
     caption = (
         f"The message's share of the weight of all {evidence.rows}: h / (h + ω), with the weight h in views of the "
         "message and ω in views of the scene; grey where both are 0."
     )
-    if evidence.hidden is not None and np.allclose(evidence.hidden, evidence.weights):
+    if np.allclose(hidden, evidence.weights):
         caption += " Both weights are equal everywhere: message and scene share all Gaussians."
     return caption
 
 
-def _pruned_weight(evidence: Evidence) -> Iterator[str]:
-    """Yield the shares of the weight of message and scene that pruning removes, if both are known."""
-    if evidence.hidden is not None:
-        message, scene = (_share(values, evidence.pruned) for values in (evidence.hidden, evidence.weights))
-        yield f"Pruning removes {message:.1%} of the weight in the message and {scene:.1%} of that in the scene."
+def _pruned_weight(evidence: Evidence, hidden: NDArray[np.float32]) -> str:
+    message, scene = (_share(values, evidence.pruned) for values in (hidden, evidence.weights))
+    return f"Pruning removes {message:.1%} of the weight in the message and {scene:.1%} of that in the scene."
 
 
 def _share(values: NDArray[np.float32], chosen: NDArray[np.bool_]) -> float:

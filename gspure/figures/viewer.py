@@ -19,7 +19,6 @@ from gspure.figures.clouds import (
     kept_cloud,
     rank_cloud,
     share_cloud,
-    truth_cloud,
     weight_cloud,
 )
 from gspure.figures.gallery import Evidence
@@ -108,9 +107,7 @@ def _clouds(evidence: Evidence, sh_dc: NDArray[np.float32] | None) -> Iterator[t
     yield "rank", rank_cloud(means, labels, weights)
     yield "weight", weight_cloud(means, weights)
     yield "pruned", kept_cloud(means, evidence.pruned)
-    if evidence.carries_message is not None:
-        yield "message", truth_cloud(means, evidence.carries_message)
-    elif evidence.hidden is not None:
+    if evidence.hidden is not None:
         yield "message", share_cloud(means, weights, evidence.hidden)
 
 
@@ -131,8 +128,7 @@ def _cuts(evidence: Evidence, removal: NDArray[np.float64]) -> dict[str, Any]:
     cuts = np.unique([*np.linspace(0, 1, _CUTS + 1), decision])
     order = np.argsort(removal, kind="stable")
     below = np.searchsorted(removal[order], cuts, side="right")
-    message = evidence.hidden if evidence.carries_message is None else evidence.carries_message
-    amounts = (("rows", np.ones(len(removal))), ("scene", evidence.weights), ("message", message))
+    amounts = (("rows", np.ones(len(removal))), ("scene", evidence.weights), ("message", evidence.hidden))
     shares = {
         name: np.append(0, np.cumsum(values[order], dtype=np.float64)) / values.sum(dtype=np.float64)
         for name, values in amounts
