@@ -264,6 +264,38 @@ def test_all_results_are_on_disk_before_a_figure_is_drawn(tmp_path: Path, comman
     assert len(read_model(tmp_path / "out" / "purified.ply"))
 
 
+def test_a_run_killed_while_it_draws_leaves_no_older_figure(tmp_path: Path, command: list[str], monkeypatch) -> None:
+    def kill(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    older = [tmp_path / "out" / "figures" / name for name in ("before_after.png", "clusters.vtp", "weights.png")]
+    older[0].parent.mkdir(parents=True)
+    notes = older[0].with_name("notes.png")
+    for path in (*older, notes):
+        path.write_text("older")
+    monkeypatch.setattr("gspure.cli.purify._draw_views", kill)
+    assert main(command) == 130
+    assert {*RESULTS} <= {*files(tmp_path / "out")}
+    assert not any(path.exists() for path in older)
+    assert notes.exists()
+
+
+def test_a_model_without_colour_leaves_no_older_renders(tmp_path: Path, command: list[str], monkeypatch) -> None:
+    assert main(command) == 0
+    monkeypatch.setattr("gspure.public_model.PublicModel.visible", False)
+    assert main(command) == 0
+    assert not [name for name in files(tmp_path / "out") if name.startswith(("renders", "metrics"))]
+
+
+def test_renders_are_recorded_so_that_a_missing_one_is_refused(tmp_path: Path, command: list[str], capsys) -> None:
+    assert main(command) == 0
+    before, after = (str(tmp_path / "out" / "renders" / kind) for kind in ("unattacked", "purified"))
+    assert main(["metrics", before, after]) == 0
+    next(Path(after).glob("*.png")).unlink()
+    assert main(["metrics", before, after]) == 2
+    assert "images: expected all 2 views" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("earlier", [False, True])
 def test_a_disk_that_is_full_before_the_metrics_leaves_the_folder_as_it_was(
     tmp_path: Path, command: list[str], monkeypatch, capsys, earlier: bool

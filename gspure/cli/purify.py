@@ -38,6 +38,7 @@ files in DIR:
 """
 
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
+_FIGURES = ("before_after", "clusters", "ranks", "kept", "weights")
 _SHOWN = 3
 """Number of views in the before/after figure."""
 
@@ -94,6 +95,7 @@ def run(args: argparse.Namespace) -> None:
         for name in ("purified.ply", "weights.npy", "labels.npy", "prune_mask.npy"):
             write_provenance(folder / name, inputs=inputs, settings={"energy": args.energy, **settings})
         rows = _compare(folder, (public, purified), test, device, model.background) if public.visible else []
+        _remove_older(args.out)
     if public.visible:
         _draw_views(args.out, test)
     else:
@@ -144,7 +146,7 @@ def _compare(
 ) -> list[str]:
     """Render the views before and after, and compare the images as written; return the metrics as text."""
     from gspure.evaluation.comparison import Pair, as_text, compare, write_metrics
-    from gspure.images import write_image
+    from gspure.images import record_views, write_image
     from gspure.progress import track
 
     files = _renders(folder)
@@ -152,6 +154,7 @@ def _compare(
         scene = public.scene(device, background)
         for camera in track(views, f"render {title}"):
             write_image(files[title] / f"{camera.name}.png", scene(camera))
+        record_views(files[title], (camera.name for camera in views))
     names = [f"{camera.name}.png" for camera in views]
     pairs = [Pair("scene", Path(name).stem, files["unattacked"] / name, files["purified"] / name) for name in names]
     rows = [compare(pair) for pair in track(pairs, "metrics")]
@@ -161,6 +164,16 @@ def _compare(
 
 def _renders(folder: Path) -> dict[str, Path]:
     return {title: folder / "renders" / title for title in ("unattacked", "purified")}
+
+
+def _remove_older(folder: Path) -> None:
+    """Remove what the next run may lack: without colour, without a figure, or killed while it draws."""
+    from gspure.images import RENDERED
+
+    shown = [path for renders in _renders(folder).values() for path in (*renders.glob("*.png"), renders / RENDERED)]
+    drawn = [folder / "figures" / f"{name}{suffix}" for name in _FIGURES for suffix in (".png", ".gltf", ".vtp")]
+    for path in (*shown, *drawn, folder / "metrics.csv"):
+        path.unlink(missing_ok=True)
 
 
 def _draw_views(folder: Path, views: Sequence[Camera]) -> None:
