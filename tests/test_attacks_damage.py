@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.statistics import DAMAGE_TOLERANCE
-from gspure.images import read_image, write_image
+from gspure.images import read_back, read_image, write_image
 from gspure.method.pruning import prune_mask
 from gspure.model import read_model, write_model
 from gspure.public_model import PublicModel
@@ -83,6 +84,31 @@ def test_without_photographs_damage_is_that_of_independent_errors_of_a_nominal_m
     assert damage_of(noisy) > 1
 
 
+def test_a_view_that_the_attack_leaves_as_it_is_does_not_hide_the_damage_to_the_others() -> None:
+    public, away = PublicModel(blobs(50)), replace(VIEWS[0], name="away", viewmat=np.diag([-1.0, 1, -1, 1]))
+    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
+    damage = scene_damage(public, VIEWS[:1])(noisy)
+    assert damage > 1
+    assert scene_damage(public, [VIEWS[0], away])(noisy) == pytest.approx(damage / 2)
+
+
+def test_the_estimate_is_the_mean_of_the_views_drops() -> None:
+    public = PublicModel(blobs(50))
+    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
+    single = [scene_damage(public, [view])(noisy) for view in VIEWS]
+    assert abs(np.subtract(*single)) > 0.1
+    assert scene_damage(public, VIEWS)(noisy) == pytest.approx(np.mean(single), rel=1e-9)
+
+
+def test_photographs_that_are_renders_of_the_model_are_refused_if_all_are() -> None:
+    public = PublicModel(blobs(50))
+    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
+    renders = [read_back(public.scene()(view)) for view in VIEWS]
+    with pytest.raises(InputError, match="photographs"):
+        scene_damage(public, VIEWS, renders)
+    assert 0 < scene_damage(public, VIEWS, [renders[0], renders[1] * 0.9])(noisy) < np.inf
+
+
 def attack(folder: Path, *words: str) -> int:
     given = ("--model", folder / "model.ply", "--cameras", folder / "cameras.json", "--split", "all")
     return main(["attack", *map(str, (*words, *given))])
@@ -114,6 +140,7 @@ def test_the_command_does_the_damage_and_records_strength_and_damage(folder: Pat
     attacked = read_model(outputs[0])
     damage = scene_damage(PublicModel(read_model(folder / "model.ply")), VIEWS, images)(PublicModel(attacked))
     assert damage == record["damage_reached"] == pytest.approx(1, abs=DAMAGE_TOLERANCE)
+    assert record["damage_reference"] == "truth"
     assert f"{setting}={record[setting]}" in attacked.comments[-2]
     assert f"{damage:.3f} dB of 1 dB" in attacked.comments[-1]
     assert read_json(Path(f"{outputs[0]}.verdict"))["strength"] == f"{setting}={record[setting]:.4g}"
@@ -125,7 +152,8 @@ def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, 
     record = read_json(tmp_path / "out.ply.json")["settings"]
     assert record["fraction"] == 1
     assert record["damage_reached"] < record["damage"] == 30
-    assert f"{record['damage_reached']:.2f} dB" in capsys.readouterr().err
+    assert f"an estimated {record['damage_reached']:.2f} dB" in capsys.readouterr().err
+    assert record["damage_reference"] == "render"
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.errors import InputError
+from gspure.evaluation.comparison import finite_mean
 from gspure.evaluation.metrics import psnr
 from gspure.evaluation.statistics import DAMAGE_TOLERANCE
 from gspure.images import read_back
@@ -26,7 +28,7 @@ EVALUATIONS: Final = 10
 """Most models that a search renders."""
 
 NOMINAL_PSNR: Final = 30.0
-"""Assumed PSNR of the unattacked model where no photographs are known, dB. Ours."""
+"""Assumed PSNR of every view of the unattacked model where no photographs are known, dB. Ours."""
 
 
 @dataclass(frozen=True)
@@ -98,23 +100,32 @@ def scene_damage(
 ) -> Damage:
     r"""Return the function that measures the damage to the scene in 8-bit renders of `views`.
 
-    With photographs, it is the drop of the mean PSNR. Without, it is the drop of a model that has `NOMINAL_PSNR` and
-    whose errors are independent of the attack's:
+    With photographs, it is the drop of the mean PSNR, as in the tables. Without, it is an estimate: the mean drop of a
+    model that has `NOMINAL_PSNR` in every view and whose errors are independent of the attack's,
 
     .. math:: 10 \log_{10}(1 + 10^{(NOMINAL\_PSNR - p) / 10})
 
-    with the mean PSNR p against renders of the unattacked model.
+    with the PSNR p of the view against the unattacked render: 0 dB in a view that the attack leaves as it is.
+
+    Raises
+    ------
+    InputError
+        Every photograph is identical to the unattacked render, so there is no PSNR to drop from.
+
     """
 
-    def mean_psnr(model: PublicModel, references: Images) -> float:
+    def renders(model: PublicModel) -> list[NDArray[np.float32]]:
         scene = model.scene(device, model.model.background)
-        return float(
-            np.mean([psnr(image, read_back(scene(view))) for view, image in zip(views, references, strict=True)])
-        )
+        return [read_back(scene(view)) for view in views]
+
+    def psnrs(model: PublicModel, references: Images) -> NDArray[np.float64]:
+        return np.array([psnr(a, b) for a, b in zip(references, renders(model), strict=True)])
 
     if photographs is None:
-        scene = public.scene(device, public.model.background)
-        renders = [read_back(scene(view)) for view in views]
-        return lambda model: float(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - mean_psnr(model, renders)) / 10)))
-    before = mean_psnr(public, photographs)
-    return lambda model: before - mean_psnr(model, photographs)
+        unattacked = renders(public)
+        return lambda model: float(np.mean(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - psnrs(model, unattacked)) / 10))))
+    before = finite_mean(psnrs(public, photographs))
+    if before == np.inf:
+        expected = "images that the model does not reproduce exactly"
+        raise InputError("attack", "photographs", expected=expected, found="its renders")
+    return lambda model: before - finite_mean(psnrs(model, photographs))

@@ -79,7 +79,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--photographs",
         type=Path,
         metavar="DIR",
-        help="photographs VIEW.png of the scene; without them, the model is assumed to have a PSNR of 30 dB",
+        help="photographs VIEW.png of the scene, for --damage; without them the drop is an estimate: that of a model "
+        "whose every view has a PSNR of 30 dB",
     )
     add_device(parser)
 
@@ -92,6 +93,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.attacks import find_attack
     from gspure.attacks.carrier import reached
     from gspure.cli.options import parsed_settings
+    from gspure.evaluation.comparison import RENDER, TRUTH
     from gspure.progress import say
     from gspure.schemes.registry import find_scheme
 
@@ -110,8 +112,11 @@ def run(args: argparse.Namespace) -> None:
         attacked, match = attack.with_damage(
             public, evidence, args.damage, damage_of, seed=args.seed, cameras=views, device=device, **settings
         )
+        reference, estimated = (TRUTH, "") if args.photographs else (RENDER, "an estimated ")
         record |= {match.setting: match.value, "damage": args.damage, "damage_reached": match.damage}
-        say(f"{attack.name}: {match.setting}={match.value:.4g} lowers the scene's PSNR by {match.damage:.2f} dB")
+        record |= {"damage_reference": reference}
+        drop = f"{estimated}{match.damage:.2f} dB"
+        say(f"{attack.name}: {match.setting}={match.value:.4g} lowers the scene's PSNR by {drop}")
     kept, count = int((~attacked.prune_mask).sum()), attacked.count
     if not len(attacked.model):
         hint = " ".join(f"{name}={value}" for name, value in record.items() if name != "attack")

@@ -133,9 +133,14 @@ def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
     averages = []
     for target, group in groupby(sorted(rows, key=lambda row: (row.target, row.view)), key=lambda row: row.target):
         views = list(group)
-        values = {name: _finite_mean([view.values[name] for view in views]) for name in METRICS}
+        values = {name: finite_mean([view.values[name] for view in views]) for name in METRICS}
         averages.append(ViewMetrics(target, "mean", views[0].reference, values))
     return averages
+
+
+def finite_mean(values: Iterable[float]) -> float:
+    """Return the mean of the finite values; infinity if there are none."""
+    return float(np.mean([value for value in values if np.isfinite(value)] or [np.inf]))
 
 
 def identical(rows: Iterable[ViewMetrics]) -> Counter[str]:
@@ -180,10 +185,6 @@ def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
                 f"{place}{count} of {views[target]} views are identical; the mean PSNR is over those that differ"
             )
     return lines
-
-
-def _finite_mean(values: Sequence[float]) -> float:
-    return float(np.mean([value for value in values if np.isfinite(value)] or [np.inf]))
 
 
 def _png_files(folder: Path) -> set[Path]:
