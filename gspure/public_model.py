@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import digest
 from gspure.cameras.camera import Camera, spread
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import drawable
@@ -26,9 +25,6 @@ RenderView = Callable[[Camera], Float32]
 
 Background = Sequence[float]
 BLACK: Background = (0.0, 0.0, 0.0)
-
-GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
-"""The columns that contributions depend on."""
 
 ATTRIBUTES: Final = ("colour", "base_colour", "opacity", "scale", "rotation", "position")
 """Attributes that attacks can request; ``base_colour`` is the view-independent part of the colour."""
@@ -183,7 +179,7 @@ class PublicModel:
 
     def geometry_digest(self) -> str:
         """Return a digest of everything in the model that contributions depend on."""
-        return digest(self.model.columns(*GEOMETRY))
+        return self.model.geometry_digest()
 
 
 def learning_steps(views: int, steps: int, rng: np.random.Generator) -> Iterator[tuple[int, float]]:
@@ -204,8 +200,3 @@ def merge_by_row(records: NDArray[Any], owners: Rows) -> NDArray[Any]:
     merged["pixels"] = np.bincount(places, records["pixels"], len(rows))
     np.maximum.at(merged["max"], places, records["max"])
     return merged
-
-
-def rows_digest(public: PublicModel, *parts: Any) -> str:
-    """Return a digest of a public model's rows as stored, and of `parts`."""
-    return digest(np.ascontiguousarray(public.model.table), *parts)

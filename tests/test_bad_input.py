@@ -338,14 +338,32 @@ def test_a_path_cannot_send_escape_sequences_to_the_terminal(folder, capsys):
     assert all(line.isprintable() for line in lines)
 
 
+def name_origin(artifact):
+    """Write the record of an artifact that was made from the model."""
+    geometry = read_model("model.ply").geometry_digest()
+    write_provenance(Path(artifact), inputs={"model": Path("model.ply")}, settings={}, geometry=geometry)
+
+
 @pytest.mark.parametrize("command", ["features", "attack", "figures"])
 def test_weights_of_another_model_with_as_many_rows_are_refused(folder, capsys, command):
-    write_provenance(Path("weights.npy"), inputs={"model": Path("model.ply")}, settings={})
+    name_origin("weights.npy")
     spoil_row(x=9.0)
-    line = refusal(folder, capsys, COMMANDS[command])
-    assert line.startswith("weights.npy: model: expected model.ply, found made from another model")
+    assert refusal(folder, capsys, COMMANDS[command]).startswith("weights.npy: model: expected geometry ")
     Path("weights.npy.json").unlink()
     assert main(COMMANDS[command].split()) == 0
+
+
+def test_weights_fit_their_model_after_it_was_recoloured(folder, capsys):
+    measured = "--model model.ply --cameras cameras.json --split all --index 1.tsv --stages stages"
+    for command in (f"contributions {measured}", "weights --index 1.tsv --model model.ply --out weights.npy"):
+        assert main(command.split()) == 0
+    spoil_row(f_dc_0=0.25)
+    for command in ("features", "attack"):
+        assert main(COMMANDS[command].split()) == 0
+        Path("out").unlink()
+    spoil_row(opacity=0.25)
+    capsys.readouterr()
+    assert "made from another model" in refusal(folder, capsys, COMMANDS["attack"])
 
 
 MASKED = "attack gspure --model model.ply --prune-mask mask.npy --out out.ply"
@@ -353,19 +371,19 @@ PRUNED = "prune --clusters clusters.npz --weights weights.npy --out mask.npy"
 
 
 def test_a_prune_mask_of_another_model_is_refused_by_the_origin_of_its_weights(folder, capsys):
-    write_provenance(Path("weights.npy"), inputs={"model": Path("model.ply")}, settings={})
+    name_origin("weights.npy")
     write_provenance(Path("clusters.npz"), inputs={"weights": Path("weights.npy")}, settings={})
     assert main(PRUNED.split()) == 0
     spoil_row(x=9.0)
-    assert refusal(folder, capsys, MASKED).startswith("mask.npy: model: expected model.ply")
-    assert refusal(folder, capsys, f"{PRUNED} --model model.ply").startswith("clusters.npz: model: expected model.ply")
+    assert refusal(folder, capsys, MASKED).startswith("mask.npy: model: ")
+    assert refusal(folder, capsys, f"{PRUNED} --model model.ply").startswith("clusters.npz: model: ")
 
 
 def test_clusters_and_weights_of_two_models_decide_nothing(folder, capsys):
-    write_provenance(Path("clusters.npz"), inputs={"model": Path("model.ply")}, settings={})
+    name_origin("clusters.npz")
     spoil_row(x=9.0)
-    write_provenance(Path("weights.npy"), inputs={"model": Path("model.ply")}, settings={})
-    assert refusal(folder, capsys, PRUNED).startswith("weights.npy: model: expected the model of clusters.npz")
+    name_origin("weights.npy")
+    assert refusal(folder, capsys, PRUNED).startswith("weights.npy: model: ")
 
 
 def test_results_of_purify_are_refused_for_another_model(folder, capsys):

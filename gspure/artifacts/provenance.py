@@ -11,34 +11,51 @@ from gspure.artifacts.files import write_json
 from gspure.errors import InputError
 
 
-def write_provenance(path: Path, *, inputs: Mapping[str, Path], settings: Mapping[str, Any]) -> None:
+def write_provenance(
+    path: Path, *, inputs: Mapping[str, Path], settings: Mapping[str, Any], geometry: str = ""
+) -> None:
     """Write ``<path>.json`` beside an artifact: size, checksum, digest, digests of its inputs, settings and version.
 
     The digest of an input that has provenance is taken from there, as the input was verified when it was read. Inputs
-    that are folders are left out. If `inputs` has no model, the one model that the inputs were made from is added.
+    that are folders are left out.
+
+    Parameters
+    ----------
+    path : Path
+        The artifact.
+    inputs : mapping of str to Path
+    settings : mapping
+    geometry : str
+        Digest of the model that it was made from (`gspure.model.Gaussians.geometry_digest`). If `inputs` has no model,
+        that of all inputs, if they have the same.
+
     """
     from gspure import __version__
 
     files = {name: Path(source) for name, source in inputs.items() if Path(source).is_file()}
-    models = {model["digest"]: model for source in files.values() if (model := _model_of(source))}
-    inherited = {"model": next(iter(models.values()))} if len(models) == 1 else {}
-    direct = {name: {"file": source.name, "digest": _known_digest(source)} for name, source in files.items()}
+    if "model" not in inputs and len(geometries := {*filter(None, map(_geometry_of, files.values()))}) == 1:
+        geometry = geometries.pop()
+    digests = {name: {"file": source.name, "digest": _known_digest(source)} for name, source in files.items()}
     record = {
         "artifact": path.name,
         "bytes": path.stat().st_size,
         "crc32": file_checksum(path),
         "digest": file_digest(path),
         "gspure": __version__,
-        "inputs": inherited | direct,
+        "inputs": digests,
         "settings": dict(settings),
     }
-    write_json(record_file(path), record)
+    write_json(record_file(path), record | ({"geometry": geometry} if geometry else {}))
 
 
-def require_made_from(model: Path | None, *artifacts: Path) -> None:
-    """Check artifacts whose records name the model that they were made from; others pass.
+def require_made_from(geometry: str, *artifacts: Path) -> None:
+    """Check artifacts whose records name the geometry that they were made from; others pass.
 
-    Without a model file, they should be of one model.
+    Parameters
+    ----------
+    geometry : str
+        Digest of a model (`gspure.model.Gaussians.geometry_digest`); if empty, all artifacts should be of one model.
+    *artifacts : Path
 
     Raises
     ------
@@ -46,20 +63,17 @@ def require_made_from(model: Path | None, *artifacts: Path) -> None:
         Naming the first that was made from another model.
 
     """
-    digest, expected = (_known_digest(model), str(model)) if model and model.is_file() else ("", "")
     for artifact in artifacts:
-        if origin := _model_of(artifact):
-            digest, expected = digest or origin["digest"], expected or f"the model of {artifact}"
-            if origin["digest"] != digest:
-                hint = f"if it fits this model too, delete {record_file(artifact).name}"
-                raise InputError(artifact, "model", expected=expected, found="made from another model", hint=hint)
+        origin = _geometry_of(artifact)
+        geometry = geometry or origin
+        if origin not in {"", geometry}:
+            hint = f"made from another model; if it fits this one too, delete {record_file(artifact).name}"
+            raise InputError(artifact, "model", expected=f"geometry {geometry}", found=origin, hint=hint)
 
 
-def _model_of(artifact: Path) -> dict[str, str] | None:
-    match record_of(artifact):
-        case {"inputs": {"model": {"file": str(file), "digest": str(digest)}}}:
-            return {"file": file, "digest": digest}
-    return None
+def _geometry_of(artifact: Path) -> str:
+    geometry = (record_of(artifact) or {}).get("geometry")
+    return geometry if isinstance(geometry, str) else ""
 
 
 def _known_digest(source: Path) -> str:

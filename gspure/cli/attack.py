@@ -143,9 +143,9 @@ def _read(args: argparse.Namespace, files: Mapping[str, Path]) -> tuple[PublicMo
     from gspure.artifacts import load_array, require_made_from
     from gspure.attacks import Evidence
     from gspure.method.clustering.store import read_clusters
-    from gspure.model import model_file
+    from gspure.model import read_model
 
-    require_made_from(model_file(args.model), *files.values())
+    require_made_from(read_model(args.model).geometry_digest(), *files.values())
     public = read_public(args)
     evidence: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}

@@ -33,13 +33,14 @@ def run(args: argparse.Namespace) -> None:
     from gspure.model.finite import drawable
     from gspure.model.ply import read_ply
 
-    model = drawable(read_ply(args.model), args.model)
+    stored = read_ply(args.model)
+    model, geometry = drawable(stored, args.model), stored.geometry_digest()
     weights = load_array(args.weights, dtype=np.float32, shape=(len(model),), least=0)
-    inputs = {"model": args.model, "weights": args.weights}
+    evidence = {"weights": args.weights}
     opacities = model.opacities
     if args.opacities:
-        inputs["opacities"] = args.opacities
+        evidence["opacities"] = args.opacities
         opacities = load_array(args.opacities, dtype=np.float32, shape=(len(model),), least=0)
-    require_made_from(*inputs.values())
+    require_made_from(geometry, *evidence.values())
     save_array(args.out, features(model.means, opacities, weights))
-    write_provenance(args.out, inputs=inputs, settings={})
+    write_provenance(args.out, inputs={"model": args.model, **evidence}, settings={}, geometry=geometry)

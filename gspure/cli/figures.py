@@ -89,12 +89,14 @@ def _draw_model(args: argparse.Namespace) -> Drawn:
     from gspure.model.gaussians import COLOUR
     from gspure.model.signature import Signature
 
-    model = drawable(read_model(args.model), args.model)
+    stored = read_model(args.model)
+    model = drawable(stored, args.model)
     shape = (len(model),)
     labels = read_clusters(args.clusters).labels
     if labels.shape != shape:
         raise InputError(args.clusters, "labels", expected=f"{len(model)}, as in {args.model}", found=str(len(labels)))
-    require_made_from(args.model, args.clusters, args.weights, args.prune_mask)
+    measured = filter(None, (args.clusters, args.weights, args.prune_mask, args.hidden))
+    require_made_from(stored.geometry_digest(), *measured)
     evidence = Evidence(
         model.means,
         labels,

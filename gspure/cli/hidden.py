@@ -45,6 +45,7 @@ def run(args: argparse.Namespace) -> None:
     import numpy as np
 
     from gspure.artifacts import load_array, require_made_from, save_array, write_json, write_provenance
+    from gspure.model import read_model
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
     from gspure.schemes.registry import find_scheme
 
@@ -52,7 +53,8 @@ def run(args: argparse.Namespace) -> None:
     views = read_views(args)
     public, key = scheme.read_public(args.model), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
-    require_made_from(args.model, args.weights)
+    geometry = read_model(args.model).geometry_digest()
+    require_made_from(geometry, args.weights)
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau)
@@ -62,5 +64,5 @@ def run(args: argparse.Namespace) -> None:
     write_provenance(args.out, inputs=inputs, settings=settings)
     if args.hidden:
         save_array(args.hidden, hidden)
-        write_provenance(args.hidden, inputs=inputs, settings=settings)
+        write_provenance(args.hidden, inputs=inputs, settings=settings, geometry=geometry)
     print(f"{share:.1%} of the message's weight is on rows of low public weight")

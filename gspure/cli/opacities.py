@@ -25,7 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Compute and write the opacities."""
     from gspure.artifacts import save_array, write_provenance
+    from gspure.model import read_model
 
     public = read_public(args)
     save_array(args.out, public.opacities(read_views(args)))
-    write_provenance(args.out, inputs={"model": args.model, "cameras": args.cameras}, settings={"split": args.split})
+    inputs, geometry = {"model": args.model, "cameras": args.cameras}, read_model(args.model).geometry_digest()
+    write_provenance(args.out, inputs=inputs, settings={"split": args.split}, geometry=geometry)

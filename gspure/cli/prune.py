@@ -43,16 +43,18 @@ def run(args: argparse.Namespace) -> None:
     from gspure.model.ply import read_ply
     from gspure.model.suspicious import suspicious_rows, to_json
 
-    require_made_from(args.model, args.clusters, args.weights)
+    model = read_ply(args.model) if args.model else None
+    geometry = model.geometry_digest() if model else ""
+    require_made_from(geometry, args.clusters, args.weights)
     labels, coincident = read_clusters(args.clusters)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),), least=0)
     diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident)
     inputs = {"clusters": args.clusters, "weights": args.weights} | ({"model": args.model} if args.model else {})
     settings = {"tau_c": args.tau_c, "tau_n": args.tau_n}
     if args.diagnosis:
-        suspects = {"suspicious": to_json(suspicious_rows(read_ply(args.model)))} if args.model else {}
+        suspects = {"suspicious": to_json(suspicious_rows(model))} if model else {}
         write_json(args.diagnosis, diagnosis.to_json() | suspects)
-        write_provenance(args.diagnosis, inputs=inputs, settings=settings)
+        write_provenance(args.diagnosis, inputs=inputs, settings=settings, geometry=geometry)
     save_array(args.out, prune_mask(labels, weights, args.tau_c, args.tau_n))
-    write_provenance(args.out, inputs=inputs, settings=settings)
+    write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry)
     print("\n".join(diagnosis.lines()))

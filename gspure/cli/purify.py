@@ -77,7 +77,8 @@ def run(args: argparse.Namespace) -> None:
     from gspure.schemes.registry import read_public_model
 
     public = read_public_model(args.model)
-    suspects = suspicious.suspicious_rows(read_model(args.model))
+    stored = read_model(args.model)
+    suspects = suspicious.suspicious_rows(stored)
     public = public.drawable(args.model)
     model = public.model
     _choose_factors(args, model)
@@ -91,9 +92,10 @@ def run(args: argparse.Namespace) -> None:
         purification = purify(public, train or test, device=device, energy=args.energy, **settings)
         purified = public.with_model(purification.model)
         _write(folder, purified, purification, suspicious.to_json(suspects))
-        inputs = {"model": model_file(args.model), "cameras": Path(args.cameras)}
+        inputs, geometry = {"model": model_file(args.model), "cameras": Path(args.cameras)}, stored.geometry_digest()
         for name in ("purified.ply", "weights.npy", "labels.npy", "prune_mask.npy"):
-            write_provenance(folder / name, inputs=inputs, settings={"energy": args.energy, **settings})
+            record = {"energy": args.energy, **settings}
+            write_provenance(folder / name, inputs=inputs, settings=record, geometry=geometry)
         rows = _compare(folder, (public, purified), test, device, model.background) if public.visible else []
         _remove_older(args.out)
     if public.visible:

@@ -53,6 +53,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.artifacts import save_array, write_provenance
     from gspure.attacks.pruning import TOLERANCE
     from gspure.errors import InputError
+    from gspure.model import read_model
     from gspure.surface.depths import depth_distances
 
     public = read_public(args)
@@ -62,9 +63,9 @@ def run(args: argparse.Namespace) -> None:
     views, device = read_views(args), read_device(args)
     distances = _from_mesh(args, public, views, device) if method == "mesh" else depth_distances(public, views, device)
     save_array(args.out, distances)
-    inputs = {"model": args.model, "cameras": args.cameras}
+    inputs, geometry = {"model": args.model, "cameras": args.cameras}, read_model(args.model).geometry_digest()
     for path in filter(None, (args.out, args.mesh)):
-        write_provenance(path, inputs=inputs, settings={"split": args.split, "method": method})
+        write_provenance(path, inputs=inputs, settings={"split": args.split, "method": method}, geometry=geometry)
     near = int((distances <= TOLERANCE).sum())
     print(f"method {method}: {near} of {len(distances)} rows within {TOLERANCE:g} scales of the surface")
 

@@ -33,16 +33,17 @@ def run(args: argparse.Namespace) -> None:
     from gspure.method.weights import accumulate, few_in_view, require_in_view
     from gspure.model import read_model
     from gspure.progress import say
-    from gspure.public_model import PublicModel
 
     model = read_model(args.model)
-    require_result_of(PublicModel(model).geometry_digest(), args.index)
+    geometry = model.geometry_digest()
+    require_result_of(geometry, args.index)
     stages = read_index(*args.index)
     weights = accumulate((read_stage(stage.path, len(model)) for stage in stages), len(model), args.reduction)
     require_in_view(weights)
     save_array(args.out, weights)
     inputs = {"model": args.model} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
-    write_provenance(args.out, inputs=inputs, settings={"reduction": args.reduction, "views": len(stages)})
+    settings = {"reduction": args.reduction, "views": len(stages)}
+    write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry)
     for sentence in few_in_view(int(np.count_nonzero(weights)), len(weights)):
         say(f"warning: {sentence}")
 

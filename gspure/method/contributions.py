@@ -41,7 +41,7 @@ class Measurement(NamedTuple):
     """What the indices of all parts share."""
 
     model: str
-    """Digest of the rows as stored (`PublicModel.geometry_digest`)."""
+    """Digest of the rows as stored (`Gaussians.geometry_digest`)."""
 
     settings: str
     """Digest of all views, energy, rendering code and files beside the model."""
@@ -59,7 +59,7 @@ class Measurement(NamedTuple):
         """Describe the contributions of `public`, stored as `rows`, to all views."""
         geometry = public.geometry_digest()
         views = [digest(camera.name, contribution_key(geometry, camera, energy, "")) for camera in cameras]
-        return cls(PublicModel(rows).geometry_digest(), digest(*views), device_identity(device), len(views))
+        return cls(rows.geometry_digest(), digest(*views), device_identity(device), len(views))
 
 
 INDEX_COLUMNS = ["view", "key", "path", *Measurement._fields]

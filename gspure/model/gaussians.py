@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.artifacts import digest
 from gspure.constants import MAX_SH_DEGREE
 from gspure.model.activations import logit, sigmoid
 
@@ -23,6 +24,9 @@ CORE = ("x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot
 
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 """Columns of the zeroth spherical harmonic, absent from models whose colours come from a network."""
+
+_COLOURS = ("f_dc_", "f_rest_", "semantic_")
+"""Prefixes of the columns that colours or features to decode are stored in."""
 
 _BACKGROUND = re.compile(r"gspure background ([01]\.\d+) ([01]\.\d+) ([01]\.\d+)")
 """The comment that names the colour behind a model."""
@@ -104,6 +108,11 @@ class Gaussians:
             for i, name in enumerate(names):
                 out[rows, i] = block[name]
         return out
+
+    def geometry_digest(self) -> str:
+        """Return a digest of all columns but colours, for results that do not depend on colours."""
+        names = sorted(name for name in self.table.dtype.names or () if not name.startswith(_COLOURS))
+        return digest(*names, *(self.table[name] for name in names))
 
     def blocks(self) -> Iterator[tuple[slice, Table]]:
         """Yield slices of rows that fit a CPU cache, with these rows.

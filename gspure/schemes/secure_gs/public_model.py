@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.artifacts import digest
 from gspure.cameras.camera import Camera
 from gspure.model import Gaussians, model_file, read_model, write_model
 from gspure.opencl.device import Device, choose_device
@@ -23,7 +24,6 @@ from gspure.public_model import (
     Rows,
     learning_steps,
     merge_by_row,
-    rows_digest,
 )
 from gspure.renderer import Renderer
 from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors, table_of
@@ -163,4 +163,4 @@ class AnchorModel(PublicModel):
         """Return a digest of the rows, the networks, and the code that computes Gaussians from them."""
         weights = [network[name] for network in self.networks.values() for name in sorted(network)]
         code = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("networks", "neural", "visibility")]
-        return rows_digest(self, *self.networks, *weights, *code)
+        return digest(self.model.geometry_digest(), *self.networks, *weights, *code)

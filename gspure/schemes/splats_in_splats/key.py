@@ -21,8 +21,9 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.activations import LEAST_OPACITY, logit
+from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
-from gspure.public_model import BLACK, GEOMETRY, Background, PublicModel, RenderView, Rows
+from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
 from gspure.schemes.splats_in_splats import bits
@@ -126,7 +127,7 @@ class SplatsInSplatsKey(Key):
             opacities = self._mapped(survivors.opacities, places)
             sh_coeffs = bits.extract(_of_degree(survivors.sh_coeffs, self.hidden.sh_degree), self.shift)
         message = Gaussians(np.zeros(len(rows), self.hidden.table.dtype))
-        geometry = {name: survivors.table[name] for name in GEOMETRY}
+        geometry = {name: survivors.table[name] for name in CORE}
         return message.with_columns(geometry).with_appearance(opacities, sh_coeffs), rows
 
     def _mapped(self, opacities: Float32, places: Rows) -> Float32:
