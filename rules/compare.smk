@@ -1,4 +1,4 @@
-# Variants of a scheme compared over all of its scenes.
+# Variants of a condition, that is of a scheme, protocol and initialization, compared over all of its scenes.
 
 
 rule match_damage:
@@ -54,25 +54,25 @@ rule draw_sweep:
         table="results/tables/results.csv",
     output:
         figure=report(
-            "results/figures/{scheme}/sweep.png",
+            "results/figures/{condition}/sweep.png",
             caption="../report/sweep.rst",
-            category="{scheme}",
+            category="{condition}",
             subcategory="All scenes",
         ),
     log:
-        "results/logs/figures/{scheme}/sweep.log",
+        "results/logs/figures/{condition}/sweep.log",
     benchmark:
-        "results/benchmarks/figures/{scheme}/sweep.tsv"
+        "results/benchmarks/figures/{condition}/sweep.tsv"
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.scheme_figures"),
-        points=lambda wildcards: PLAN.point_options(wildcards.scheme),
+        points=lambda wildcards: PLAN.point_options(wildcards.condition.rsplit("-", 2)[0]),
     message:
-        "Drawing {wildcards.scheme} against the pruning factors"
+        "Drawing {wildcards.condition} against the pruning factors"
     shell:
         job(
-            "figures sweep --table {input.table:q} --scheme {wildcards.scheme} {params.points}"
+            "figures sweep --table {input.table:q} --condition {wildcards.condition} {params.points}"
             " --out {output.figure:q}"
         )
 
@@ -82,20 +82,20 @@ rule draw_tradeoff:
         table="results/tables/results.csv",
     output:
         figure=report(
-            "results/figures/{scheme}/tradeoff.png",
+            "results/figures/{condition}/tradeoff.png",
             caption="../report/tradeoff.rst",
-            category="{scheme}",
+            category="{condition}",
             subcategory="All scenes",
         ),
     log:
-        "results/logs/figures/{scheme}/tradeoff.log",
+        "results/logs/figures/{condition}/tradeoff.log",
     benchmark:
-        "results/benchmarks/figures/{scheme}/tradeoff.tsv"
+        "results/benchmarks/figures/{condition}/tradeoff.tsv"
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.scheme_figures"),
     message:
-        "Drawing what variants of {wildcards.scheme} leave of the message"
+        "Drawing what variants of {wildcards.condition} leave of the message"
     shell:
-        job("figures tradeoff --table {input.table:q} --scheme {wildcards.scheme} --out {output.figure:q}")
+        job("figures tradeoff --table {input.table:q} --condition {wildcards.condition} --out {output.figure:q}")

@@ -162,11 +162,12 @@ rule tabulate_metrics:
     params:
         code=code_digest("gspure.cli.table"),
         templates=TEMPLATE_DIGESTS,
+        conditions=PLAN.condition_options,
     message:
         "Tabulating all variants"
     shell:
         job(
             "table --metrics {input.metrics:q} --prune-masks {input.masks:q} --keys {input.key_folders:q}"
             " --verdicts {input.verdicts:q} --failures {input.failures:q} --retrievals {input.retrievals:q}"
-            " --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q} --latex {output.latex:q}"
+            " {params.conditions} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q} --latex {output.latex:q}"
         )

@@ -1,6 +1,7 @@
 SHOWN = [model for model in PLAN.models if get_finished(model.metrics)]
 FIGURES = [path for model in SHOWN for path in model.figures]
-SCHEME_FIGURES = [path for scheme in {model.scheme: None for model in SHOWN} for path in PLAN.scheme_figures(scheme)]
+CONDITIONS = {model.condition: None for model in SHOWN}
+CONDITION_FIGURES = [path for condition in CONDITIONS for path in PLAN.condition_figures(condition)]
 
 
 rule write_report:
@@ -8,7 +9,7 @@ rule write_report:
         table="results/tables/results.csv",
         clouds=get_finished(expand("results/{model}/figures/model", model=MODELS)),
         figures=get_finished(path for path in FIGURES if "/model/" not in path),
-        comparisons=get_finished(SCHEME_FIGURES),
+        comparisons=get_finished(CONDITION_FIGURES),
         matched="results/tables/matched.csv",
         contest="results/tables/contest.csv",
         survival="results/tables/survival.csv",
@@ -33,7 +34,7 @@ rule write_report:
     params:
         code=code_digest("gspure.cli.report"),
         templates=TEMPLATE_DIGESTS,
-        figures=get_finished([*FIGURES, *SCHEME_FIGURES]),
+        figures=get_finished([*FIGURES, *CONDITION_FIGURES]),
         viewers=get_finished(expand("results/{model}/figures/model/viewer.json", model=MODELS)),
         links=[*map(os.path.relpath, workflow.configfiles), "results/logs"],
         provenance=lambda wildcards, input: [

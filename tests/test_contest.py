@@ -17,7 +17,7 @@ from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.evaluation.survival import survival
-from gspure.report.tables import rivals_table, schemes_markdown, survival_table
+from gspure.report.tables import conditions_markdown, rivals_table, survival_table
 from tests.contest_cases import attacked, benchmark, outcome
 
 SCENES = benchmark(
@@ -128,7 +128,7 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     read = read_records(tmp_path / "contest.csv", Contest)
     write_records(tmp_path / "again.csv", Contest, read)
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "contest.csv").read_bytes()
-    assert schemes_markdown(survival(SCENES), read) == schemes_markdown(survival(SCENES), rows)
+    assert conditions_markdown(survival(SCENES), read) == conditions_markdown(survival(SCENES), rows)
 
 
 @pytest.mark.parametrize(
@@ -169,12 +169,12 @@ def test_the_tables_hold_survival_and_differences() -> None:
     }
     assert str(rivals["better"][1]).startswith("−2.50 [")
     assert str(rivals["better"][-1]) == "0.094 (≥ 0.094)"
-    assert schemes_markdown().startswith("No model with a message")
+    assert conditions_markdown().startswith("No model with a message")
 
 
 def test_with_one_scene_the_tables_have_no_p_and_no_detectability() -> None:
     one = [o for o in SCENES if o.scene == "s0"]
-    text = schemes_markdown(survival(one), contest(one, {}))
+    text = conditions_markdown(survival(one), contest(one, {}))
     assert "detectability" not in text.lower()
     assert "| p" not in text
     assert "one scene" in text

@@ -12,7 +12,7 @@ from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
-from gspure.report.tables import matched_table, schemes_markdown
+from gspure.report.tables import conditions_markdown, matched_table
 from tests.contest_cases import BEFORE, measured
 
 SWEEPS = {"ours": ["weak", "strong"], "theirs": ["other", "absent"]}
@@ -107,7 +107,7 @@ def test_the_table_marks_the_largest_drop_at_each_damage() -> None:
     table = matched_table(match(TWO, SWEEPS))
     assert [column.title for column in table.columns[2:]] == ["0.3 dB", "0.7 dB", "1.5 dB", "2 dB"]
     assert {str(row.cells[0]): sum(cell.best for cell in row.cells) for row in table.rows} == {"ours": 4, "theirs": 0}
-    assert schemes_markdown().startswith("No model with a message")
+    assert conditions_markdown().startswith("No model with a message")
 
 
 def test_the_command_writes_both_tables(tmp_path: Path) -> None:
@@ -119,15 +119,30 @@ def test_the_command_writes_both_tables(tmp_path: Path) -> None:
     with files["matched.csv"].open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 2 * len(MATCHED_DAMAGES)
-    assert list(rows[3].values()) == ["sis", "message", "ours", "2", "2", "11.5", "8", "15", "0.5", "2", "1", "1.75"]
-    assert files["matched.md"].read_text() == schemes_markdown(matched=match(TWO, SWEEPS))
+    assert list(rows[3].values()) == [
+        "sis",
+        "",
+        "",
+        "message",
+        "ours",
+        "2",
+        "2",
+        "11.5",
+        "8",
+        "15",
+        "0.5",
+        "2",
+        "1",
+        "1.75",
+    ]
+    assert files["matched.md"].read_text() == conditions_markdown(matched=match(TWO, SWEEPS))
 
 
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     rows = match(TWO, SWEEPS)
     write_records(tmp_path / "matched.csv", Matched, rows)
     read = read_records(tmp_path / "matched.csv", Matched)
-    assert schemes_markdown(matched=read) == schemes_markdown(matched=rows)
+    assert conditions_markdown(matched=read) == conditions_markdown(matched=rows)
 
 
 @pytest.mark.parametrize(

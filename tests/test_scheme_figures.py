@@ -1,4 +1,4 @@
-"""Figures over all scenes of a scheme: the sweep of pruning factors, and the Pareto front."""
+"""Figures over all scenes of a condition: the sweep of pruning factors, and the Pareto front."""
 
 import json
 from pathlib import Path
@@ -88,7 +88,7 @@ def table(tmp_path: Path) -> Path:
 
 def test_the_commands_write_a_figure_with_its_caption(table: Path) -> None:
     folder = table.parent / "figures" / "sis"
-    common = ["--table", str(table), "--scheme", "sis", "--out"]
+    common = ["--table", str(table), "--condition", "sis", "--out"]
     points = ["--point", "gspure=4,4", "--point", "harsh=1,4"]
     assert main(["figures", "sweep", *common, str(folder / "sweep.png"), *points]) == 0
     assert main(["figures", "tradeoff", *common, str(folder / "tradeoff.png")]) == 0
@@ -101,9 +101,15 @@ def test_the_commands_write_a_figure_with_its_caption(table: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["sweep", "--scheme", "sis", "--point", "gentle=4,4"], "results.csv: variant: expected gentle, found no such"),
-        (["sweep", "--scheme", "other", "--point", "gspure=4,4"], "results.csv: scheme: expected other, found no such"),
-        (["tradeoff", "--scheme", "other"], "results.csv: scheme: expected other, found no such row"),
+        (
+            ["sweep", "--condition", "sis", "--point", "gentle=4,4"],
+            "results.csv: variant: expected gentle, found no such",
+        ),
+        (
+            ["sweep", "--condition", "other", "--point", "gspure=4,4"],
+            "results.csv: condition: expected other, found sis",
+        ),
+        (["tradeoff", "--condition", "other"], "results.csv: condition: expected other, found sis"),
     ],
 )
 def test_what_the_table_lacks_is_told_in_one_line(table: Path, capsys, words: list[str], told: str) -> None:
@@ -116,7 +122,7 @@ def test_what_the_table_lacks_is_told_in_one_line(table: Path, capsys, words: li
 def test_the_dashed_line_is_the_floor_that_survival_is_judged_by(tmp_path: Path, drawn) -> None:  # noqa: F811
     outcomes = benchmark({scene: {"gspure": (1.0, 18.0)} for scene in ("room", "vault")})
     write_results(tmp_path / "results.csv", outcomes)
-    words = ["--table", str(tmp_path / "results.csv"), "--scheme", "sis", "--out", str(tmp_path / "tradeoff.png")]
+    words = ["--table", str(tmp_path / "results.csv"), "--condition", "sis", "--out", str(tmp_path / "tradeoff.png")]
     assert main(["figures", "tradeoff", *words]) == 0
     (dashed,) = (line for line in drawn[0].axes[0].lines if line.get_linestyle() == "--")
     gspure = next(row for row in survival(outcomes) if row.variant == "gspure")

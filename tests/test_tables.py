@@ -133,6 +133,8 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
     ours = next(row for row in rows if (row["variant"], row["target"]) == ("gspure", "message"))
     assert ours == {
         "scheme": "planted",
+        "protocol": "",
+        "initialization": "",
         "scene": "room",
         "variant": "gspure",
         "target": "message",

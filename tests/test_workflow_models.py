@@ -179,14 +179,22 @@ def test_a_panel_begins_with_the_photographs_that_a_target_is_compared_with(agai
     assert list(bot.panel_columns("scene")) == ["unattacked", "gspure"]
 
 
-def test_a_scheme_has_the_figure_of_a_sweep_if_a_factor_is_varied(plan):
-    figures = [f"results/figures/secure_gs/{name}.png" for name in ("sweep", "tradeoff")]
-    assert plan.scheme_figures("secure_gs") == figures
-    assert plan.scheme_figures("vanilla") == []
+def test_a_condition_has_the_figure_of_a_sweep_if_a_factor_is_varied(plan):
+    condition = Model(plan, "secure_gs", "raised").condition
+    figures = [f"results/figures/secure_gs-shared-both/{name}.png" for name in ("sweep", "tradeoff")]
+    assert plan.condition_figures(condition) == figures
+    assert plan.condition_figures(Model(plan, "vanilla", "bot").condition) == []
     assert plan.point_options("secure_gs") == "--point gspure=2.0,3.0 --point mild=1.5,3.0"
     assert "--sweep gspure=gspure,mild" in plan.sweep_options
     unvaried = plan_of(assets=None, decisions=None, variants={"unattacked": {}, "gspure": {}})
-    assert unvaried.scheme_figures("secure_gs") == figures[1:]
+    assert unvaried.condition_figures(condition) == figures[1:]
+
+
+def test_tables_take_protocol_and_initialization_of_every_watermarked_model(plan):
+    pairs = {"a": {}, "b": {"protocol": "own", "initialization": "scene"}}
+    words = plan_of(pairs=pairs, schemes={"secure_gs": {}}, repetitions=1).condition_options.split()
+    assert words == ["--condition", "secure_gs/a=shared,both", "--condition", "secure_gs/b=own,scene"]
+    assert "vanilla" not in plan.condition_options
 
 
 def test_pairs_with_one_message_of_photographs_share_its_model(plan):

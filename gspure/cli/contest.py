@@ -39,12 +39,12 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.records import write_records
     from gspure.evaluation.results import read_results
     from gspure.evaluation.survival import Survival, survival
-    from gspure.report.tables import schemes_markdown
+    from gspure.report.tables import conditions_markdown
 
     outcomes, sweeps = read_results(args.table), dict(args.sweep)
     contests, survivals = contest(outcomes, sweeps), survival(outcomes)
     write_records(args.out, Contest, contests)
     write_records(args.survival, Survival, survivals)
-    write_text(args.markdown, schemes_markdown(survivals, contests))
+    write_text(args.markdown, conditions_markdown(survivals, contests))
     for path in (args.out, args.survival):
         write_provenance(path, inputs={"table": args.table}, settings={"sweeps": sweeps})

@@ -24,8 +24,8 @@ EXAMPLES = """\
   gspure figures attacks --table results.csv --asset planted/room --column truth=truth \\
       --column unattacked=unattacked/renders --column gspure=gspure/renders --out attacks.png
   gspure figures outcomes --table results.csv --asset planted/room --out figures/outcomes.png
-  gspure figures sweep --table results.csv --scheme planted --point gspure=4,4 --point tau_n_1=1,4 --out sweep.png
-  gspure figures tradeoff --table results.csv --scheme planted --out tradeoff.png
+  gspure figures sweep --table results.csv --condition planted --point gspure=4,4 --point tau_n_1=1,4 --out sweep.png
+  gspure figures tradeoff --table results.csv --condition planted --out tradeoff.png
 """
 
 

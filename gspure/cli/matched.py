@@ -29,10 +29,10 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.matched import Matched, match
     from gspure.evaluation.records import write_records
     from gspure.evaluation.results import read_results
-    from gspure.report.tables import schemes_markdown
+    from gspure.report.tables import conditions_markdown
 
     sweeps = dict(args.sweep)
     rows = match(read_results(args.table), sweeps)
     write_records(args.out, Matched, rows)
-    write_text(args.markdown, schemes_markdown(matched=rows))
+    write_text(args.markdown, conditions_markdown(matched=rows))
     write_provenance(args.out, inputs={"table": args.table}, settings={"sweeps": sweeps})

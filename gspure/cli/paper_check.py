@@ -90,21 +90,23 @@ def _without_scores(checks: Sequence[Check]) -> Table:
 
 
 def _rms_ratios(cells: Sequence[Cell], ours: Sequence[Survival]) -> Table:
-    from gspure.evaluation.names import display_name
-    from gspure.evaluation.outcomes import MESSAGE
+    from gspure.evaluation.names import condition_name, display_name
+    from gspure.evaluation.outcomes import MESSAGE, UNATTACKED, Condition, condition_of
     from gspure.evaluation.paper import rms_ratio_of
     from gspure.evaluation.paper.cells import ATTACKS, SCHEMES
     from gspure.report.table import plain
 
-    measured = {(row.scheme, row.variant): row.rms_ratio for row in ours if row.extraction == MESSAGE}
+    measured = {(condition_of(row), row.variant): row.rms_ratio for row in ours if row.extraction == MESSAGE}
+    conditions = [condition for condition, variant in measured if variant == UNATTACKED] or map(Condition, SCHEMES)
     rows = [
         [
-            display_name(scheme),
+            condition_name(*condition),
             display_name(attack),
-            plain(rms_ratio_of(cells, scheme, attack)),
-            plain(measured.get((scheme, attack), nan)),
+            plain(rms_ratio_of(cells, condition.scheme, attack)),
+            plain(measured.get((condition, attack), nan)),
         ]
-        for scheme in SCHEMES
+        for condition in conditions
+        if condition.scheme in SCHEMES
         for attack in ATTACKS
     ]
     title = "Root-mean-square damage to the message relative to that of the scene"

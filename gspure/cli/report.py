@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="PNG",
-        help="from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/SCHEME",
+        help="from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/CONDITION",
     )
     parser.add_argument(
         "--diagnosis",

@@ -1,4 +1,4 @@
-"""The kinds of ``gspure figures`` that compare the variants of one scheme over its scenes."""
+"""The kinds of ``gspure figures`` that compare the variants of one condition over its scenes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def _add_sweep(parser: argparse.ArgumentParser) -> None:
-    _add_scheme(parser)
+    _add_condition(parser)
     parser.add_argument(
         "--point",
         type=_point,
@@ -28,13 +28,18 @@ def _add_sweep(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
-    _add_scheme(parser)
+    _add_condition(parser)
     parser.set_defaults(draw=_draw_tradeoff)
 
 
-def _add_scheme(parser: argparse.ArgumentParser) -> None:
+def _add_condition(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
-    parser.add_argument("--scheme", required=True, metavar="NAME", help="the scheme whose variants to compare")
+    parser.add_argument(
+        "--condition",
+        required=True,
+        metavar="SCHEME-PROTOCOL-INITIALIZATION",
+        help="whose variants to compare; the scheme alone if the table names neither protocol nor initialization",
+    )
     parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
 
 
@@ -48,12 +53,13 @@ def _point(text: str) -> tuple[str, tuple[float, float]]:
 
 
 def _outcomes(args: argparse.Namespace) -> list[Outcome]:
+    from gspure.evaluation.outcomes import by_condition
     from gspure.evaluation.results import read_results
 
-    outcomes = [o for o in read_results(args.table) if o.scheme == args.scheme]
-    if not outcomes:
-        raise InputError(args.table, "scheme", expected=args.scheme, found="no such row")
-    return outcomes
+    known = {condition.key: outcomes for condition, outcomes in by_condition(read_results(args.table)).items()}
+    if args.condition not in known:
+        raise InputError(args.table, "condition", expected=args.condition, found=", ".join(known) or "no row")
+    return known[args.condition]
 
 
 def _draw_sweep(args: argparse.Namespace) -> Drawn:
@@ -75,7 +81,7 @@ def _draw_sweep(args: argparse.Namespace) -> Drawn:
         f"τ_n = {method[0]:g} or τ_c = {method[1]:g} (ring: both). Mean over {scenes} scenes"
     )
     band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
-    settings = {"scheme": args.scheme, "points": {name: list(factors) for name, factors in args.point}}
+    settings = {"condition": args.condition, "points": {name: list(factors) for name, factors in args.point}}
     return {args.out: caption + band + "."}, {"table": args.table}, settings
 
 
@@ -86,7 +92,7 @@ def _draw_tradeoff(args: argparse.Namespace) -> Drawn:
 
     outcomes = _outcomes(args)
     if not places(outcomes):
-        raise InputError(args.table, "score", expected=f"of a variant of {args.scheme}", found="none")
+        raise InputError(args.table, "score", expected=f"of a variant of {args.condition}", found="none")
     mean_floor = known_interval(floor(outcomes))
     front = write_tradeoff(args.out, outcomes, mean_floor.mean if mean_floor else None)
     caption = (
@@ -96,7 +102,7 @@ def _draw_tradeoff(args: argparse.Namespace) -> Drawn:
     )
     if mean_floor:
         caption += " Dashed line: the floor, the highest control without the message."
-    return {args.out: caption}, {"table": args.table}, {"scheme": args.scheme}
+    return {args.out: caption}, {"table": args.table}, {"condition": args.condition}
 
 
 KINDS = {

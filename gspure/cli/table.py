@@ -62,6 +62,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CSV",
         help="retrieval.csv of `gspure retrieve`, in folders SCHEME/SCENE",
     )
+    parser.add_argument(
+        "--condition",
+        type=_condition,
+        action="append",
+        default=[],
+        metavar="SCHEME/SCENE=PROTOCOL,INITIALIZATION",
+        help="how a model was trained: only equal conditions are averaged and compared; repeatable",
+    )
     parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per variant and target")
     parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="the same as readable tables")
     parser.add_argument("--summary", type=Output, metavar="CSV", help="means over scenes, with intervals")
@@ -70,8 +78,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _condition(text: str) -> tuple[str, tuple[str, str]]:
+    model, _, condition = text.partition("=")
+    protocol, _, initialization = condition.partition(",")
+    if not initialization:
+        raise argparse.ArgumentTypeError(f"expected SCHEME/SCENE=PROTOCOL,INITIALIZATION, found {text!r}")
+    return model, (protocol, initialization)
+
+
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
+    from itertools import chain
+
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.names import model_name
     from gspure.evaluation.outcomes import collect
@@ -84,10 +102,11 @@ def run(args: argparse.Namespace) -> None:
     from gspure.report.tables import results_markdown, summary_table
 
     truth = [mask for key in args.keys if (mask := key / CARRIERS).is_file()]
-    outcomes = collect(args.metrics, args.prune_masks, truth, args.verdicts, args.failures, args.retrievals)
+    files = (args.prune_masks, truth, args.verdicts, args.failures, args.retrievals)
+    outcomes = collect(args.metrics, *files, conditions=dict(args.condition))
     write_results(args.out, outcomes)
-    files = (*args.metrics, *args.prune_masks, *truth, *args.verdicts, *args.failures, *args.retrievals)
-    write_provenance(args.out, inputs={path.as_posix(): path for path in files}, settings={})
+    inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
+    write_provenance(args.out, inputs=inputs, settings={"conditions": dict(args.condition)})
     write_text(args.markdown, results_markdown(outcomes))
     for scheme, asset in not_embedded(outcomes):
         say(f"WARNING: {model_name(scheme, asset)}: nothing is embedded: its message is not above all controls, or not")

@@ -7,7 +7,15 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import Drops, Point, Sweeps, completed, damages
-from gspure.evaluation.outcomes import GSPURE, SCENE, UNATTACKED, Outcome, ordered
+from gspure.evaluation.outcomes import (
+    GSPURE,
+    SCENE,
+    UNATTACKED,
+    Condition,
+    Outcome,
+    by_condition,
+    ordered,
+)
 from gspure.evaluation.statistics import (
     Cells,
     Interval,
@@ -33,6 +41,8 @@ class Contest(NamedTuple):
     """GSPure minus one rival, in one quantity."""
 
     scheme: str
+    protocol: str
+    initialization: str
     extraction: str
     """The target that shows the message."""
 
@@ -54,14 +64,14 @@ class Contest(NamedTuple):
     """Of the sign-flip test of the Score; NaN for other quantities."""
 
     p_adjusted: float = math.nan
-    """`p` after Holm's correction for all rivals on this scheme and extraction."""
+    """`p` after Holm's correction for all rivals on this condition and extraction."""
 
     p_attainable: float = math.nan
     """The smallest `p_adjusted` possible with this number of rivals and scenes."""
 
 
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
-    """Compare GSPure with every other attack, for every scheme and extraction of the message.
+    """Compare GSPure with every other attack, for every condition and extraction of the message.
 
     Controls, and GSPure itself at other strengths, are not rivals. Only the Score is tested: it is the measure that the
     paper names, and further tests would make the correction harsher. Other quantities have intervals alone.
@@ -69,7 +79,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     Parameters
     ----------
     outcomes : sequence of Outcome
-        In any order; schemes and rivals keep it.
+        In any order; conditions and rivals keep it.
     sweeps : mapping
         Variants that are one attack at several strengths; others are sweeps of one strength. The sweep named `GSPURE`
         is compared with the others at equal `gspure.evaluation.matched.damages`.
@@ -77,16 +87,16 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     """
     rows: list[Contest] = []
     other_strengths = {*sweeps.get(GSPURE, ())} - {GSPURE}
-    for scheme in dict.fromkeys(o.scheme for o in outcomes):
-        attacks = [o for o in outcomes if o.scheme == scheme and o.variant != UNATTACKED and not o.is_control]
+    for condition, alike in by_condition(outcomes).items():
+        attacks = [o for o in alike if o.variant != UNATTACKED and not o.is_control]
         for extraction in ordered({target for o in attacks for target in o.messages}):
             drops = _drops(attacks, extraction)
             as_run = {name: cells for name, cells in drops.items() if name not in other_strengths}
             for quantity in WEIGHTS:
-                rows += _against(_as_run(as_run, quantity), scheme, extraction, quantity, math.nan)
+                rows += _against(_as_run(as_run, quantity), condition, extraction, quantity, math.nan)
             for damage in damages(drops):
                 cells = _at_equal_damage(drops, completed(sweeps, drops), damage)
-                rows += _against(cells, scheme, extraction, MESSAGE_DROP, damage)
+                rows += _against(cells, condition, extraction, MESSAGE_DROP, damage)
     return rows
 
 
@@ -122,14 +132,14 @@ def _at_equal_damage(drops: DropsByVariant, sweeps: Sweeps, damage: float) -> di
 
 
 def _against(
-    cells: Mapping[str, Cells], scheme: str, extraction: str, quantity: Quantity, damage: float
+    cells: Mapping[str, Cells], condition: Condition, extraction: str, quantity: Quantity, damage: float
 ) -> list[Contest]:
     """Compare GSPure with every rival that shares a scene and seed with it."""
     gspure = cells.get(GSPURE, {})
     shared = {rival: differences(gspure, of_rival) for rival, of_rival in cells.items() if rival != GSPURE}
     by_rival = {rival: scenes for rival, scenes in shared.items() if scenes}
     rows = [
-        Contest(scheme, extraction, rival, quantity, damage, sum(map(len, scenes)), mean_interval(scenes))
+        Contest(*condition, extraction, rival, quantity, damage, sum(map(len, scenes)), mean_interval(scenes))
         for rival, scenes in by_rival.items()
     ]
     if quantity != SCORE:

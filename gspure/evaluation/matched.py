@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import groupby
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, ordered
+from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, by_condition, ordered
 from gspure.evaluation.statistics import (
     DAMAGE_TOLERANCE,
     MATCHED_DAMAGES,
@@ -64,6 +63,8 @@ class Matched(NamedTuple):
     """One sweep at one damage to the scene."""
 
     scheme: str
+    protocol: str
+    initialization: str
     extraction: str
     """The target that shows the message."""
 
@@ -99,28 +100,27 @@ def damages(variants: Iterable[str]) -> Sequence[float]:
 
 
 def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
-    """Compare sweeps at equal `damages`, for every scheme and extraction of the message.
+    """Compare sweeps at equal `damages`, for every condition and extraction of the message.
 
     Parameters
     ----------
     outcomes : sequence of Outcome
-        Sorted by scheme (`gspure.evaluation.outcomes.collect`).
+        In any order; conditions keep it.
     sweeps : mapping
-        Variants that a scheme lacks, or that failed on its models, are skipped. An attack in none of the sweeps is one
-        of a single strength.
+        Variants that a condition lacks, or that failed on its models, are skipped. An attack in none of the sweeps is
+        one of a single strength.
 
     """
     rows = []
     at = damages(o.variant for o in outcomes)
     sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
-    for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
-        of_scheme = list(group)
-        for extraction in ordered({target for o in of_scheme for target in o.messages}):
+    for condition, alike in by_condition(outcomes).items():
+        for extraction in ordered({target for o in alike for target in o.messages}):
             for name, variants in sweeps.items():
-                curves = _curves([o for o in of_scheme if o.variant in variants], extraction)
+                curves = _curves([o for o in alike if o.variant in variants], extraction)
                 strengths = max(map(len, curves.values()), default=0)
                 rows += [
-                    Matched(scheme, extraction, name, strengths, damage, *_mean_drop(curves, damage))
+                    Matched(*condition, extraction, name, strengths, damage, *_mean_drop(curves, damage))
                     for damage in at
                     if curves
                 ]

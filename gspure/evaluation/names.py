@@ -31,6 +31,12 @@ def display_name(name: str) -> str:
     return f"{shown}, {damage.removesuffix('dB')} dB" if damage else shown
 
 
+def condition_name(scheme: str, protocol: str = "", initialization: str = "") -> str:
+    """Return the display name of a condition: ``GS-Hider, own poses``; training from all points goes without saying."""
+    poses = f", {protocol} poses" if protocol else ""
+    return display_name(scheme) + poses + (", scene's points" if initialization == "scene" else "")
+
+
 def model_name(scheme: str, asset: str) -> str:
     """Return the display name of one model: scheme, scene and repetition (``room@1``)."""
     scene, _, repetition = asset.partition("@")

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,27 @@ GSPURE: Final = "gspure"
 """The variant of the paper's attack, and the name of the sweep over its pruning factors."""
 
 SCENE, MESSAGE = "scene", "message"
+
+
+class Condition(NamedTuple):
+    """What outcomes have in common that are averaged over scenes, and compared with each other."""
+
+    scheme: str
+    protocol: str = ""
+    """Poses of the message's views, ``shared`` or ``own``; empty for models of no pair."""
+
+    initialization: str = ""
+    """Whose points training starts from, ``both`` or ``scene``; empty for models of no pair."""
+
+    @property
+    def key(self) -> str:
+        """Its name in folders and options: ``gs_hider-own-both``."""
+        return "-".join(filter(None, self))
+
+
+def condition_of(row: Any) -> Condition:
+    """Return the condition in the first columns of a row of means."""
+    return Condition(row.scheme, row.protocol, row.initialization)
 
 
 @dataclass(frozen=True)
@@ -72,6 +94,15 @@ class Outcome:
 
     seed: int = 0
     """Number of the repetition on the same scene, each with its own random seeds."""
+
+    protocol: str = ""
+    initialization: str = ""
+    """See `Condition`."""
+
+    @property
+    def condition(self) -> Condition:
+        """Its scheme, protocol and initialization."""
+        return condition_of(self)
 
     @property
     def asset(self) -> str:
@@ -135,6 +166,7 @@ def collect(
     verdicts: Sequence[Path] = (),
     failures: Sequence[Path] = (),
     retrievals: Sequence[Path] = (),
+    conditions: Mapping[str, tuple[str, str]] = MappingProxyType({}),
 ) -> list[Outcome]:
     """Gather the outcomes of all variants.
 
@@ -154,6 +186,8 @@ def collect(
         failed for its reason.
     retrievals : sequence of Path
         Files ``.../{scheme}/{scene}/retrieval.csv`` of `gspure retrieve`.
+    conditions : mapping
+        By ``{scheme}/{scene}``, protocol and initialization.
 
     Returns
     -------
@@ -173,6 +207,8 @@ def collect(
     outcomes = [*(_outcome(path, prune_masks, truth, verdicts) for path in metrics), *failed]
     retrieved = {path.resolve().parts[-3:-1]: read_records(path, Retrieved) for path in retrievals}
     outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.asset), ()))) for o in outcomes]
+    trained = [conditions.get(f"{o.scheme}/{o.asset}", ("", "")) for o in outcomes]
+    outcomes = [replace(o, protocol=p, initialization=i) for o, (p, i) in zip(outcomes, trained, strict=True)]
     outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != UNATTACKED))
     return with_references(outcomes)
 
@@ -193,6 +229,14 @@ def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
 def by_model(outcomes: Iterable[Outcome]) -> list[tuple[tuple[str, str], list[Outcome]]]:
     """Return scheme and asset of each model with its outcomes, which are sorted by model."""
     return [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.asset))]
+
+
+def by_condition(outcomes: Iterable[Outcome]) -> dict[Condition, list[Outcome]]:
+    """Return the outcomes of every condition; both keep their order."""
+    grouped: dict[Condition, list[Outcome]] = {}
+    for o in outcomes:
+        grouped.setdefault(o.condition, []).append(o)
+    return grouped
 
 
 def _failed(statuses: Sequence[Path]) -> list[Outcome]:

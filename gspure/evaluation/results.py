@@ -1,4 +1,4 @@
-"""The long table ``results.csv``: one row per scheme, scene, seed, variant and target."""
+"""The long table ``results.csv``: one row per model, variant and target."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Annotated, Final, Literal, NamedTuple
 
 from gspure.evaluation.comparison import RENDER, ViewMetrics
-from gspure.evaluation.outcomes import MESSAGE, Outcome, ordered, with_references
+from gspure.evaluation.outcomes import MESSAGE, Outcome, condition_of, ordered, with_references
 from gspure.evaluation.records import PerMetric, Values, read_records, write_records
 from gspure.evaluation.retrieval import Retrieval
 
@@ -21,6 +21,8 @@ class Result(NamedTuple):
     """One target of one variant; for a variant that failed, only the reason."""
 
     scheme: str
+    protocol: str
+    initialization: str
     scene: str
     seed: int
     variant: str
@@ -58,19 +60,19 @@ def read_results(path: Path) -> list[Outcome]:
 
     """
     rows = read_records(path, Result)
-    variants = groupby(rows, key=lambda row: (row.scheme, row.scene, row.seed, row.variant))
+    variants = groupby(rows, key=lambda row: (condition_of(row), row.scene, row.seed, row.variant))
     return with_references(_outcome(list(targets)) for _, targets in variants)
 
 
 def _rows(o: Outcome) -> Iterator[Result]:
     if o.failure:
-        yield Result(o.scheme, o.scene, o.seed, o.variant, failure=o.failure)
+        yield Result(*o.condition, o.scene, o.seed, o.variant, failure=o.failure)
     off = o.off_path_outcome()
     for target in ordered(o.targets):
         mean, extraction = o.targets[target], target if target in o.messages else MESSAGE
         is_measured = target in off.targets
         yield Result(
-            o.scheme,
+            *o.condition,
             o.scene,
             o.seed,
             o.variant,
@@ -111,6 +113,8 @@ def _outcome(rows: list[Result]) -> Outcome:
         off_path={row.target: _mean(row, row.off_path) for row in rows if row.off_path},
         retrieval={row.target: row.retrieval for row in rows if row.retrieval},
         seed=first.seed,
+        protocol=first.protocol,
+        initialization=first.initialization,
     )
 
 

@@ -1,13 +1,12 @@
-"""Outcomes averaged over scenes: one row per scheme, variant and extraction, as in the paper's Table 1."""
+"""Outcomes averaged over scenes: one row per condition, variant and extraction, as in the paper's Table 1."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import groupby
 from typing import NamedTuple
 
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, ordered
 from gspure.evaluation.paper import read_cells
 from gspure.evaluation.paper.cells import TARGETS
 from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
@@ -15,13 +14,15 @@ from gspure.evaluation.statistics import Interval, known_interval
 
 
 class Summary(NamedTuple):
-    """One variant of one scheme over all scenes; None if a number is unknown in every scene.
+    """One variant over the scenes of one condition; None if a number is unknown in every scene.
 
     The level of an interval is 0.95, or lower if so few scenes are known that the bounds are their smallest and largest
     values.
     """
 
     scheme: str
+    protocol: str
+    initialization: str
     variant: str
     extraction: str
     """The target that shows the message: ``message``, or another way of extracting it."""
@@ -47,24 +48,23 @@ class Summary(NamedTuple):
 
 
 def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
-    """Average over scenes and their seeds, in the order of `outcomes`, which are sorted by scheme.
+    """Average over scenes and their seeds, in the order of `outcomes`.
 
     A scene in which a number is unknown does not count; the interval states how many do.
     """
     cells = read_cells()
     scores, psnr = printed_scores(cells), ablations(cells) | table_1(cells)
     rows = []
-    for scheme, group in groupby(outcomes, key=lambda o: o.scheme):
-        of_scheme = list(group)
-        extractions = ordered({target for o in of_scheme for target in o.messages}) or [MESSAGE]
-        for variant in dict.fromkeys(o.variant for o in of_scheme):
-            scenes = [o for o in of_scheme if o.variant == variant]
+    for condition, alike in by_condition(outcomes).items():
+        extractions = ordered({target for o in alike for target in o.messages}) or [MESSAGE]
+        for variant in dict.fromkeys(o.variant for o in alike):
+            scenes = [o for o in alike if o.variant == variant]
             off_path = [o.off_path_outcome() for o in scenes]
-            printed = [psnr.get((scheme, variant, target), math.nan) for target in TARGETS]
-            printed.append(scores.get((scheme, variant), math.nan))
+            printed = [psnr.get((condition.scheme, variant, target), math.nan) for target in TARGETS]
+            printed.append(scores.get((condition.scheme, variant), math.nan))
             for extraction in extractions:
                 means = (*_means(scenes, extraction), *_means(off_path, extraction))
-                rows.append(Summary(scheme, variant, extraction, *means, *printed))
+                rows.append(Summary(*condition, variant, extraction, *means, *printed))
     return rows
 
 

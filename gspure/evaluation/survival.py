@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
 from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, ordered
+from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, ordered
 from gspure.evaluation.statistics import (
     Cells,
     Detectability,
@@ -28,9 +28,11 @@ MARGIN: Final = 1.0
 
 
 class Survival(NamedTuple):
-    """One variant of one scheme over all scenes; None if a number is unknown in every scene."""
+    """One variant over the scenes of one condition; None if a number is unknown in every scene."""
 
     scheme: str
+    protocol: str
+    initialization: str
     extraction: str
     """The target that shows the message."""
 
@@ -79,7 +81,7 @@ class Survival(NamedTuple):
 
 
 def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
-    """Return the survival of the message for every scheme, extraction and variant that is not a control.
+    """Return the survival of the message for every condition, extraction and variant that is not a control.
 
     Seeds are averaged within scenes. Kinds of controls are compared one by one, since those of one scene share its
     truth and are not independent of each other.
@@ -87,17 +89,16 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     Parameters
     ----------
     outcomes : sequence of Outcome
-        In any order; schemes and variants keep it.
+        In any order; conditions and variants keep it.
 
     """
     rows = []
-    for scheme in dict.fromkeys(o.scheme for o in outcomes):
-        of_scheme = [o for o in outcomes if o.scheme == scheme]
-        for extraction in ordered({target for o in of_scheme for target in o.messages}):
-            psnr, scene_psnr = _psnr(of_scheme, extraction), _psnr(of_scheme, SCENE)
-            attacked = [o for o in of_scheme if not o.is_control and extraction in o.targets]
+    for alike in by_condition(outcomes).values():
+        for extraction in ordered({target for o in alike for target in o.messages}):
+            psnr, scene_psnr = _psnr(alike, extraction), _psnr(alike, SCENE)
+            attacked = [o for o in alike if not o.is_control and extraction in o.targets]
             rows += [
-                _survival(of_scheme, variant, extraction, psnr, scene_psnr)
+                _survival(alike, variant, extraction, psnr, scene_psnr)
                 for variant in dict.fromkeys(o.variant for o in attacked)
             ]
     return rows
@@ -120,13 +121,12 @@ def _psnr(outcomes: Iterable[Outcome], extraction: str) -> dict[str, dict[tuple[
 def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
     """Return scheme and asset of the models whose message is not present, or not retrieved, before any attack."""
     absent = []
-    for scheme in dict.fromkeys(o.scheme for o in outcomes):
-        of_scheme = [o for o in outcomes if o.scheme == scheme]
-        scene_floor = floor(of_scheme)
-        for o in (o for o in of_scheme if o.variant == UNATTACKED and MESSAGE in o.targets):
+    for alike in by_condition(outcomes).values():
+        scene_floor = floor(alike)
+        for o in (o for o in alike if o.variant == UNATTACKED and MESSAGE in o.targets):
             above = o.targets[MESSAGE].psnr - scene_floor.get((o.scene, o.seed), -math.inf)
             if above < MARGIN or (MESSAGE in o.retrieval and not o.retrieval[MESSAGE].succeeds):
-                absent.append((scheme, o.asset))
+                absent.append((o.scheme, o.asset))
     return absent
 
 
@@ -139,13 +139,13 @@ def _highest(psnr: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
 
 
 def _survival(
-    of_scheme: Sequence[Outcome],
+    alike: Sequence[Outcome],
     variant: str,
     extraction: str,
     psnr: Mapping[str, Cells],
     scene_psnr: Mapping[str, Cells],
 ) -> Survival:
-    attacked, unattacked = ([o for o in of_scheme if o.variant == name] for name in (variant, UNATTACKED))
+    attacked, unattacked = ([o for o in alike if o.variant == name] for name in (variant, UNATTACKED))
     before, after, scene_floor = psnr.get(UNATTACKED, {}), psnr.get(variant, {}), _highest(psnr)
     present_before = _present(before, scene_floor) - _by_retrieval(unattacked, extraction, succeeds=False)
     survived = present_before & _present(after, scene_floor)
@@ -155,7 +155,7 @@ def _survival(
     auc = {kind: detectability(_scene_means(after), _scene_means(psnr[kind])) for kind in kinds}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
     return Survival(
-        attacked[0].scheme,
+        *attacked[0].condition,
         extraction,
         variant,
         len(present_before & {scene for scene, _ in after}),

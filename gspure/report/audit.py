@@ -1,4 +1,4 @@
-"""The owner's audit of a scheme: which attacks its message survives, at what cost, and how certain that is.
+"""The owner's audit under one condition: which attacks the message survives, at what cost, and how certain that is.
 
 This module gathers the facts; ``templates/audit.html.j2`` puts them into words.
 """
@@ -11,7 +11,16 @@ from math import inf, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.contest import SCORE, Contest
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
+from gspure.evaluation.outcomes import (
+    GSPURE,
+    MESSAGE,
+    SCENE,
+    UNATTACKED,
+    Condition,
+    Outcome,
+    by_condition,
+    condition_of,
+)
 from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, known_interval
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival
@@ -31,7 +40,7 @@ Verdict = Literal["judged", "failed", "no key", "no reference", "no controls", "
 
 
 class Rivals(NamedTuple):
-    """GSPure against all other attacks on one scheme."""
+    """GSPure against all other attacks under one condition."""
 
     others: int
     scenes: int
@@ -73,9 +82,9 @@ class Failure(NamedTuple):
 
 @dataclass(frozen=True)
 class Audit:
-    """What the owner of one scheme should know."""
+    """What the owner should know of one scheme, protocol and initialization."""
 
-    scheme: str
+    condition: Condition
     scenes: int
     seeds: list[int]
     """The different numbers of seeds per scene, in ascending order."""
@@ -125,12 +134,12 @@ class Audit:
 
 
 def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests: Sequence[Contest]) -> list[Audit]:
-    """Return the audit of every scheme.
+    """Return the audit of every condition.
 
     Parameters
     ----------
     outcomes : sequence of Outcome
-        All variants of all models; schemes keep their order.
+        All variants of all models; conditions keep their order.
     survivals : sequence of Survival
         Of `gspure.evaluation.survival.survival`.
     contests : sequence of Contest
@@ -139,11 +148,11 @@ def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests:
     """
     return [
         _audit(
-            [o for o in outcomes if o.scheme == scheme],
-            {(row.extraction, row.variant): row for row in survivals if row.scheme == scheme},
-            [c for c in contests if c.scheme == scheme and c.extraction == MESSAGE],
+            alike,
+            {(row.extraction, row.variant): row for row in survivals if condition_of(row) == condition},
+            [c for c in contests if condition_of(c) == condition and c.extraction == MESSAGE],
         )
-        for scheme in dict.fromkeys(o.scheme for o in outcomes)
+        for condition, alike in by_condition(outcomes).items()
     ]
 
 
@@ -155,7 +164,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
     scenes = {scene for scene, _ in cells}
     as_run = [c for c in contests if isnan(c.damage)]
     return Audit(
-        scheme=outcomes[0].scheme,
+        condition=outcomes[0].condition,
         scenes=len(scenes),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.asset for o in outcomes}),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final, NamedTuple
 
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Condition, Outcome, by_condition
 
 PLANTED: Final = "planted"
 
@@ -44,8 +44,8 @@ class Limits:
     """What the numbers of a page cannot show."""
 
     planted: bool
-    one_scene: list[str]
-    """Schemes with a single scene."""
+    one_scene: list[Condition]
+    """Conditions with a single scene."""
 
     without_key: list[tuple[str, str]]
     """Models, as scheme and asset, whose message was not extracted."""
@@ -75,10 +75,10 @@ def findings(outcomes: Sequence[Outcome]) -> Findings:
 def limits(outcomes: Sequence[Outcome]) -> Limits:
     """Return what the numbers of all models cannot show."""
     models = {(o.scheme, o.asset) for o in outcomes}
-    scenes = {scheme: {o.scene for o in outcomes if o.scheme == scheme} for scheme, _ in sorted(models)}
+    scenes = {condition: {o.scene for o in alike} for condition, alike in by_condition(outcomes).items()}
     return Limits(
-        planted=PLANTED in scenes,
-        one_scene=[scheme for scheme, of_scheme in scenes.items() if len(of_scheme) == 1],
+        planted=PLANTED in {scheme for scheme, _ in models},
+        one_scene=[condition for condition, known in sorted(scenes.items()) if len(known) == 1],
         without_key=sorted(models - {(o.scheme, o.asset) for o in outcomes if MESSAGE in o.targets}),
         against_renders=sorted({(o.scheme, o.asset) for o in outcomes if not o.against_truth}),
         views=sorted({count for o in outcomes for count in o.views.values()}),

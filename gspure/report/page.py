@@ -21,10 +21,10 @@ from gspure.report.audit import ALLOWED, SIGNIFICANT, Audit, audits
 from gspure.report.findings import findings, limits
 from gspure.report.pictures import Lineup, Link, Picture, companions, lineup, link, picture, record
 from gspure.report.table import Table
-from gspure.report.tables import failures, model_table, scheme_tables
+from gspure.report.tables import condition_tables, failures, model_table
 from gspure.report.templates import render
 
-_FIGURES: Final = "figures"  # the folder of those that show all models of a scheme
+_FIGURES: Final = "figures"  # the folder of those that show all models of a condition
 _LINEUP: Final = "attacks"
 _TRADEOFF: Final = "tradeoff"
 _CLOUDS: Final = ("purification", "clusters", "ranks", "kept", "hidden")  # what the viewer shows
@@ -54,8 +54,8 @@ class Model:
 
 
 @dataclass(frozen=True)
-class Scheme:
-    """One scheme over all of its scenes."""
+class Comparison:
+    """One condition over all of its scenes."""
 
     audit: Audit
     models: list[Model]
@@ -91,7 +91,7 @@ def write_report(
     """Write the page, whole or not at all. It loads nothing from outside itself, and links the files of the run.
 
     Figures, viewers and diagnoses belong to the model whose scheme and scene are consecutive folders of their path;
-    figures in ``figures/SCHEME`` belong to all models of the scheme.
+    figures in ``figures/SCHEME-PROTOCOL-INITIALIZATION`` belong to all models of the condition.
 
     Parameters
     ----------
@@ -129,15 +129,15 @@ def write_report(
 
     models = by_model(outcomes)
     verdicts = audits(outcomes, survivals, contests)
-    owners = [*(key for key, _ in models), *((_FIGURES, audit.scheme) for audit in verdicts)]
+    owners = [*(key for key, _ in models), *((_FIGURES, audit.condition.key) for audit in verdicts)]
     _require_owner((*figures, *diagnoses, *viewers), owners)
 
-    def scheme(audit: Audit) -> Scheme:
-        pictures = {file.stem: picture(file, path) for file in figures if _owns((_FIGURES, audit.scheme), file)}
-        return Scheme(
+    def comparison(audit: Audit) -> Comparison:
+        pictures = {file.stem: picture(file, path) for file in figures if _owns((_FIGURES, audit.condition.key), file)}
+        return Comparison(
             audit,
-            [model(key, variants, audit) for key, variants in models if key[0] == audit.scheme],
-            scheme_tables(audit.scheme, survivals, contests, matched),
+            [model(key, variants, audit) for key, variants in models if variants[0].condition == audit.condition],
+            condition_tables(audit.condition, survivals, contests, matched),
             pictures.pop(_TRADEOFF, None),
             list(pictures.values()),
         )
@@ -166,7 +166,7 @@ def write_report(
         "page.html.j2",
         title=title,
         version=__version__,
-        schemes=[scheme(audit) for audit in verdicts],
+        comparisons=[comparison(audit) for audit in verdicts],
         audits=verdicts,
         allowed=ALLOWED,
         margin=MARGIN,

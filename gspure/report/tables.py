@@ -10,8 +10,8 @@ from typing import Final
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.matched import Matched
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import display_name, model_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_model, ordered
+from gspure.evaluation.names import condition_name, display_name, model_name
+from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Condition, Outcome, by_model, condition_of, ordered
 from gspure.evaluation.statistics import Interval
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import MARGIN, Survival
@@ -41,31 +41,31 @@ def results_markdown(outcomes: Sequence[Outcome]) -> str:
     return "\n".join([document, *(f"{sentence}\n" for sentence in failures(outcomes))])
 
 
-def schemes_markdown(
+def conditions_markdown(
     survivals: Sequence[Survival] = (), contests: Sequence[Contest] = (), matched: Sequence[Matched] = ()
 ) -> str:
-    """Return the tables of every scheme over all of its scenes."""
-    schemes = dict.fromkeys([*(row.scheme for row in survivals), *(row.scheme for row in matched)])
-    tables = {display_name(scheme): scheme_tables(scheme, survivals, contests, matched) for scheme in schemes}
+    """Return the tables of every condition over all of its scenes."""
+    conditions = dict.fromkeys([*(condition_of(row) for row in survivals), *(condition_of(row) for row in matched)])
+    tables = {condition_name(*known): condition_tables(known, survivals, contests, matched) for known in conditions}
     return markdown_document(tables) if tables else "No model with a message was attacked.\n"
 
 
-def scheme_tables(
-    scheme: str, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched] = ()
+def condition_tables(
+    condition: Condition, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched] = ()
 ) -> list[Table]:
-    """Return the tables of one scheme over all of its scenes, by extraction of its message."""
+    """Return the tables of one condition over all of its scenes, by extraction of the message."""
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
         (survival_table, survivals),
         (rivals_table, [row for row in contests if isnan(row.damage)]),
         (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
         (matched_table, matched),
     ]
-    of_scheme = [(kind, [row for row in rows if row.scheme == scheme]) for kind, rows in kinds]
-    extractions = ordered({row.extraction for _, rows in of_scheme for row in rows})
+    alike = [(kind, [row for row in rows if condition_of(row) == condition]) for kind, rows in kinds]
+    extractions = ordered({row.extraction for _, rows in alike for row in rows})
     return [
         kind(chosen)
         for extraction in extractions
-        for kind, rows in of_scheme
+        for kind, rows in alike
         if (chosen := [row for row in rows if row.extraction == extraction])
     ]
 
@@ -111,7 +111,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
 
 
 def survival_table(attacks: Sequence[Survival]) -> Table:
-    """Return what every attack leaves of one extraction of a scheme's message."""
+    """Return what every attack leaves of one extraction of the message."""
     has_floor = any(row.above_floor for row in attacks)
     scenes = _scenes(row.message_drop for row in attacks)
     columns = [Column("attack"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
@@ -186,14 +186,14 @@ def matched_table(matched: Sequence[Matched]) -> Table:
 
 
 def summary_table(rows: Sequence[Summary]) -> Table:
-    """Return the means over scenes, with what the paper prints for its of_scheme scenes."""
+    """Return the means over scenes, with what the paper prints for its scenes."""
     numbers = ("Scenes", "Scene", "Message", "Score", "Score [paper]")
     columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, numbers)]
     body = []
-    for scheme, group in groupby(rows, key=lambda row: row.scheme):
+    for condition, group in groupby(rows, key=condition_of):
         for i, row in enumerate(group):
             extraction = "" if row.extraction == MESSAGE else f", {display_name(row.extraction)}"
-            names = [Cell("" if i else display_name(scheme)), Cell(display_name(row.variant) + extraction)]
+            names = [Cell("" if i else condition_name(*condition)), Cell(display_name(row.variant) + extraction)]
             scenes = Cell(f"{_scenes((row.scene, row.message, row.score))}")
             psnr = [metric(value.mean if value else nan) for value in (row.scene, row.message)]
             body.append(Row([*names, scenes, *psnr, interval(row.score), Cell(plain(row.paper_score))], begins=not i))

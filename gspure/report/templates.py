@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import display_name, model_name
+from gspure.evaluation.names import condition_name, display_name, model_name
 from gspure.report import phrases, table
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def _environment() -> Environment:
     )
     environment.filters |= {
         "name": display_name,
+        "condition_name": lambda condition: condition_name(*condition),
         "model_name": lambda model: model_name(*model),
         "psnr": METRICS["psnr"].text,
         "signed": table.signed,

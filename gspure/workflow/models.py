@@ -9,7 +9,7 @@ from typing import Final
 
 from gspure.constants import TAU_C, TAU_N, TEST_EVERY
 from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
-from gspure.evaluation.outcomes import SCENE
+from gspure.evaluation.outcomes import SCENE, Condition
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
 from gspure.workflow.captures import camera_files
@@ -75,12 +75,19 @@ class Plan:
         points = factors_of(self.config["variants"], self.decisions[scheme])
         return shlex.join(word for name, (n, c) in points.items() for word in ("--point", f"{name}={n},{c}"))
 
-    def scheme_figures(self, scheme: str) -> list[str]:
-        """Return the figures of all scenes of a scheme; none of the user's own models, which have no message."""
-        if scheme == VANILLA:
+    @property
+    def condition_options(self) -> str:
+        """Protocol and initialization of every watermarked model as options."""
+        models = (model for model in self.models if model.is_watermarked)
+        known = [f"{m.scheme}/{m.scene}={m.condition.protocol},{m.condition.initialization}" for m in models]
+        return shlex.join(word for value in known for word in ("--condition", value))
+
+    def condition_figures(self, condition: Condition) -> list[str]:
+        """Return the figures of all scenes of a condition; none of the user's own models, which have no message."""
+        if condition.scheme == VANILLA:
             return []
-        swept = is_swept(self.config["variants"], self.decisions[scheme])
-        return [f"results/figures/{scheme}/{name}.png" for name in (*["sweep"] * swept, "tradeoff")]
+        swept = is_swept(self.config["variants"], self.decisions[condition.scheme])
+        return [f"results/figures/{condition.key}/{name}.png" for name in (*["sweep"] * swept, "tradeoff")]
 
 
 @dataclass(frozen=True)
@@ -109,6 +116,11 @@ class Model:
         """Its entry in the configuration: of a pair, or of the user's own model."""
         settings: Settings = self.plan.scenes[self.scheme][self.scene]
         return settings
+
+    @property
+    def condition(self) -> Condition:
+        """Its scheme, and protocol and initialization of its pair."""
+        return Condition(self.scheme, self.settings.get("protocol", ""), self.settings.get("initialization", ""))
 
     @property
     def is_watermarked(self) -> bool:
