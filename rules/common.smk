@@ -71,7 +71,7 @@ def get_public_model(wildcards):
 
 
 def get_model_content(wildcards):
-    return content_digest([get_public_model(wildcards)])
+    return get_model(wildcards).content
 
 
 def get_scheme(wildcards):

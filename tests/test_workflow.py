@@ -232,6 +232,15 @@ def test_a_model_or_cameras_replaced_by_older_files_are_read_again(project):
         assert "Nothing to be done" in project.run(TABLE, "--dry-run")
 
 
+@pytest.mark.parametrize("name", ["cfg_args", "checkpoints.pth"])
+def test_an_edit_of_a_file_beside_a_model_is_one_of_the_model(project, name):
+    for content in ("Namespace()", "Namespace(white_background=True)"):
+        (project.folder / name).write_text(content)
+        assert {"measure_contributions", "attack_model"} <= planned(project.run(TABLE, "--dry-run")).keys()
+    (project.folder / name).unlink()
+    assert "Nothing to be done" in project.run(TABLE, "--dry-run")
+
+
 def test_colours_changed_no_view_recomputed(project):
     before = project.stages()
     model = blobs(300, sh_degree=0)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.workflow.captures import camera_files, capture_files, content_digest
+from gspure.workflow.captures import camera_files, capture_files, content_digest, model_files
 from gspure.workflow.configuration import resolved
 from gspure.workflow.options import column_options, options, setting_options
 from gspure.workflow.pairs import (
@@ -94,6 +94,21 @@ def test_another_content_has_another_digest_even_if_its_file_is_older(tmp_path, 
     os.utime("b.ply", (1, 1))
     Path("b.ply").replace("a.ply")
     assert content_digest(["a.ply"]) != before
+
+
+@pytest.mark.parametrize("ply", ["point_cloud.ply", "point_cloud/iteration_7/point_cloud.ply"])
+@pytest.mark.parametrize("name", ["cfg_args", "chkpnt7_net.pth", "checkpoints.pth", "color_mlp.pt"])
+def test_the_files_beside_a_model_are_part_of_it(tmp_path, monkeypatch, ply, name):
+    monkeypatch.chdir(tmp_path)
+    model = Path("run", ply)
+    model.parent.mkdir(parents=True)
+    for file in (model, Path("run", "chkpnt7_waternet.pth"), Path("run", "notes.txt")):
+        file.write_text("")
+    assert model_files("run") == model_files(str(model)) == [str(model)]
+    Path("run", name).write_text("one")
+    assert model_files("run") == [str(model), f"run/{name}"]
+    pair = {name: value for name, value in PHOTOGRAPHED.items() if name != "message_photographs"}
+    assert {str(model), f"run/{name}"} < {*pair_files({**pair, "message": "run"})}
 
 
 def test_names_times_and_results_do_not_count_as_content(tmp_path, monkeypatch):

@@ -78,6 +78,8 @@ class Scheme:
     signature : tuple of str
         Columns by which commands recognize the scheme's public files; empty if they look like vanilla 3DGS, for which
         commands need ``--scheme``.
+    beside : tuple of str
+        Patterns of the public files beside the .ply, such as networks.
     packages : mapping of str to str
         Optional packages that it imports, each with its requirement for pip.
     ray_traced_only : bool
@@ -93,6 +95,7 @@ class Scheme:
     tau_c: float = TAU_C
     tau_n: float = TAU_N
     signature: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
     packages: Mapping[str, str] = field(default_factory=dict)
     ray_traced_only: bool = False
 

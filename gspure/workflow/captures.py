@@ -10,6 +10,8 @@ from typing import Final
 from gspure.artifacts import digest
 from gspure.artifacts.checksums import file_checksum
 from gspure.damage import RESULTS
+from gspure.model import model_file
+from gspure.schemes.registry import schemes
 from gspure.training.dataset import POINT_FILES
 from gspure.training.views import BLENDER_HELD_OUT
 
@@ -35,6 +37,19 @@ def capture_files(source: str, photographs: Sequence[str]) -> list[str]:
     folder = Path(source) if Path(source).is_dir() else Path(source).parent
     names = [*BLENDER_HELD_OUT, "points3D.bin", "points3D.txt", *POINT_FILES]
     return [*camera_files(source), *_files(str(folder), names), *photographs]
+
+
+def model_files(source: str) -> list[str]:
+    """Return the .ply of a model, a file or a training run's folder, and all that may be read with it.
+
+    That is cfg_args and the networks of schemes, beside the .ply or, for a model in ``point_cloud/iteration_N``, in the
+    run's folder.
+    """
+    ply = model_file(Path(source))
+    folders = [ply.parent, *([ply.parents[2]] if ply.parent.match("point_cloud/iteration_*") else [])]
+    patterns = ["cfg_args", *(pattern for scheme in schemes().values() for pattern in scheme.beside)]
+    beside = {str(file) for folder in folders for pattern in patterns for file in folder.glob(pattern)}
+    return [str(ply), *sorted(beside)]
 
 
 def content_digest(files: Iterable[str]) -> str:

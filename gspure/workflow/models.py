@@ -12,7 +12,7 @@ from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
 from gspure.evaluation.outcomes import SCENE, Condition
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
-from gspure.workflow.captures import camera_files
+from gspure.workflow.captures import camera_files, content_digest, model_files
 from gspure.workflow.configuration import GENERATED
 from gspure.workflow.decisions import Decisions, Settings, decisions, factors_of, is_swept, sweeps
 from gspure.workflow.options import options, setting_options
@@ -131,6 +131,11 @@ class Model:
     def public(self) -> str:
         """The public model: the user's file in place, or the one trained here."""
         return str(self.settings.get("model", f"{self.folder}/public/point_cloud.ply"))
+
+    @property
+    def content(self) -> str:
+        """A digest of the public model and the files beside it, if they are the user's."""
+        return content_digest(model_files(self.public))
 
     @property
     def scheme_option(self) -> str:

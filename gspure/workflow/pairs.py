@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gspure.artifacts import digest
-from gspure.workflow.captures import capture_files
+from gspure.workflow.captures import camera_files, capture_files, model_files
 from gspure.workflow.options import options
 
 Pair = Mapping[str, Any]
@@ -47,7 +47,9 @@ def pair_files(pair: Pair) -> list[str]:
     scene = capture_files(pair["scene"], pair["photographs"])
     if "own_photographs" in pair:
         return [*scene, *capture_files(pair["message"], pair["own_photographs"])]
-    return [*scene, message_model(pair)]
+    if "message_photographs" in pair:
+        return [*scene, message_model(pair)]
+    return [*scene, *model_files(pair["message"]), *camera_files(pair["message"])]
 
 
 def pair_arguments(pair: Pair, off_path: int) -> str:

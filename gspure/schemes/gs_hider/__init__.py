@@ -2,6 +2,7 @@
 
 from gspure.schemes.gs_hider.embedding import embed
 from gspure.schemes.gs_hider.key import DecoderKey
+from gspure.schemes.gs_hider.layout import SCENE_DECODER, decoder_name
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.scheme import MESSAGE, PYTORCH, Scheme
 
@@ -14,5 +15,6 @@ SCHEME = Scheme(
     DecoderKey.read,
     {MESSAGE: CARRIER},
     signature=("semantic_0",),
+    beside=(decoder_name("*", SCENE_DECODER),),
     packages=PYTORCH,
 )

@@ -3,6 +3,7 @@
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
 from gspure.schemes.scheme import MESSAGE, PYTORCH, Scheme
 from gspure.schemes.secure_gs.embedding import embed
+from gspure.schemes.secure_gs.files import UNITED
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.public_model import AnchorModel
 
@@ -18,5 +19,6 @@ SCHEME = Scheme(
     tau_c=ANCHOR_TAU_C,
     tau_n=ANCHOR_TAU_N,
     signature=("f_anchor_feat_0", "f_offset_0"),
+    beside=(UNITED, "*_mlp.pt"),
     packages=PYTORCH,
 )
