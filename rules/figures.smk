@@ -10,7 +10,7 @@ rule draw_model:
         figures=report(
             directory("results/{scheme}/{scene}/figures/model"),
             patterns=["{name}.png"],
-            caption="../report/model.rst",
+            caption="../report/cloud.rst",
             category="{scheme}/{scene}",
             subcategory="Model",
         ),
@@ -40,7 +40,7 @@ rule draw_panels:
     output:
         figure=report(
             "results/{scheme}/{scene}/figures/{target}.png",
-            caption="../report/panels.rst",
+            caption="../report/figure.rst",
             category="{scheme}/{scene}",
             subcategory="Images",
         ),
@@ -61,56 +61,32 @@ rule draw_panels:
         job("figures panels {params.columns} --difference --out {output.figure:q}")
 
 
-rule draw_attacks:
+rule draw_variants:
     input:
-        table="results/tables/results.csv",  # which tells of all images, and of those that could not be made
+        table="results/tables/results.csv",  # names all images, and those that are missing
     output:
         figure=report(
-            "results/{scheme}/{scene}/figures/attacks.png",
-            caption="../report/attacks.rst",
+            "results/{scheme}/{scene}/figures/{figure}.png",
+            caption="../report/figure.rst",
             category="{scheme}/{scene}",
-            subcategory="Images",
+            subcategory="Variants",
         ),
     log:
-        "results/logs/{scheme}/{scene}/figures/attacks.log",
+        "results/logs/{scheme}/{scene}/figures/{figure}.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/figures/attacks.tsv"
+        "results/benchmarks/{scheme}/{scene}/figures/{figure}.tsv"
+    wildcard_constraints:
+        figure="|".join({name for model in PLAN.models for name in model.variant_figures}),
     conda:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.figures"),
         asset="{scheme}/{scene}",
-        columns=lambda wildcards: column_options(get_model(wildcards).columns),
-        sweeps=PLAN.sweep_options,
+        options=lambda wildcards: get_model(wildcards).variant_figures[wildcards.figure],
     message:
-        "Drawing what every attack leaves of {wildcards.scheme}/{wildcards.scene}"
+        "Drawing the {wildcards.figure} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job(
-            "figures attacks --table {input.table:q} --asset {params.asset:q} {params.columns} {params.sweeps}"
+            "figures {wildcards.figure} --table {input.table:q} --asset {params.asset:q} {params.options}"
             " --out {output.figure:q}"
         )
-
-
-rule draw_outcomes:
-    input:
-        table="results/tables/results.csv",
-    output:
-        figure=report(
-            "results/{scheme}/{scene}/figures/outcomes.png",
-            caption="../report/outcomes.rst",
-            category="{scheme}/{scene}",
-            subcategory="Outcomes",
-        ),
-    log:
-        "results/logs/{scheme}/{scene}/figures/outcomes.log",
-    benchmark:
-        "results/benchmarks/{scheme}/{scene}/figures/outcomes.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    params:
-        code=code_digest("gspure.cli.figures"),
-        asset="{scheme}/{scene}",
-    message:
-        "Drawing the outcomes of {wildcards.scheme}/{wildcards.scene}"
-    shell:
-        job("figures outcomes --table {input.table:q} --asset {params.asset:q} --out {output.figure:q}")

@@ -1,7 +1,10 @@
 SHOWN = [model for model in PLAN.models if get_finished(model.metrics)]
 FIGURES = [path for model in SHOWN for path in model.figures]
-CONDITIONS = {model.condition: None for model in SHOWN}
-CONDITION_FIGURES = [path for condition in CONDITIONS for path in PLAN.condition_figures(condition)]
+CONDITION_FIGURES = [
+    f"results/figures/{condition.key}/{name}.png"
+    for condition in dict.fromkeys(model.condition for model in SHOWN)
+    for name in PLAN.condition_figures(condition.scheme)
+]
 
 
 rule write_report:

@@ -277,7 +277,7 @@ def test_phrases_round_to_tenths_and_sizes_have_no_sign() -> None:
 def test_the_page_opens_with_the_audit_and_names_the_files(tmp_path: Path) -> None:
     write_results(tmp_path / "results.csv", of_scenes(2, gspure=(0.5, 20.0), gof=(3.0, 4.0)))
     table = ["--table", str(tmp_path / "results.csv")]
-    out = {"--out": "contest.csv", "--survival": "survival.csv", "--markdown": "contest.md"}
+    out = {"--out": "contest.csv", "--survival": "survival.csv", "--matched": "matched.csv", "--markdown": "contest.md"}
     assert main(["contest", *table, *(w for option, name in out.items() for w in (option, str(tmp_path / name)))]) == 0
     given_files = {"--contest": "contest.csv", "--survival": "survival.csv", "--out": "r.html"}
     words = [word for option, name in given_files.items() for word in (option, str(tmp_path / name))]

@@ -13,6 +13,7 @@ from gspure.artifacts import file_digest
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest, contest
+from gspure.evaluation.matched import Matched, match
 from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
@@ -27,6 +28,7 @@ SCENES = benchmark(
     }
 )
 
+SWEEPS = {"theirs": ["weaker", "better"]}
 DROPS = st.tuples(st.floats(0, 5), st.floats(0, 20))
 
 
@@ -123,7 +125,7 @@ def test_every_extraction_is_a_family_of_its_own() -> None:
 
 
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
-    rows = contest(SCENES, {"theirs": ["weaker", "better"]})
+    rows = contest(SCENES, SWEEPS)
     write_records(tmp_path / "contest.csv", Contest, rows)
     read = read_records(tmp_path / "contest.csv", Contest)
     write_records(tmp_path / "again.csv", Contest, read)
@@ -143,14 +145,19 @@ def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
 
 def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path) -> None:
     write_results(tmp_path / "results.csv", SCENES)
-    files = {"--table": "results.csv", "--out": "contest.csv", "--survival": "survival.csv", "--markdown": "contest.md"}
+    files = {"--table": "results.csv", "--out": "contest.csv", "--survival": "survival.csv", "--matched": "matched.csv"}
+    files["--markdown"] = "contest.md"
     words = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
-    assert main(["contest", *words, "--sweep", "theirs=weaker,better"]) == 0
+    assert main(["contest", *words, "--sweep", f"theirs={','.join(SWEEPS['theirs'])}"]) == 0
     with (tmp_path / "contest.csv").open(newline="") as stream:
         rows = {(row["rival"], row["quantity"], row["damage"]): row for row in csv.DictReader(stream)}
     assert rows["weaker", "score", ""]["difference_mean"] == "9.5"
     assert ("theirs", "message_drop", "0.7") in rows
-    for name in ("contest.csv", "survival.csv"):
+    matched = read_records(tmp_path / "matched.csv", Matched)
+    assert (matched[0].sweep, matched[0].strengths, len(matched)) == ("theirs", 2, 3 * len(MATCHED_DAMAGES))
+    expected = conditions_markdown(survival(SCENES), contest(SCENES, SWEEPS), match(SCENES, SWEEPS))
+    assert (tmp_path / "contest.md").read_text() == expected
+    for name in ("contest.csv", "survival.csv", "matched.csv"):
         record = json.loads((tmp_path / f"{name}.json").read_text())
         assert record["inputs"]["table"]["digest"] == file_digest(tmp_path / "results.csv")
         assert record["digest"] == file_digest(tmp_path / name)

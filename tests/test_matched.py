@@ -1,6 +1,5 @@
 """Attacks at equal damage: the records over scenes, and their table."""
 
-import csv
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,6 @@ from gspure.errors import InputError
 from gspure.evaluation.matched import Matched, match, variant_at, wanted_damage
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.records import read_records, write_records
-from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.report.tables import conditions_markdown, matched_table
 from tests.contest_cases import BEFORE, measured
@@ -110,34 +108,6 @@ def test_the_table_marks_the_largest_drop_at_each_damage() -> None:
     assert conditions_markdown().startswith("No model with a message")
 
 
-def test_the_command_writes_both_tables(tmp_path: Path) -> None:
-    write_results(tmp_path / "results.csv", TWO)
-    files = {name: tmp_path / name for name in ("matched.csv", "matched.md")}
-    words = ["--table", tmp_path / "results.csv", "--out", files["matched.csv"], "--markdown", files["matched.md"]]
-    sweeps = [word for name, variants in SWEEPS.items() for word in ("--sweep", f"{name}={','.join(variants)}")]
-    assert main(["matched", *map(str, words), *sweeps]) == 0
-    with files["matched.csv"].open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert len(rows) == 2 * len(MATCHED_DAMAGES)
-    assert list(rows[3].values()) == [
-        "sis",
-        "",
-        "",
-        "message",
-        "ours",
-        "2",
-        "2",
-        "11.5",
-        "8",
-        "15",
-        "0.5",
-        "2",
-        "1",
-        "1.75",
-    ]
-    assert files["matched.md"].read_text() == conditions_markdown(matched=match(TWO, SWEEPS))
-
-
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     rows = match(TWO, SWEEPS)
     write_records(tmp_path / "matched.csv", Matched, rows)
@@ -157,5 +127,5 @@ def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
 
 def test_a_sweep_without_variants_is_refused(capsys) -> None:
     with pytest.raises(SystemExit):
-        main(["matched", "--table", "t.csv", "--sweep", "ours", "--out", "o.csv", "--markdown", "o.md"])
+        main(["contest", "--table", "t.csv", "--sweep", "ours", "--out", "o.csv"])
     assert "expected NAME=VARIANT,..., found 'ours'" in capsys.readouterr().err

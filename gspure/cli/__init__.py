@@ -49,7 +49,6 @@ JOBS = (
     "prune",
     "retrieve",
     "table",
-    "matched",
     "contest",
     "figures",
     "report",

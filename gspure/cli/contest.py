@@ -1,4 +1,4 @@
-"""``gspure contest``: which attacks the message survives, and GSPure against every other attack."""
+"""``gspure contest``: survival of the message, and GSPure against every other attack."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from pathlib import Path
 from gspure.cli.options import add_sweeps
 from gspure.cli.outputs import Output
 
-HELP = "measure which attacks the message survives, and compare GSPure with every other attack"
+HELP = "measure the survival of the message, and compare GSPure with every other attack"
 EXAMPLES = """\
-  gspure contest --table results.csv --out contest.csv --survival survival.csv --markdown contest.md
+  gspure contest --table results.csv --out contest.csv --survival survival.csv --matched matched.csv \\
+      --markdown contest.md
   gspure contest --table results.csv --sweep gspure=gspure,tau_n_1,tau_n_2 \\
       --sweep pruning=random_pruning_10,random_pruning_30 \\
-      --out contest.csv --survival survival.csv --markdown contest.md      # also at equal damage to the scene
+      --out contest.csv --survival survival.csv --matched matched.csv --markdown contest.md
 """
 
 
@@ -27,24 +28,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Output,
         required=True,
         metavar="CSV",
-        help="table of the message after each attack, against controls",
+        help="the message after each attack, against controls",
     )
-    parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="both as readable tables")
+    parser.add_argument(
+        "--matched", type=Output, required=True, metavar="CSV", help="the message's drop at equal damage to the scene"
+    )
+    parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="all of these as readable tables")
 
 
 def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.contest import Contest, contest
+    from gspure.evaluation.matched import Matched, match
     from gspure.evaluation.records import write_records
     from gspure.evaluation.results import read_results
     from gspure.evaluation.survival import Survival, survival
     from gspure.report.tables import conditions_markdown
 
     outcomes, sweeps = read_results(args.table), dict(args.sweep)
-    contests, survivals = contest(outcomes, sweeps), survival(outcomes)
+    contests, survivals, matched = contest(outcomes, sweeps), survival(outcomes), match(outcomes, sweeps)
     write_records(args.out, Contest, contests)
     write_records(args.survival, Survival, survivals)
-    write_text(args.markdown, conditions_markdown(survivals, contests))
-    for path in (args.out, args.survival):
+    write_records(args.matched, Matched, matched)
+    write_text(args.markdown, conditions_markdown(survivals, contests, matched))
+    for path in (args.out, args.survival, args.matched):
         write_provenance(path, inputs={"table": args.table}, settings={"sweeps": sweeps})

@@ -141,6 +141,12 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     return views
 
 
+def add_files(parser: argparse.ArgumentParser, files: Mapping[str, tuple[str, str]]) -> None:
+    """Add options that take any number of files, each with its metavar and help."""
+    for option, (metavar, meaning) in files.items():
+        parser.add_argument(option, type=Path, nargs="*", default=[], metavar=metavar, help=meaning)
+
+
 def add_sweeps(parser: argparse.ArgumentParser) -> None:
     """Add ``--sweep``: a list of names, each with its variants."""
     parser.add_argument(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import add_files
 from gspure.cli.outputs import Output
 
 HELP = "write a self-contained HTML page with audit, tables, figures and provenance"
@@ -17,42 +18,21 @@ EXAMPLES = """\
 """
 
 
+_FILES = {
+    "--figures": ("PNG", "from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/CONDITION"),
+    "--diagnosis": ("JSON", "from `gspure prune` or `gspure hidden`, in folders SCHEME/SCENE"),
+    "--viewer": ("JSON", "from `gspure figures model`, in folders SCHEME/SCENE"),
+    "--provenance": ("JSON", "provenance records to list"),
+    "--link": ("FILE", "further files to link: configuration, logs"),
+}
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
-    parser.add_argument(
-        "--figures",
-        type=Path,
-        nargs="*",
-        default=[],
-        metavar="PNG",
-        help="from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/CONDITION",
-    )
-    parser.add_argument(
-        "--diagnosis",
-        type=Path,
-        nargs="*",
-        default=[],
-        metavar="JSON",
-        help="from `gspure prune` or `gspure hidden`, in folders SCHEME/SCENE",
-    )
-    parser.add_argument(
-        "--viewer",
-        type=Path,
-        nargs="*",
-        default=[],
-        metavar="JSON",
-        help="from `gspure figures model`, in folders SCHEME/SCENE",
-    )
-    parser.add_argument("--matched", type=Path, metavar="CSV", help="from `gspure matched`")
-    parser.add_argument("--contest", type=Path, metavar="CSV", help="from `gspure contest`")
-    parser.add_argument("--survival", type=Path, metavar="CSV", help="from `gspure contest`")
-    parser.add_argument(
-        "--provenance", type=Path, nargs="*", default=[], metavar="JSON", help="provenance records to list"
-    )
-    parser.add_argument(
-        "--link", type=Path, nargs="*", default=[], metavar="FILE", help="further files to link: configuration, logs"
-    )
+    for option in ("--contest", "--survival", "--matched"):
+        parser.add_argument(option, type=Path, metavar="CSV", help="from `gspure contest`")
+    add_files(parser, _FILES)
     parser.add_argument("--title", default="How robust is the watermark?", help="heading (default: %(default)s)")
     parser.add_argument("--out", type=Output, required=True, metavar="HTML", help="the page")
 

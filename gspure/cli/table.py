@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import add_files
 from gspure.cli.outputs import Output
 
 HELP = "collect the metrics of all variants in one table, with the Score"
@@ -17,51 +18,21 @@ EXAMPLES = """\
 """
 
 
+_FILES = {
+    "--prune-masks": ("NPY", "masks of removed rows, below SCHEME/SCENE/VARIANT"),
+    "--keys": ("DIR", "owners' keys, below SCHEME/SCENE; one with carriers.npy gives precision and recall of pruning"),
+    "--verdicts": ("JSON", "verdict.json of `gspure attack`, below SCHEME/SCENE/VARIANT"),
+    "--failures": ("JSON", "statuses of failed jobs of the workflow: the reasons for missing metrics"),
+    "--retrievals": ("CSV", "retrieval.csv of `gspure retrieve`, in folders SCHEME/SCENE"),
+}
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument(
         "--metrics", type=Path, nargs="*", required=True, metavar="CSV", help="files SCHEME/SCENE/VARIANT/metrics.csv"
     )
-    parser.add_argument(
-        "--prune-masks",
-        type=Path,
-        nargs="*",
-        default=[],
-        metavar="NPY",
-        help="masks of removed rows, below SCHEME/SCENE/VARIANT",
-    )
-    parser.add_argument(
-        "--keys",
-        type=Path,
-        nargs="*",
-        default=[],
-        metavar="DIR",
-        help="owners' keys, below SCHEME/SCENE: for precision and recall of pruning, where carriers.npy is in one",
-    )
-    parser.add_argument(
-        "--verdicts",
-        type=Path,
-        nargs="*",
-        default=[],
-        metavar="JSON",
-        help="verdict.json of `gspure attack`, below SCHEME/SCENE/VARIANT",
-    )
-    parser.add_argument(
-        "--failures",
-        type=Path,
-        nargs="*",
-        default=[],
-        metavar="JSON",
-        help="statuses of failed jobs of the workflow: variants that have no metrics because of them",
-    )
-    parser.add_argument(
-        "--retrievals",
-        type=Path,
-        nargs="*",
-        default=[],
-        metavar="CSV",
-        help="retrieval.csv of `gspure retrieve`, in folders SCHEME/SCENE",
-    )
+    add_files(parser, _FILES)
     parser.add_argument(
         "--condition",
         type=_condition,
@@ -73,9 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per variant and target")
     parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="the same as readable tables")
     parser.add_argument("--summary", type=Output, metavar="CSV", help="means over scenes, with intervals")
-    parser.add_argument(
-        "--latex", type=Output, metavar="TEX", help="means over scenes, with intervals, as a LaTeX table"
-    )
+    parser.add_argument("--latex", type=Output, metavar="TEX", help="the summary as a LaTeX table")
 
 
 def _condition(text: str) -> tuple[str, tuple[str, str]]:

@@ -15,7 +15,7 @@ from gspure.schemes.scheme import Scheme
 from gspure.workflow.captures import camera_files, content_digest, model_files
 from gspure.workflow.configuration import GENERATED
 from gspure.workflow.decisions import Decisions, Settings, decisions, factors_of, is_swept, sweeps
-from gspure.workflow.options import options, setting_options
+from gspure.workflow.options import column_options, options, setting_options
 from gspure.workflow.pairs import is_photographed, other_pair, pair_of, repetition_of, trained_message
 from gspure.workflow.sources import code_digest
 
@@ -70,11 +70,6 @@ class Plan:
         swept = sweeps(self.config["variants"], self.decisions[VANILLA])
         return shlex.join(word for name, of in swept.items() for word in ("--sweep", f"{name}={','.join(of)}"))
 
-    def point_options(self, scheme: str) -> str:
-        """Return the variants of a sweep of the pruning factors as options, the method's first."""
-        points = factors_of(self.config["variants"], self.decisions[scheme])
-        return shlex.join(word for name, (n, c) in points.items() for word in ("--point", f"{name}={n},{c}"))
-
     @property
     def condition_options(self) -> str:
         """Protocol and initialization of every watermarked model as options."""
@@ -82,12 +77,14 @@ class Plan:
         known = [f"{m.scheme}/{m.scene}={m.condition.protocol},{m.condition.initialization}" for m in models]
         return shlex.join(word for value in known for word in ("--condition", value))
 
-    def condition_figures(self, condition: Condition) -> list[str]:
-        """Return the figures of all scenes of a condition; none of the user's own models, which have no message."""
-        if condition.scheme == VANILLA:
-            return []
-        swept = is_swept(self.config["variants"], self.decisions[condition.scheme])
-        return [f"results/figures/{condition.key}/{name}.png" for name in (*["sweep"] * swept, "tradeoff")]
+    def condition_figures(self, scheme: str) -> dict[str, str]:
+        """Return the options of each figure over all scenes of a condition; the user's own models have none."""
+        if scheme == VANILLA:
+            return {}
+        variants, decisions = self.config["variants"], self.decisions[scheme]
+        points = factors_of(variants, decisions).items()
+        sweep = shlex.join(word for name, (n, c) in points for word in ("--point", f"{name}={n},{c}"))
+        return ({"sweep": sweep} if is_swept(variants, decisions) else {}) | {"tradeoff": ""}
 
 
 @dataclass(frozen=True)
@@ -252,8 +249,13 @@ class Model:
         return {title: f"{self.columns[title]}/{photographed.get(title, target)}" for title in titles}
 
     @property
+    def variant_figures(self) -> dict[str, str]:
+        """The options of each figure of all its variants."""
+        return {"outcomes": "", "attacks": f"{column_options(self.columns)} {self.plan.sweep_options}"}
+
+    @property
     def figures(self) -> list[str]:
         """Its figures in the order of the page; those below ``model`` are of one folder."""
         clouds = ["purification", "kept", "clusters"] if self.is_watermarked else ["kept", "clusters", "ranks"]
-        names = ["outcomes", "attacks", "model/weights", *self.targets, *(f"model/{name}" for name in clouds)]
+        names = [*self.variant_figures, "model/weights", *self.targets, *(f"model/{name}" for name in clouds)]
         return [f"{self.folder}/figures/{name}.png" for name in names]
