@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.cameras import bounding_sphere, orbit_cameras, shell_cameras, split
+from gspure.cameras.up import guessed_up
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
 from tests.camera_cases import numbers, project
@@ -64,6 +65,25 @@ def test_rows_that_are_not_finite_are_passed_over():
 def test_a_model_without_a_finite_row_is_refused(means):
     with pytest.raises(InputError, match="at least one finite row"):
         orbit_cameras(means, np.ones(len(means)))
+
+
+@pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1), (0, -0.8, 0.6)])
+def test_a_flat_model_stands_on_its_flat_side(up, capsys):
+    flat = BALL - 0.7 * np.outer(BALL @ up, up)
+    floaters = RANDOM.normal(size=(40, 3)) * 1e4
+    for points in (flat, np.concatenate([flat, floaters])):
+        guessed, chosen = (orbit_cameras(points, np.ones(len(points)), up=direction) for direction in (None, up))
+        for a, b in zip(guessed, chosen, strict=True):
+            assert a.numbers == pytest.approx(b.numbers, abs=0.1)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert all("--up" in line for line in lines)
+
+
+def test_a_model_without_a_flat_side_or_that_would_lie_on_its_side_has_the_world_of_colmap():
+    wall = BALL * [0.1, 1, 1]
+    for points, opacities in ((BALL, OPAQUE), (wall, OPAQUE), (BALL, 0 * OPAQUE)):
+        assert guessed_up(points, opacities) == pytest.approx([0, -1, 0])
 
 
 def test_a_single_point_is_looked_at_from_a_distance():

@@ -174,6 +174,36 @@ def test_render_names_images_after_views(asset):
     np.testing.assert_allclose(read_image(out / f"{names[0]}.png"), np.clip(floats, 0, 1), atol=0.5 / 255 + 1e-6)
 
 
+CAMERAS = {
+    "render": "--out out",
+    "contributions": "--stages stages --index out.tsv",
+    "opacities": "--out out.npy",
+    "surface": "--out out.npy --method depth",
+    "attack random_pruning": "--damage 1 --out out.ply",
+}
+
+
+@pytest.mark.parametrize("command", CAMERAS)
+def test_generated_views_take_the_place_of_a_camera_file(asset, monkeypatch, command):
+    monkeypatch.chdir(asset)
+    viewed = []
+    monkeypatch.setattr("gspure.cameras.orbit._looking_at", lambda *at: viewed.append(at[1][2]) or np.eye(4))
+    name, *arguments = f"{command} {CAMERAS[command]}".split()
+    model = ["model.ply"] if name == "render" else ["--model", "model.ply"]
+    arguments = [name, *arguments[:1], *model, *arguments[1:]] if name == "attack" else [name, *model, *arguments]
+    assert main([*arguments, "--cameras", "orbit", "--up", "0", "0", "1"]) == 0
+    assert viewed
+    assert all(up.tolist() == [0, 0, 1] for up in viewed)
+    assert main([*arguments, "--cameras", "cameras.json", "--up", "0", "0", "1"]) == 2
+
+
+def test_generated_views_are_written_beside_their_renders(asset):
+    renders = asset / "renders"
+    assert main(["render", str(asset / "model.ply"), "--cameras", "orbit", "--out", str(renders)]) == 0
+    names = {view.name for view in read_cameras(renders / "cameras.json")}
+    assert names == {path.stem for path in renders.glob("*.png")}
+
+
 def test_floats_of_an_earlier_render_do_not_stay_beside_other_images(asset):
     command = ["render", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json")]
     command += ["--out", str(asset / "renders"), "--split", "test"]

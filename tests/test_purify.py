@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gspure.artifacts import read_json
-from gspure.cameras import Camera, intrinsics, split, write_cameras
+from gspure.cameras import Camera, intrinsics, orbit_cameras, read_cameras, split, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics
@@ -21,7 +21,7 @@ from gspure.renderer import Renderer
 
 WALL, HIDDEN = 300, 100
 CLOUDS = {"clusters", "ranks", "kept"}
-RESULTS = ("purified.ply", "weights.npy", "labels.npy", "prune_mask.npy", "diagnosis.json")
+RESULTS = ("purified.ply", "weights.npy", "labels.npy", "prune_mask.npy", "diagnosis.json", "cameras.json")
 
 
 def model() -> Gaussians:
@@ -311,6 +311,21 @@ def test_a_disk_that_is_full_before_the_metrics_leaves_the_folder_as_it_was(
     assert main(command) == 2
     assert capsys.readouterr().err.splitlines()[-1] == f"gspure purify: {out}: No space left on device"
     assert files(tmp_path / "out") == (["metrics.csv"] if earlier else [])
+
+
+def test_the_views_are_among_the_results_and_replace_no_other_file(tmp_path: Path, command: list[str], capsys) -> None:
+    out = tmp_path / "out"
+    command = [*command[:3], "orbit", *command[4:], "--up", "0", "0", "1"]
+    for _ in range(2):
+        assert main(command) == 0
+        views = orbit_cameras(model().means, model().opacities, up=(0, 0, 1))
+        for view, expected in zip(read_cameras(out / "cameras.json"), views, strict=True):
+            assert view.numbers == pytest.approx(expected.numbers, abs=1e-5)
+    (out / "cameras.json.json").unlink()
+    before = (out / "cameras.json").read_bytes()
+    assert main(command) == 2
+    assert "out/cameras.json: output" in capsys.readouterr().err
+    assert (out / "cameras.json").read_bytes() == before
 
 
 def test_renders_of_other_views_in_the_folder_are_refused_before_anything_is_computed(

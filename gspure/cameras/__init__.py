@@ -4,12 +4,13 @@ from gspure.cameras.camera import Camera, intrinsics, split
 from gspure.cameras.colmap import read_points
 from gspure.cameras.inria import write_cameras
 from gspure.cameras.off_path import off_path_cameras
-from gspure.cameras.orbit import bounding_sphere, orbit_cameras, shell_cameras
+from gspure.cameras.orbit import GENERATED, bounding_sphere, orbit_cameras, shell_cameras
 from gspure.cameras.photographs import require_images
 from gspure.cameras.reading import read_cameras
 from gspure.cameras.scale import scaled
 
 __all__ = [
+    "GENERATED",
     "Camera",
     "bounding_sphere",
     "intrinsics",

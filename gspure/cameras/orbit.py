@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, Float64, intrinsics
 from gspure.cameras.entry import Entry
+from gspure.cameras.up import guessed_up
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
+from gspure.progress import say
 
 Floats = NDArray[np.floating[Any]]
 
@@ -33,7 +35,7 @@ def orbit_cameras(
     width: int = 640,
     height: int = 480,
     fov_degrees: float = 50.0,
-    up: Sequence[float] = (0.0, -1.0, 0.0),
+    up: Sequence[float] | None = None,
     elevations: Sequence[float] = (15.0, 45.0, -20.0),
 ) -> list[Camera]:
     """Return views on rings around a model, at the distance at which it fills them.
@@ -50,9 +52,9 @@ def orbit_cameras(
         Image size in pixels.
     fov_degrees : float
         Horizontal field of view.
-    up : sequence of 3 floats
-        The up direction of the world. The default, -y, suits models trained from COLMAP data, where y points down;
-        models from nerfstudio, Blender and most scanners have (0, 0, 1).
+    up : sequence of 3 floats, optional
+        The up direction of the world: (0, -1, 0) for models trained from COLMAP data, where y points down, (0, 0, 1)
+        for those from nerfstudio, Blender and most scanners. By default it is guessed by `guessed_up`, and printed.
     elevations : sequence of float
         Degrees above the horizon, one per ring.
 
@@ -75,7 +77,7 @@ def shell_cameras(
     width: int = 640,
     height: int = 480,
     fov_degrees: float = 50.0,
-    up: Sequence[float] = (0.0, -1.0, 0.0),
+    up: Sequence[float] | None = None,
     radii: Sequence[float] = (0.6, 1.0, 1.6),
 ) -> list[Camera]:
     """Return views from all directions, also from below, on spherical shells around a model.
@@ -92,6 +94,10 @@ def shell_cameras(
     return _views("shell", means, opacities, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
 
 
+GENERATED: Final[Mapping[str, Callable[..., list[Camera]]]] = {"orbit": orbit_cameras, "shells": shell_cameras}
+"""What a command or a configuration may name in place of a camera file: views around a model."""
+
+
 def _require_count(kind: str, count: int) -> None:
     if not 1 <= count <= MOST_VIEWS:
         raise InputError(f"{kind} views", "count", expected=f"1 to {MOST_VIEWS}", found=str(count))
@@ -104,15 +110,19 @@ def bounding_sphere(means: Floats, opacities: Floats) -> tuple[Float64, float]:
     weighted 95 % quantile of the distances to it: a few far floaters change neither. Rows that are not finite are
     ignored. A single point gets radius 1.
     """
-    points, weights = np.asarray(means, np.float64), np.asarray(opacities, np.float64)
-    finite = np.isfinite(points).all(axis=1) & np.isfinite(weights)
-    points, weights = points[finite], weights[finite]
-    if len(points) == 0:
-        raise InputError("model", "Gaussians", expected="at least one finite row", found="none")
+    points, weights = _finite(means, opacities)
     low, high = ([_quantile(axis, weights, q) for axis in points.T] for q in (1 - _FRAMED, _FRAMED))
     centre = (np.array(low) + np.array(high)) / 2
     radius = _quantile(np.linalg.norm(points - centre, axis=1), weights, _FRAMED)
     return centre, radius or 1.0
+
+
+def _finite(means: Floats, opacities: Floats) -> tuple[Float64, Float64]:
+    points, weights = np.asarray(means, np.float64), np.asarray(opacities, np.float64)
+    finite = np.isfinite(points).all(axis=1) & np.isfinite(weights)
+    if not finite.any():
+        raise InputError("model", "Gaussians", expected="at least one finite row", found="none")
+    return points[finite], weights[finite]
 
 
 def _quantile(values: Float64, weights: Float64, q: float) -> float:
@@ -130,9 +140,11 @@ def _views(
     width: int,
     height: int,
     fov_degrees: float,
-    up: Sequence[float],
+    up: Sequence[float] | None,
 ) -> list[Camera]:
     """Place one view at each (elevation, azimuth, radius); angles in degrees, radius 1 fills the view."""
+    centre, radius = bounding_sphere(means, opacities)
+    up = _guess(means, opacities, centre, radius) if up is None else up
     values = {"width": width, "height": height, "fov_degrees": fov_degrees, "up": up}
     settings = Entry(f"{kind} views", "", values)
     size = settings.pixels("width"), settings.pixels("height")
@@ -141,7 +153,6 @@ def _views(
         raise settings.refusal("fov_degrees", expected="less than 180", found=str(fov))
     focal = size[0] / 2 / math.tan(math.radians(fov) / 2)
     K = intrinsics(focal, focal, size[0] / 2, size[1] / 2)
-    centre, radius = bounding_sphere(means, opacities)
     filling = radius / math.sin(math.atan(min(size) / 2 / focal))
     nearest = 1.25 * radius + NEAR_PLANE  # keeps the sphere of a small model, and a margin, beyond the near plane
     frame = _frame(settings)
@@ -151,6 +162,16 @@ def _views(
         viewmat = _looking_at(centre, frame, elevation, azimuth, max(filling * shell, nearest))
         cameras.append(Camera(f"{kind}_{i:0{digits}d}", *size, K, viewmat))
     return cameras
+
+
+def _guess(means: Floats, opacities: Floats, centre: Float64, radius: float) -> list[float]:
+    """Guess the up direction from the rows in the bounding sphere, and print it."""
+    points, weights = _finite(means, opacities)
+    inside = np.linalg.norm(points - centre, axis=1) <= radius
+    up = guessed_up(points[inside], weights[inside])
+    direction = " ".join(f"{x:.3g}" for x in up + 0.0)
+    say(f"up direction {direction}, guessed from the model's shape; --up X Y Z sets another")
+    return list(up)
 
 
 def _frame(settings: Entry) -> Float64:

@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from gspure import __version__
+from gspure.cli.options import camera_source
 from gspure.cli.outputs import Output, require_distinct
 from gspure.errors import InputError, printable
 
@@ -94,7 +95,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        for kind in (None, Path, Output):
+        for kind in (None, Path, Output, camera_source):
             self.register("type", kind, partial(_filled, kind or str))
 
     def error(self, message: str) -> NoReturn:

@@ -8,7 +8,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import SPLITS, add_device, add_scheme, read_device, read_public, read_split
+from gspure.cli.options import (
+    SPLITS,
+    add_cameras,
+    add_device,
+    add_scheme,
+    read_device,
+    read_public,
+    read_source,
+    read_split,
+)
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
@@ -71,9 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DB",
         help="search for the strength at which the scene loses DB dB of PSNR; needs --cameras",
     )
-    parser.add_argument(
-        "--cameras", type=Path, metavar="FILE", help="public views, for attacks that learn and for --damage"
-    )
+    add_cameras(parser, "public views, for attacks that learn and for --damage", required=False)
     parser.add_argument("--split", choices=SPLITS, default="test", help="views of --damage (default: %(default)s)")
     parser.add_argument(
         "--photographs",
@@ -159,11 +166,11 @@ def _read(args: argparse.Namespace, files: Mapping[str, Path]) -> tuple[PublicMo
 
 def _read_training_views(args: argparse.Namespace) -> list[Camera]:
     """Read the training views of ``--cameras``, for attacks that render."""
-    from gspure.cameras import read_cameras, split
+    from gspure.cameras import split
 
     if not args.cameras:
         raise InputError("attack", "--cameras", expected="public views to learn from", found="none")
-    train, test = split(read_cameras(args.cameras))
+    train, test = split(read_source(args.cameras, args.model, up=args.up))
     return train or test
 
 

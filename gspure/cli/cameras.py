@@ -7,8 +7,9 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from gspure.cli.options import add_up, camera_source, read_source
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
@@ -21,11 +22,10 @@ EXAMPLES = """\
   gspure cameras scene/transforms.json --out cameras.json --scale 1/4
   gspure cameras output/bicycle --out cameras.json --scale native     # a training run's own cameras.json
   gspure cameras cameras.json --off-path 4 --out off_path.json        # novel views off the camera path
-  gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 0 1
+  gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 1 0
   gspure cameras shells --model point_cloud.ply --out cameras.json    # all directions, near and far
 """
 
-_GENERATED = ("orbit", "shells")
 _SETTINGS = ("count", "width", "height", "fov_degrees", "up")
 
 
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument(
         "source",
-        type=lambda text: text if text in _GENERATED else Path(text),
+        type=camera_source,
         metavar="SOURCE",
         help="cameras.json, transforms.json (nerfstudio, Blender), or a folder with one of them or a COLMAP sparse "
         "model; or `orbit` or `shells` to generate views around --model",
@@ -57,13 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     views.add_argument(
         "--fov", type=float, dest="fov_degrees", metavar="DEGREES", help="horizontal field of view (default: 50)"
     )
-    views.add_argument(
-        "--up",
-        type=float,
-        nargs=3,
-        metavar=("X", "Y", "Z"),
-        help="up direction of the world (default: 0 -1 0, as from COLMAP; often 0 0 1 elsewhere)",
-    )
+    add_up(views)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -72,8 +66,10 @@ def run(args: argparse.Namespace) -> None:
     from gspure.cameras import off_path_cameras, require_images, scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
 
-    generated = args.source in _GENERATED
-    cameras = _generate(args) if generated else _read(args)
+    generated = isinstance(args.source, str)
+    if args.model and not generated:
+        raise InputError(args.source, "source", expected="orbit or shells", found="a camera file and --model")
+    cameras = read_source(args.source, args.model, **{name: getattr(args, name) for name in _SETTINGS})
     cameras = scaled(cameras, args.scale or ("native" if generated else TRAINING_RULE))
     if args.require_images:
         require_images(cameras, args.source)
@@ -83,26 +79,6 @@ def run(args: argparse.Namespace) -> None:
     inputs = {} if generated else {"source": args.source}
     write_provenance(args.out, inputs=inputs, settings={"source": str(args.source), "scale": args.scale})
     print("\n".join(_table(cameras)))
-
-
-def _read(args: argparse.Namespace) -> list[Camera]:
-    from gspure.cameras import read_cameras
-
-    if unused := [name for name in ("model", *_SETTINGS) if getattr(args, name) is not None]:
-        raise InputError(args.source, "source", expected="orbit or shells", found=f"a camera file and --{unused[0]}")
-    return read_cameras(args.source)
-
-
-def _generate(args: argparse.Namespace) -> list[Camera]:
-    from gspure.cameras import orbit_cameras, shell_cameras
-    from gspure.model import read_model
-
-    if args.model is None:
-        raise InputError(args.source, "--model", expected="the model to look at", found="nothing")
-    settings: dict[str, Any] = {name: value for name in _SETTINGS if (value := getattr(args, name)) is not None}
-    model = read_model(args.model)
-    generate = orbit_cameras if args.source == "orbit" else shell_cameras
-    return generate(model.means, model.opacities, **settings)
 
 
 def _table(cameras: Sequence[Camera]) -> Iterable[str]:

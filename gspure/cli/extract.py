@@ -40,6 +40,7 @@ def run(args: argparse.Namespace) -> None:
     import numpy as np
 
     from gspure.artifacts import filling
+    from gspure.cameras import write_cameras
     from gspure.cli.options import read_device, read_views
     from gspure.errors import InputError
     from gspure.images import record_views, require_no_other_images, write_image
@@ -61,3 +62,5 @@ def run(args: argparse.Namespace) -> None:
         for camera in track(views, "extract"):
             write_image(folder / f"{camera.name}.png", view(camera))
         record_views(folder, (camera.name for camera in views))
+        if isinstance(args.cameras, str):
+            write_cameras(folder / "cameras.json", views)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from gspure.cli import image_figures, scheme_figures
 from gspure.cli.image_figures import Drawn
 from gspure.cli.method_options import add_factors
+from gspure.cli.options import add_cameras, read_source
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
@@ -43,9 +44,7 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--prune-mask", type=Path, required=True, metavar="NPY", help="from `gspure prune`")
     add_factors(parser)
     parser.add_argument("--hidden", type=Path, metavar="NPY", help="weights of the message, from `gspure hidden`")
-    parser.add_argument(
-        "--cameras", type=Path, metavar="FILE", help="the model's views, for up direction and viewpoint"
-    )
+    add_cameras(parser, "views for up direction and viewpoint", required=False)
     parser.add_argument("--view", metavar="NAME", help="viewpoint (default: outside the model, or inside a room)")
     parser.add_argument(
         "--out",
@@ -79,7 +78,6 @@ def _draw_model(args: argparse.Namespace) -> Drawn:
     import numpy as np
 
     from gspure.artifacts import load_array, require_made_from
-    from gspure.cameras import read_cameras
     from gspure.figures.gallery import Evidence, draw
     from gspure.figures.viewer import write_viewer
     from gspure.figures.viewpoint import world_axes
@@ -107,7 +105,7 @@ def _draw_model(args: argparse.Namespace) -> Drawn:
         tau_n=args.tau_n,
         rows=Signature.of(model.table.dtype.names or ()).rows,
     )
-    cameras = read_cameras(args.cameras) if args.cameras else []
+    cameras = read_source(args.cameras, args.model, up=args.up) if args.cameras else []
     view = _named(cameras, args.view, args.cameras) if args.view else None
     sh_dc = model.columns(*COLOUR) if model.sh_degree >= 0 else None
     write_viewer(args.out / "viewer.json", evidence, world_axes(model.means, cameras), sh_dc)

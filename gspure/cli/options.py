@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gspure.errors import InputError
 
@@ -85,15 +85,57 @@ def add_energy(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def add_views(parser: argparse.ArgumentParser, split: str) -> None:
-    """Add ``--cameras`` and ``--split``."""
+def camera_source(text: str) -> Path | str:
+    """Return a path, or the name of a way to generate views; an argument type."""
+    from gspure.cameras import GENERATED
+
+    return text if text in GENERATED else Path(text)
+
+
+def add_cameras(parser: argparse.ArgumentParser, purpose: str = "views", *, required: bool = True) -> None:
+    """Add ``--cameras`` and ``--up``, for `read_source`."""
     parser.add_argument(
         "--cameras",
-        type=Path,
-        required=True,
-        metavar="FILE",
-        help="cameras.json, or any other source that `gspure cameras` reads, at its own size",
+        type=camera_source,
+        required=required,
+        metavar="SOURCE",
+        help=f"{purpose}: cameras.json, or any other source that `gspure cameras` reads; or `orbit` or `shells`, "
+        "generated around the model",
     )
+    add_up(parser)
+
+
+def add_up(parser: argparse._ActionsContainer) -> None:
+    """Add ``--up``, a setting of generated views."""
+    parser.add_argument(
+        "--up",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="up direction of the world of generated views (default: guessed from the model's shape)",
+    )
+
+
+def read_source(source: Path | str, model: Path | None, **settings: Any) -> list[Camera]:
+    """Read cameras, or generate them around a model; `settings` that are not None are those of generated views."""
+    from gspure.cameras import GENERATED, read_cameras
+    from gspure.model import read_model
+
+    settings = {name: value for name, value in settings.items() if value is not None}
+    if isinstance(source, Path):
+        if settings:
+            found = f"a camera file and --{next(iter(settings))}"
+            raise InputError(source, "source", expected="orbit or shells", found=found)
+        return read_cameras(source)
+    if model is None:
+        raise InputError(source, "--model", expected="the model to look at", found="nothing")
+    rows = read_model(model)
+    return GENERATED[source](rows.means, rows.opacities, **settings)
+
+
+def add_views(parser: argparse.ArgumentParser, split: str) -> None:
+    """Add ``--cameras``, ``--split`` and ``--world``, for `read_views`."""
+    add_cameras(parser)
     parser.add_argument(
         "--split",
         choices=SPLITS,
@@ -117,9 +159,9 @@ def add_off_path(parser: argparse.ArgumentParser) -> None:
 
 def read_split(args: argparse.Namespace) -> list[Camera]:
     """Read the views that ``--cameras`` and ``--split`` name."""
-    from gspure.cameras import read_cameras, split
+    from gspure.cameras import split
 
-    cameras = read_cameras(args.cameras)
+    cameras = read_source(args.cameras, args.model, up=args.up)
     train, test = split(cameras)
     views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[args.split]
     if not views:

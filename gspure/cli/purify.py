@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
-from gspure.cli.options import add_device, add_energy
+from gspure.cli.options import add_cameras, add_device, add_energy, read_source
 from gspure.cli.outputs import Output
 from gspure.cli.weights import add_reduction
+from gspure.errors import InputError
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
@@ -31,6 +33,7 @@ files in DIR:
   weights.npy        float32 [K]   mean contribution of every Gaussian
   labels.npy         int32 [K]     its cluster; -1 is noise
   prune_mask.npy     bool [K]      true where the row was removed
+  cameras.json       the views
   diagnosis.json     diagnosis of the clustering, with warnings; suspicious rows by reason
   renders/           held-out views before and after
   metrics.csv        metrics of the renders after pruning, against those before
@@ -46,13 +49,9 @@ _SHOWN = 3
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("model", type=Path, metavar="MODEL", help="3DGS .ply, or the output folder of a training run")
-    parser.add_argument(
-        "--cameras",
-        required=True,
-        metavar="SOURCE",
-        help="cameras.json, transforms.json, or a folder with one of them or a COLMAP model (views wider than 1600 "
-        "pixels are reduced to that); or `orbit` or `shells` for generated views, with settings in `gspure cameras`. "
-        "Every eighth view, by name, is held out for the metrics; the others measure the weights",
+    add_cameras(
+        parser,
+        "views, every eighth by name held out for the metrics, the others for the weights; at most 1600 px wide",
     )
     parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for the results")
     add_energy(parser, default="ray")
@@ -66,7 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
     from gspure.artifacts import filling, write_provenance
-    from gspure.cameras import split
+    from gspure.cameras import scaled, split, write_cameras
+    from gspure.cameras.scale import TRAINING_RULE
     from gspure.images import require_no_other_images
     from gspure.method.purify import purify
     from gspure.method.subpixel import subpixel_rows
@@ -82,8 +82,9 @@ def run(args: argparse.Namespace) -> None:
     public = public.drawable(args.model)
     model = public.model
     _choose_factors(args, model)
-    cameras = _cameras(args.cameras, model)
+    cameras = scaled(read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
     train, test = split(cameras)
+    writes_views = _writes_views(args)
     for renders in _renders(args.out).values():
         require_no_other_images(renders, (camera.name for camera in test))
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
@@ -92,8 +93,12 @@ def run(args: argparse.Namespace) -> None:
         purification = purify(public, train or test, device=device, energy=args.energy, **settings)
         purified = public.with_model(purification.model)
         _write(folder, purified, purification, suspicious.to_json(suspects))
-        inputs, geometry = {"model": model_file(args.model), "cameras": Path(args.cameras)}, stored.geometry_digest()
-        for name in ("purified.ply", "weights.npy", "labels.npy", "prune_mask.npy"):
+        inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.geometry_digest()
+        names = ["purified.ply", "weights.npy", "labels.npy", "prune_mask.npy"]
+        if writes_views:
+            write_cameras(folder / "cameras.json", [replace(camera, image=None) for camera in cameras])
+            names.append("cameras.json")
+        for name in names:
             record = {"energy": args.energy, **settings}
             write_provenance(folder / name, inputs=inputs, settings=record, geometry=geometry)
         rows = _compare(folder, (public, purified), test, device, model.background) if public.visible else []
@@ -110,6 +115,18 @@ def run(args: argparse.Namespace) -> None:
     print("\n".join([f"results in {args.out}", *rows, *captions]))
 
 
+def _writes_views(args: argparse.Namespace) -> bool:
+    """Return whether to write the views: not over their source, nor over a file that is no result."""
+    from gspure.artifacts.checksums import record_of
+
+    file = args.out / "cameras.json"
+    if file.resolve() == Path(args.cameras).resolve():
+        return False
+    if file.exists() and record_of(file) is None:
+        raise InputError(file, "output", expected="a result of an earlier run", found="another file")
+    return True
+
+
 def _choose_factors(args: argparse.Namespace, model: Gaussians) -> None:
     """Set missing pruning factors to the paper's for the scheme of the model's columns."""
     from gspure.constants import TAU_C, TAU_N
@@ -120,17 +137,6 @@ def _choose_factors(args: argparse.Namespace, model: Gaussians) -> None:
     for name, value in zip(("tau_c", "tau_n"), defaults, strict=True):
         if getattr(args, name) is None:
             setattr(args, name, value)
-
-
-def _cameras(source: str, model: Gaussians) -> list[Camera]:
-    from gspure.cameras import orbit_cameras, read_cameras, scaled, shell_cameras
-    from gspure.cameras.scale import TRAINING_RULE
-
-    if source == "orbit":
-        return orbit_cameras(model.means, model.opacities)
-    if source == "shells":
-        return shell_cameras(model.means, model.opacities)
-    return scaled(read_cameras(Path(source)), TRAINING_RULE)
 
 
 def _write(folder: Path, purified: PublicModel, purification: Purification, suspects: dict[str, list[int]]) -> None:

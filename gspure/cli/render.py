@@ -22,6 +22,7 @@ from gspure.cli.outputs import Output
 HELP = "render a model's views to images"
 EXAMPLES = """\
   gspure render point_cloud.ply --cameras cameras.json --out renders
+  gspure render point_cloud.ply --cameras orbit --out renders             # generated views, in renders/cameras.json
   gspure render point_cloud.ply --cameras cameras.json --out renders --split test --npy --background 1 1 1
 """
 
@@ -46,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Render every view."""
     from gspure.artifacts import filling, save_array
+    from gspure.cameras import write_cameras
     from gspure.images import record_views, require_no_other_images, write_image
     from gspure.progress import track
 
@@ -61,5 +63,7 @@ def run(args: argparse.Namespace) -> None:
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
         record_views(folder, (camera.name for camera in views))
+        if isinstance(args.cameras, str):
+            write_cameras(folder / "cameras.json", views)
     for camera in [] if args.npy else views:  # of an earlier model
         (args.out / f"{camera.name}.npy").unlink(missing_ok=True)

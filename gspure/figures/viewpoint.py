@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.up import guessed_up
 
 Float64 = NDArray[np.float64]
 
@@ -22,7 +23,6 @@ _FIELD_OF_VIEW = np.radians(35.0)
 _ELEVATION = np.radians(25.0)
 _AZIMUTH = np.radians(30.0)
 _AGREEMENT = 0.25  # least length of the mean over mean length for which directions agree
-_UP = (0.0, -1.0, 0.0)  # COLMAP's y points down, and 3DGS models use COLMAP's world
 
 
 def thinned(count: int) -> NDArray[np.intp]:
@@ -35,8 +35,8 @@ def thinned(count: int) -> NDArray[np.intp]:
 def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float64:
     """Return the directions right, up and front of the model's world, as the rows of a rotation [3,3].
 
-    Up is the mean up direction of the cameras. The front is the side with most cameras; without a preferred side or
-    cameras, it is -z, or -y if z is up.
+    Up is the mean up direction of the cameras; if they do not agree, it is guessed. The front is the side with most
+    cameras; without a preferred side or cameras, it is -z, or -y if z is up.
 
     Parameters
     ----------
@@ -46,7 +46,9 @@ def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float6
         The model's views; none is fine.
 
     """
-    up = _agreed(-np.array([camera.viewmat[1, :3] for camera in cameras]).reshape(-1, 3), np.array(_UP))
+    points = np.asarray(means, np.float64)[_without_floaters(means)]
+    flat_side = guessed_up(points, np.ones(len(points)))
+    up = _agreed(-np.array([camera.viewmat[1, :3] for camera in cameras]).reshape(-1, 3), flat_side)
     offsets = np.array([camera.centre for camera in cameras]).reshape(-1, 3) - np.median(means, axis=0)
     level = offsets - np.outer(offsets @ up, up)
     front = _agreed(level, np.cross(np.eye(3)[np.argmin(np.abs(up))], up))

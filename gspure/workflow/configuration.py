@@ -9,10 +9,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from gspure.cameras import GENERATED
 from gspure.errors import InputError, reading
-
-GENERATED = frozenset({"orbit", "shells"})
-"""What an asset may name in place of a camera file: views around its model."""
 
 _EXPECTED = {
     "type": "type {}",

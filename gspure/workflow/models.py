@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+from gspure.cameras import GENERATED
 from gspure.constants import TAU_C, TAU_N, TEST_EVERY
 from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
 from gspure.evaluation.outcomes import SCENE, Condition
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
 from gspure.workflow.captures import camera_files, content_digest, model_files
-from gspure.workflow.configuration import GENERATED
 from gspure.workflow.decisions import Decisions, Settings, decisions, factors_of, is_swept, sweeps
 from gspure.workflow.options import column_options, options, setting_options
 from gspure.workflow.pairs import is_photographed, other_pair, pair_of, repetition_of, trained_message
