@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
-from gspure.method.features import PARTS, features, standardize, take
-from gspure.model.suspicious import extent_and_far
+from gspure.method.features import OUTLYING, PARTS, features, standardize, take
+from gspure.model.suspicious import extent_and_distances
 
 COLUMNS = hnp.arrays(np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-1e3, 1e3, width=32))
 
@@ -71,7 +71,7 @@ def test_parts_are_columns_in_their_own_order_whatever_that_of_asking() -> None:
     assert take(found, PARTS).tolist() == found.tolist()
 
 
-@pytest.mark.parametrize("distance", [1e5, 1e30, 3e38])
+@pytest.mark.parametrize("distance", [300, 1e4, 1e5, 1e30, 3e38])
 def test_far_rows_change_the_features_of_no_other_row(distance: float) -> None:
     rng = np.random.default_rng(0)
     means, opacities, weights = rng.normal(5, 3, (200, 3)), rng.uniform(0, 1, 200), rng.lognormal(0, 2, 200)
@@ -80,19 +80,25 @@ def test_far_rows_change_the_features_of_no_other_row(distance: float) -> None:
     found = features(np.concatenate([planted, means]), [1, 0, 0.5, *opacities], [1e9, 0, 3, *weights])
     np.testing.assert_array_equal(found[3:], alone)
     assert np.isfinite(found).all()
-    assert (np.abs(found[:3, :3]).max(axis=1) > 100 * np.abs(alone).max()).all()
+    assert (np.abs(found[:3, :3]).max(axis=1) > 20 * np.abs(alone[:, :3]).max()).all()
 
 
-def test_without_far_rows_all_count_towards_the_mean() -> None:
+@pytest.mark.parametrize(
+    ("count", "distance", "warned"), [(200, 100, False), (20_000, 300, True), (100_000, 300, False)]
+)
+def test_rows_that_stretch_the_positions_less_than_twice_count_and_are_warned_of(
+    count: int, distance: float, warned: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
     rng = np.random.default_rng(0)
-    means = rng.normal(5, 3, (200, 3)) * np.where(np.arange(200) < 5, 100, 1)[:, None]  # floaters, not far
-    found = features(means, rng.uniform(0, 1, 200), rng.lognormal(0, 2, 200))
+    means = np.concatenate([rng.normal(5, 3, (count - 1, 3)), [[distance, 5, 5]]])
+    found = features(means, rng.uniform(0, 1, count), rng.lognormal(0, 2, count))
     assert found[:, :3].tobytes() == standardize(means).tobytes()
+    assert capsys.readouterr().err.count(f"1 of {count}") == warned
 
 
 @given(COLUMNS)
 def test_parts_are_standardized_as_if_they_were_alone(columns: np.ndarray) -> None:
-    assume(not extent_and_far(columns)[1].any())
+    assume((extent_and_distances(columns)[1] <= OUTLYING).all())
     rest = np.arange(len(columns))
     found = features(columns, rest, rest**2)
     np.testing.assert_array_equal(take(found, ["position"]), standardize(columns))

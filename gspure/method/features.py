@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.errors import InputError
-from gspure.model.suspicious import extent_and_far
+from gspure.model.suspicious import extent_and_distances
+from gspure.progress import say
 
 COLUMNS = ("x", "y", "z", "opacity", "weight")
 
@@ -17,11 +18,19 @@ PARTS: Final = {"position": COLUMNS[:3], "opacity": COLUMNS[3:4], "weight": COLU
 """The parts of the features; the clustering uses all of them, or some in an ablation."""
 
 
+OUTLYING: Final = 10.0
+"""Distance from the median centre, in extents of the scene, beyond which a row is outlying. Ours."""
+
+STRETCH: Final = 2.0
+"""Most that outlying rows may multiply the standard deviation of a coordinate by; else they are left out. Ours."""
+
+_STRETCH_WARNED: Final = 1.1
+
 LARGEST: Final = 1e6
-"""Far rows get features up to this; others stay within the square root of their number. Ours."""
+"""Rows that are left out get features up to this; others stay within the square root of their number. Ours."""
 
 
-def standardize(columns: NDArray[Any], near: NDArray[np.bool_] | slice = slice(None)) -> NDArray[np.float64]:
+def standardize(columns: NDArray[Any], counted: NDArray[np.bool_] | slice = slice(None)) -> NDArray[np.float64]:
     r"""Return each column with mean 0 and standard deviation 1; a constant column becomes 0.
 
     .. math:: (x - \mu) / \sigma
@@ -32,14 +41,14 @@ def standardize(columns: NDArray[Any], near: NDArray[np.bool_] | slice = slice(N
     ----------
     columns : array [K,C]
         Finite values in the range of float32.
-    near : array [K], bool, optional
+    counted : array [K], bool, optional
         The rows that mean and standard deviation are taken over; the result of others is clipped to `LARGEST`.
 
     """
     columns = np.asarray(columns, np.float64)
     if not len(columns):
         return columns.copy()
-    ordered = np.sort(columns[near].T, axis=1)  # sums over sorted values do not depend on the order of rows
+    ordered = np.sort(columns[counted].T, axis=1)  # sums over sorted values do not depend on the order of rows
     mean, deviation = ordered.mean(axis=1), ordered.std(axis=1)
     # Rounding in the mean can give a constant column a deviation of 1e-17.
     constant = ordered[:, 0] == ordered[:, -1]
@@ -53,9 +62,9 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
         F_k = \mathrm{Concat}\left(\frac{p_k - \mu_p}{\sigma_p}, \frac{\alpha_k - \mu_\alpha}{\sigma_\alpha},
         \frac{\omega_k - \mu_\omega}{\sigma_\omega}\right)
 
-    (paper, §Geometrically Accurate Feature Clustering.) Positions are standardized per coordinate. Far rows
-    (`gspure.model.suspicious`) are left out of means and standard deviations, as one of them would make all other
-    positions equal.
+    (paper, §Geometrically Accurate Feature Clustering.) Positions are standardized per coordinate. `OUTLYING` rows that
+    `STRETCH` the positions are left out of means and standard deviations, with a warning: one of them can make all
+    other positions equal.
 
     Parameters
     ----------
@@ -83,7 +92,22 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
         names = ", ".join(COLUMNS[i] for i in np.flatnonzero(bad.any(axis=0)))
         found = f"others in {len(rows)} of {len(raw)} rows, first in row {rows[0]}"
         raise InputError("features", names, expected="finite values", found=found)
-    return standardize(raw, ~extent_and_far(raw[:, :3])[1])
+    return standardize(raw, _counted(raw[:, :3]))
+
+
+def _counted(means: NDArray[np.float64]) -> NDArray[np.bool_] | slice:
+    """Return the rows that count towards means and standard deviations; warn of outlying ones that change them."""
+    inner = extent_and_distances(means)[1] <= OUTLYING
+    if inner.all():
+        return slice(None)
+    total, bulk = (np.sort(rows, axis=0).std(axis=0) for rows in (means, means[inner]))
+    with np.errstate(over="ignore"):
+        stretch = float((total / np.maximum(bulk, np.finfo(float).tiny)).max())
+    if stretch > _STRETCH_WARNED:
+        rows = f"rows beyond {OUTLYING:g} extents: {np.sum(~inner)} of {len(inner)}"
+        consequence = ", so they are left out of the standardization" * (stretch > STRETCH)
+        say(f"warning: features: {rows} stretch the positions {stretch:.3g} times{consequence}")
+    return inner if stretch > STRETCH else slice(None)
 
 
 def take(joint: NDArray[np.float64], parts: Collection[str]) -> NDArray[np.float64]:

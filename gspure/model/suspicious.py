@@ -44,13 +44,13 @@ def suspicious_rows(model: Gaussians) -> dict[str, Rows]:
     drawn[undrawable] = False
     rows = np.flatnonzero(drawn)
     means, scales = model.means[rows].astype(np.float64), np.sort(model.scales[rows].astype(np.float64), axis=1)
-    extent, far = extent_and_far(means)
+    extent, distances = extent_and_distances(means)
     pile, repeated = coincident_rows(model.means[rows])
     by_reason = {
         "non_finite": undrawable,
         "needle": rows[scales[:, 2] > NEEDLE_ASPECT * scales[:, 1]],
         "oversized": rows[(scales[:, 2] > extent) & (extent > 0)],
-        "far": rows[far],
+        "far": rows[distances > FAR],
         "duplicate": _copies(model, rows[np.sort(repeated)]),
         "pile": rows[np.sort(pile)],
     }
@@ -80,13 +80,13 @@ def coincident_rows(means: NDArray[np.float32]) -> tuple[Rows, Rows]:
     return order[size_of >= PILE], order[size_of > 1]
 
 
-def extent_and_far(means: NDArray[np.float64]) -> tuple[float, NDArray[np.bool_]]:
-    """Return the extent of the scene, and the mask of the far ones among finite centres [K,3]."""
+def extent_and_distances(means: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Return the extent of finite centres [K,3], and their distances [K] from the median, in extents."""
     if not len(means):
-        return 0.0, np.zeros(0, np.bool_)
+        return 0.0, np.zeros(0)
     low, high = np.quantile(means, BULK, axis=0)
     extent = float(np.linalg.norm(high - low))
-    return extent, (np.linalg.norm(means - np.median(means, axis=0), axis=1) > FAR * extent) & (extent > 0)
+    return extent, np.linalg.norm(means - np.median(means, axis=0), axis=1) / (extent or np.inf)
 
 
 def _copies(model: Gaussians, rows: Rows) -> Rows:
