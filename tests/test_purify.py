@@ -206,6 +206,7 @@ def test_command_leaves_model_arrays_metrics_and_figures(
     )
     printed = capsys.readouterr()
     assert "clusters " in printed.out
+    assert all(printed.out.count(str(path)) == 1 for path in (out / "figures").glob("*.png"))
     assert "mean" in printed.out
     assert "contributions: 15 done" in printed.err  # the held-out views do not count towards the weights
 

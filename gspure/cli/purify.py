@@ -103,11 +103,10 @@ def run(args: argparse.Namespace) -> None:
             write_provenance(folder / name, inputs=inputs, settings=record, geometry=geometry)
         rows = _compare(folder, (public, purified), test, device, model.background) if public.visible else []
         _remove_older(args.out)
-    if public.visible:
-        _draw_views(args.out, test)
-    else:
+    if not public.visible:
         say("the model holds no colour: no renders, no metrics")
-    captions = _draw_model(args, model, purification, cameras)
+    captions = _draw_views(args.out, test) if public.visible else []
+    captions += _draw_model(args, model, purification, cameras)
     print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
     gaussian_rays = args.energy == "ray" and Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
     if gaussian_rays and (small := subpixel_rows(model, purification.weights, train or test)):
@@ -184,18 +183,20 @@ def _remove_older(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _draw_views(folder: Path, views: Sequence[Camera]) -> None:
-    """Draw a few of the rendered views before and after."""
+def _draw_views(folder: Path, views: Sequence[Camera]) -> list[str]:
+    """Draw a few of the rendered views before and after, and return a line about the figure."""
     from gspure.figures.optional import optional
     from gspure.figures.panels import write_panels
     from gspure.images import read_image
 
-    path = folder / "figures" / "before_after.png"
+    captions, path = [], folder / "figures" / "before_after.png"
     with optional(path):
         shown = [camera.name for camera in views[:: -(-len(views) // _SHOWN)]]
         files = _renders(folder).items()
         images = {title: {view: read_image(renders / f"{view}.png") for view in shown} for title, renders in files}
         write_panels(path, images, shown, difference=True)
+        captions.append(f"{path}: {len(shown)} of {len(views)} held-out views before and after, and the difference.")
+    return captions
 
 
 def _draw_model(

@@ -184,7 +184,7 @@ def _remarks(count: int, problem: str | None) -> Iterator[str]:
 def _histogram_caption(evidence: Evidence) -> str:
     zero = float(np.mean(evidence.weights == 0))
     return (
-        f"Weights of the {evidence.rows}, averaged over the views; {zero:.1%} have weight 0, as no view shows them. "
+        f"Weights of the {evidence.rows}, averaged over the views; {zero:.1%} have weight 0: no pixel shows them. "
         f"GSPure prunes clusters with a mean weight below the mean of all / {evidence.tau_c:g}, and noise points with "
         f"a weight below the mean of all / {evidence.tau_n:g}. "
         f"A cluster is pruned or kept as a whole, so some {evidence.rows} on either side of the threshold differ."

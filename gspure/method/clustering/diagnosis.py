@@ -85,11 +85,12 @@ class Diagnosis:
         """Return the diagnosis as lines of text, warnings last."""
         table = {
             "clusters": f"{self.clusters} (largest {self.largest_share:.1%}, noise {self.noise_share:.1%})",
-            "pruned": f"{self.pruned_share:.1%} of {self.gaussians} Gaussians, {self.pruned_weight_share:.2%} of ω",
+            "pruned": f"{self.pruned_share:.1%} of {self.gaussians:,} Gaussians, {self.pruned_weight_share:.2%} of ω",
             "  with a cluster": f"{self.pruned_as_cluster:.1%}",
             "  as noise": f"{self.pruned_as_noise:.1%}",
-            "  by plain rule": f"{self.plain_share:.1%} (without clustering)",
-            "changed": f"{self.changed_share:.1%} of the decision, {self.changed_share_clustered:.1%} in clusters",
+            "plain rule": f"{self.plain_share:.1%} would be pruned without clustering",
+            "changed": f"{self.changed_share:.1%} of the rows that either rule prunes, "
+            f"{self.changed_share_clustered:.1%} of those in clusters",
         }
         return [f"{name:<16}  {text}" for name, text in table.items()] + [f"warning: {text}" for text in self.warnings]
 
