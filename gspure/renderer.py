@@ -19,7 +19,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import ENERGIES, Energy, Frame, Traversal
 from gspure.opencl.gradients import by_row
-from gspure.opencl.opacity_field import opacities_at
+from gspure.opencl.opacity_field import centre_contributions, opacities_at
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
 from gspure.opencl.storage import store, upload_features, upload_sh_coeffs
 
@@ -69,9 +69,10 @@ class Renderer:
         K Gaussians; uploaded once.
     device : Device, optional
         By default the one that `gspure.opencl.device.choose_device` picks.
-    energy : "ewa" or "ray"
+    energy : "ewa", "ray" or "center_ray"
         Fall-off of a Gaussian: a 2-D splat with dilation, as in the training of vanilla models, or its maximum along
-        the pixel's ray (paper, Eq. E).
+        the pixel's ray (paper, Eq. E). "center_ray" is "ray" with contributions on one ray per Gaussian instead of one
+        per pixel.
     style : "cpu" or "gpu", optional
         Kernel style; by default the one that suits the device.
     entry_budget : int
@@ -114,7 +115,8 @@ class Renderer:
     def contributions(self, camera: Camera) -> NDArray[np.void]:
         """Return omega_{k,v} (paper, Eq. for omega) of each touched Gaussian, as `CONTRIBUTION`.
 
-        Rows are ordered by index, without Gaussians that touch no pixel.
+        Rows are ordered by index, without Gaussians that touch no pixel. With the energy "center_ray", each has one
+        pixel: the ray through its centre.
 
         Raises
         ------
@@ -122,12 +124,21 @@ class Renderer:
             If the results of the device do not conserve light (`gspure.opencl.conservation`).
 
         """
+        if self.energy == "center_ray":
+            return self._centre_contributions(camera)
         canvas = self._render(camera, Traversal(self.energy, contributions=True)).canvas
         with self._engine.mapped(canvas.records, (len(self.model),), CONTRIBUTION) as records:
             # numpy selects 16-byte numbers several times faster than 16-byte structures.
             touched = records.view(np.complex128).compress(records["pixels"] > 0).view(CONTRIBUTION)
         with self._engine.mapped(canvas.transmittance, (camera.height, camera.width), np.float32) as transmittance:
             require_conservation(camera.name, touched, transmittance)
+        return touched
+
+    def _centre_contributions(self, camera: Camera) -> NDArray[np.void]:
+        by_row = centre_contributions(self._engine, self._storage, camera, self.model.means, self._entry_budget)
+        rows = np.flatnonzero(by_row)
+        touched = np.ones(len(rows), CONTRIBUTION)
+        touched["index"], touched["sum"], touched["max"] = rows, by_row[rows], by_row[rows]
         return touched
 
     def transmittance(self, camera: Camera) -> Float32:

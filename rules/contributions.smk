@@ -49,7 +49,7 @@ rule accumulate_weights:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.weights"),
-        options=get_method_options("reduction"),
+        options=get_method_options("reduction", "views"),
     message:
         "Averaging contributions over the views of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:

@@ -15,12 +15,13 @@ from jsonschema import Draft202012Validator
 from gspure import constants
 from gspure.attacks import attacks
 from gspure.cameras import write_cameras
-from gspure.cli.options import ENERGIES, SPLITS
+from gspure.cli.options import SPLITS
 from gspure.cli.train import add_arguments
 from gspure.errors import InputError
 from gspure.method.clustering.selection import SELECTIONS
 from gspure.method.features import PARTS
 from gspure.method.weights import REDUCTIONS
+from gspure.opencl.frame import ENERGIES
 from gspure.scenes import PROTOCOLS, scene_builder
 from gspure.scenes.placement import PLACEMENTS
 from gspure.schemes.pair import INITIALIZATIONS

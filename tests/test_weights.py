@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
-from gspure.method.weights import REDUCTIONS, accumulate, view_weights
+from gspure.method.weights import REDUCTIONS, accumulate, evenly_spread, view_weights
 
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
 
@@ -67,6 +67,23 @@ def test_views_are_read_one_at_a_time() -> None:
 
 def test_weights_are_float32() -> None:
     assert accumulate([stage((0, 1.0, 1.0, 1))], 1).dtype == np.float32
+
+
+@given(st.integers(1, 60), st.data())
+def test_fewer_views_are_spread_evenly(count: int, data: st.DataObject) -> None:
+    views = data.draw(st.integers(1, count))
+    chosen = evenly_spread(range(count), views)
+    steps = np.diff(chosen)
+    assert len(chosen) == views
+    assert ((steps >= count // views) & (steps <= -(-count // views))).all()
+    assert abs(chosen[0] - (count - 1 - chosen[-1])) <= 1
+    assert evenly_spread(range(count), count) == list(range(count))
+
+
+@pytest.mark.parametrize("views", [-1, 0, 4])
+def test_more_views_than_there_are_and_none_are_refused(views: int) -> None:
+    with pytest.raises(InputError, match="1 to 3"):
+        evenly_spread("abc", views)
 
 
 def test_no_views_are_refused() -> None:

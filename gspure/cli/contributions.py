@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="compute a part of the views, for parallel jobs: view I and every N-th after it, by name",
     )
     parser.add_argument("--index", type=Output, required=True, metavar="TSV", help="index of the views and their files")
-    add_energy(parser, default="ray")
+    add_energy(parser, "ray", "ewa", "center_ray")
     add_device(parser)
 
 

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--hidden", type=Output, metavar="NPY", help="also write the message's weight of every row: [K]"
     )
     add_reduction(parser)
-    add_energy(parser, default="ray")
+    add_energy(parser, "ray", "ewa", "center_ray")
     add_device(parser)
 
 

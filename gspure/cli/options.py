@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 Setting = float | int | str
 SPLITS = ("train", "test", "all")
-ENERGIES = ("ewa", "ray")
 
 
 def add_device(parser: argparse.ArgumentParser) -> None:
@@ -74,15 +73,15 @@ def read_background(args: argparse.Namespace, command: str, default: tuple[float
     return tuple(args.background)
 
 
-def add_energy(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add ``--energy``."""
-    parser.add_argument(
-        "--energy",
-        choices=ENERGIES,
-        default=default,
-        help="ewa: 2-D splats, as in vanilla 3DGS; ray: the maximum along the pixel's ray, the paper's equation "
-        "(default: %(default)s)",
-    )
+def add_energy(parser: argparse.ArgumentParser, *energies: str) -> None:
+    """Add ``--energy``; the first one is the default."""
+    described = {
+        "ewa": "2-D splats, as in vanilla 3DGS",
+        "ray": "the maximum along the pixel's ray, the paper's equation",
+        "center_ray": "the same on one ray per Gaussian, through its centre",
+    }
+    meanings = "; ".join(f"{energy}: {described[energy]}" for energy in energies)
+    parser.add_argument("--energy", choices=energies, default=energies[0], help=f"{meanings} (default: %(default)s)")
 
 
 def camera_source(text: str) -> Path | str:

@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "views, every eighth by name held out for the metrics, the others for the weights; at most 1600 px wide",
     )
     parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for the results")
-    add_energy(parser, default="ray")
+    add_energy(parser, "ray", "ewa", "center_ray")
     add_reduction(parser)
     add_min_samples(parser)
     add_selection(parser)

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--npy", action="store_true", help="also write VIEW.npy: float32 [H,W,3], not clipped")
     add_background(parser, "the model", "MODEL")
-    add_energy(parser, default="ewa")
+    add_energy(parser, "ewa", "ray")
     add_device(parser)
 
 

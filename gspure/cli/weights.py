@@ -10,6 +10,7 @@ from gspure.cli.outputs import Output
 HELP = "average the contributions over the views: weights omega [K]"
 EXAMPLES = """\
   gspure weights --index room.tsv --model point_cloud.ply --out weights.npy
+  gspure weights --index room.tsv --model point_cloud.ply --views 4 --out omega_4.npy
   gspure weights --index 1.tsv 2.tsv --model point_cloud.ply --reduction max --out omega_max.npy
 """
 
@@ -21,6 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--model", type=Path, required=True, help="the model of these contributions")
     add_reduction(parser)
+    parser.add_argument(
+        "--views", type=int, metavar="N", help="average over N views only, evenly spread by name (default: all)"
+    )
     parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="weights: float32 [K]")
 
 
@@ -30,7 +34,7 @@ def run(args: argparse.Namespace) -> None:
 
     from gspure.artifacts import save_array, write_provenance
     from gspure.method.contributions import read_index, read_stage, require_result_of
-    from gspure.method.weights import accumulate, few_in_view, require_in_view
+    from gspure.method.weights import accumulate, evenly_spread, few_in_view, require_in_view
     from gspure.model import read_model
     from gspure.progress import say
 
@@ -38,6 +42,8 @@ def run(args: argparse.Namespace) -> None:
     geometry = model.geometry_digest()
     require_result_of(geometry, args.index)
     stages = read_index(*args.index)
+    if args.views is not None:
+        stages = evenly_spread(stages, args.views)
     weights = accumulate((read_stage(stage.path, len(model)) for stage in stages), len(model), args.reduction)
     require_in_view(weights)
     save_array(args.out, weights)

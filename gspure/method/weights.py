@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, Final, Literal, get_args
+from collections.abc import Iterable, Sequence
+from typing import Any, Final, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.errors import InputError
 
+Stage = TypeVar("Stage")
 Reduction = Literal["sum", "max", "mean_touched"]
 REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
 
@@ -41,6 +42,22 @@ def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[n
     if reduction == "mean_touched":
         return np.asarray(stage["sum"].astype(np.float64) / stage["pixels"])
     raise InputError("weights", "reduction", expected=f"one of {', '.join(REDUCTIONS)}", found=repr(reduction))
+
+
+def evenly_spread(stages: Sequence[Stage], views: int) -> list[Stage]:
+    """Return `views` of the stages, one from the middle of each of as many equal parts.
+
+    Raises
+    ------
+    InputError
+        If there are not as many stages, or none is asked for.
+
+    """
+    if not 1 <= views <= len(stages):
+        raise InputError(
+            "weights", "views", expected=f"1 to {len(stages)}, the views that were measured", found=f"{views}"
+        )
+    return [stages[(2 * part + 1) * len(stages) // (2 * views)] for part in range(views)]
 
 
 def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction = "sum") -> NDArray[np.float32]:

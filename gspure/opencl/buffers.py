@@ -77,7 +77,8 @@ class Buffers:
     # opacities of points
     points: Scratch  # [items,3,LANES]
     point_tiles: Scratch  # [items]
-    point_opacities: Scratch  # [items,LANES]
+    point_values: Scratch  # [items,LANES]
+    point_owners: Scratch  # [items,LANES]
     # the backward pass and training
     image_gradient: Scratch  # [H,W,C]
     item_losses: Scratch  # [items]

@@ -12,7 +12,7 @@ from gspure.constants import TILE
 from gspure.opencl.engine import Engine, Program
 from gspure.opencl.storage import Storage
 
-Energy = Literal["ewa", "ray"]
+Energy = Literal["ewa", "ray", "center_ray"]
 ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)
 
 
@@ -22,7 +22,7 @@ class Traversal:
 
     Parameters
     ----------
-    energy : "ewa" or "ray"
+    energy : "ewa", "ray" or "center_ray"
         2-D splat with dilation, or the Gaussian's maximum along the ray (paper, Eq. E).
     channels : int
         Channels blended per pixel; 0 for none.
@@ -48,7 +48,7 @@ class Traversal:
     @property
     def defines(self) -> dict[str, int]:
         """Definitions of the layout of splats (layout.cl) and of footprints."""
-        return {"RAY": int(self.energy == "ray"), "CHANNELS": self.channels, "POINTS": int(self.points)}
+        return {"RAY": int(self.energy != "ewa"), "CHANNELS": self.channels, "POINTS": int(self.points)}
 
     @property
     def channel_attributes(self) -> int:
@@ -65,7 +65,7 @@ class Traversal:
     @property
     def staged_floats(self) -> int:
         """Floats of a splat that blending reads: SPLAT_CHANNELS + CHANNELS in layout.cl."""
-        return (12 if self.energy == "ray" else 7) + self.channels
+        return (7 if self.energy == "ewa" else 12) + self.channels
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Opacity at points in space in one view (opacity_field.cl)."""
+"""Blending along the rays through points in space in one view (opacity_field.cl)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import Projected, project
-from gspure.opencl.storage import Storage
+from gspure.opencl.storage import Rows, Storage, positions_of
 
 FINER = 4
 """Tiles of points are this many times smaller than those of pixels: lists are shorter, opacities the same. Ours."""
@@ -36,12 +36,31 @@ def opacities_at(
     engine: Engine, storage: Storage, camera: Camera, points: NDArray[np.floating], entry_budget: int
 ) -> Float32:
     """Return the opacity [P] blended up to each of the `points` [P,3]; 1 where the view does not show it."""
+    return _blended(engine, storage, camera, points, entry_budget)
+
+
+def centre_contributions(
+    engine: Engine, storage: Storage, camera: Camera, means: NDArray[np.floating], entry_budget: int
+) -> Float32:
+    """Return the contribution [K] of each Gaussian on the ray through its centre; 0 where the view does not show it."""
+    return _blended(engine, storage, camera, means, entry_budget, positions_of(storage.order))
+
+
+def _blended(
+    engine: Engine,
+    storage: Storage,
+    camera: Camera,
+    points: NDArray[np.floating],
+    entry_budget: int,
+    owners: Rows | None = None,
+) -> Float32:
+    """Return the opacity at each point or, of the centres of `owners`, the contribution."""
     fine = camera.resized(FINER * camera.width, FINER * camera.height)
     frame = Frame(engine, storage, fine, Traversal("ray", points=True))
     placed = place(frame, points)
-    opacities = np.ones(len(points), np.float32)
+    values = np.full(len(points), owners is None, np.float32)
     if not len(placed.rows):
-        return opacities
+        return values
     projected = project(frame)
     order = sort_by_depth(engine, storage, projected.depth_keys)
     footprints = gather_footprints(frame, projected, order)
@@ -51,8 +70,8 @@ def opacities_at(
         if begin < end:
             lists = bin_tiles(frame, projected, footprints, band)
             inside = Placed(*(part[begin:end] for part in vars(placed).values()))
-            opacities[inside.rows] = _blend_points(frame, projected, lists, inside)
-    return opacities
+            values[inside.rows] = _blend_band(frame, projected, lists, inside, owners)
+    return values
 
 
 def place(frame: Frame, points: NDArray[np.floating]) -> Placed:
@@ -64,22 +83,23 @@ def place(frame: Frame, points: NDArray[np.floating]) -> Placed:
     return Placed(rows[order], tiles[order], positions[order].astype(np.float32))
 
 
-def _blend_points(frame: Frame, projected: Projected, lists: TileLists, placed: Placed) -> Float32:
-    """Return the opacity at each of a band's points."""
+def _blend_band(frame: Frame, projected: Projected, lists: TileLists, placed: Placed, owners: Rows | None) -> Float32:
+    """Return the values of a band's points."""
     engine, buffers = frame.engine, frame.engine.buffers
     tiles, sources = _work_items(placed.tiles, LANES[engine.style])
     first_tile = lists.band.start * frame.tiles[0]
-    point_opacities = buffers.point_opacities.sized(*sources.shape)
+    computed = buffers.point_values.sized(*sources.shape)
     frame.program("vector", "layout", "blending", "opacity_field").launch(
-        "blend_points",
+        "blend_points" if owners is None else "blend_centres",
         len(tiles),
         *(len(tiles), buffers.points.holding(placed.positions[sources].transpose(0, 2, 1))),
         buffers.point_tiles.holding((tiles - first_tile).astype(np.uint32)),
-        *(projected.splats, lists.entries, lists.tile_starts, point_opacities),
+        *(projected.splats, lists.entries, lists.tile_starts, computed),
+        *([] if owners is None else [buffers.point_owners.holding(owners[placed.rows[sources]])]),
     )
-    opacities = np.empty(len(placed.rows), np.float32)
-    opacities[sources] = engine.read(point_opacities, sources.shape, np.float32)
-    return opacities
+    values = np.empty(len(placed.rows), np.float32)
+    values[sources] = engine.read(computed, sources.shape, np.float32)
+    return values
 
 
 def _work_items(tiles: NDArray[np.intp], lanes: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -50,7 +50,7 @@ class Storage:
     @staticmethod
     def along(engine: Engine, order: Rows, geometry: cl.Buffer) -> Storage:
         """Take activated geometry [K,GEOMETRY_ATTRIBUTES] that was uploaded in `order`."""
-        return Storage(order, engine.uploaded(order), engine.uploaded(_positions(order)), geometry)
+        return Storage(order, engine.uploaded(order), engine.uploaded(positions_of(order)), geometry)
 
 
 def blocked_shape(count: int, attributes: int) -> tuple[int, int, int]:
@@ -98,7 +98,7 @@ def upload_attributes(
     buffer = engine.allocate(4 * prod(shape))
     with engine.mapped(buffer, shape, np.float32, write=True) as blocked:
         blocked[-1] = 0.0
-        positions = _positions(order)
+        positions = positions_of(order)
         for begin in range(0, len(order), _CHUNK):  # row by row, so that a mapped file is read once through
             rows = slice(begin, begin + _CHUNK)
             block, lane = np.divmod(positions[rows], np.uint32(BLOCK))
@@ -106,7 +106,7 @@ def upload_attributes(
     return buffer
 
 
-def _positions(order: Rows) -> Rows:
+def positions_of(order: Rows) -> Rows:
     """Return the position of each row: the inverse of `order`."""
     positions = np.empty_like(order)
     positions[order] = np.arange(len(order), dtype=np.uint32)

@@ -114,6 +114,33 @@ def blend(projection: Splats | Rays, camera: Camera, features: Float64, backgrou
     return Reference(channels, transmittance, depth, sums, maxima, pixels, steps.margins)
 
 
+def centre_contributions(model: Gaussians, camera: Camera) -> tuple[Float64, Float64]:
+    """Return the contribution [K] of each Gaussian on the ray through its centre, and its margin.
+
+    The energy is ``ray``. The contribution is 0 where the image does not show the centre. The margin is the smallest
+    relative distance of the ray to a step: the cut-off, the stop or the near plane (0: on it, inf: none).
+    """
+    projection = project(model, camera, "ray")
+    u, v = projection.means2d.T
+    shown = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+    transmittance, margins = np.ones(len(u)), np.full(len(u), np.inf)
+    contributions, margin_by_row = np.zeros(len(model)), np.full(len(model), np.inf)
+    for i, row in enumerate(projection.rows):
+        energies, depths = projection.evaluate(i, u, v)
+        alpha = np.minimum(ALPHA_MAX, projection.opacities[i] * energies)
+        after = transmittance * (1 - alpha)
+        touched = alpha >= ALPHA_MIN
+        stops = touched & (after < TRANSMITTANCE_MIN)
+        shrink(margins, np.abs(alpha / ALPHA_MIN - 1), transmittance > 0)
+        shrink(margins, np.abs(after / TRANSMITTANCE_MIN - 1), touched)
+        shrink(margins, np.abs(depths / NEAR_PLANE - 1), transmittance > 0)
+        blended = touched & ~stops
+        contributions[row] = (alpha * transmittance * blended * shown)[i]
+        margin_by_row[row] = margins[i]
+        transmittance = np.where(stops, 0.0, np.where(blended, after, transmittance))
+    return contributions, margin_by_row
+
+
 class Discontinuities:
     """The margins of an image, updated Gaussian by Gaussian."""
 

@@ -20,7 +20,7 @@ FACTORS: Final = ("tau_c", "tau_n")
 
 STAGES: Final[Mapping[str, Sequence[str]]] = {
     "contributions": ("energy",),
-    "weights.npy": ("reduction",),
+    "weights.npy": ("reduction", "views"),
     "features.npy": (),
     "tree.npy": ("cluster_on", "min_samples"),
     "clusters.npz": ("min_cluster_size", "selection", "max_cluster_share"),
