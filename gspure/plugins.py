@@ -1,9 +1,10 @@
-"""Attacks and schemes of installed packages, found by their entry points."""
+"""Attacks and schemes of installed packages, and the optional packages that attacks and schemes need."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from typing import Protocol, TypeVar
 
 from gspure.errors import InputError
@@ -65,3 +66,20 @@ def _load(entry: EntryPoint, kind: type[T], source: str, expected: str) -> T:
 def _source(entry: EntryPoint, group: str) -> str:
     package = entry.dist.name if entry.dist else "unknown package"
     return f"{package} (entry point {entry.name!r} of {group})"
+
+
+def require_packages(packages: Mapping[str, str], user: str) -> None:
+    """Raise `InputError` if an optional package is not installed.
+
+    Parameters
+    ----------
+    packages : mapping of str to str
+        By the name under which each is imported, what pip is to install for it.
+    user : str
+        The attack or scheme that needs them.
+
+    """
+    for package, requirement in packages.items():
+        if find_spec(package) is None:
+            hint = f"pip install {requirement}"
+            raise InputError(user, "package", expected=package, found="no such package", hint=hint)

@@ -1,6 +1,6 @@
 # What the jobs that are to run need of this machine, checked before the first of them starts.
 
-from gspure.workflow.requirements import require_packages
+from gspure.plugins import require_packages
 
 
 def check_requirements():

@@ -18,8 +18,7 @@ from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import Interval
 from gspure.evaluation.survival import MARGIN, survival
 from gspure.report.audit import ALLOWED, SIGNIFICANT, Audit, audits
-from gspure.report.phrases import db, listed, size
-from gspure.report.templates import render, say
+from gspure.report.templates import db, listed, render, say, size
 from tests.contest_cases import attacked, benchmark, measured, outcome
 from tests.test_report import Page
 

@@ -5,9 +5,8 @@ import pytest
 
 from gspure.opencl.counting import prefix_sums
 from gspure.opencl.engine import Engine
-from gspure.opencl.morton import morton_order
 from gspure.opencl.ordering import sort_by_depth
-from gspure.opencl.storage import store
+from gspure.opencl.storage import morton_order, store
 from tests.models import blobs
 
 NOT_VISIBLE = 0xFFFFFFFF

@@ -9,7 +9,7 @@ from gspure.opencl import opacity_field as stage
 from gspure.reference.opacity_field import opacities_at
 from gspure.reference.opacity_field import opacity_field as reference_field
 from gspure.renderer import Renderer
-from gspure.surface import field
+from gspure.surface.meshing import opacity_field
 from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
 
 STEP = 0.005
@@ -137,15 +137,15 @@ def test_the_field_is_the_least_of_the_views(device, style, monkeypatch):
     model, views = blobs(150, 8), [camera(), tilted_camera(), tilted_camera(31, 33)]
     points = points_around(model)
     renderer = Renderer(model, device, energy="ray", style=style)
-    monkeypatch.setattr(field, "_CHUNK", 200)
-    found = field.opacity_field(renderer, views, points)
+    monkeypatch.setattr("gspure.surface.meshing._CHUNK", 200)
+    found = opacity_field(renderer, views, points)
     np.testing.assert_allclose(found, reference_field(model, views, points), atol=STEP)
     assert 0.01 < (found < 0.5).mean() < 0.99
-    hasty = field.opacity_field(renderer, views, points, outside=0.5)
+    hasty = opacity_field(renderer, views, points, outside=0.5)
     np.testing.assert_array_equal(hasty >= 0.5, found >= 0.5)
 
 
 def test_what_no_view_shows_is_occupied(device):
     renderer = Renderer(blobs(5), device, energy="ray")
     points = np.array([[0.0, 0, -1], [50, 0, 1], [np.nan, 0, 1], [0, 0, 0.1]])
-    assert field.opacity_field(renderer, [camera()], points).tolist() == [1, 1, 1, 1]
+    assert opacity_field(renderer, [camera()], points).tolist() == [1, 1, 1, 1]

@@ -13,9 +13,9 @@ from gspure.model import read_model, write_model
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel
 from gspure.scenes import Staging, lighting, seen_points, stage_cameras, trace
+from gspure.scenes.photography import PER_VIEW
 from gspure.scenes.scene import Lamp, Scene
 from gspure.scenes.solids import Box, Sphere
-from gspure.scenes.sparse_points import PER_VIEW
 from gspure.scenes.surfels import SPREAD, tile
 from gspure.scenes.textures import checker, plain
 from gspure.schemes.planted.embedding import HIDDEN

@@ -11,7 +11,7 @@ import pytest
 from gspure.cameras import Camera, intrinsics
 from gspure.figures import export, portrait, viewpoint, zbuffer
 from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud
-from gspure.figures.eyedome import eye_dome
+from gspure.figures.portrait import eye_dome
 from gspure.figures.probe import gl_problem
 
 RNG = np.random.default_rng(3)

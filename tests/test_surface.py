@@ -10,17 +10,14 @@ from scipy.spatial import Delaunay
 from gspure.attacks import Evidence, find_attack
 from gspure.cameras.projection import points_shown
 from gspure.errors import InputError
-from gspure.model.mesh import Mesh, write_mesh_ply
-from gspure.model.rotations import rotation_matrices
+from gspure.model.points import Mesh, write_mesh_ply
+from gspure.model.rotations import principal_axes, rotation_matrices
 from gspure.public_model import PublicModel
 from gspure.reference.opacity_field import opacity_field
-from gspure.surface.axes import principal_axes
-from gspure.surface.depths import INVISIBLE, depth_distances
-from gspure.surface.distance import face_points, mesh_distances
+from gspure.surface.distances import INVISIBLE, depth_distances, face_points, mesh_distances
 from gspure.surface.filter import filter_sizes, filtered
-from gspure.surface.marching import march
 from gspure.surface.meshing import extract_mesh
-from gspure.surface.tetrahedra import box_points
+from gspure.surface.tetrahedra import box_points, march
 from tests.anchor_cases import random_public
 from tests.models import blobs, camera, gaussians, tilted_camera
 from tests.surface_cases import DEVIATION, RADIUS, around, ball, populated

@@ -12,7 +12,7 @@ import numpy as np
 from gspure.attacks.attack import Attack, Attacked, Rng, require
 from gspure.errors import InputError
 from gspure.model.gaussians import COLOUR, Gaussians
-from gspure.opencl.morton import morton_order
+from gspure.opencl.storage import morton_order
 from gspure.public_model import Columns
 
 CODEC: Final = "compressed_ply"

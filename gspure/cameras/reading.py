@@ -1,13 +1,16 @@
-"""Reading of cameras in all formats, which are recognized by the content of the path."""
+"""Reading of cameras in all formats, recognized by the content of the path, and of rigid transforms."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from gspure.artifacts import read_json
+import numpy as np
+
+from gspure.artifacts import load_array, read_json
 from gspure.cameras import inria, nerfstudio
-from gspure.cameras.camera import Camera
+from gspure.cameras.camera import Camera, Float64
 from gspure.cameras.colmap import find_sparse, read_colmap
+from gspure.cameras.entry import Entry
 from gspure.errors import InputError
 
 _IN_FOLDER = ("cameras.json", "transforms.json", "transforms_train.json")
@@ -49,3 +52,21 @@ def camera_file(folder: Path) -> Path:
             return folder / name
     expected = f"a COLMAP sparse model, {', '.join(_IN_FOLDER[:-1])} or {_IN_FOLDER[-1]}"
     raise InputError(folder, "folder", expected=expected, found="none of them")
+
+
+def read_transform(path: Path) -> Float64:
+    """Read the rigid transform [4,4] of ``gspure attack --transform``.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or the matrix is not rigid.
+
+    """
+    matrix = load_array(path, dtype=np.float64, shape=(4, 4))
+    entry = Entry(path, "", {"array": matrix.tolist()})
+    transform = entry.array("array", (4, 4))
+    entry.rotation("array", transform[:3, :3])
+    if transform[3].tolist() != [0, 0, 0, 1]:
+        raise entry.refusal("array", expected="0 0 0 1 in the last row", found=" ".join(map(str, transform[3])))
+    return transform

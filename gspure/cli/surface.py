@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.attacks.pruning import TOLERANCE
     from gspure.errors import InputError
     from gspure.model import read_model
-    from gspure.surface.depths import depth_distances
+    from gspure.surface.distances import depth_distances
 
     public = read_public(args)
     method = args.method or _default_method(public)
@@ -79,8 +79,8 @@ def _default_method(public: PublicModel) -> str:
 def _from_mesh(args: argparse.Namespace, public: PublicModel, views: Sequence[Camera], device: Device) -> Float32:
     """Return the distances from the mesh, and write it if ``--mesh`` is set."""
     from gspure.errors import InputError
-    from gspure.model.mesh import write_mesh_ply
-    from gspure.surface.distance import mesh_distances
+    from gspure.model.points import write_mesh_ply
+    from gspure.surface.distances import mesh_distances
     from gspure.surface.filter import filtered
     from gspure.surface.meshing import extract_mesh
 

@@ -13,7 +13,7 @@ from gspure.cameras.camera import Camera
 from gspure.cameras.projection import points_shown
 from gspure.constants import ALPHA_MIN
 from gspure.model.gaussians import Gaussians
-from gspure.surface.axes import principal_axes
+from gspure.model.rotations import principal_axes
 
 
 @dataclass(frozen=True)

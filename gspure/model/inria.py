@@ -13,7 +13,7 @@ import ast
 from pathlib import Path
 
 from gspure.errors import InputError, reading
-from gspure.model.compressed import refuse_compressed
+from gspure.model.vertices import refuse_compressed
 
 Argument = str | float | bool | int | None
 

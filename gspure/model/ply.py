@@ -15,9 +15,8 @@ from plyfile import PlyData, PlyElement
 from gspure.artifacts import replacing
 from gspure.constants import MAX_SH_DEGREE
 from gspure.errors import InputError
-from gspure.model.compressed import refuse_compressed
 from gspure.model.gaussians import COLOUR, CORE, Gaussians, columns_named, sh_columns
-from gspure.model.vertices import Vertices
+from gspure.model.vertices import Vertices, refuse_compressed
 
 
 def read_ply(path: Path) -> Gaussians:

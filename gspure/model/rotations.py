@@ -1,4 +1,4 @@
-"""Rotation matrices of quaternions."""
+"""Rotation matrices of quaternions, and principal axes of Gaussians."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gspure.model.gaussians import Gaussians
 
 
 def rotation_matrices(quats: NDArray[Any]) -> NDArray[np.float64]:
@@ -18,3 +20,13 @@ def rotation_matrices(quats: NDArray[Any]) -> NDArray[np.float64]:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.array(rows).transpose(2, 0, 1)
+
+
+def principal_axes(model: Gaussians) -> NDArray[np.float64]:
+    """Return each Gaussian's axes, one standard deviation long: [K,3 axes,3]; NaN for a zero quaternion."""
+    quats = model.quats.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        w, xyz = np.split(quats / np.linalg.norm(quats, axis=1, keepdims=True), [1], axis=1)
+        axes = model.scales[:, :, None] * np.eye(3)
+        turned = 2 * np.cross(xyz[:, None], axes)  # a unit quaternion (w, u) turns v into v + w t + u x t, t = 2 u x v
+        return np.asarray(axes + w[:, None] * turned + np.cross(xyz[:, None], turned))

@@ -1,4 +1,7 @@
-"""The element ``vertex`` of a PLY, with one row per Gaussian or point; its header is checked before it is read."""
+"""The element ``vertex`` of a PLY, with one row per Gaussian or point; its header is checked before it is read.
+
+Models in compressed formats are recognized, but not read.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,14 @@ from plyfile import PlyData, PlyElement, PlyListProperty
 
 from gspure.artifacts import verify
 from gspure.errors import InputError, reading
-from gspure.model.compressed import CONVERT
 
 _HEADER_LIMIT: Final = 1 << 20
 """Largest header in bytes; the search for its end stops there."""
+
+_CONVERT: Final = "convert it to a plain 3DGS .ply first, for example with PlayCanvas' splat-transform"
+
+_SUFFIXES: Final = (".spz", ".sog", ".splat", ".ksplat")
+_SOG_INDICES: Final = {"meta.json": "an unpacked SOG model", "lod-meta.json": "a streamed SOG model"}
 
 
 @dataclass(frozen=True)
@@ -54,7 +61,7 @@ class Vertices:
             header = PlyData._parse_header(head)  # noqa: SLF001
         names = [element.name for element in header.elements]
         if "vertex" in names and "packed_position" in header["vertex"]:
-            raise InputError(path, "format", expected=content, found="a compressed .ply", hint=CONVERT)
+            raise InputError(path, "format", expected=content, found="a compressed .ply", hint=_CONVERT)
         if names[:1] != ["vertex"]:
             raise InputError(path, "element vertex", expected="to come first", found=", ".join(names) or "no element")
         if header["vertex"].count < 0:
@@ -134,3 +141,20 @@ class Vertices:
         expected = self.offset + sum(count * dtype.itemsize for count, dtype in stored)
         if (size := self.path.stat().st_size) != expected:
             raise InputError(self.path, "file", expected=f"{expected} bytes", found=f"{size} bytes")
+
+
+def refuse_compressed(path: Path) -> None:
+    """Refuse a file or folder whose name is that of a model in a compressed format.
+
+    Raises
+    ------
+    InputError
+        With the format and how to convert it.
+
+    """
+    compressed = f"a {path.suffix} file" if path.suffix.lower() in _SUFFIXES else None
+    for index, title in _SOG_INDICES.items():
+        if path.name == index or (path / index).is_file():
+            compressed = title
+    if compressed:
+        raise InputError(path, "format", expected="a 3DGS .ply", found=compressed, hint=_CONVERT)

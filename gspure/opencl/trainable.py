@@ -18,9 +18,8 @@ from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import DeviceGradients, by_row
 from gspure.opencl.losses import Photograph, upload_photographs
-from gspure.opencl.morton import morton_order
 from gspure.opencl.passes import Rendered, backward, forward
-from gspure.opencl.storage import Storage, upload_attributes
+from gspure.opencl.storage import Storage, morton_order, upload_attributes
 
 Float32 = NDArray[np.float32]
 SSIM_WEIGHT = 0.2

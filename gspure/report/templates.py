@@ -1,20 +1,26 @@
-"""The texts of the report: Jinja templates, in which every sentence stands."""
+"""The texts of the report: Jinja templates, in which every sentence stands, and their filters."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, model_name
-from gspure.report import phrases, table
+from gspure.evaluation.statistics import Interval
+from gspure.evaluation.survival import Survival
+from gspure.report import table
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 FOLDER: Final = Path(__file__).parent / "templates"
 TEMPLATES: Final = sorted(FOLDER.iterdir())
+
+_NAMED: Final = 12
+"""How many things a sentence lists."""
 
 
 def render(template: str, **facts: Any) -> str:
@@ -45,6 +51,54 @@ def _environment() -> Environment:
         "psnr": METRICS["psnr"].text,
         "signed": table.signed,
         "percent": lambda value: table.share(value).text,
-        **{phrase.__name__: phrase for phrase in phrases.PHRASES},
+        **{phrase.__name__: phrase for phrase in PHRASES},
     }
     return environment
+
+
+def plural(count: int, noun: str) -> str:
+    """Return a count with its noun."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names with commas and "and"; of very many, the first."""
+    every = list(names)
+    rest = len(every) - _NAMED
+    shown = [*every[:_NAMED], f"{rest} more"] if rest > 0 else every
+    between, last = ("; ", "; and ") if any("," in name for name in shown) else (", ", " and ")
+    return last.join([between.join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+
+
+def sentence_case(text: str) -> str:
+    """Return text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
+
+
+def tenths(value: float) -> str:
+    """Return a number with one decimal and a true minus sign."""
+    return f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−")
+
+
+def db(value: Interval) -> str:
+    """Return a mean in dB with its spread; a single scene has none."""
+    spread = f" ({tenths(value.low)} to {tenths(value.high)})" if value.scenes > 1 else ""
+    return f"{tenths(value.mean)} dB{spread}"
+
+
+def size(value: Interval) -> str:
+    """Return how large a difference is, whatever its sign."""
+    mirrored = value._replace(mean=-value.mean, low=-value.high, high=-value.low)
+    return db(value if value.mean >= 0 else mirrored)
+
+
+def cost(row: Survival) -> str:
+    """Return an attack with its change of the message's and the scene's PSNR."""
+    drops = {"message": row.message_drop, "scene": row.scene_drop}
+    known = [f"{name} {tenths(-drop.mean)} dB" for name, drop in drops.items() if drop]
+    scenes = f"; {row.survived} of {row.present} scenes" if row.present and row.survives is None else ""
+    return f"{display_name(row.variant)} ({', '.join(known) or 'drops unknown'}{scenes})"
+
+
+PHRASES: Final = (plural, listed, sentence_case, tenths, db, size, cost)
+"""Those that templates know as filters."""

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from gspure.scenes.lighting import LitScene, bake
 from gspure.scenes.placement import PLACEMENTS, Placement
 from gspure.scenes.procedural import Interior, Landscape
-from gspure.scenes.room import room
 from gspure.scenes.scene import Scene
-from gspure.scenes.vault import vault
+from gspure.scenes.stages import room, vault
 
 BuildScene = Callable[[Placement], Scene]
 

@@ -1,9 +1,9 @@
-"""The level set of the opacity field as a mesh (Yu et al. 2024, Gaussian Opacity Fields), without retraining."""
+"""The opacity field O(x) of a model, and its level set as a mesh (Yu et al. 2024, Gaussian Opacity Fields)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,19 +11,23 @@ from numpy.typing import NDArray
 from gspure.cameras import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
-from gspure.model.mesh import Mesh
+from gspure.model.points import Mesh
 from gspure.opencl.device import Device
 from gspure.progress import say, track
 from gspure.renderer import Renderer
-from gspure.surface.field import LEVEL, opacity_field
-from gspure.surface.marching import march
-from gspure.surface.tetrahedra import box_points, shown, tetrahedra
+from gspure.surface.tetrahedra import box_points, march, shown, tetrahedra
 
 OPAQUE: Final = 0.1
 """Least opacity of the Gaussians that define tetrahedra (an option of GOF); all Gaussians define the field."""
 
 HALVINGS: Final = 8
 """Steps of bisection along each edge that the surface crosses (GOF)."""
+
+LEVEL: Final = 0.5
+"""Opacity of the surface (GOF)."""
+
+_CHUNK = 1 << 20
+"""Points per evaluation."""
 
 
 def opaque(model: Gaussians) -> NDArray[np.bool_]:
@@ -65,3 +69,27 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
         inside = (opacity_field(renderer, cameras, middle, outside=LEVEL) >= LEVEL)[:, None]
         inner, outer = np.where(inside, middle, inner), np.where(inside, outer, middle)
     return Mesh((inner + outer) / 2, faces)
+
+
+def opacity_field(
+    renderer: Renderer, cameras: Iterable[Camera], points: NDArray[Any], *, outside: float = 0.0
+) -> NDArray[np.float32]:
+    """Return O [P], the minimum over the views of the opacity of the world `points` [P,3]; 1 if no view shows them.
+
+    Parameters
+    ----------
+    renderer : Renderer
+        Of the model, energy "ray".
+    cameras : iterable of Camera
+    points : array [P,3]
+    outside : float
+        Points below this are not evaluated in further views, so values below it are upper bounds.
+
+    """
+    field = np.ones(len(points), np.float32)
+    for camera in cameras:
+        inside = np.flatnonzero(field >= outside)
+        for begin in range(0, len(inside), _CHUNK):
+            rows = inside[begin : begin + _CHUNK]
+            field[rows] = np.minimum(field[rows], renderer.opacities_at(camera, points[rows]))
+    return field

@@ -1,9 +1,9 @@
-"""Points around Gaussians, and the tetrahedra between them (Yu et al. 2024, Gaussian Opacity Fields)."""
+"""Tetrahedra between points around Gaussians (Yu et al. 2024, Gaussian Opacity Fields), and the surface in them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
+from itertools import permutations, product
 from typing import Final
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gspure.cameras import Camera
 from gspure.cameras.projection import points_shown
 from gspure.model import Gaussians
-from gspure.surface.axes import principal_axes
+from gspure.model.rotations import principal_axes
 
 REACH: Final = 3.0
 """Half side of the box around a Gaussian, in standard deviations (GOF)."""
@@ -40,3 +40,61 @@ def tetrahedra(points: NDArray[np.float64]) -> NDArray[np.intp]:
     from scipy.spatial import Delaunay
 
     return np.asarray(Delaunay(points).simplices, np.intp)
+
+
+Indices = NDArray[np.intp]
+Triangle = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+"""Three crossed edges, each by its two corners."""
+
+
+def _triangles(case: int) -> list[Triangle]:
+    """Return the triangles in a tetrahedron of positive volume whose corner i is inside if bit i of `case` is set.
+
+    They are anticlockwise as seen from outside.
+    """
+    even = [p for p in permutations(range(4)) if sum(p[i] > p[j] for i in range(4) for j in range(i + 1, 4)) % 2 == 0]
+    inside = [i for i in range(4) if case >> i & 1]
+    if len(inside) == 2:
+        a, b, c, d = next(p for p in even if sorted(p[:2]) == inside)
+        return [((a, c), (a, d), (b, d)), ((a, c), (b, d), (b, c))]
+    lone = inside if len(inside) == 1 else [i for i in range(4) if i not in inside]
+    a, b, c, d = next(p for p in even if [p[0]] == lone)
+    return [((a, b), (a, c), (a, d)) if len(inside) == 1 else ((a, b), (a, d), (a, c))]
+
+
+_TRIANGLES: Final = {case: np.array(_triangles(case)) for case in range(1, 15)}
+
+
+def march(points: NDArray[np.float64], tetrahedra: Indices, inside: NDArray[np.bool_]) -> tuple[Indices, Indices]:
+    """Return the edges that the surface crosses, and its triangles.
+
+    Parameters
+    ----------
+    points : array [P,3]
+    tetrahedra : array [T,4]
+        A partition of a convex region, of either orientation.
+    inside : array [P]
+
+    Returns
+    -------
+    edges : array [V,2]
+        Pairs of a point inside and one outside. The mesh has a vertex on each edge.
+    faces : array [F,3]
+        Anticlockwise as seen from outside. Within the region, every edge of a face belongs to exactly two.
+
+    """
+    cases = inside[tetrahedra] @ (1 << np.arange(4))
+    crossed = np.flatnonzero((cases > 0) & (cases < 15))
+    cases, tetrahedra = cases[crossed], tetrahedra[crossed]
+    a, b, c, d = points[tetrahedra].transpose(1, 0, 2)
+    inverted = np.einsum("ti,ti->t", np.cross(b - a, c - a), d - a) < 0
+    corners = []
+    for case, triangles in _TRIANGLES.items():
+        of_case = cases == case
+        edges = tetrahedra[of_case][:, triangles]
+        edges[inverted[of_case]] = edges[inverted[of_case]][:, :, ::-1]
+        corners.append(edges.reshape(-1, 3, 2))
+    ends = np.concatenate(corners)
+    ends = np.where(inside[ends[..., :1]], ends, ends[..., ::-1])
+    keys, faces = np.unique(ends @ np.array([len(points), 1]), return_inverse=True)
+    return np.stack(np.divmod(keys, len(points)), axis=1), faces.reshape(-1, 3)

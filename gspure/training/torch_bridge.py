@@ -22,9 +22,8 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import by_row
-from gspure.opencl.morton import morton_order
 from gspure.opencl.passes import backward, forward
-from gspure.opencl.storage import Storage, upload_attributes
+from gspure.opencl.storage import Storage, morton_order, upload_attributes
 from gspure.training.pytorch import torch
 
 Float32 = NDArray[np.float32]

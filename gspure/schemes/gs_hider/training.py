@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import RenderView
-from gspure.schemes.gs_hider.branch import Branch
-from gspure.schemes.gs_hider.decoder import decoded, untrained
+from gspure.schemes.gs_hider.decoder import Decoder, decoded, untrained
 from gspure.schemes.gs_hider.field import Field
-from gspure.schemes.pair import Pair
+from gspure.schemes.gs_hider.loss import differentiated
+from gspure.schemes.pair import Capture, Pair
 from gspure.training.pytorch import single_threaded, torch
 from gspure.training.schedule import Schedule
 from gspure.training.trainer import densified
@@ -108,3 +108,17 @@ class Training:
                 max_gaussians=self._max_gaussians,
             )
         )
+
+
+class Branch:
+    """A decoder of the shared feature map, with its views and photographs and the weight of its loss."""
+
+    def __init__(self, decoder: Decoder, capture: Capture, weight: float) -> None:
+        self.decoder = decoder
+        self.views = capture.views
+        self._images = capture.images
+        self._weight = weight
+
+    def differentiate(self, feature_map: Float32, view: int) -> tuple[float, Float32]:
+        """Return the loss of a view and its gradient of the feature map; the decoder stores its own gradients."""
+        return differentiated(self.decoder, feature_map, self._images[view], self._weight)

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import ADAM_EPSILON
 from gspure.opencl.device import Device
+from gspure.opencl.engine import Engine
+from gspure.opencl.losses import upload_photographs
+from gspure.opencl.trainable import SSIM_WEIGHT
 from gspure.schemes.secure_gs.anchors import Anchors
 from gspure.schemes.secure_gs.growing import joined
 from gspure.schemes.secure_gs.networks import Networks
 from gspure.schemes.secure_gs.neural import Neural, neural
-from gspure.schemes.secure_gs.photographs import Photographs
 from gspure.training.pytorch import torch
 from gspure.training.torch_bridge import TorchRenderer
 
@@ -139,3 +141,17 @@ class Learner:
 
 def _leaf(array: Float32) -> torch.Tensor:
     return torch.from_numpy(np.array(array, np.float32)).requires_grad_()
+
+
+class Photographs:
+    """Photographs [H,W,3] of the training views, uploaded once."""
+
+    def __init__(self, images: Sequence[Float32], device: Device) -> None:
+        self._engine = Engine(device.cl_device)
+        self._photographs = upload_photographs(self._engine, images)
+
+    def compare(self, number: int, image: Float32) -> tuple[float, Float32]:
+        """Return 0.8 L1 + 0.2 (1 - SSIM) between `image` and a photograph, and its gradient [H,W,3]."""
+        on_device = self._engine.buffers.image.holding(image)
+        loss, gradient = self._photographs[number].compare(on_device, SSIM_WEIGHT)
+        return loss, self._engine.read(gradient, image.shape, np.float32)

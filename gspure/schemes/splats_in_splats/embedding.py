@@ -14,7 +14,7 @@ import numpy as np
 
 from gspure.model.activations import LEAST_OPACITY, logit, sigmoid
 from gspure.opencl.device import Device, choose_device
-from gspure.opencl.morton import morton_order
+from gspure.opencl.storage import morton_order
 from gspure.opencl.trainable import Parameters
 from gspure.progress import say
 from gspure.public_model import PublicModel

@@ -1,4 +1,4 @@
-"""Distances of rows from the visible surface, by median depth; for rows that are not Gaussians, too."""
+"""Distances from the visible surface: of rows by median depth, and of Gaussians from a mesh."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from numpy.typing import NDArray
 
 from gspure.cameras import Camera
 from gspure.cameras.projection import points_shown
+from gspure.model import Gaussians
+from gspure.model.points import Mesh
+from gspure.model.rotations import principal_axes
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import track
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
-from gspure.surface.axes import principal_axes
 
 INVISIBLE: Final = np.finfo(np.float32).max
 """Distance of rows that no view shows; files hold no infinities."""
+
+SPLITS: Final = 8
+"""Largest number of parts into which a side of a face is divided. Ours."""
 
 
 def depth_distances(
@@ -43,3 +48,27 @@ def depth_distances(
             distances = np.abs(positions[:, 2] - surface) / deviations[visible]
         np.minimum.at(nearest, rows[visible], np.fmin(distances, INVISIBLE))
     return nearest
+
+
+def mesh_distances(model: Gaussians, mesh: Mesh) -> NDArray[np.float32]:
+    """Return the distance [K] of each centre from the mesh, in units of the Gaussian's largest scale."""
+    from scipy.spatial import KDTree
+
+    distances, _ = KDTree(face_points(mesh)).query(model.means)
+    return np.asarray(distances / model.scales.max(axis=1), np.float32)
+
+
+def face_points(mesh: Mesh) -> NDArray[np.float64]:
+    """Return points on all faces, corners included, with a spacing of at most the median of the longest sides.
+
+    Faces larger than `SPLITS` times that size have a larger spacing.
+    """
+    corners = mesh.corners
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    parts = np.ceil(longest / max(np.median(longest), np.finfo(np.float64).tiny)).clip(1, SPLITS)
+    points = []
+    for count in range(1, SPLITS + 1):
+        i, j = np.indices((count + 1, count + 1)).reshape(2, -1)
+        grid = np.stack([i, j, count - i - j], axis=1)[i + j <= count] / count
+        points.append(np.einsum("gc,fcx->fgx", grid, corners[parts == count]).reshape(-1, 3))
+    return np.concatenate(points)

@@ -1,12 +1,15 @@
-"""The message of the demo: a dark vault with a greeting in block letters and a pyramid of golden balls."""
+"""The scenes of the demo: a warm studio, and a blue vault as its message."""
 
 from __future__ import annotations
 
 from gspure.scenes.placement import Placement
-from gspure.scenes.room import BLOCK_CENTRE, BLOCK_SIZE, BLOCK_YAW
 from gspure.scenes.scene import Lamp, Scene
 from gspure.scenes.solids import Box, Sphere
-from gspure.scenes.textures import checker, plain, stripes
+from gspure.scenes.textures import banded, checker, inlaid, plain, rings, stripes
+
+BLOCK_CENTRE = (-1.55, 1.3, 0.75)
+BLOCK_SIZE = (0.8, 0.8, 1.5)
+BLOCK_YAW = 0.35
 
 _CELL = 0.16
 """Width of a letter's stroke, metres; letters are 3 strokes wide and 5 high."""
@@ -18,6 +21,35 @@ _STROKES = {
     "O": ((0, 0, 1, 5), (1, 4, 1, 1), (1, 0, 1, 1), (2, 0, 1, 5)),
 }
 """Blocks of each letter: column, row (upwards), columns, rows."""
+
+
+def room(placement: Placement) -> Scene:
+    """Return the studio: cream walls, a tiled floor, a rug, a table, coloured boxes and balls."""
+    z = placement.floor
+    walls = banded("#c4764e", "#f3e3c6", 1.0)
+    tiles = checker("#e3cba2", "#a9744f", 0.6)
+    wood = (plain("#8a5a3a"),)
+    return Scene(
+        solids=(
+            placement.room(
+                walls=walls,
+                back=inlaid(walls, rings("#d9a441", "#20506b", 0.16), centre=(3.0, 2.05), size=(1.5, 1.1)),
+                floor=inlaid(tiles, stripes("#2f5d73", "#f0e4cf", 0.3, along=0), centre=(3.1, 2.9), size=(3.0, 2.1)),
+            ),
+            Box(BLOCK_CENTRE, BLOCK_SIZE, (plain("#b8382f"),), yaw=BLOCK_YAW),
+            Box((-0.55, 1.7, z + 0.4), (0.8, 0.8, 0.8), (plain("#e0a92e"),), yaw=-0.2),
+            Box((-0.6, 1.7, z + 1.05), (0.5, 0.5, 0.5), (checker("#2d7f73", "#e8dcc0", 0.25),), yaw=0.4),
+            Box((1.3, 1.3, z + 0.68), (1.5, 0.9, 0.08), wood),
+            *(Box((1.3 + x, 1.3 + y, z + 0.32), (0.1, 0.1, 0.64), wood) for x in (-0.62, 0.62) for y in (-0.32, 0.32)),
+            Sphere((1.0, 1.25, z + 0.97), 0.25, (stripes("#d9502e", "#f2e6cc", 0.16, along=1),)),
+            Sphere((1.65, 1.35, z + 0.9), 0.18, (plain("#3b7fa6"),)),
+            Sphere((0.15, 0.2, z + 0.37), 0.37, (plain("#2f6fa8"),)),
+            Sphere((0.85, -0.3, z + 0.22), 0.22, (plain("#e58a3c"),)),
+            Sphere((-0.85, 0.05, z + 0.26), 0.26, (plain("#f0ead8"),)),
+        ),
+        lamp=Lamp((-1.5, -1.9, 4.3), 1.1, (104.0, 92.0, 74.0)),
+        sky=(0.45, 0.45, 0.5),
+    )
 
 
 def vault(placement: Placement) -> Scene:
