@@ -167,7 +167,7 @@ def test_every_stage_of_the_workflow_goes_on(folder: Path, capsys) -> None:
         if command[0] == "contributions":
             assert "suspicious rows" in capsys.readouterr().err
     assert purify(folder) == 0
-    assert read_json(folder / "d.json") == read_json(folder / "out" / "diagnosis.json")
+    assert read_json(folder / "d.json").items() <= read_json(folder / "out" / "diagnosis.json").items()
     for name, stage in (("weights.npy", "w.npy"), ("prune_mask.npy", "p.npy")):
         np.testing.assert_array_equal(np.load(folder / "out" / name), np.load(at[stage]))
 

@@ -161,15 +161,16 @@ def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: 
     assert rows[3].psnr == pytest.approx(psnr(one, other), abs=1e-6)
     assert rows[3].values["ssim"] == pytest.approx(ssim(one, other), abs=1e-8)
     assert read_json(tmp_path / "metrics.csv.json")["inputs"].keys() == {str(p) for p in tmp_path.rglob("*.png")}
-    last = capsys.readouterr().out.splitlines()[-1].split()
-    assert last[0] == "scene/mean"
-    assert float(last[1]) == pytest.approx(np.mean([row.psnr for row in rows[2:]]), abs=1e-3)
+    printed = [line.split() for line in capsys.readouterr().out.splitlines()]
+    (mean,) = [words for words in printed if words[0] == "scene/mean"]
+    assert float(mean[1]) == pytest.approx(np.mean([row.psnr for row in rows[2:]]), abs=1e-3)
 
 
 def test_flat_folders_are_compared_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a, b = folders(tmp_path, "")
     assert main(["metrics", str(a), str(b)]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["view", "001", "002", "mean"]
+    rows = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert rows == ["view", "001", "002", "mean", "worst:"]
 
 
 def test_a_reference_may_hold_more_views_which_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -228,6 +229,19 @@ def test_the_printed_metrics_count_the_identical_views_that_a_mean_leaves_out() 
     (line,) = [line for line in as_text([*views, *alike]) if "identical" in line]
     assert line.startswith("scene: 2 of 3 views")
     assert not any("identical" in line for line in as_text(views[1:2]))
+
+
+def test_a_view_far_below_the_mean_is_named_in_a_warning() -> None:
+    hidden = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate((49.0, 27.2, 30.8))]
+    even = [measured("message", psnr, view=str(i)) for i, psnr in enumerate((35.8, 39.5, 30.5))]
+    lines = as_text([*hidden, *even])
+    assert [line.split()[:3] for line in lines if "worst" in line] == [
+        ["message/worst:", "2", "30.5000"],
+        ["scene/worst:", "1", "27.2000"],
+    ]
+    (warning,) = [line for line in lines if line.startswith("warning: ")]
+    assert "scene/1" in warning
+    assert "8.5 dB" in warning
 
 
 HEADER = f"target,view,reference,{','.join(METRICS)}\n"

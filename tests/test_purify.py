@@ -329,6 +329,19 @@ def test_the_views_are_among_the_results_and_replace_no_other_file(tmp_path: Pat
     assert (out / "cameras.json").read_bytes() == before
 
 
+def test_the_worst_view_is_in_the_diagnosis_with_a_warning_if_it_is_far_below_the_mean(
+    tmp_path: Path, command: list[str], monkeypatch
+) -> None:
+    monkeypatch.setattr("gspure.evaluation.comparison.FAR_BELOW", -1.0)
+    assert main(command) == 0
+    rows = read_metrics(tmp_path / "out" / "metrics.csv")
+    low = min(rows, key=lambda row: row.psnr)
+    diagnosis = read_json(tmp_path / "out" / "diagnosis.json")
+    mean = np.mean([row.psnr for row in rows])
+    assert diagnosis["psnr"] == pytest.approx({"mean": mean, "worst": low.psnr, "worst_view": low.view})
+    assert any(low.view in warning for warning in diagnosis["warnings"])
+
+
 def test_renders_of_other_views_in_the_folder_are_refused_before_anything_is_computed(
     tmp_path: Path, command: list[str], monkeypatch, capsys
 ) -> None:

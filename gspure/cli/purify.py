@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from gspure.errors import InputError
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
+    from gspure.evaluation.comparison import ViewMetrics
     from gspure.method.purify import Purification
     from gspure.model import Gaussians
     from gspure.opencl.device import Device
@@ -33,7 +35,7 @@ files in DIR:
   labels.npy         int32 [K]     its cluster; -1 is noise
   prune_mask.npy     bool [K]      true where the row was removed
   cameras.json       the views
-  diagnosis.json     diagnosis of the clustering, with warnings; suspicious rows by reason
+  diagnosis.json     diagnosis of clustering and renders, with warnings; suspicious rows by reason
   renders/           held-out views before and after
   metrics.csv        metrics of the renders after pruning, against those before
   figures/           clusters, weights, kept and pruned rows, before and after; a failed figure is only a warning
@@ -63,9 +65,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
-    from gspure.artifacts import filling, write_provenance
+    from gspure.artifacts import filling, write_json, write_provenance
     from gspure.cameras import scaled, split, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
+    from gspure.evaluation.comparison import as_text
     from gspure.images import require_no_other_images
     from gspure.method.purify import purify
     from gspure.method.subpixel import subpixel_rows
@@ -91,7 +94,7 @@ def run(args: argparse.Namespace) -> None:
     with filling(args.out) as folder:
         purification = purify(public, train or test, device=device, energy=args.energy, **settings)
         purified = public.with_model(purification.model)
-        _write(folder, purified, purification, suspicious.to_json(suspects))
+        _write(folder, purified, purification)
         inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.geometry_digest()
         names = ["purified.ply", "weights.npy", "labels.npy", "prune_mask.npy"]
         if writes_views:
@@ -101,6 +104,8 @@ def run(args: argparse.Namespace) -> None:
             record = {"energy": args.energy, **settings}
             write_provenance(folder / name, inputs=inputs, settings=record, geometry=geometry)
         rows = _compare(folder, (public, purified), test, device, model.background) if public.visible else []
+        diagnosis = purification.diagnosis.to_json() | {"suspicious": suspicious.to_json(suspects)}
+        write_json(folder / "diagnosis.json", _with_psnr(diagnosis, rows))
         _remove_older(args.out)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
@@ -110,7 +115,7 @@ def run(args: argparse.Namespace) -> None:
     gaussian_rays = args.energy == "ray" and Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
     if gaussian_rays and (small := subpixel_rows(model, purification.weights, train or test)):
         print(small.line(len(model), cameras[0].width))
-    print("\n".join([f"results in {args.out}", *rows, *captions]))
+    print("\n".join([f"results in {args.out}", *(as_text(rows) if rows else []), *captions]))
 
 
 def _writes_views(args: argparse.Namespace) -> bool:
@@ -137,21 +142,20 @@ def _choose_factors(args: argparse.Namespace, model: Gaussians) -> None:
             setattr(args, name, value)
 
 
-def _write(folder: Path, purified: PublicModel, purification: Purification, suspects: dict[str, list[int]]) -> None:
-    from gspure.artifacts import save_array, write_json
+def _write(folder: Path, purified: PublicModel, purification: Purification) -> None:
+    from gspure.artifacts import save_array
 
     purified.write(folder / "purified.ply")
     save_array(folder / "weights.npy", purification.weights)
     save_array(folder / "labels.npy", purification.labels)
     save_array(folder / "prune_mask.npy", purification.prune_mask)
-    write_json(folder / "diagnosis.json", {**purification.diagnosis.to_json(), "suspicious": suspects})
 
 
 def _compare(
     folder: Path, assets: Sequence[PublicModel], views: Sequence[Camera], device: Device, background: Sequence[float]
-) -> list[str]:
-    """Render the views before and after, and compare the images as written; return the metrics as text."""
-    from gspure.evaluation.comparison import Pair, as_text, compare, write_metrics
+) -> list[ViewMetrics]:
+    """Render the views before and after, and compare the images as written."""
+    from gspure.evaluation.comparison import Pair, compare, write_metrics
     from gspure.images import record_views, write_image
     from gspure.progress import track
 
@@ -165,7 +169,17 @@ def _compare(
     pairs = [Pair("scene", Path(name).stem, files["unattacked"] / name, files["purified"] / name) for name in names]
     rows = [compare(pair) for pair in track(pairs, "metrics")]
     write_metrics(folder / "metrics.csv", rows)
-    return list(as_text(rows))
+    return rows
+
+
+def _with_psnr(diagnosis: dict[str, Any], rows: Sequence[ViewMetrics]) -> dict[str, Any]:
+    """Add the mean PSNR of the held-out views, and the worst of them with its warning; nothing if all are identical."""
+    from gspure.evaluation.comparison import far_below, means, worst
+
+    for mean, low in zip(means(rows), worst(rows), strict=True):
+        if math.isfinite(low.psnr):
+            diagnosis["psnr"] = {"mean": mean.psnr, "worst": low.psnr, "worst_view": low.view}
+    return diagnosis | {"warnings": diagnosis["warnings"] + far_below(rows)}
 
 
 def _renders(folder: Path) -> dict[str, Path]:

@@ -24,6 +24,10 @@ REFERENCES: Final[tuple[Reference, ...]] = (TRUTH, RENDER)
 """References of comparisons: photographs of the true scene or message, or renders of the unattacked model."""
 
 
+FAR_BELOW: Final = 6.0
+"""dB below the mean PSNR from which on a view is warned of: four times the error. Ours."""
+
+
 class ViewMetrics(NamedTuple):
     """The metrics of one view of one target."""
 
@@ -143,6 +147,22 @@ def finite_mean(values: Iterable[float]) -> float:
     return float(np.mean([value for value in values if np.isfinite(value)] or [np.inf]))
 
 
+def worst(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
+    """Return one row per target: the view of lowest PSNR."""
+    ordered = sorted(rows, key=lambda row: (row.target, row.psnr, row.view))
+    return [next(group) for _, group in groupby(ordered, key=lambda row: row.target)]
+
+
+def far_below(rows: Sequence[ViewMetrics]) -> list[str]:
+    """Return one sentence per target whose worst view is far below the mean, which hides it."""
+    return [
+        f"{_named(low)} has {low.psnr:.1f} dB, {mean.psnr - low.psnr:.1f} dB less than the mean PSNR: "
+        "do the other views show the same surfaces?"
+        for low, mean in zip(worst(rows), means(rows), strict=True)
+        if low.psnr <= mean.psnr - FAR_BELOW
+    ]
+
+
 def identical(rows: Iterable[ViewMetrics]) -> Counter[str]:
     """Return the number of identical views per target: those with infinite PSNR."""
     return Counter(row.target for row in rows if np.isinf(row.psnr))
@@ -169,11 +189,13 @@ def read_metrics(path: Path) -> list[ViewMetrics]:
 
 
 def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
-    """Return aligned lines, with the means of every target and the number of identical views last."""
+    """Return aligned lines: views, then mean and worst view of every target, then remarks."""
+    low = [row._replace(view=f"worst: {row.view}") for row in worst(on_path(rows))]
+    remarks = [f"warning: {sentence}" for sentence in far_below(on_path(rows))]
     same, views = identical(rows), Counter(row.target for row in rows)
     off = [row._replace(view="mean off path") for row in means(off_path(rows))]
-    rows = [*rows, *means(on_path(rows)), *off]
-    names = [row.view if row.target == "." else f"{row.target}/{row.view}" for row in rows]
+    rows = [*rows, *means(on_path(rows)), *low, *off]
+    names = [_named(row) for row in rows]
     width = max(map(len, names))
     lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>10}" for metric in METRICS.values())]
     for name, row in zip(names, rows, strict=True):
@@ -184,7 +206,11 @@ def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
             lines.append(
                 f"{place}{count} of {views[target]} views are identical; the mean PSNR is over those that differ"
             )
-    return lines
+    return lines + remarks
+
+
+def _named(row: ViewMetrics) -> str:
+    return row.view if row.target == "." else f"{row.target}/{row.view}"
 
 
 def _png_files(folder: Path) -> set[Path]:
