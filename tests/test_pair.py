@@ -169,6 +169,20 @@ def test_a_model_with_cameras_is_moved_to_where_the_photographs_look(photographe
     assert all(np.abs(means - point).max(axis=1).min() < 1e-4 for point in xyz)
 
 
+def test_an_interrupted_pair_leaves_an_earlier_one_as_it_was(tmp_path, monkeypatch):
+    out, size = tmp_path / "pair", ("--views", "3", "--width", "16", "--height", "16")
+    assert main(["pair", "room", "vault", "--out", str(out), *size]) == 0
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gspure.model.points.write_point_ply", interrupt)
+    for pair in (out, tmp_path / "other"):
+        assert main(["pair", "interior-1", "vault", "--out", str(pair), *size]) == 130
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [

@@ -175,6 +175,20 @@ def test_the_scheme_works_on_a_pair_by_its_commands(pair_folder, tmp_path):
     assert hidden > shown + 5.0
 
 
+def test_an_interrupted_embedding_leaves_no_model_beside_the_key_of_another(pair_folder, tmp_path, monkeypatch):
+    command = ["embed", "planted", str(pair_folder), "--set", "gaussians=600"]
+    assert main([*command, "--out", str(tmp_path / "marked")]) == 0
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(PlantedKey, "write", interrupt)
+    for out in ("marked", "other"):
+        assert main([*command, "--seed", "1", "--out", str(tmp_path / out)]) == 130
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
 @pytest.mark.parametrize("setting", ["gaussians=9", "message_weight=0.5"])
 def test_a_setting_out_of_range_is_refused_in_one_line(pair_folder, tmp_path, capsys, setting):
     assert main(["embed", "planted", str(pair_folder), "--out", str(tmp_path / "marked"), "--set", setting]) == 2

@@ -42,10 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Embed; write public model and key."""
+    """Embed; write public model and key, both or neither."""
     import time
 
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import filling, write_provenance
     from gspure.cli.options import parsed_settings, read_device
     from gspure.progress import say
     from gspure.schemes.pair import read_pair
@@ -59,13 +59,13 @@ def run(args: argparse.Namespace) -> None:
     say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")
     began = time.monotonic()
     public, key = hide(scheme, pair, seed=args.seed, device=read_device(args), **settings)
-    model = args.out / "public" / "point_cloud.ply"
-    public.write(model)
-    if key is not None:
-        key.write(args.out / "key")
+    model = Path("public", "point_cloud.ply")
     used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
     used |= scheme.settings | settings
-    halves = [*model.parent.iterdir(), *((args.out / "key").iterdir() if key is not None else ())]
-    for path in sorted(path for path in halves if path.suffix != ".json"):
-        write_provenance(path, inputs={"cameras": args.pair / "cameras.json"}, settings=used)
-    say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {model}")
+    with filling(args.out) as folder:
+        public.write(folder / model)
+        if key is not None:
+            key.write(folder / "key")
+        for path in sorted(path for path in folder.glob("*/*") if path.suffix != ".json"):
+            write_provenance(path, inputs={"cameras": args.pair / "cameras.json"}, settings=used)
+    say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")

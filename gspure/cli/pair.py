@@ -92,8 +92,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write the pair."""
-    from gspure.artifacts import write_provenance
+    """Write the pair, all of it or nothing."""
+    from gspure.artifacts import filling, write_provenance
     from gspure.scenes import NAMES, scene_builder
 
     for name, least in _LEAST.items():
@@ -106,10 +106,12 @@ def run(args: argparse.Namespace) -> None:
         expected = f"both of {NAMES}, or both files"
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=f"{args.scene} and {args.message}")
     make = _traced if is_traced[0] else _photographed if args.protocol == "shared" else _photographed_apart
-    settings = {name: str(getattr(args, name)) for name in ("scene", "message", "protocol", "seed")} | make(args)
-    for folder in (args.out, args.out / "message"):
-        for name in ("cameras.json", "points3D.ply"):
-            write_provenance(folder / name, inputs={}, settings=settings)
+    settings = {name: str(getattr(args, name)) for name in ("scene", "message", "protocol", "seed")}
+    with filling(args.out) as args.out:
+        settings |= make(args)
+        for folder in (args.out, args.out / "message"):
+            for name in ("cameras.json", "points3D.ply"):
+                write_provenance(folder / name, inputs={}, settings=settings)
 
 
 def _traced(args: argparse.Namespace) -> dict[str, Any]:
