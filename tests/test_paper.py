@@ -6,6 +6,7 @@ They are references. Nothing here compares our own results with them.
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections import Counter
 
@@ -13,10 +14,19 @@ import numpy as np
 import pytest
 
 from gspure.cli import main
-from gspure.evaluation.paper import Claim, check_claims, find_oddities, read_cells, rms_ratio_of, score_interval
+from gspure.evaluation.paper import (
+    Beside,
+    Claim,
+    beside,
+    check_claims,
+    find_oddities,
+    read_cells,
+    rms_ratio_of,
+    score_interval,
+)
 from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS
 from gspure.evaluation.paper.quantities import ablations, drop, lead, score, score_lead, table_1
-from gspure.evaluation.records import write_records
+from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.survival import Survival, survival
 from tests.contest_cases import benchmark
 
@@ -180,13 +190,36 @@ def test_in_table_1_gspure_alone_harms_the_message_of_gs_hider_far_more_than_the
     assert all(0.9 < ratio < 1.7 for ratio in ratios.values())
 
 
-def test_the_command_prints_our_ratios_beside_those_of_table_1(tmp_path, capsys):
-    outcomes = benchmark({"a": {"gspure": (1.0, 10.0)}}, scheme="gs_hider")
-    ours = survival(outcomes)
+def test_without_results_of_ours_table_1_stands_alone():
+    rows = beside(CELLS)
+    assert [(row.scheme, row.variant) for row in rows] == [(scheme, attack) for scheme in SCHEMES for attack in ATTACKS]
+    checks = {(c.claim.scheme, c.claim.variant): c.recomputed for c in CHECKS if c.claim.quantity == "score"}
+    for row in rows:
+        assert row.paper_score == pytest.approx(checks[row.scheme, row.variant])
+        assert row.paper_score == pytest.approx(row.paper_message_drop - row.paper_scene_drop)
+        assert row.paper_rms_ratio == rms_ratio_of(CELLS, row.scheme, row.variant)
+        assert row.scenes == 0
+        assert math.isnan(row.score)
+
+
+def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):
+    own, shared = (
+        benchmark({s: {"gspure": (1.0, drop)} for s in "ab"}, scheme="gs_hider", protocol=protocol)
+        for protocol, drop in (("own", 12.0), ("shared", 3.0))
+    )
+    ours = survival([*own, *shared, *benchmark({"a": {"gspure": (0.0, 9.0)}}, scheme="planted")])
     write_records(tmp_path / "survival.csv", Survival, ours)
-    assert main(["paper-check", "--survival", str(tmp_path / "survival.csv")]) == 0
-    ratio = next(row.rms_ratio for row in ours if row.variant == "gspure")
-    assert re.search(rf"GS-Hider +\| GSPure +\| +18\.18 \| +{ratio:.2f} \|", capsys.readouterr().out)
+    words = ["--beside", str(tmp_path / "table_1.csv"), "--markdown", str(tmp_path / "table_1.md")]
+    assert main(["paper-check", "--survival", str(tmp_path / "survival.csv"), *words]) == 0
+    rows = {(r.scheme, r.protocol, r.variant): r for r in read_records(tmp_path / "table_1.csv", Beside)}
+    assert len(rows) == 4 * len(ATTACKS)
+    measured = [(r.scenes, r.scene_drop, r.message_drop, r.score) for r in rows.values() if r.scenes]
+    assert measured == [(2, 1.0, 12.0, 11.0), (2, 1.0, 3.0, 2.0)]
+    assert rows["gs_hider", "own", "gspure"].paper_rms_ratio == pytest.approx(18.18, abs=0.005)
+    ratio = next(row.rms_ratio for row in ours if (row.protocol, row.variant) == ("own", "gspure"))
+    line = next(line for line in (tmp_path / "table_1.md").read_text().splitlines() if f" {ratio:.2f} |" in line)
+    assert "| GSPure " in line
+    assert line in capsys.readouterr().out
 
 
 def test_the_command_prints_every_number_and_writes_a_row_for_each(tmp_path, capsys):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,14 +12,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gspure.evaluation.paper import Cell, Check
-    from gspure.evaluation.survival import Survival
     from gspure.report.table import Table
 
 HELP = "compare the paper's printed numbers with those that follow from its tables"
 EXAMPLES = """\
   gspure paper-check
   gspure paper-check --out paper.csv     # one row per number
-  gspure paper-check --survival results/tables/survival.csv
+  gspure paper-check --survival results/tables/survival.csv --beside table_1.csv --markdown table_1.md
 """
 
 TEXTS = ("attack", "follows")
@@ -31,23 +29,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--survival", type=Path, metavar="CSV", help="from `gspure contest`: our results beside the paper's"
     )
+    parser.add_argument("--beside", type=Output, metavar="CSV", help="also write Table 1 beside our results")
+    parser.add_argument("--markdown", type=Output, metavar="MD", help="the same as a readable table")
     parser.add_argument("--out", type=Output, metavar="CSV", help="also write all checks to this table")
 
 
 def run(args: argparse.Namespace) -> None:
     """Write and print every check, then print the other inconsistencies."""
-    from gspure.artifacts import write_text
-    from gspure.evaluation.paper import check_claims, find_oddities, read_cells
+    from gspure.artifacts import write_provenance, write_text
+    from gspure.evaluation.paper import Beside, beside, check_claims, find_oddities, read_cells
     from gspure.evaluation.paper.checks import ROUNDING
-    from gspure.evaluation.records import read_records
+    from gspure.evaluation.records import read_records, write_records
     from gspure.evaluation.survival import Survival
+    from gspure.report.table import markdown_document
+    from gspure.report.tables import beside_table
 
     cells = read_cells()
     checks = check_claims(cells)
     ours = read_records(args.survival, Survival) if args.survival else []
     if args.out:
         write_text(args.out, _all(checks).csv())
-    for table in (_scores(checks, cells), _without_scores(checks), _rms_ratios(cells, ours)):
+    compared = beside(cells, ours)
+    if args.beside:
+        write_records(args.beside, Beside, compared)
+        write_provenance(args.beside, inputs={"survival": args.survival} if args.survival else {}, settings={})
+    if args.markdown:
+        write_text(args.markdown, markdown_document({"The paper": [beside_table(compared)]}))
+    for table in (_scores(checks, cells), _without_scores(checks), beside_table(compared)):
         print(f"{table.title}\n\n{table.markdown()}\n")
     print("Other inconsistencies\n")
     print("\n".join(f"- {sentence}" for sentence in find_oddities(cells)))
@@ -87,30 +95,6 @@ def _without_scores(checks: Sequence[Check]) -> Table:
     ]
     columns = ["place", "printed", "recomputed", "difference", "follows"]
     return _table("Other numbers in dB, recomputed from Table 1", columns, rows)
-
-
-def _rms_ratios(cells: Sequence[Cell], ours: Sequence[Survival]) -> Table:
-    from gspure.evaluation.names import condition_name, display_name
-    from gspure.evaluation.outcomes import MESSAGE, UNATTACKED, Condition, condition_of
-    from gspure.evaluation.paper import rms_ratio_of
-    from gspure.evaluation.paper.cells import ATTACKS, SCHEMES
-    from gspure.report.table import plain
-
-    measured = {(condition_of(row), row.variant): row.rms_ratio for row in ours if row.extraction == MESSAGE}
-    conditions = [condition for condition, variant in measured if variant == UNATTACKED] or map(Condition, SCHEMES)
-    rows = [
-        [
-            condition_name(*condition),
-            display_name(attack),
-            plain(rms_ratio_of(cells, condition.scheme, attack)),
-            plain(measured.get((condition, attack), nan)),
-        ]
-        for condition in conditions
-        if condition.scheme in SCHEMES
-        for attack in ATTACKS
-    ]
-    title = "Root-mean-square damage to the message relative to that of the scene"
-    return _table(title, ["scheme", "attack", "Table 1", "ours"], rows)
 
 
 def _all(checks: Sequence[Check]) -> Table:

@@ -12,6 +12,7 @@ from gspure.evaluation.matched import Matched
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, model_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Condition, Outcome, by_model, condition_of, ordered
+from gspure.evaluation.paper import Beside
 from gspure.evaluation.statistics import Interval
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import MARGIN, Survival
@@ -198,6 +199,22 @@ def summary_table(rows: Sequence[Summary]) -> Table:
             psnr = [metric(value.mean if value else nan) for value in (row.scene, row.message)]
             body.append(Row([*names, scenes, *psnr, interval(row.score), Cell(plain(row.paper_score))], begins=not i))
     return Table("Means over scenes", columns, body, say(NOTES, "summary"))
+
+
+def beside_table(rows: Sequence[Beside]) -> Table:
+    """Return the attacks of the paper's Table 1 beside ours."""
+    quantities = ("scene drop", "message drop", "Score", "RMS ratio")
+    pairs = [Column(source, name) for name in quantities for source in ("paper", "ours")]
+    body = []
+    for condition, group in groupby(rows, key=condition_of):
+        for i, row in enumerate(group):
+            names = [Cell("" if i else condition_name(*condition)), Cell(display_name(row.variant))]
+            paper = (row.paper_scene_drop, row.paper_message_drop, row.paper_score, row.paper_rms_ratio)
+            ours = (row.scene_drop, row.message_drop, row.score, row.rms_ratio)
+            numbers = [Cell(plain(value)) for pair in zip(paper, ours, strict=True) for value in pair]
+            body.append(Row([*names, Cell(str(row.scenes or UNKNOWN)), *numbers], begins=not i))
+    columns = [Column("condition"), Column("attack", text=True), Column("our scenes"), *pairs]
+    return Table("The attacks of Table 1", columns, body, say(NOTES, "beside"))
 
 
 def failures(outcomes: Sequence[Outcome]) -> list[str]:

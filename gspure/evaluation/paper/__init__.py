@@ -4,9 +4,21 @@
 that follow from them. Fig. 5 prints curves without numbers. The numbers are references, never targets.
 """
 
+from gspure.evaluation.paper.beside import Beside, beside
 from gspure.evaluation.paper.cells import Cell, read_cells
 from gspure.evaluation.paper.checks import Check, Claim, check_claims
 from gspure.evaluation.paper.oddities import find_oddities
 from gspure.evaluation.paper.quantities import rms_ratio_of, score_interval
 
-__all__ = ["Cell", "Check", "Claim", "check_claims", "find_oddities", "read_cells", "rms_ratio_of", "score_interval"]
+__all__ = [
+    "Beside",
+    "Cell",
+    "Check",
+    "Claim",
+    "beside",
+    "check_claims",
+    "find_oddities",
+    "read_cells",
+    "rms_ratio_of",
+    "score_interval",
+]

@@ -1,0 +1,83 @@
+"""Tables of docs/results.md follow from the committed tables of runs."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from benchmarks.results import GENERATED, KINDS, PAGE, RUNS, filled
+from gspure.evaluation.matched import Matched, match
+from gspure.evaluation.outcomes import Condition
+from gspure.evaluation.records import write_records
+from gspure.evaluation.summary import Summary, summarize
+from gspure.evaluation.survival import Survival, survival
+from tests.contest_cases import benchmark
+
+OWN, SHARED = (Condition("gs_hider", protocol, "both") for protocol in ("own", "shared"))
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    """A folder with one run: two scenes under each of two conditions."""
+    outcomes = [
+        *benchmark({s: {"gspure": (1.25, 12.5), "x": (2.0, 3.0), "x@2dB": (2.0, 4.0)} for s in "ab"}, **OWN._asdict()),
+        *benchmark({s: {"gspure": (1.75, 2.5)} for s in "cd"}, **SHARED._asdict()),
+    ]
+    write_records(tmp_path / "run" / "survival.csv", Survival, survival(outcomes))
+    write_records(tmp_path / "run" / "summary.csv", Summary, summarize(outcomes))
+    write_records(tmp_path / "run" / "matched.csv", Matched, match(outcomes, {}))
+    return tmp_path
+
+
+def page(kind: str, between: str = "") -> str:
+    return f"# Results\n\n<!-- run: {kind} -->\n{between}<!-- end -->\n\nMore.\n"
+
+
+def rows(text: str) -> list[list[str]]:
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
+
+
+def test_the_tables_of_the_page_are_those_of_the_committed_runs() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert text == filled(text), "python -m benchmarks.results"
+    runs = {match["run"] for match in GENERATED.finditer(text)}
+    assert {folder.name for folder in RUNS.glob("*/")} <= runs
+    assert text.count("<!-- end -->") == len([*GENERATED.finditer(text)])
+    assert text.count("<!--") == 2 * text.count("<!-- end -->")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_edited_number_is_noticed(runs: Path, kind: str) -> None:
+    text = filled(page(kind), runs)
+    assert filled(text, runs) == text
+    assert text.startswith("# Results")
+    assert text.endswith("More.\n")
+    edited = re.sub(r"\d\.\d\d", lambda m: f"{float(m[0]) + 0.01:.2f}", text, count=1)
+    assert edited != text
+    assert filled(edited, runs) == text
+
+
+def test_every_attack_has_its_drops_under_every_condition(runs: Path) -> None:
+    header, _, gspure, x = rows(filled(page("attacks"), runs))
+    assert header == ["attack", "GS-Hider, own poses", "GS-Hider, shared poses"]
+    assert gspure == ["`gspure`", "12.50 / 1.25 (2 of 2)", "2.50 / 1.75 (2 of 2)"]
+    assert x == ["`x`", "3.00 / 2.00 (2 of 2)", "–"]
+
+
+def test_quality_before_attacks_stands_beside_the_controls(runs: Path) -> None:
+    _, _, own, shared = rows(filled(page("before"), runs))
+    assert own[0] == "GS-Hider, own poses"
+    assert [cell.split()[0] for cell in own[1:]] == ["30.00", "–", "28.00", "7.00", "8.00"]
+    assert own[1:] == shared[1:]
+
+
+def test_drops_at_equal_damage_name_the_damage_that_was_reached(runs: Path) -> None:
+    _, _, *body = rows(filled(page("equal"), runs))
+    assert body[0] == ["GS-Hider, own poses", "`gspure`", "≥ 12.50 (12.50 to 12.50) at 1.25 dB"]
+    assert body[2] == ["", "`x@2dB`", "4.00 (4.00 to 4.00)"]
+
+
+def test_the_paper_s_numbers_need_no_run_of_ours(runs: Path) -> None:
+    shutil.rmtree(runs / "run")
+    assert len(rows(filled(page("paper"), runs))) == 2 + 15
