@@ -12,11 +12,11 @@ import numpy as np
 from gspure.opencl.device import Device, list_devices, works
 from gspure.opencl.engine import Style
 from gspure.opencl.frame import ENERGIES
+from gspure.reference.blending import render
+from gspure.reference.gradients import pull_back
 from gspure.renderer import Renderer
 from tests.comparison import may_flip, may_swap, steady_pixels
 from tests.models import AWKWARD, blobs, tilted_camera
-from tests.reference.blending import render
-from tests.reference.gradients import pull_back
 
 CASES = {"blobs": lambda: (blobs(200, 1), tilted_camera())} | {
     name: AWKWARD[name] for name in ("covering", "inside", "grazing", "flakes", "off_screen", "stacked")

@@ -8,9 +8,9 @@ import pytest
 from gspure.attacks import Evidence, find_attack
 from gspure.errors import InputError
 from gspure.model.rotations import rotation_matrices
+from gspure.reference.blending import render
 from tests.attack_cases import KINDS, public
 from tests.models import blobs, camera
-from tests.reference.blending import render
 
 COUNT = 300
 CODECS = ["compressed_ply", "spz"]

@@ -16,10 +16,10 @@ from gspure.cli.options import read_views
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
 from gspure.model.rotations import rotation_matrices
+from gspure.reference.blending import render
+from gspure.reference.spherical_harmonics import sh_basis, sh_colors
 from tests.attack_cases import anchors, changed, features, public, unhurried
 from tests.models import blobs, camera, tilted_camera
-from tests.reference.blending import render
-from tests.reference.spherical_harmonics import sh_basis, sh_colors
 
 COUNT = 20
 angles = st.floats(-400, 400)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE
 from gspure.model.gaussians import Gaussians
-from tests.reference.projection import Rays, pixel_rays, project
+from gspure.reference.projection import Rays, pixel_rays, project
 
 Float64 = NDArray[np.float64]
 

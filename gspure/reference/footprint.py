@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import ALPHA_MIN
-from tests.reference.projection import Rays, Splats
+from gspure.reference.projection import Rays, Splats
 
 Float64 = NDArray[np.float64]
 

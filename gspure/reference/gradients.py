@@ -16,7 +16,7 @@ from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
-from tests.reference.projection import (
+from gspure.reference.projection import (
     Splats,
     bounded_scales,
     clamped_slopes,
@@ -24,7 +24,7 @@ from tests.reference.projection import (
     project,
     projection_jacobians,
 )
-from tests.reference.spherical_harmonics import sh_basis, sh_basis_gradients, sh_colors
+from gspure.reference.spherical_harmonics import sh_basis, sh_basis_gradients, sh_colors
 
 Float64 = NDArray[np.float64]
 

@@ -1,5 +1,0 @@
-"""The renderer's reference: every kernel again in float64 numpy, brute force over pixels x Gaussians.
-
-Written to be read and checked against the papers, not to be fast: sizes up to a few hundred Gaussians and 100 x 80
-pixels. The tests compare the OpenCL kernels with it.
-"""
