@@ -65,6 +65,19 @@ def test_nothing_of_a_folder_appears_when_the_work_fails(tmp_path: Path, there: 
     assert [path.name for path in tmp_path.rglob("*")] == (["deep", "out"] if there else [])
 
 
+def test_a_folder_whose_creation_is_interrupted_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mkdir = Path.mkdir
+
+    def interrupted(folder: Path, *args: object, **settings: object) -> None:
+        mkdir(folder, *args, **settings)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "mkdir", interrupted)
+    with pytest.raises(KeyboardInterrupt), filling(tmp_path / "out"):
+        pass
+    assert not any(tmp_path.iterdir())
+
+
 def test_an_array_is_read_back_under_any_file_name(tmp_path: Path) -> None:
     for name in ("a.npy", "weights", "a.b"):
         save_array(tmp_path / name, np.arange(3.0))

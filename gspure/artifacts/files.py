@@ -68,9 +68,9 @@ def filling(folder: Path) -> Iterator[Path]:
 
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
     temporary = folder / f".{os.getpid()}"
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         with _blaming(folder, temporary):
             temporary.mkdir()
             yield temporary
