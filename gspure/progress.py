@@ -11,15 +11,29 @@ Item = TypeVar("Item")
 
 _SECONDS_BETWEEN_LINES = 10.0
 
+quiet = False
+"""Whether progress is left out; warnings are not."""
+
 
 def say(message: str) -> None:
     """Print one plain line of progress to standard error."""
-    print(message, file=sys.stderr, flush=True)  # noqa: T201
+    if not quiet:
+        print(message, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def warn(message: str) -> None:
+    """Print a warning to standard error."""
+    print(f"warning: {message}", file=sys.stderr, flush=True)  # noqa: T201
+
+
+def shows_bars() -> bool:
+    """Return whether to draw bars, which need a terminal."""
+    return sys.stderr.isatty() and not quiet
 
 
 def track(items: Sequence[Item], label: str) -> Iterator[Item]:
     """Iterate over `items`, showing how far along the work is."""
-    return _bar(items, label) if sys.stderr.isatty() else _lines(items, label)
+    return _bar(items, label) if shows_bars() else _lines(items, label)
 
 
 def _bar(items: Sequence[Item], label: str) -> Iterator[Item]:

@@ -108,6 +108,44 @@ def test_a_wrong_command_line_ends_in_one_line_with_status_2(argv, capsys):
 
 
 @pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("purfy model.ply", "purify"),
+        ("paper_check", "paper-check"),
+        ("render m.ply --camera-s c.json --out x", "--cameras"),
+        ("render m.ply --cameras c.json --otu=x", "--out"),
+        ("figures outcomes --tabel t.csv --asset a/b --out x", "--table"),
+        ("--verison", "--version"),
+    ],
+)
+def test_a_typo_gets_a_suggestion(line, meant, capsys):
+    with pytest.raises(SystemExit) as leaving:
+        main(line.split())
+    assert leaving.value.code == 2
+    assert f"did you mean {meant}?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("line", ["xyzzy", "render m.ply --xyzzy", "figures outcome --table t.csv", "render m.ply"])
+def test_what_resembles_nothing_gets_no_suggestion(line, capsys):
+    with pytest.raises(SystemExit):
+        main(line.split())
+    assert not re.search("did you mean|no option --table", capsys.readouterr().err)
+
+
+def test_quiet_leaves_out_progress_but_no_warning(asset, capsys):
+    rows = read_model(asset / "model.ply")
+    columns = {"x": np.append(rows.table["x"][:-1], np.float32(np.nan))}
+    write_model(asset / "model.ply", rows.with_columns(columns))
+    command = ["render", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json"), "--split", "test"]
+    assert main([*command, "--out", str(asset / "quiet"), "--quiet"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("warning: ")
+    assert main([*command, "--out", str(asset / "loud")]) == 0
+    assert len(capsys.readouterr().err.splitlines()) > 1
+
+
+@pytest.mark.parametrize(
     "argv",
     [
         ["render", "m.ply", "--cameras", "c.json", "--out", ""],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import warnings
 from dataclasses import dataclass, field, replace
 
 import pyopencl as cl
@@ -13,7 +14,7 @@ import pytest
 from gspure.errors import InputError
 from gspure.opencl import device as devices
 from gspure.opencl.device import choose_device, list_devices, matching_devices
-from gspure.opencl.engine import device_identity
+from gspure.opencl.engine import _built, device_identity
 
 CPU, GPU = cl.device_type.CPU, cl.device_type.GPU
 
@@ -170,3 +171,14 @@ def test_the_identity_of_a_device_names_driver_device_and_kernel_style(machine):
         one_identity(POCL, version="OpenCL 3.0 PoCL HSTR: pthread-x86_64-skylake"),
     ]
     assert len({plain, *others}) == 7
+
+
+def test_warnings_of_the_compiler_are_not_shown(monkeypatch) -> None:
+    noisy = "#warning unique " + os.urandom(8).hex() + "\n" + devices._TRIVIAL_KERNEL
+    context = cl.Context([choose_device().cl_device])
+    with pytest.warns(cl.CompilerWarning):
+        cl.Program(context, noisy).build(["-DFACTOR=2.0f"], cache_dir=False)
+    monkeypatch.setattr("gspure.opencl.engine.kernel_source", lambda *names: noisy)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _built(context, (), (("FACTOR", 2),))

@@ -11,7 +11,7 @@ from gspure.attacks.attack import Attacked, Rng, named, require, require_nonnega
 from gspure.attacks.strength import Strength
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
-from gspure.progress import say
+from gspure.progress import warn
 from gspure.public_model import ATTRIBUTES, Columns
 
 Float32 = NDArray[np.float32]
@@ -95,7 +95,7 @@ def _to_half(name: str, values: Float32) -> Float32:
     largest = np.finfo(np.float16).max
     if beyond := np.count_nonzero(np.abs(values) > largest):
         affected = f"{beyond} of {len(values)} rows beyond half precision are set to ±{largest}"
-        say(f"warning: attack quantize: {name}: {affected}")
+        warn(f"attack quantize: {name}: {affected}")
     return np.clip(values, -largest, largest).astype(np.float16).astype(np.float32)
 
 

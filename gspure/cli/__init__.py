@@ -9,14 +9,16 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
-from gspure import __version__
+from gspure import __version__, progress
 from gspure.cli.options import camera_source
 from gspure.cli.outputs import Output, require_distinct
 from gspure.errors import InputError, printable
@@ -63,9 +65,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; bad input gives one line on standard error and exit status 2, an interruption 130."""
     argv = sys.argv[1:] if argv is None else argv
     if not argv or argv[0] not in COMMANDS:
-        _overview().parse_args(argv[:1] or ["--help"])  # exits: help, version, or an error
+        _overview(argv)
     try:
         args = _parser(argv[0]).parse_args(argv[1:])
+        progress.quiet = getattr(args, "quiet", False)
         require_distinct(args)
         return int(args.run(args) or 0)
     except InputError as error:
@@ -95,12 +98,31 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
+        self._words: list[str] = []
         for kind in (None, Path, Output, camera_source):
             self.register("type", kind, partial(_filled, kind or str))
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse all words: those that a parser of figures does not know would be reported by the one around it."""
+        self._words = [*args]
+        parsed, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return parsed, unknown
+
     def error(self, message: str) -> NoReturn:
-        """Print the reason, and exit with status 2."""
+        """Print the reason, and exit with status 2; a misspelt option is the reason why others are missing."""
+        known = self._option_string_actions
+        options = (word.partition("=")[0] for word in self._words if word.startswith("--"))
+        unknown = [option for option in options if not any(name.startswith(option) for name in known)]
+        if unknown and re.search("required|unrecognized", message):
+            message = f"no option {unknown[0]}{_suggestion(unknown[0], known)}"
         self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
+
+
+def _suggestion(word: str, known: Iterable[str]) -> str:
+    near = get_close_matches(word, known, 1)
+    return f", did you mean {near[0]}?" if near else ""
 
 
 def _filled(kind: Callable[[str], Any], text: str) -> Any:
@@ -123,19 +145,21 @@ def _parser(name: str) -> argparse.ArgumentParser:
     return parser
 
 
-def _overview() -> argparse.ArgumentParser:
-    """Return the parser that lists all commands."""
+def _overview(argv: Sequence[str]) -> NoReturn:
+    """Print all commands or the version, or refuse a command line that does not begin with a command; exit."""
     commands = _listed("commands", USER_COMMANDS) + "\n\n" + _listed("jobs of the workflow", JOBS)
     parser = Parser(
         prog="gspure",
-        usage="gspure [-h] [--version] COMMAND ...",
+        usage="gspure [-h] [-V] COMMAND ...",
         description=f"{DESCRIPTION}\n\n{commands}",
         epilog="`gspure COMMAND --help` shows options and examples of one command; `gspure doctor` checks the set-up.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"gspure {__version__}")
-    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help=argparse.SUPPRESS)
-    return parser
+    parser.add_argument("-V", "--version", action="version", version=f"gspure {__version__}")
+    if argv and not argv[0].startswith("-"):
+        parser.error(f"no command {argv[0]!r}{_suggestion(argv[0], COMMANDS)}")
+    parser.parse_args(argv[:1] or ["--help"])
+    parser.error("expected a command")
 
 
 def _listed(title: str, names: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import add_up, camera_source, read_source
+from gspure.cli.options import add_quiet, add_up, camera_source, read_source
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
@@ -58,6 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fov", type=float, dest="fov_degrees", metavar="DEGREES", help="horizontal field of view (default: 50)"
     )
     add_up(views)
+    add_quiet(parser)
 
 
 def run(args: argparse.Namespace) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import add_quiet
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
@@ -36,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--accept-licence", action="store_true", help="you have read the publishers' terms and accept them"
     )
+    add_quiet(parser)
 
 
 def run(args: argparse.Namespace) -> None:

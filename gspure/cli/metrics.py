@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import add_quiet
 from gspure.cli.outputs import Output
 
 HELP = "compare two folders of images: PSNR, SSIM and gradient correlation (GC), per view and mean"
@@ -45,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="compare DIR_A with images of one colour instead of DIR_B: black, or the mean of DIR_A",
     )
     parser.add_argument("--out", type=Output, metavar="CSV", help="also write the metrics of every view to this table")
+    add_quiet(parser)
 
 
 def run(args: argparse.Namespace) -> None:

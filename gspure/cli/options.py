@@ -20,13 +20,19 @@ SPLITS = ("train", "test", "all")
 
 
 def add_device(parser: argparse.ArgumentParser) -> None:
-    """Add ``--device``."""
+    """Add ``--device``, and ``--quiet``, since work on a device shows its progress."""
+    add_quiet(parser)
     parser.add_argument(
         "--device",
         metavar="NAME|INDEX",
         help="OpenCL device, by part of its name or its index in `gspure doctor` (default: $GSPURE_DEVICE, or the "
         "first working device, GPUs before CPUs)",
     )
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Add ``--quiet``."""
+    parser.add_argument("-q", "--quiet", action="store_true", help="print no progress, only results and warnings")
 
 
 def read_device(args: argparse.Namespace) -> Device:

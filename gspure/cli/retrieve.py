@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.cli.options import add_quiet
 from gspure.cli.outputs import Output
 
 HELP = "measure whether extractions are nearest to the right message among candidates"
@@ -32,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--decoys", type=Path, nargs="*", default=[], metavar="DIR", help="photographs of other scenes, as candidates"
     )
     parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per variant and target")
+    add_quiet(parser)
 
 
 def run(args: argparse.Namespace) -> None:

@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.results import write_results
     from gspure.evaluation.summary import Summary, summarize
     from gspure.evaluation.survival import not_embedded
-    from gspure.progress import say
+    from gspure.progress import warn
     from gspure.report.tables import results_markdown, summary_table
 
     truth = [mask for key in args.keys if (mask := key / CARRIERS).is_file()]
@@ -78,8 +78,10 @@ def run(args: argparse.Namespace) -> None:
     write_provenance(args.out, inputs=inputs, settings={"conditions": dict(args.condition)})
     write_text(args.markdown, results_markdown(outcomes))
     for scheme, asset in not_embedded(outcomes):
-        say(f"WARNING: {model_name(scheme, asset)}: nothing is embedded: its message is not above all controls, or not")
-        say("WARNING: retrieved, even without an attack. No attack on it means anything; look at its extraction.")
+        warn(
+            f"{model_name(scheme, asset)}: nothing is embedded: its message is not above all controls, or not "
+            "retrieved, even without an attack. No attack on it means anything; look at its extraction."
+        )
     if args.summary:
         write_records(args.summary, Summary, summarize(outcomes))
         write_provenance(args.summary, inputs={"table": args.out}, settings={})

@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.method.contributions import read_index, read_stage, require_result_of
     from gspure.method.weights import accumulate, evenly_spread, few_in_view, require_in_view
     from gspure.model import read_model
-    from gspure.progress import say
+    from gspure.progress import warn
 
     model = read_model(args.model)
     geometry = model.geometry_digest()
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> None:
     settings = {"reduction": args.reduction, "views": len(stages)}
     write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry)
     for sentence in few_in_view(int(np.count_nonzero(weights)), len(weights)):
-        say(f"warning: {sentence}")
+        warn(f"{sentence}")
 
 
 def add_reduction(parser: argparse.ArgumentParser) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from gspure.progress import say
+from gspure.progress import warn
 
 
 @contextmanager
@@ -17,4 +17,4 @@ def optional(path: Path) -> Iterator[None]:
     except Exception as error:  # noqa: BLE001 - plotting libraries raise many types
         path.unlink(missing_ok=True)
         reason = " ".join(str(error).split()) or type(error).__name__
-        say(f"warning: {path}: not drawn: {reason}")
+        warn(f"{path}: not drawn: {reason}")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.model.suspicious import extent_and_distances
-from gspure.progress import say
+from gspure.progress import warn
 
 COLUMNS = ("x", "y", "z", "opacity", "weight")
 
@@ -106,7 +106,7 @@ def _counted(means: NDArray[np.float64]) -> NDArray[np.bool_] | slice:
     if stretch > _STRETCH_WARNED:
         rows = f"rows beyond {OUTLYING:g} extents: {np.sum(~inner)} of {len(inner)}"
         consequence = ", so they are left out of the standardization" * (stretch > STRETCH)
-        say(f"warning: features: {rows} stretch the positions {stretch:.3g} times{consequence}")
+        warn(f"features: {rows} stretch the positions {stretch:.3g} times{consequence}")
     return inner if stretch > STRETCH else slice(None)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gspure.errors import InputError
 from gspure.model.gaussians import COLOUR, CORE, Gaussians
 from gspure.model.signature import Signature
-from gspure.progress import say
+from gspure.progress import warn
 
 _SCALES: Final = ("scale_0", "scale_1", "scale_2")
 _LARGEST_LOG_SCALE: Final = float(np.log(np.finfo(np.float32).max))
@@ -59,7 +59,7 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
         name = next(iter(undrawable))
         _refuse(model, source, name, undrawable[name])
     total = len(model)
-    say(f"warning: {source}: {len(rows)} of {total} rows are not finite and are not drawn: {listed(rows)}")
+    warn(f"{source}: {len(rows)} of {total} rows are not finite and are not drawn: {listed(rows)}")
     values = {"opacity": model.columns("opacity")[:, 0]} | {name: model.columns(name)[:, 0] for name in undrawable}
     for name, at in undrawable.items():
         values[name][at] = np.median(np.delete(values[name], at))

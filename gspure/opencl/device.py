@@ -7,10 +7,11 @@ import os
 import shutil
 import tempfile
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import pyopencl as cl
@@ -122,14 +123,19 @@ def fault(device: Device, factor: int = 3) -> str | None:
         queue = cl.CommandQueue(context)
         source = cl.Buffer(context, cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR, hostbuf=numbers)
         target = cl.Buffer(context, cl.mem_flags.WRITE_ONLY, size=scaled.nbytes)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", cl.CompilerWarning)
-            program = cl.Program(context, _TRIVIAL_KERNEL).build([f"-DFACTOR={factor}.0f"], cache_dir=False)
+        program = built(context, _TRIVIAL_KERNEL, [f"-DFACTOR={factor}.0f"], cache_dir=False)
         cl.Kernel(program, "scale")(queue, (numbers.size // 16,), None, source, target)
         cl.enqueue_copy(queue, scaled, target)
     except cl.Error as error:
         return _first_line(str(error))
     return None if np.array_equal(scaled, factor * numbers + 1) else "a trivial program gives wrong results"
+
+
+def built(context: cl.Context, source: str, options: Sequence[str], **settings: Any) -> cl.Program:
+    """Build a program; warnings of the driver's compiler are discarded, since some drivers always have some."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cl.CompilerWarning)
+        return cl.Program(context, source).build(list(options), **settings)
 
 
 def works(device: Device) -> bool:

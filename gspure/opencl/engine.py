@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.opencl.buffers import Buffers
-from gspure.opencl.device import Device
+from gspure.opencl.device import Device, built
 from gspure.opencl.program import build_options, kernel_source
 
 Style = Literal["cpu", "gpu"]
@@ -45,7 +45,7 @@ def _context(device: cl.Device) -> cl.Context:
 
 @cache
 def _built(context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[str, int], ...]) -> cl.Program:
-    return cl.Program(context, kernel_source(*sources)).build(options=build_options(dict(defines)))
+    return built(context, kernel_source(*sources), build_options(dict(defines)))
 
 
 class Program:

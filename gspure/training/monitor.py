@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
 
-from gspure.progress import say
+from gspure.progress import say, shows_bars
 
 _SECONDS = {True: 1.0, False: 10.0}
 """Between two reports, on a terminal (True) and in a log (False)."""
@@ -32,7 +31,7 @@ def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], 
         Iterations done before.
 
     """
-    terminal = sys.stderr.isatty()
+    terminal = shows_bars()
     with (_bar if terminal else _lines)(iterations) as show:
         recent: list[float] = []
         last = time.monotonic()
