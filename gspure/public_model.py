@@ -142,7 +142,6 @@ class PublicModel:
             Of the order of views.
         pace : float
             Factor of the learning rates.
-        device : Device, optional
 
         """
         model = self.model

@@ -174,7 +174,6 @@ class Renderer:
 
         Parameters
         ----------
-        camera : Camera
         features : array [K,C], optional
             Blend these instead of the SH colours.
         background : sequence of C floats, optional

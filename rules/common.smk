@@ -12,7 +12,7 @@ from gspure.report.templates import TEMPLATES
 from gspure.workflow.captures import capture_files, content_digest
 from gspure.workflow.decisions import DEFAULT
 from gspure.workflow.models import OWNER, Model, Plan
-from gspure.workflow.options import column_options, options
+from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import pair_arguments, pair_files
 from gspure.workflow.sources import code_digest
 from gspure.workflow.variants import Decision, Variant

@@ -54,7 +54,7 @@ rule draw_panels:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.figures"),
-        columns=lambda wildcards: column_options(get_model(wildcards).panel_columns(wildcards.target)),
+        columns=lambda wildcards: repeated("--column", get_model(wildcards).panel_columns(wildcards.target)),
     message:
         "Drawing the {wildcards.target} of {wildcards.scheme}/{wildcards.scene} before and after"
     shell:

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.errors import InputError
 from gspure.evaluation.statistics import detectability
 
 VALUES = st.lists(st.integers(0, 6).map(float) | st.just(np.inf), min_size=1, max_size=8)
@@ -50,9 +49,3 @@ def test_95_percent_of_intervals_cover_the_true_area():
     truth = 0.7602499389065233  # of N(1, 1) against N(0, 1): the normal distribution at 1 / sqrt(2)
     found = [detectability(rng.normal(1, 1, 8), rng.normal(0, 1, 12)) for _ in range(600)]
     assert np.mean([interval.low <= truth <= interval.high for interval in found]) == pytest.approx(0.95, abs=0.03)
-
-
-@pytest.mark.parametrize(("assets", "controls", "name"), [([], [1.0], "assets"), ([1.0], [np.nan], "controls")])
-def test_what_cannot_be_compared_is_refused(assets, controls, name):
-    with pytest.raises(InputError, match=f"statistics: {name}: expected at least one number"):
-        detectability(assets, controls)

@@ -281,8 +281,3 @@ def test_precision_of_nothing_pruned_is_unknown() -> None:
     found = recall(np.zeros(3, bool), np.array([1, 0, 0], bool))
     assert np.isnan(found.precision)
     assert found.recall == 0
-
-
-def test_masks_of_different_models_are_refused() -> None:
-    with pytest.raises(InputError, match=r"length: expected \[3\], found \[4\]"):
-        recall(np.zeros(3, bool), np.zeros(4, bool))

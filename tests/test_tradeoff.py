@@ -1,11 +1,9 @@
 """The Pareto front and attacks at equal damage."""
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.errors import InputError
 from gspure.evaluation.statistics import matched_message_drop, pareto_front
 
 POINTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=1, max_size=12)
@@ -55,9 +53,3 @@ def test_nothing_is_extrapolated():
 
 def test_a_setting_that_damages_more_for_less_is_passed_over():
     assert matched_message_drop([0.0, 1.0, 2.0], [0.0, 9.0, 3.0], 1.5) == 9.0
-
-
-@pytest.mark.parametrize(("x", "y"), [([], []), ([1.0], [1.0, 2.0]), ([np.nan], [1.0])])
-def test_points_without_coordinates_are_refused(x, y):
-    with pytest.raises(InputError, match="statistics: points: expected two rows"):
-        pareto_front(x, y)

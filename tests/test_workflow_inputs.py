@@ -10,7 +10,7 @@ import pytest
 
 from gspure.workflow.captures import camera_files, capture_files, content_digest, model_files
 from gspure.workflow.configuration import resolved
-from gspure.workflow.options import column_options, options, setting_options
+from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import (
     message_model,
     other_pair,
@@ -49,8 +49,7 @@ def garden(tmp_path, monkeypatch):
 def test_options_are_quoted_and_a_null_setting_has_none():
     settings = {"tau_c": 4.0, "cluster_on": ["position", "weight"], "tau_n": None, "model": "my model.ply"}
     assert options(settings, *settings) == "--tau-c 4.0 --cluster-on position weight --model 'my model.ply'"
-    assert shlex.split(setting_options({"codec": "a b", "n": 1})) == ["--set", "codec=a b", "--set", "n=1"]
-    assert column_options({"gspure": "x/renders"}) == "--column gspure=x/renders"
+    assert shlex.split(repeated("--set", {"codec": "a b", "n": 1})) == ["--set", "codec=a b", "--set", "n=1"]
 
 
 def test_photographs_of_a_folder_in_the_project_are_relative(tmp_path, monkeypatch):

@@ -54,7 +54,6 @@ def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape, least: 
 
     Parameters
     ----------
-    path : Path
     dtype, shape
         What it should be: see `Kind`.
     least : float
@@ -77,7 +76,6 @@ def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str
 
     Parameters
     ----------
-    path : Path
     kinds : mapping of str to Kind
         The names of the arrays, and what each should be.
     content : str

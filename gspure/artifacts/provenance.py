@@ -23,8 +23,6 @@ def write_provenance(
     ----------
     path : Path
         The artifact.
-    inputs : mapping of str to Path
-    settings : mapping
     geometry : str
         Digest of the model that it was made from (`gspure.model.Gaussians.geometry_digest`). If `inputs` has no model,
         that of all inputs, if they have the same.
@@ -55,7 +53,6 @@ def require_made_from(geometry: str, *artifacts: Path) -> None:
     ----------
     geometry : str
         Digest of a model (`gspure.model.Gaussians.geometry_digest`); if empty, all artifacts should be of one model.
-    *artifacts : Path
 
     Raises
     ------

@@ -34,9 +34,6 @@ def feature_scaling(
 
     Parameters
     ----------
-    model : Gaussians
-    columns : mapping
-        The model's columns by attribute.
     factor : float
         At least 0.
     attributes : str
@@ -59,9 +56,6 @@ def quantize(
 
     Parameters
     ----------
-    model : Gaussians
-    columns : mapping
-        The model's columns by attribute.
     bits : int
         16: half precision; greater numbers become its largest, with a warning. 1 to 8: 2^bits equally spaced levels
         between a column's extremes, so one extreme value coarsens all others.

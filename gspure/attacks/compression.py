@@ -28,8 +28,6 @@ def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = C
     ----------
     model : Gaussians
         With spherical harmonics: the formats cannot hold features.
-    columns : mapping
-        The model's columns by attribute.
     codec : {"compressed_ply", "spz"}
         PlayCanvas' compressed PLY (chunks of 256 rows, 10 to 11 bits per coordinate, 8 per colour), or Niantic's SPZ,
         version 3 (24 bits per coordinate, 8 per scale, opacity and coefficient).

@@ -60,9 +60,6 @@ def rigid_transform(
 
     Parameters
     ----------
-    model : Gaussians
-    columns : mapping
-        The model's columns by attribute.
     angle : float
         Degrees.
     axis : str

@@ -48,9 +48,6 @@ class Teacher:
     ----------
     attack : str
         Name of the attack, for errors.
-    public : PublicModel
-    cameras : sequence of Camera
-    device : Device, optional
 
     """
 
@@ -85,11 +82,6 @@ def finetune(
 
     Parameters
     ----------
-    _model : Gaussians
-    rng : Generator
-    public : PublicModel
-    cameras : sequence of Camera
-    device : Device, optional
     iterations : int
         Steps, one view each.
     learn : {"all", "appearance", "colour"}

@@ -30,10 +30,6 @@ def gaussian_noise(
 
     Parameters
     ----------
-    model : Gaussians
-    rng : Generator
-    columns : mapping
-        The model's columns by attribute.
     sigma : float
         Standard deviation, at least 0, the same for every column.
     attributes : str

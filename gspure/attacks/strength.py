@@ -76,7 +76,6 @@ def search(strength: Strength, damage_at: Callable[[float], float], target: floa
 
     Parameters
     ----------
-    strength : Strength
     damage_at : callable
         From a value of the setting to the damage, dB; called at most `EVALUATIONS` times.
     target : float

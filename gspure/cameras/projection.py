@@ -18,7 +18,6 @@ def points_shown(
 
     Parameters
     ----------
-    camera : Camera
     points : array [P,3]
         In world coordinates; a point that is not finite is not shown.
     margin : float

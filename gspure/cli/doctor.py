@@ -33,7 +33,6 @@ class Finding:
 
     Parameters
     ----------
-    ok : bool
     cells : tuple of str
         The line, column by column.
     needed : bool

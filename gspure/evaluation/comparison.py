@@ -96,7 +96,6 @@ def compare(pair: Pair, reference: Reference = RENDER, baseline: str | None = No
 
     Parameters
     ----------
-    pair : Pair
     reference : str
         Which of `REFERENCES` the first image is.
     baseline : str, optional

@@ -1,4 +1,7 @@
-"""Image metrics, computed as by 3DGS. To add a metric: a function, and a line in `METRICS`."""
+"""Metrics of two images [H,W,C] in 0 .. 1, computed as by 3DGS; images of different shapes are refused.
+
+To add a metric: a function, and a line in `METRICS`.
+"""
 
 from __future__ import annotations
 
@@ -21,17 +24,6 @@ def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
     .. math:: -10 \log_{10} \mathrm{MSE}
 
     with the mean over all pixels and channels (not a mean of three channels' PSNRs); infinite for equal images.
-
-    Parameters
-    ----------
-    a, b : array [H,W,C]
-        Images in 0 .. 1.
-
-    Raises
-    ------
-    InputError
-        If their shapes differ.
-
     """
     _check_same_shape(a, b)
     error = float(np.mean(np.square(np.subtract(a, b, dtype=np.float64))))
@@ -47,17 +39,6 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
 
     (Wang et al. 2004) in the form of 3DGS: a Gaussian window of 11 x 11 with σ = 1.5, population covariances, and
     zeros beyond the border. scikit-image's defaults differ in all three.
-
-    Parameters
-    ----------
-    a, b : array [H,W,C]
-        Images in 0 .. 1.
-
-    Raises
-    ------
-    InputError
-        If their shapes differ.
-
     """
     _check_same_shape(a, b)
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
@@ -76,17 +57,6 @@ def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
 
     over pixels, channels and both directions (forward differences); 0 if either image is flat. Brightness and contrast
     do not count, only structure: a faded or tinted message correlates as well as a faithful one.
-
-    Parameters
-    ----------
-    a, b : array [H,W,C]
-        Images in 0 .. 1.
-
-    Raises
-    ------
-    InputError
-        If their shapes differ.
-
     """
     _check_same_shape(a, b)
     first, second = (_gradients(np.asarray(image, np.float64)) for image in (a, b))

@@ -7,8 +7,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.errors import InputError
-
 CARRIERS: Final = "carriers.npy"
 """File of a key, of schemes that know which rows carry the message: bool [K]."""
 
@@ -33,14 +31,7 @@ def recall(pruned: NDArray[np.bool_], truth: NDArray[np.bool_]) -> Recall:
     truth : array [K], bool
         True where a row carries the message.
 
-    Raises
-    ------
-    InputError
-        If the two differ in length.
-
     """
-    if pruned.shape != truth.shape:
-        raise InputError("truth", "length", expected=f"{list(pruned.shape)}", found=f"{list(truth.shape)}")
     hits = int(np.count_nonzero(pruned & truth))
     return Recall(_ratio(hits, int(pruned.sum())), _ratio(hits, int(truth.sum())))
 

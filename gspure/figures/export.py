@@ -43,7 +43,6 @@ def write_gltf(path: Path, cloud: Cloud, axes: NDArray[np.floating]) -> None:
 
     Parameters
     ----------
-    path : Path
     cloud : Cloud
         At least one point.
     axes : array [3,3]

@@ -40,8 +40,6 @@ def write_factor_curves(path: Path, points: Sequence[Point], method: tuple[float
 
     Parameters
     ----------
-    path : Path
-        PNG to write.
     points : sequence of Point
         All with the same targets.
     method : tuple of float

@@ -96,7 +96,6 @@ def drawings(
     ----------
     folder : Path
         Of the files; created if it does not exist.
-    evidence : Evidence
     cameras : sequence of Camera
         The model's views, which determine the up direction and whether to look from outside or from within.
     view : Camera, optional

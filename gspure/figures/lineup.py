@@ -88,8 +88,6 @@ def write_lineup(path: Path, targets: Sequence[str], columns: Sequence[Column]) 
 
     Parameters
     ----------
-    path : Path
-        PNG to write.
     targets : sequence of str
         The rows.
     columns : sequence of Column

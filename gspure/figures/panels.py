@@ -29,8 +29,6 @@ def write_panels(
 
     Parameters
     ----------
-    path : Path
-        PNG to write.
     columns : mapping of title to (mapping of view to float32 array [H,W,3])
         At least one. The first is the reference of the PSNR.
     views : sequence of str

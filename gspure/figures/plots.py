@@ -38,8 +38,6 @@ def write_weight_histogram(
 
     Parameters
     ----------
-    path : Path
-        PNG to write.
     weights : float32 array [K]
         View-accumulated weights.
     pruned : bool array [K]

@@ -28,7 +28,6 @@ def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> NDArray[np.uint8]
 
     Parameters
     ----------
-    cloud : Cloud
     camera : Camera
         With square pixels (see `gspure.figures.viewpoint.fitted`); its size is the picture's.
     opengl : bool

@@ -55,8 +55,6 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
 
     Parameters
     ----------
-    path : Path
-        PNG to write.
     outcomes : sequence of Outcome
         All variants of one scheme.
     floor : float, optional

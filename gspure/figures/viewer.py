@@ -41,8 +41,6 @@ def write_viewer(
 
     Parameters
     ----------
-    path : Path
-    evidence : Evidence
     axes : array [3,3]
         The world's right, up and front, as rows (`gspure.figures.viewpoint.world_axes`).
     sh_dc : float32 array [K,3], optional

@@ -21,8 +21,6 @@ def draw(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], ND
     ----------
     cloud : Cloud
         All points are in view (see `gspure.figures.viewpoint.in_view`).
-    camera : Camera
-    size : int
 
     Returns
     -------

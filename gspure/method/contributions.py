@@ -88,7 +88,6 @@ def contribute(
 
     Parameters
     ----------
-    public : PublicModel
     cameras : sequence of Camera
         Views with unique names.
     folder : Path
@@ -136,7 +135,6 @@ def contribution_key(geometry: str, camera: Camera, energy: str, device: str) ->
         Digest of the model (`PublicModel.geometry_digest`), and the device (`gspure.opencl.engine.device_identity`).
     camera : Camera
         Its numbers count, not its name.
-    energy : str
 
     """
     return digest(geometry, camera.numbers, energy, rendering_digest(), device)

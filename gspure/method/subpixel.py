@@ -47,7 +47,6 @@ def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Cam
 
     Parameters
     ----------
-    model : Gaussians
     weights : array [K]
         Measured with the energy "ray".
     cameras : sequence of Camera

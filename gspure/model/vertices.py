@@ -32,8 +32,6 @@ class Vertices:
 
     Parameters
     ----------
-    path : Path
-    header : PlyData
     offset : int
         Bytes of the header.
 

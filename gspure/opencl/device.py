@@ -41,7 +41,6 @@ class Device:
         Everything but a GPU counts as a CPU.
     name, platform, version, driver : str
         As reported by the driver; `version` is the platform's.
-    cl_device : pyopencl.Device
 
     """
 
@@ -111,7 +110,6 @@ def fault(device: Device, factor: int = 3) -> str | None:
 
     Parameters
     ----------
-    device : Device
     factor : int
         Multiplier in the program. A new one makes the driver compile even if it has a cache.
 

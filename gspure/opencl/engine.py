@@ -77,7 +77,6 @@ class Engine:
 
     Parameters
     ----------
-    device : pyopencl.Device
     style : "cpu" or "gpu", optional
         Kernel style; by default the one that suits the device's type.
 

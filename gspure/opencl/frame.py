@@ -74,11 +74,8 @@ class Frame:
 
     Parameters
     ----------
-    engine : Engine
     storage : Storage
         The model's geometry.
-    camera : Camera
-    traversal : Traversal
     channels : pyopencl.Buffer, optional
         SH coefficients or features, as `traversal` says, in the order of `storage`.
 

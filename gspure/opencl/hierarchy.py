@@ -32,7 +32,6 @@ def condense(engine: Engine, edges: NDArray[Any], level_starts: NDArray[Any], mi
 
     Parameters
     ----------
-    engine : Engine
     edges : array [K-1,2], int
         A spanning tree of K points, K >= `min_cluster_size`.
     level_starts : array [L+1], int

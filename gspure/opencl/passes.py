@@ -45,7 +45,6 @@ def forward(frame: Frame, background: Sequence[float] = (0.0,), entry_budget: in
 
     Parameters
     ----------
-    frame : Frame
     background : sequence of C floats
         One value where the frame has no channels.
     entry_budget : int

@@ -110,7 +110,6 @@ def minimum_spanning_tree(
 
     Parameters
     ----------
-    engine : Engine
     points : array [U,C]
         At least two, all different.
     copies : array [U], int

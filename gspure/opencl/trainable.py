@@ -109,8 +109,6 @@ class TrainableModel:
         The start.
     step_count : int
         Steps already taken (Adam's bias correction).
-    device : Device, optional
-    style : "cpu" or "gpu", optional
     beside : TrainableModel, optional
         Share its device and queue, but not its buffers.
 

@@ -28,8 +28,6 @@ class TwinModel:
         The start, with the same geometry in both, bit for bit.
     weight : float
         Weight of the second scene's loss for the geometry; that of the first is 1.
-    device : Device, optional
-    style : "cpu" or "gpu", optional
 
     """
 

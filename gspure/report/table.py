@@ -127,9 +127,9 @@ def markdown_document(sections: Mapping[str, Sequence[Table]]) -> str:
     return "\n".join(lines)
 
 
-def metric(value: float, name: str = "psnr", detail: str = "") -> Cell:
+def metric(value: float, name: str = "psnr") -> Cell:
     """Return a metric as a cell."""
-    return Cell(METRICS[name].text(value), detail)
+    return Cell(METRICS[name].text(value))
 
 
 def change(value: float) -> Cell:

@@ -26,7 +26,6 @@ def trace(scene: LitScene, camera: Camera, *, samples: int = 3) -> tuple[Float32
     ----------
     scene : LitScene
         See `gspure.scenes.lighting.bake`.
-    camera : Camera
     samples : int
         Odd. A pixel at an edge is the mean of this many by this many rays, through the centres of its equal squares;
         any other is its centre's ray.

@@ -42,8 +42,6 @@ class Scene:
 
     Parameters
     ----------
-    solids : tuple of Solid
-    lamp : Lamp
     sky : vector
         Linear radiance that comes from where a ray leaves the scene; it fills the shadows.
     background : vector

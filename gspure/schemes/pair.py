@@ -64,9 +64,9 @@ class Capture:
         return self.dataset.train
 
     @staticmethod
-    def read(folder: Path, resolution: str) -> Capture:
+    def read(folder: Path) -> Capture:
         """Read cameras, points and photographs of a folder."""
-        dataset = read_dataset(folder, resolution)
+        dataset = read_dataset(folder, "native")
         probes = dataset.test[:PROBES] or dataset.train[:PROBES]
         images = read_photographs(dataset.train)
         return Capture(dataset, images, list(zip(probes, read_photographs(probes), strict=True)))
@@ -127,8 +127,8 @@ class Pair:
         return f"PSNR {' / '.join(f'{mean:.2f}' for mean in means)}"
 
 
-def read_pair(folder: Path, resolution: str = "native", initialization: str = "both") -> Pair:
-    """Read a pair; `resolution` is a rule of `gspure.cameras.scaled`.
+def read_pair(folder: Path, initialization: str = "both") -> Pair:
+    """Read a pair.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def read_pair(folder: Path, resolution: str = "native", initialization: str = "b
         A file is missing or unreadable.
 
     """
-    scene, message = (Capture.read(path, resolution) for path in (Path(folder), message_folder(folder)))
+    scene, message = (Capture.read(path) for path in (Path(folder), message_folder(folder)))
     return Pair(scene, message, initialization, _staging(Path(folder) / "cameras.json"))
 
 

@@ -42,8 +42,6 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     ----------
     model : Gaussians
         With its 3-D filter applied (`gspure.surface.filter.filtered`).
-    cameras : sequence of Camera
-    device : Device, optional
 
     Raises
     ------
@@ -80,7 +78,6 @@ def opacity_field(
     ----------
     renderer : Renderer
         Of the model, energy "ray".
-    cameras : iterable of Camera
     points : array [P,3]
     outside : float
         Points below this are not evaluated in further views, so values below it are upper bounds.

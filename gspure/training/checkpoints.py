@@ -34,7 +34,6 @@ class Snapshot:
     ----------
     iteration : int
         Iterations done.
-    state : TrainState
     pending_views : tuple of int
         Training views left in the current pass over all of them; the last is next.
     rng : dict

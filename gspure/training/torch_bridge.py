@@ -68,7 +68,6 @@ class TorchRenderer:
 
         Parameters
         ----------
-        camera : Camera
         means, quats, scales, opacities : tensors [K,3], [K,4], [K,3], [K]
             Activated, as `gspure.model.Gaussians` has them: world units; quaternions (w, x, y, z) of any norm;
             `scales` > 0; `opacities` in (0, 1). To optimize logarithms and logits, as 3DGS does, pass their ``exp()``

@@ -29,7 +29,6 @@ class Trainer:
         Created from ``snapshot.state`` and ``snapshot.iteration``; its targets are the photographs of `views`.
     views : sequence of Camera
         The training views.
-    schedule : Schedule
     snapshot : Snapshot
         The start: `beginning`, or a checkpoint.
     extent : float

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -15,7 +14,7 @@ from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
 from gspure.workflow.captures import camera_files, content_digest, model_files
 from gspure.workflow.decisions import Decisions, Settings, decisions, factors_of, is_swept, sweeps
-from gspure.workflow.options import column_options, options, setting_options
+from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import is_photographed, other_pair, pair_of, repetition_of, trained_message
 from gspure.workflow.sources import code_digest
 
@@ -68,22 +67,22 @@ class Plan:
     def sweep_options(self) -> str:
         """Variants that are one attack at several strengths, as options."""
         swept = sweeps(self.config["variants"], self.decisions[VANILLA])
-        return shlex.join(word for name, of in swept.items() for word in ("--sweep", f"{name}={','.join(of)}"))
+        return repeated("--sweep", {name: ",".join(variants) for name, variants in swept.items()})
 
     @property
     def condition_options(self) -> str:
         """Protocol and initialization of every watermarked model as options."""
-        models = (model for model in self.models if model.is_watermarked)
-        known = [f"{m.scheme}/{m.scene}={m.condition.protocol},{m.condition.initialization}" for m in models]
-        return shlex.join(word for value in known for word in ("--condition", value))
+        models = [model for model in self.models if model.is_watermarked]
+        conditions = {f"{m.scheme}/{m.scene}": f"{m.condition.protocol},{m.condition.initialization}" for m in models}
+        return repeated("--condition", conditions)
 
     def condition_figures(self, scheme: str) -> dict[str, str]:
         """Return the options of each figure over all scenes of a condition; the user's own models have none."""
         if scheme == VANILLA:
             return {}
         variants, decisions = self.config["variants"], self.decisions[scheme]
-        points = factors_of(variants, decisions).items()
-        sweep = shlex.join(word for name, (n, c) in points for word in ("--point", f"{name}={n},{c}"))
+        points = {name: f"{n},{c}" for name, (n, c) in factors_of(variants, decisions).items()}
+        sweep = repeated("--point", points)
         return ({"sweep": sweep} if is_swept(variants, decisions) else {}) | {"tradeoff": ""}
 
 
@@ -93,7 +92,6 @@ class Model:
 
     Parameters
     ----------
-    plan : Plan
     scheme, scene : str
         Its folder below ``results``.
 
@@ -155,7 +153,7 @@ class Model:
         """The seed and the settings of its scheme as options."""
         settings = dict(self.plan.config["schemes"][self.scheme])
         seed = settings.pop("seed") + repetition_of(self.scene)
-        return f"--seed {seed} {options(self.settings, 'initialization')} {setting_options(settings)}"
+        return f"--seed {seed} {options(self.settings, 'initialization')} {repeated('--set', settings)}"
 
     def code(self, command: str) -> str:
         """Return a digest of the code of its scheme and of a command."""
@@ -251,7 +249,7 @@ class Model:
     @property
     def variant_figures(self) -> dict[str, str]:
         """The options of each figure of all its variants."""
-        return {"outcomes": "", "attacks": f"{column_options(self.columns)} {self.plan.sweep_options}"}
+        return {"outcomes": "", "attacks": f"{repeated('--column', self.columns)} {self.plan.sweep_options}"}
 
     @property
     def figures(self) -> list[str]:

@@ -16,11 +16,6 @@ def options(settings: Mapping[str, Any], *names: str) -> str:
     return shlex.join(map(str, words))
 
 
-def setting_options(settings: Mapping[str, Any]) -> str:
-    """Return the settings of an attack or a scheme as options: ``--set fraction=0.5``."""
-    return shlex.join(word for name, value in settings.items() for word in ("--set", f"{name}={value}"))
-
-
-def column_options(folders: Mapping[str, str]) -> str:
-    """Return folders of images by title as options: ``--column gspure=FOLDER``."""
-    return shlex.join(word for title, folder in folders.items() for word in ("--column", f"{title}={folder}"))
+def repeated(option: str, values: Mapping[str, Any]) -> str:
+    """Return named values as a repeated option: ``--set fraction=0.5 --set seed=1``."""
+    return shlex.join(word for name, value in values.items() for word in (option, f"{name}={value}"))

@@ -9,7 +9,7 @@ from gspure.attacks.attack import Attack
 from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
 from gspure.workflow.decisions import DEFAULT, FACTORS, Settings, origin
 from gspure.workflow.models import VANILLA, Model
-from gspure.workflow.options import options, setting_options
+from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import repetition_of
 from gspure.workflow.sources import code_digest
 
@@ -109,7 +109,7 @@ class Variant:
         if "damage" in self.settings and self.attack.strength:
             settings.pop(self.attack.strength.setting, None)
             known |= {"damage": self.settings["damage"], "split": self.model.plan.config["views"]["evaluate"]}
-        return f"{options(known, *known)} {self.model.scheme_option} {setting_options(settings)}"
+        return f"{options(known, *known)} {self.model.scheme_option} {repeated('--set', settings)}"
 
     @property
     def public(self) -> str:

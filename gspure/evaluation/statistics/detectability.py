@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.errors import InputError
 from gspure.evaluation.statistics.intervals import LEVEL
 
 
@@ -52,13 +51,8 @@ def detectability(assets: ArrayLike, controls: ArrayLike) -> Detectability:
     controls : array [n]
         One value per control. Infinities are permitted.
 
-    Raises
-    ------
-    InputError
-        If one of them is empty or holds NaN.
-
     """
-    x, y = _numbers("assets", assets), _numbers("controls", controls)
+    x, y = np.ravel(assets), np.ravel(controls)
     wins = np.count_nonzero(x[:, None] > y)
     ties = np.count_nonzero(x[:, None] == y)
     auc = float(wins + ties / 2) / (len(x) * len(y))
@@ -78,10 +72,3 @@ def _low(auc: float, m: int, n: int) -> float:
 
     highest = min(auc, 1 - 1e-12)  # at 1 the variance is 0: a spurious root
     return float(brentq(excess, 0.0, highest)) if auc > 0 else 0.0
-
-
-def _numbers(name: str, values: ArrayLike) -> np.ndarray:
-    numbers = np.asarray(values, np.float64).ravel()
-    if not numbers.size or np.isnan(numbers).any():
-        raise InputError("statistics", name, expected="at least one number, no NaN", found=f"{numbers.tolist()}")
-    return numbers

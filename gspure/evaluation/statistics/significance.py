@@ -13,7 +13,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gspure.errors import InputError
 from gspure.evaluation.statistics.cells import checked
 
 DRAWS: Final = 2**16
@@ -78,25 +77,9 @@ def holm(p: ArrayLike) -> NDArray[np.float64]:
     .. math:: \tilde p_{(i)} = \max_{j \le i} \min\left(1, (m - j + 1)\, p_{(j)}\right)
 
     (Holm 1979.) It assumes nothing about the dependence of the tests.
-
-    Parameters
-    ----------
-    p : array [m]
-        p-values, 0 .. 1.
-
-    Returns
-    -------
-    array [m], in the order given
-
-    Raises
-    ------
-    InputError
-        If one is not a probability.
-
+    The order of `p` [m] is kept.
     """
     values = np.asarray(p, np.float64)
-    if not ((values >= 0) & (values <= 1)).all():
-        raise InputError("statistics", "p", expected="probabilities", found=f"{values.tolist()}")
     order = np.argsort(values, kind="stable")
     steps = values[order] * np.arange(len(values), 0, -1)
     adjusted = np.empty_like(values)

@@ -11,8 +11,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gspure.errors import InputError
-
 MATCHED_DAMAGES: Final = (0.3, 0.7, 1.5, 2.0)
 """Drops of the scene in dB at which attacks are compared. Ours, from barely visible up to the customary 2 dB."""
 
@@ -35,13 +33,8 @@ def pareto_front(scene_drops: ArrayLike, message_residuals: ArrayLike) -> NDArra
     array [n], bool
         Coincident points are on the front together.
 
-    Raises
-    ------
-    InputError
-        If a value is NaN or the two differ in length.
-
     """
-    points = _points(scene_drops, message_residuals)
+    points = np.column_stack([scene_drops, message_residuals])
     no_worse = (points[:, None] <= points).all(axis=2)
     better = (points[:, None] < points).any(axis=2)
     return np.asarray(~(no_worse & better).any(axis=0))
@@ -66,22 +59,9 @@ def matched_message_drop(scene_drops: ArrayLike, message_drops: ArrayLike, at: f
     float or None
         dB; None if `at` lies outside the scene drops of the sweep. Nothing is extrapolated.
 
-    Raises
-    ------
-    InputError
-        If there is no point, a value is NaN, or the two differ in length.
-
     """
-    points = _points(scene_drops, message_drops)
+    points = np.column_stack([scene_drops, message_drops])
     if not points[:, 0].min() <= at <= points[:, 0].max():
         return None
     front = np.unique(points[pareto_front(points[:, 0], -points[:, 1])], axis=0)
     return float(np.interp(at, front[:, 0], front[:, 1]))
-
-
-def _points(x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-    a, b = np.asarray(x, np.float64).ravel(), np.asarray(y, np.float64).ravel()
-    if len(a) != len(b) or not a.size or np.isnan([*a, *b]).any():
-        found = f"{a.tolist()} and {b.tolist()}"
-        raise InputError("statistics", "points", expected="two rows of numbers of one length", found=found)
-    return np.column_stack([a, b])

@@ -34,7 +34,6 @@ class DecoderFile:
     ----------
     source : Path
         The file that it was read from; its name, ``chkpntN_net.pth`` or ``chkpntN_waternet.pth``, is kept.
-    content : bytes
 
     """
 

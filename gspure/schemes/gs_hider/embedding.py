@@ -37,16 +37,7 @@ def embed(
 ) -> tuple[FeatureModel, DecoderKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
-    Parameters
-    ----------
-    pair : Pair
-    seed : int
-    device : Device, optional
-    iterations : int
-    message_weight : float
-        Share of the message's loss; that of the scene is 1.
-    max_gaussians : int
-        Upper bound of growth.
+    `message_weight` is the share of the message's loss, that of the scene is 1; `max_gaussians` bounds growth.
 
     Raises
     ------

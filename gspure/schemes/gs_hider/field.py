@@ -32,7 +32,6 @@ class Field:
     ----------
     start : Parameters
         Its colours are ignored: features start at 0, that is at 1/2 after the sigmoid.
-    device : Device
 
     """
 

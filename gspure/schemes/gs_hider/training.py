@@ -33,16 +33,12 @@ class Training:
 
     Parameters
     ----------
-    pair : Pair
     begin : Parameters
         The initial Gaussians; their colours are ignored.
-    iterations : int
     message_weight : float
         lambda in L = L_scene + lambda L_message; 0 omits the message branch.
     max_gaussians : int
         Upper bound of growth.
-    seed : int
-    device : Device
 
     """
 

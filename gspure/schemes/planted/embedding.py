@@ -53,7 +53,6 @@ def embed(
     ----------
     pair : Pair
         A ray-traced one.
-    seed : int
     device : Device, optional
         Not used.
     message_weight : float

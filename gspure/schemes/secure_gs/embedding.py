@@ -52,10 +52,6 @@ def embed(
 
     Parameters
     ----------
-    pair : Pair
-    seed : int
-    device : Device, optional
-    iterations : int
     message_weight : float
         Share of the message's loss; that of the scene is 1.
     max_anchors : int

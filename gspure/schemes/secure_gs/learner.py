@@ -42,7 +42,6 @@ class Learner:
         The scene's first.
     photographs : sequence of sequences of array [H,W,3]
         Of each branch, by training view.
-    device : Device
 
     """
 
@@ -82,8 +81,6 @@ class Learner:
 
         Parameters
         ----------
-        branch : int
-        camera : Camera
         rows : array [V]
             The visible anchors.
         view : int

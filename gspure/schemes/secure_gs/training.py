@@ -36,22 +36,18 @@ class Training:
 
     Parameters
     ----------
-    pair : Pair
     anchors : Anchors
         The initial anchors.
     voxel : float
         Side of the smallest cells, world units.
     branches : sequence of Networks
         The scene's, and the message's unless a clean model is trained.
-    iterations : int
     message_weight : float
         lambda in L = L_scene + lambda L_message.
     density : float
         r_down of RDO; 1 switches it off.
     max_anchors : int
         Upper bound of growth.
-    seed : int
-    device : Device
 
     """
 

@@ -50,9 +50,6 @@ def embed(
 
     Parameters
     ----------
-    pair : Pair
-    seed : int
-    device : Device, optional
     iterations : int
         Length of the joint training.
     message_weight : float

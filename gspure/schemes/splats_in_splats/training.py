@@ -33,16 +33,12 @@ class TwinTrainer:
 
     Parameters
     ----------
-    pair : Pair
     begin : Parameters
         The initial Gaussians of both scenes.
-    schedule : Schedule
     message_weight : float
         Share of the message's loss; that of the scene is 1.
     max_gaussians : int
         Upper bound of growth.
-    seed : int
-    device : Device, optional
 
     """
 
