@@ -24,7 +24,7 @@ rule attack_model:
         options=lambda wildcards: get_variant(wildcards).attack_options,
         content=get_model_content,
     message:
-        "Making variant {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
+        "Attacking {wildcards.scheme}/{wildcards.scene}: {wildcards.variant}"
     shell:
         job(
             "attack {params.attack:q} --model {input.model:q} {params.options}"

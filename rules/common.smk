@@ -32,7 +32,7 @@ PLAN = Plan(config)
 MODELS = [f"{model.scheme}/{model.scene}" for model in PLAN.models]
 VARIANTS = config["variants"]
 
-# Jobs on the OpenCL device take all cores and turns; with `threads` set, as many go side by side as there are cores.
+# Jobs on the OpenCL device use all cores, one job at a time; with `threads` set, as many run at once as there are cores.
 THREADS = config["threads"] or 16
 TURNS = 0 if config["threads"] else 1
 
@@ -41,7 +41,7 @@ wildcard_constraints:
     scheme="|".join(PLAN.scenes),
     scene="[A-Za-z0-9_-]+(?:@[0-9]+)?",
     variant="|".join([*VARIANTS, *CONTROLS]),
-    # The folder of a decision below that of its model; nothing for that of the method.
+    # The folder of a decision below that of its model; empty for the decision of the method.
     decision=f"(?:|/decisions/(?:{'|'.join(config['decisions']) or 'none'}))",
 
 
@@ -49,7 +49,7 @@ scattergather:
     views=config["views"]["parts"],
 
 
-# Jobs run the interpreter that runs Snakemake, also where that is not on PATH; an environment of --sdm is left alone.
+# Jobs use the Python of Snakemake, even if it is not on PATH, unless --sdm provides an environment.
 prefix = f"export GSPURE_DEVICE={shlex.quote(config['device'])}; " if config["device"] else ""
 if not workflow.deployment_settings.deployment_method:
     prefix += f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; "
@@ -57,7 +57,7 @@ shell.prefix(prefix)
 
 
 def job(command):
-    """The shell command of a rule: a command of gspure with its log, which tells the exit status if it fails."""
+    """Return the shell command of a rule: a gspure command and its log, which ends with the exit status on failure."""
     logged = f"POCL_MAX_PTHREAD_COUNT={{threads}} python -m gspure {command} > {{log:q}} 2>&1"
     return f"{logged} || {{{{ status=$?; echo exit status $status >> {{log:q}}; exit $status; }}}}"
 
@@ -87,17 +87,17 @@ def get_decision(wildcards):
 
 
 def get_artifact(name):
-    """The input function of an artifact: it takes the one of the first decision that has the same."""
+    """Return the input function of an artifact: that of the first decision with the same settings up to it."""
     return lambda wildcards: get_decision(wildcards).path(name)
 
 
 def get_method_options(*names):
-    """The function of some settings of a decision as options."""
+    """Return the function of some settings of a decision as options."""
     return lambda wildcards: get_decision(wildcards).options(*names)
 
 
 def get_training_files(wildcards):
-    """What a model is trained from: cameras, points, and the photographs that the cameras name."""
+    """Return the files that a model is trained from: cameras, points and photographs."""
     settings = config["assets"][wildcards.scene]
     return capture_files(settings["train"], settings["photographs"])
 
@@ -125,12 +125,12 @@ def get_pair(wildcards):
 
 
 def get_contributions(wildcards):
-    """The indices of a decision's contributions, one for each part of the views."""
+    """Return the indices of a decision's contributions, one for each part of the views."""
     return gather.views("{folder}/{scatteritem}.tsv", folder=get_decision(wildcards).path("contributions"))
 
 
 def get_variant_files(wildcards):
-    """What a variant or a control shows: its model, and the views of the scene or of the message."""
+    """Return the model of a variant or control, and the views of the scene or of the message."""
     variant = get_variant(wildcards)
     return {"model": variant.public, **variant.view_files(wildcards.get("target", "scene"))}
 
@@ -153,7 +153,7 @@ def get_attack_files(wildcards):
 
 
 def get_extractions(model):
-    """The finished images of what all variants and controls of a model show with a key; baselines have none."""
+    """Return the finished extractions of all variants and controls of a model; baselines have none."""
     names = [name for name in (*VARIANTS, *model.controls) if name not in BASELINES]
     folders = [folder for name in names for folder in Variant(model, name).renders]
     return get_finished(folder for folder in folders if os.path.basename(folder) != "scene")

@@ -1,5 +1,5 @@
-# One job per model, or per part of its views. Views that are already stored are not computed again: Snakemake decides
-# whether a model's contributions are stale, the keys in the names of the stage files decide which views are.
+# One job per model, or per part of its views. Snakemake decides whether a model's contributions are stale; the keys in the
+# names of the stage files decide which views are computed again.
 
 
 rule measure_contributions:

@@ -1,4 +1,4 @@
-# Pairs, and the models that schemes are trained on them. What a scheme hides nothing in is its clean model: a control.
+# Pairs, and the models that schemes train on them. A clean model, trained without the message, is a control.
 
 
 rule make_pair:
@@ -25,7 +25,7 @@ rule make_pair:
         arguments=get_pair_arguments,
         content=lambda wildcards: content_digest(get_pair_files(wildcards)),
     message:
-        "Making the views of pair {wildcards.scene}"
+        "Making pair {wildcards.scene}"
     shell:
         job("pair {params.arguments} --out {params.folder:q}")
 
@@ -80,12 +80,12 @@ rule embed_message:
         folder="results/{scheme}/{scene}",
         options=lambda wildcards: get_model(wildcards).embedding_options,
     message:
-        "Hiding the message of {wildcards.scene} by {wildcards.scheme}"
+        "Embedding the message of {wildcards.scene} with {wildcards.scheme}"
     shell:
         job("embed {wildcards.scheme} {params.pair:q} {params.options}" " --out {params.folder:q}")
 
 
-rule embed_nothing:
+rule train_clean_model:
     input:
         unpack(get_pair),
     output:
@@ -116,7 +116,7 @@ rule embed_nothing:
         )
 
 
-rule weigh_message:
+rule measure_hidden_weights:
     input:
         model="results/{scheme}/{scene}/public/point_cloud.ply",
         key="results/{scheme}/{scene}/key",
@@ -141,7 +141,7 @@ rule weigh_message:
         code=lambda wildcards: get_model(wildcards).code("hidden"),
         options=options(config["method"], "energy", "reduction"),
     message:
-        "Weighing the message of {wildcards.scheme}/{wildcards.scene}"
+        "Measuring the weights of the message of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job(
             "hidden --model {input.model:q} --scheme {wildcards.scheme}"

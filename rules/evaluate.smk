@@ -1,5 +1,5 @@
-# What a variant shows is compared with photographs of scene and message, and where none are known, with what the
-# unattacked model shows.
+# Renders of a variant are compared with photographs of scene and message or, without photographs, with renders of the
+# unattacked model.
 
 
 rule render_scene:
@@ -104,7 +104,7 @@ rule trace_decoys:
         folder="results/decoys/{width}x{height}x{views}/{seed}",
         other=lambda wildcards: int(wildcards.seed) + 1,
     message:
-        "Tracing random scenes, as candidates of the retrieval"
+        "Ray-tracing random scenes as candidates of the retrieval"
     shell:
         job(
             "pair interior-{wildcards.seed} interior-{params.other} --placement coincident --views {wildcards.views}"

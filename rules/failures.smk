@@ -1,5 +1,5 @@
-# A failed job has no results, and neither has any job that needs them. Tables and report are then made of the finished
-# cells, by Snakemake in a second process, and name the missing ones with the reason.
+# A failed job has no results, and the jobs that need them do not run. A second Snakemake process then makes tables and report
+# from the finished results; they name the missing ones with the reason.
 
 import atexit
 import subprocess
@@ -10,25 +10,25 @@ from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from gspure.damage import discard, missing_or_cut, set_aside
 from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary
 
-# In that process: the failures of the run that it follows. If a figure fails in it, a third one leaves that out, too.
+# In that process: the failures of the first run. If a figure fails in it, a third process leaves this figure out, too.
 RUNS = list(filter(None, os.environ.get("GSPURE_FAILED_RUNS", "").split(os.pathsep)))
 FAILURES = [failure for failure in failures_below(Path("results/logs")) if failure.run in RUNS]
 MISSING = {path for failure in FAILURES for path in failure.missing}
 
 
 def get_finished(paths):
-    """The results that are not missing because of a failed job."""
+    """Return the results that are not missing because of a failed job."""
     return [path for path in paths if not {path, os.path.dirname(path)} & MISSING]
 
 
 def get_summaries():
-    """The jobs that make do with finished cells: the tables, and all that is made of them."""
+    """Return the jobs that also run on partial results: the tables, and all jobs that need them."""
     tables = [job for job in workflow.dag.jobs if job.rule.name in {"retrieve_message", "tabulate_metrics"}]
     return set(workflow.dag.bfs(workflow.dag.depending, *tables))
 
 
 def get_jobs(failed):
-    """The jobs of a failed group of jobs, or the one failed job."""
+    """Return the jobs of a failed group, or the one failed job."""
     return set(failed.jobs if failed.is_group() else [failed])
 
 
@@ -42,12 +42,12 @@ def record_failures(run):
 
 
 def get_last(jobs):
-    """The job that a group of jobs ended with."""
+    """Return the last job of a group that ran."""
     return max(jobs, key=lambda job: os.path.getmtime(job.log[0]) if os.path.exists(job.log[0]) else 0)
 
 
 def record_failure(jobs, run):
-    """Write and return the status of a failed job, or of the one that a group of jobs ended with."""
+    """Write and return the status of a failed job, or of the last one of a group that ran."""
     last = get_last(jobs)
     unmade = jobs | set(workflow.dag.bfs(workflow.dag.depending, *jobs)) - get_summaries()
     missing = sorted(str(path) for job in unmade for path in job.output)
@@ -58,7 +58,7 @@ def record_failure(jobs, run):
 
 
 def summarize(run):
-    """Make tables and report of the finished cells."""
+    """Make tables and report from the finished results."""
     failed = set().union(*map(get_jobs, workflow.scheduler.failed))
     waiting = {job for job in get_summaries() - failed if job.output and not workflow.dag.finished(job)}
     last = [job for job in waiting if not waiting & workflow.dag.depending[job].keys()]
@@ -73,10 +73,10 @@ def summarize(run):
     subprocess.run(command, env={**os.environ, "GSPURE_FAILED_RUNS": runs}, check=False)
 
 
-def heal():
-    """Set damaged inputs of failed jobs aside, so that the next run makes them again, and all that depends on them.
+def set_damage_aside():
+    """Rename damaged inputs of failed jobs and delete their dependent files, so that the next run makes them again.
 
-    Snakemake does not make a missing file again while what was made from it is there and up to date.
+    Snakemake does not remake a missing file whose dependent files exist and are up to date.
     """
     failed = set().union(*map(get_jobs, workflow.scheduler.failed))
     damaged = set_aside({Path(path) for job in failed for path in job.input})
@@ -103,7 +103,7 @@ if workflow.is_main_process and not RUNS:
 
 
 def print_failures(failures):
-    """Say which jobs failed and why, and how to try them again."""
+    """Print the failed jobs, the reasons, and the command to try again."""
     count = f"{len(failures)} jobs" if len(failures) > 1 else "1 job"
     lines = [f"gspure: {count} failed", *(f"  {line}" for line in summary(failures))]
     if not RUNS:
@@ -120,6 +120,6 @@ onerror:
     stopped = workflow.scheduler.running or workflow.scheduler.open_jobs
     if workflow.execution_settings.keep_going and not stopped and len(RUNS) < 2:
         summarize(log[0])
-    heal()
+    set_damage_aside()
     if failures:
-        atexit.register(print_failures, failures)  # after Snakemake's own last words
+        atexit.register(print_failures, failures)  # after Snakemake's last message

@@ -1,6 +1,5 @@
-# The spanning tree depends on features and min_samples alone, the clusters on how they are selected, the mask on the factors
-# tau: each is a result of its own, so that a sweep repeats only what it changes. Each may be of the method's decision or of
-# another, in a folder of its own.
+# Features, tree, clusters and mask are separate results, so a sweep repeats only the steps that it changes. Results of further
+# decisions are in folders of their own.
 
 
 rule measure_opacities:
@@ -20,7 +19,7 @@ rule measure_opacities:
         scheme=get_scheme,
         content=get_model_content,
     message:
-        "Taking the opacities of {wildcards.scheme}/{wildcards.scene}"
+        "Computing the opacities of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job(
             "opacities --model {input.model:q} {params.scheme}"

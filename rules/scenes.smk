@@ -1,8 +1,7 @@
-# The views of a model: those that everybody has, and with the prefix `message_` those of the message, which only the owner
-# has.
+# The views of a model: the public ones and, with the prefix `message_`, those of the message, which only the owner has.
 
 
-rule step_off_path:
+rule generate_off_path:
     input:
         cameras="results/{scheme}/{scene}/{owner}cameras.json",
     output:
@@ -19,7 +18,7 @@ rule step_off_path:
         code=code_digest("gspure.cli.cameras"),
         views=config["views"]["off_path"],
     message:
-        "Stepping off the path of {wildcards.scheme}/{wildcards.scene}"
+        "Generating views off the camera path of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job("cameras {input.cameras:q} --scale native --off-path {params.views} --out {output.cameras:q}")
 
@@ -44,6 +43,6 @@ rule prepare_cameras:
         options=lambda wildcards: get_model(wildcards).camera_options,
         content=lambda wildcards: content_digest([*get_camera_files(wildcards), get_public_model(wildcards)]),
     message:
-        "Preparing the views of {wildcards.scene}"
+        "Preparing the cameras of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job("cameras {params.source:q} {params.options} --out {output.cameras:q}")

@@ -1,4 +1,4 @@
-# What surface-aware purification knows of a model: how far its rows lie from the surface that the views see.
+# Distances of rows from the visible surface, which the attack `gof` needs.
 
 
 rule measure_surface:

@@ -1,4 +1,4 @@
-# A killed run goes on from its last checkpoint, which lies beside the outputs.
+# A killed run continues from its last checkpoint, which is beside the outputs.
 
 
 rule train_model:

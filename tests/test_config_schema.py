@@ -249,7 +249,7 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
                 "decisions": {"gentle": {}},
                 "variants": {"unattacked": {}, "gspure": {}, "reorder": {"decision": "gentle"}},
             },
-            "variants.reorder.decision: expected nothing, since reorder goes by no decision, found 'gentle'",
+            "variants.reorder.decision: expected no entry, since reorder uses no decision, found 'gentle'",
         ),
         (
             {**PLANTED, "variants": {"unattacked": {}, "gspure": {"damage": 1}}},

@@ -62,10 +62,10 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
     jobs = planned(project.run("--dry-run"))
     once = [
         "embed_message",
-        "embed_nothing",
+        "train_clean_model",
         "measure_opacities",
         "measure_surface",
-        "weigh_message",
+        "measure_hidden_weights",
     ]
     once += ["accumulate_weights", "build_features", "span_tree", "select_clusters", "decide_pruning", "draw_model"]
     expected = {"make_pair": 9, "train_message": len({*HIDDEN.values()}), "write_report": 1}

@@ -100,7 +100,7 @@ def test_a_pair_is_repeated_with_other_seeds_of_training_and_attacks(finished, t
     project.configure({**CONFIG, "repetitions": 2})
     printed = project.run(TABLE, "--dry-run", "--printshellcmds")
     jobs = planned(printed)
-    assert (jobs["embed_message"], jobs["embed_nothing"], jobs.get("make_pair", 0)) == (2, 2, 0)
+    assert (jobs["embed_message"], jobs["train_clean_model"], jobs.get("make_pair", 0)) == (2, 2, 0)
     repeated = [line for line in printed.splitlines() if "raised@1" in line and "python -m gspure" in line]
     trained = next(line for line in repeated if "embed splats_in_splats results/pairs/raised --seed 1" in line)
     assert "--out results/splats_in_splats/raised@1" in trained
@@ -118,7 +118,7 @@ def test_nothing_runs_twice_and_a_setting_of_a_pair_concerns_that_pair_alone(fin
     project = finished.copy(tmp_path / "project")
     again = planned(project.run(TABLE, "--dry-run"))
     assert again["attack_model"] == len(CONFIG["pairs"])  # those that failed are tried again
-    assert not again.keys() & {"make_pair", "embed_message", "embed_nothing", "measure_contributions", "span_tree"}
+    assert not again.keys() & {"make_pair", "embed_message", "train_clean_model", "measure_contributions", "span_tree"}
     edited = {**CONFIG, "pairs": {**CONFIG["pairs"], "front": {**CONFIG["pairs"]["front"], "seed": 1}}}
     project.configure(edited)
     ran = rules_run(project.run("results/splats_in_splats/front/public/point_cloud.ply"))

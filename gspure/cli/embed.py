@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--initialization",
         choices=INITIALIZATIONS,
         default="both",
-        help="points that training starts from: those of scene and message, or the scene's (default: %(default)s)",
+        help="initial points: of scene and message, or of the scene alone (default: %(default)s)",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     add_device(parser)

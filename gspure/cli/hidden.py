@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tau",
         type=float,
         default=TAU_N,
-        help="low: below the mean weight divided by TAU (default: %(default)s)",
+        help="weights below the mean weight / TAU are low (default: %(default)s)",
     )
     parser.add_argument("--out", type=Output, required=True, metavar="JSON", help="the share, 0 to 1")
     parser.add_argument(

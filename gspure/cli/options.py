@@ -66,7 +66,7 @@ def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> 
         type=float,
         nargs=3,
         metavar=("R", "G", "B"),
-        help=f"colour behind {behind}, 0 to 1 (default: as the training run of {known} had it, else black)",
+        help=f"colour behind {behind}, 0 to 1 (default: the background of {known}'s training, else black)",
     )
 
 

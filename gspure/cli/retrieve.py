@@ -8,7 +8,7 @@ from pathlib import Path
 from gspure.cli.options import add_quiet
 from gspure.cli.outputs import Output
 
-HELP = "measure whether extractions are nearest to the right message among candidates"
+HELP = "test whether extractions retrieve the message among candidates"
 EXAMPLES = """\
   gspure retrieve pair/message --extractions results/planted/room/*/renders/message --out retrieval.csv
   gspure retrieve pair/message --extractions results/planted/room/*/renders/message \\

@@ -1,4 +1,4 @@
-"""``gspure stages``: look after the stored per-view contributions, and verify what a workflow has stored."""
+"""``gspure stages``: delete unused stages, and verify files of a workflow."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Verify, or delete unlisted stages and print how much room that freed; not while a workflow runs."""
+    """Verify, or delete unlisted stages and print the freed space; not while a workflow runs."""
     if args.verify is not None:
         return _verify([args.stages, args.results] if args.verify == Path() else [args.verify])
     return _prune(args.stages, args.results)

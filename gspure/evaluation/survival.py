@@ -200,7 +200,7 @@ def _present(psnr: Cells, scene_floor: Cells) -> set[str]:
 
 
 def _by_retrieval(outcomes: Sequence[Outcome], extraction: str, *, succeeds: bool) -> set[str]:
-    """Return the scenes in which the message is known to be retrieved in a seed, or in none."""
+    """Return the scenes in which the message is retrieved with some seed (`succeeds`), or with none."""
     known = [o for o in outcomes if extraction in o.retrieval]
     retrieved = {o.scene for o in known if o.retrieval[extraction].succeeds}
     return retrieved if succeeds else {o.scene for o in known} - retrieved

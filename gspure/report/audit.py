@@ -97,10 +97,10 @@ class Audit:
     before: Survival | None
     gspure: Survival | None
     other_extractions: list[Survival]
-    """What GSPure does to them."""
+    """Their survival after GSPure."""
 
     not_reached: list[Survival]
-    """Attacks that changed nothing that the extraction reads."""
+    """Attacks that did not change the carrier of the extraction."""
 
     scene_psnr: list[tuple[Summary, Interval]]
     """Without a message: what attacks leave of the scene, the gentlest first."""

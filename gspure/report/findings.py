@@ -1,4 +1,4 @@
-"""What happened to one model, and what no number shows: the facts behind ``templates/findings.j2``."""
+"""The results of one model, and the limits of all numbers: the facts for ``templates/findings.j2``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True)
 class Findings:
-    """What happened to one model."""
+    """The results of one model."""
 
     attacks: int
     views: int
@@ -41,7 +41,7 @@ class Findings:
 
 @dataclass(frozen=True)
 class Limits:
-    """What the numbers of a page cannot show."""
+    """Limits of the numbers on a page."""
 
     planted: bool
     one_scene: list[Condition]
@@ -56,7 +56,7 @@ class Limits:
 
 
 def findings(outcomes: Sequence[Outcome]) -> Findings:
-    """Return what happened to one model, from all of its variants."""
+    """Return the results of one model, from all of its variants."""
     attacks = [o for o in outcomes if o.variant != UNATTACKED and not o.is_control and not o.failure]
     gspure = next((o for o in attacks if o.variant == GSPURE), None)
     shown = [o for o in outcomes if MESSAGE in o.targets]
@@ -73,7 +73,7 @@ def findings(outcomes: Sequence[Outcome]) -> Findings:
 
 
 def limits(outcomes: Sequence[Outcome]) -> Limits:
-    """Return what the numbers of all models cannot show."""
+    """Return the limits of the numbers of all models."""
     models = {(o.scheme, o.asset) for o in outcomes}
     scenes = {condition: {o.scene for o in alike} for condition, alike in by_condition(outcomes).items()}
     return Limits(

@@ -29,11 +29,11 @@ _LATEX: Final = str.maketrans(
 
 
 class Cell(NamedTuple):
-    """What a table shows in one place."""
+    """One cell of a table."""
 
     text: str = UNKNOWN
     detail: str = ""
-    """What belongs to the text in small print: an interval, a change."""
+    """Small print after the text: an interval, a change."""
 
     best: bool = False
     """Whether it is the best of its column."""
@@ -53,11 +53,11 @@ class Column(NamedTuple):
     """Whether it holds words, aligned left, like the first column."""
 
     main: bool = True
-    """Whether a page shows it without being asked for all columns."""
+    """Whether a page shows it by default."""
 
     @property
     def full_title(self) -> str:
-        """The title as it is without a second line of headings."""
+        """The title with its group, for tables with one line of headings."""
         return f"{self.group} {self.title}".strip()
 
 

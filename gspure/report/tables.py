@@ -112,7 +112,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
 
 
 def survival_table(attacks: Sequence[Survival]) -> Table:
-    """Return what every attack leaves of one extraction of the message."""
+    """Return the survival of one extraction of the message after each attack."""
     has_floor = any(row.above_floor for row in attacks)
     scenes = _scenes(row.message_drop for row in attacks)
     columns = [Column("attack"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
@@ -171,7 +171,7 @@ def equal_damage_table(contests: Sequence[Contest]) -> Table:
 
 
 def matched_table(matched: Sequence[Matched]) -> Table:
-    """Return what every sweep removes of one extraction at equal damage to the scene, the most in bold."""
+    """Return the drop of one extraction in each sweep at equal damage to the scene, the largest in bold."""
     most = {
         damage: max((row for row in matched if row.damage == damage), key=lambda row: row.drop.mean)
         for damage in {row.damage for row in matched}

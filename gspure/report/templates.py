@@ -1,4 +1,4 @@
-"""The texts of the report: Jinja templates, in which every sentence stands, and their filters."""
+"""The texts of the report: Jinja templates with all sentences, and the filters that phrase numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FOLDER: Final = Path(__file__).parent / "templates"
 TEMPLATES: Final = sorted(FOLDER.iterdir())
 
 _NAMED: Final = 12
-"""How many things a sentence lists."""
+"""Most items that a sentence lists."""
 
 
 def render(template: str, **facts: Any) -> str:
@@ -29,7 +29,7 @@ def render(template: str, **facts: Any) -> str:
 
 
 def say(template: str, macro: str, *facts: Any) -> str:
-    """Return what a macro of a template says about some facts, in one line."""
+    """Return the text of a macro of a template for some facts, in one line."""
     return " ".join(str(getattr(_environment().get_template(template).module, macro)(*facts)).split())
 
 

@@ -1,1 +1,1 @@
-"""What the workflow knows beyond Snakemake: its configuration, and the files and options of its jobs."""
+"""The configuration of the workflow, and the files and options of its jobs; without Snakemake."""

@@ -1,4 +1,4 @@
-"""Files of a capture or model: Snakemake has to know them, so that an edit of any makes its results stale."""
+"""Files of a capture or model: they are inputs of the workflow, so an edit of one makes its results stale."""
 
 from __future__ import annotations
 

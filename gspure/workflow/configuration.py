@@ -20,7 +20,7 @@ _EXPECTED = {
     "maximum": "at most {}",
     "exclusiveMinimum": "more than {}",
 }
-"""What a failed schema keyword asks for, in words."""
+"""The expected value in words, by keyword of the schema."""
 
 
 def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) -> dict[str, Any]:
@@ -63,16 +63,16 @@ def _require_text_keys(config: Any, source: str | Path, place: str = "config") -
 
 
 def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
-    """Return a copy of a validated configuration in which given models are files and every variant names its attack.
+    """Return a copy of a validated configuration in which models are files and every variant names its attack.
 
-    What is to be trained gets the entry ``photographs``: the files that its cameras name. A pair's message that is to
-    be trained has them under ``message_photographs``.
+    Models and pairs to be trained get the entry ``photographs``, the files that their cameras name; messages to be
+    trained get ``message_photographs``.
 
     Raises
     ------
     InputError
-        If there is no model at all, or one of them, its cameras or its photographs do not exist, or a model is both
-        given and to be trained, or a scheme, an attack, a setting of one or a decision is not known.
+        There is no model; a model, its cameras or its photographs do not exist; a model file is named beside training
+        data; or a scheme, attack, setting or decision is unknown.
 
     """
     from gspure.attacks import attacks
@@ -103,7 +103,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
 
 
 def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None:
-    """Check the paths of an asset, and find the model in its folder or the photographs to train it from."""
+    """Check the paths of an asset, and find its model file or the photographs to train it from."""
     from gspure.model.inria import point_cloud
 
     for field in (name for name in ("model", "cameras", "train") if name in asset):
@@ -170,7 +170,7 @@ def _require_no_braces(path: str, source: str | Path, place: str) -> None:
 def _check_settings(
     given: Mapping[str, Any], name: str, available: Mapping[str, Mapping[str, Any]], source: str | Path, place: str
 ) -> None:
-    """Refuse an unknown attack or scheme, what is no setting of it, and texts for numbers or the other way round."""
+    """Refuse an unknown attack or scheme, unknown settings, texts for numbers, and numbers for texts."""
     if name not in available:
         raise InputError(source, place, expected=f"one of {', '.join(available)}", found=repr(name))
     known = available[name]
@@ -184,7 +184,7 @@ def _check_settings(
 
 
 def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], source: str | Path, place: str) -> None:
-    """Refuse a variant that goes by a decision that there is not, or that its attack does not look at."""
+    """Refuse an unknown decision, and a decision for an attack that uses none."""
     from gspure.attacks import find_attack
 
     if "decision" not in variant:
@@ -193,7 +193,7 @@ def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], so
         expected = f"one of {', '.join(decisions) or 'no decisions'}"
         raise InputError(source, f"{place}.decision", expected=expected, found=repr(variant["decision"]))
     if not find_attack(variant["attack"]).needs & {"weights", "prune_mask"}:
-        expected = f"nothing, since {variant['attack']} goes by no decision"
+        expected = f"no entry, since {variant['attack']} uses no decision"
         raise InputError(source, f"{place}.decision", expected=expected, found=repr(variant["decision"]))
 
 
@@ -240,7 +240,7 @@ def _filling_validator(base: Any) -> Any:
 
 
 def _refusal(error: Any, source: str | Path) -> InputError:
-    """Tell a schema error in one line."""
+    """Return a schema error in one line."""
     path = [str(step) for step in error.absolute_path]
     if error.validator == "additionalProperties":
         known = list(error.schema.get("properties", ()))

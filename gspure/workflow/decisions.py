@@ -1,4 +1,4 @@
-"""Decisions of the method: the settings of each, what they have in common, and which variants are one sweep."""
+"""Decisions of the method: the settings of each, the artifacts that they share, and sweeps of variants."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ def origin(among: Decisions, name: str, artifact: str) -> str:
 
 
 def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
-    """Return the variants that are one attack at several strengths, by a name for all of them.
+    """Return the variants of each sweep, that is, of one attack at several strengths, by its name.
 
-    A strength is a number: a setting of the attack, or a pruning factor of the decision that it goes by. Variants that
-    differ in anything else are not of one sweep, and a single one is none.
+    A strength is a number: a setting of the attack, or a pruning factor of its decision. Variants that differ in
+    anything else are different sweeps. A single variant is no sweep.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def _default_factors(among: Decisions) -> tuple[float, float]:
 
 
 def _kind(settings: Settings, among: Decisions) -> tuple[object, ...]:
-    """Return what makes a variant incomparable to others: its attack, and what of its settings is no strength."""
+    """Return what the variants of one sweep share: the attack, and all settings but its strength."""
     attack = find_attack(settings["attack"])
     words = {k: v for k, v in settings.items() if isinstance(attack.settings.get(k), str) and v != attack.settings[k]}
     kind = [attack.sweep or attack.name, *words.values(), *([f"seed {settings['seed']}"] if settings["seed"] else [])]

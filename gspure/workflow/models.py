@@ -22,7 +22,7 @@ OWNER: Final = "message_"
 """Prefix of files that only the owner has: the views of the message."""
 
 DECOYS: Final = range(9000, 9010, 2)
-"""Random seeds of every second one of ten interiors, which are traced two by two as candidates of the retrieval."""
+"""Random seeds of the decoys of the retrieval: interiors N and N + 1 are traced as one pair."""
 
 VANILLA: Final = "vanilla"
 """Folder of the user's own models."""
@@ -30,7 +30,7 @@ VANILLA: Final = "vanilla"
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything that a resolved configuration asks for."""
+    """All models of a resolved configuration."""
 
     config: Settings
 
@@ -60,7 +60,7 @@ class Plan:
 
     @cached_property
     def messages(self) -> dict[str, Settings]:
-        """By message that has to be trained from photographs, a pair that hides it."""
+        """For each message to be trained from photographs, a pair that hides it."""
         return {trained_message(pair): pair for pair in self.config["pairs"].values() if "message_photographs" in pair}
 
     @property

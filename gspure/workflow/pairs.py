@@ -20,7 +20,7 @@ def pair_of(scene: str) -> str:
 
 
 def repetition_of(scene: str) -> int:
-    """Return what the repetition of an asset adds to all random seeds: 1, of ``raised@1``."""
+    """Return the number of a repetition, which is added to all random seeds: 1, of ``raised@1``."""
     return int(scene.partition("@")[2] or 0)
 
 
@@ -41,7 +41,7 @@ def trained_message(pair: Pair) -> str:
 
 
 def pair_files(pair: Pair) -> list[str]:
-    """Return what a pair is made from: nothing if it is ray-traced, else photographs and the model of the message."""
+    """Return the files that a pair is made from: photographs and the model of the message; none if ray-traced."""
     if not is_photographed(pair):
         return []
     scene = capture_files(pair["scene"], pair["photographs"])

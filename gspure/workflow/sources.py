@@ -1,4 +1,4 @@
-"""Digests of the code behind a result, so that a workflow knows which results an edit makes stale."""
+"""Digests of the code behind a result, by which the workflow knows the results that an edit makes stale."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ _PACKAGE = Path(__file__).parents[1]
 def code_digest(*modules: str) -> str:
     """Return a digest of the source of `modules` and of all that these import, at any depth.
 
-    That is modules of this package, and of a plug-in's own; those of other packages are passed over, and so is what is
-    not Python source. Imports inside functions count too. This package's own ``__init__`` does not: it only names the
-    public functions.
+    Only Python sources of this package and of the plug-in's package count, also those imported inside functions. This
+    package's ``__init__`` does not count: it only names the public functions.
     """
     waiting = [module for module in modules if _file(module)]
     reached = set(waiting)
@@ -38,7 +37,7 @@ def _imports(module: str) -> frozenset[str]:
 
 
 def _named(tree: ast.AST, parents: list[str]) -> Iterator[str]:
-    """Yield all that a module imports, and all that might be modules among the names that it takes from others."""
+    """Yield the modules that a module imports, and the names imported from them, which may be modules too."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -49,13 +48,13 @@ def _named(tree: ast.AST, parents: list[str]) -> Iterator[str]:
 
 
 def _parents(module: str, file: Path) -> list[str]:
-    """Return the names of the package in which a module's relative imports begin."""
+    """Return the package in which a module's relative imports begin."""
     names = module.split(".")
     return names if file.name == "__init__.py" else names[:-1]
 
 
 def _file(module: str) -> Path | None:
-    """Return the source of a module; None where there is none to be read."""
+    """Return the source of a module; None without one."""
     top, *inner = module.split(".")
     if (home := _home(top)) is None:
         return None

@@ -1,4 +1,4 @@
-"""The variants and controls of a model, and the decisions that they go by: the files and options of their jobs."""
+"""The variants and controls of a model, and their decisions: the files and options of their jobs."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Variant:
 
     @property
     def decision(self) -> Decision:
-        """The decision that it goes by."""
+        """The decision that its attack uses."""
         return Decision(self.model, self.settings.get("decision", DEFAULT))
 
     @property
@@ -130,7 +130,7 @@ class Variant:
         return options(files, *files)
 
     def extraction_options(self, target: str) -> str:
-        """Return how to look for the message, as options."""
+        """Return scheme, extraction and key as options."""
         wrong_key = " --wrong-key 1" if self.name == WRONG_KEY else ""
         return f"{self.model.scheme_option} --extraction {target}{wrong_key}"
 
@@ -146,7 +146,7 @@ class Variant:
 
     @property
     def comparison_options(self) -> str:
-        """What its images are compared with, as options: all extractions with photographs of the message."""
+        """The references of its images as options: for all extractions, the photographs of the message."""
         reference = ["--reference", "render" if self.model.scheme == VANILLA else "truth"]
         against = [f"--against {target}=message" for target in self.model.targets[2:]]
         baseline = [f"--baseline {self.name}"] if self.name in BASELINES else []
