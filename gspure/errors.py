@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ _LONGEST: Final = 500
 """Characters of each part of a message other than the path; ours."""
 
 
-class InputError(Exception):
+class InputError(ValueError):
     """Input that cannot be used, reported in one line.
 
     Every part may quote a file: line breaks, escape sequences and other characters that do not print are escaped, and
@@ -46,8 +47,15 @@ class InputError(Exception):
 
     def __reduce__(self) -> tuple[Any, tuple[str, str]]:
         """Support copies to other processes; by default, exceptions are rebuilt from their message alone."""
-        rebuild = partial(InputError, expected=self.expected, found=self.found, hint=self.hint)
+        rebuild = partial(type(self), expected=self.expected, found=self.found, hint=self.hint)
         return rebuild, (self.source, self.field)
+
+
+class MissingFileError(InputError, FileNotFoundError):
+    """A file that is not there."""
+
+    def __str__(self) -> str:
+        return f"{self.source}: no such file"
 
 
 def printable(text: str) -> str:
@@ -80,7 +88,8 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
     Raises
     ------
     InputError
-        The file is missing, a folder, a pipe or a device, cannot be read or holds something else.
+        The file is missing (`MissingFileError`, which is also a `FileNotFoundError`), a folder, a pipe or a device,
+        cannot be read or holds something else.
 
     """
     try:
@@ -91,7 +100,9 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
     except InputError:
         raise
     except Exception as error:
-        raise InputError(path, field, expected=content, found=_reason(error)) from error
+        is_missing = isinstance(error, FileNotFoundError) and not os.path.lexists(path)
+        kind = MissingFileError if is_missing else InputError
+        raise kind(path, field, expected=content, found=_reason(error)) from error
 
 
 def _refuse_special(path: Path) -> None:

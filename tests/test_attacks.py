@@ -292,7 +292,7 @@ def test_command_overwrites_neither_its_input_nor_another_output(tmp_path: Path,
         (["nothing"], "attack: name: expected one of unattacked"),
         (
             ["plain_weight", "--weights", "absent.npy"],
-            "absent.npy: file: expected a .npy array, found no such file",
+            "absent.npy: no such file",
         ),
     ],
 )

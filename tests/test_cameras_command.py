@@ -57,7 +57,7 @@ def test_views_are_generated_around_a_model(tmp_path, kind):
             "scale rule: value: expected native, photographs, 1/N or Wpx (such as 1600px), found '4'",
         ),
         (["SOURCE", "--require-images"], "photographs: expected one of each of 3 views, found 3 missing: "),
-        (["nowhere.json"], "nowhere.json: file: expected JSON, found no such file"),
+        (["nowhere.json"], "nowhere.json: no such file"),
     ],
 )
 def test_bad_input_gives_one_line_and_writes_nothing(tmp_path, source, capsys, options, message):

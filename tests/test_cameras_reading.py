@@ -50,7 +50,7 @@ def test_a_file_that_is_no_camera_file_is_refused_in_one_line(tmp_path, content)
 
 
 def test_a_missing_path_and_an_empty_folder_are_refused(tmp_path):
-    with pytest.raises(InputError, match="found no such file"):
+    with pytest.raises(InputError, match="no such file"):
         read_cameras(tmp_path / "cameras.json")
     with pytest.raises(InputError, match=r"folder: expected a COLMAP sparse model, cameras\.json, transforms\.json or"):
         read_cameras(tmp_path)

@@ -49,6 +49,19 @@ def test_escape_sequences_and_line_breaks_are_escaped():
     assert str(error) == r"a\n.ply: x: expected a number, found \x1b[2J\r\u202e"
 
 
+def test_bad_input_is_caught_as_python_names_it(tmp_path):
+    absent, other = tmp_path / "absent.ply", tmp_path / "other.ply"
+    with pytest.raises(FileNotFoundError) as caught:
+        read_model(absent)
+    assert str(caught.value) == f"{absent}: no such file"
+    assert isinstance(copy.copy(caught.value), FileNotFoundError)
+    assert str(copy.copy(caught.value)) == str(caught.value)
+    other.write_text("no ply")
+    with pytest.raises(ValueError, match="a 3DGS") as caught:
+        read_model(other)
+    assert not isinstance(caught.value, FileNotFoundError)
+
+
 def test_long_text_is_cut_but_the_path_is_kept():
     path = "a/" * 1000
     message = str(InputError(path, "x", expected="a number", found="9" * 10**6))
@@ -66,7 +79,6 @@ def test_a_number_of_thousands_of_digits_does_not_quote_the_setting_of_python(re
 @pytest.mark.parametrize(
     ("error", "found"),
     [
-        (FileNotFoundError(2, "No such file or directory"), "no such file"),
         (PermissionError(13, "Permission denied", ".secret.1234.npy"), "Permission denied"),
         (OSError("image file is truncated"), "image file is truncated"),
         (MemoryError("Unable to allocate 7 EiB"), "more than fits into memory"),

@@ -182,7 +182,7 @@ def test_masks_of_different_models_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_table_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="found no such file"):
+    with pytest.raises(InputError, match="no such file"):
         collect([tmp_path / "a" / "b" / "c" / "metrics.csv"])
 
 

@@ -61,6 +61,8 @@ def fetch(url: str, folder: Path) -> tuple[Path, str]:
         file = Path(pooch.retrieve(url, known, fname=name, path=folder, downloader=_download))
     except requests.RequestException as error:
         raise InputError(url, "download", expected="an answer", found=" ".join(str(error).split())) from None
+    except InputError:
+        raise
     except ValueError:  # pooch has removed the file
         hint = f"if there is a new version and you trust it, remove {record}"
         raise InputError(url, "sha256", expected=str(known), found="another", hint=hint) from None
