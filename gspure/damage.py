@@ -11,7 +11,7 @@ from typing import Final
 from gspure.artifacts import record_of, verify
 from gspure.artifacts.checksums import record_file, require_size
 from gspure.errors import InputError
-from gspure.images import RENDERED, require_all_images
+from gspure.images import RENDERED, require_all_images, require_intact
 from gspure.method.contributions import is_index, read_index, read_stage
 
 RESULTS: Final = Path("results")
@@ -19,7 +19,7 @@ RESULTS: Final = Path("results")
 
 
 def damage_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
-    """Verify all files below some folders that have a checksum, and all stages that an index there lists.
+    """Verify all files below some folders that have a checksum, all stages that an index there lists, and all renders.
 
     Returns
     -------
@@ -37,10 +37,14 @@ def damage_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
             damages.append(damage)
         else:
             stages |= {stage.path.resolve() for stage in read_index(index)}
+    rendered = {record.parent for record in below if record.name == RENDERED}
+    images = {image for folder in rendered for image in folder.glob("*.png")}
     others = {file for file in files - indices if file.resolve() not in stages}
     damages += filter(None, [_damage(file) for file in sorted(others)])
     damages += filter(None, [_damage(stage, read_stage) for stage in sorted(stages)])
-    return len(indices) + len(others) + len(stages), damages
+    damages += filter(None, [_damage(folder, require_all_images) for folder in sorted(rendered)])
+    damages += filter(None, [_damage(image, require_intact) for image in sorted(images)])
+    return len(indices) + len(others) + len(stages) + len(images), damages
 
 
 def missing_or_cut() -> dict[Path, str]:

@@ -158,6 +158,12 @@ def require_all_images(folder: Path) -> None:
         raise InputError(folder, "images", expected=f"all {len(views)} views", found=found, hint=hint)
 
 
+def require_intact(path: Path) -> None:
+    """Refuse an image that disagrees with its checksums, as PNG files have them."""
+    with opened(path):
+        pass
+
+
 def _require_all_strips(path: str | Path, image: ImageFile) -> None:
     """Refuse a TIFF whose strips or tiles end before its last row; Pillow would read the rest as black."""
     size = image.width * image.height

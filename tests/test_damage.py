@@ -107,6 +107,21 @@ def test_renders_that_lack_an_image_are_missing_one():
     assert "b.png" in damage[1]
 
 
+def test_renders_that_are_damaged_or_missing_are_listed(capsys):
+    renders = [SCENE / "renders" / f"{view}.png" for view in ("a", "b")]
+    for render in renders:
+        write_image(render, np.full((4, 4, 3), 0.5))
+    record_views(SCENE / "renders", ["a", "b"])
+    assert verify(capsys) == (0, ["8 files verified, 0 damaged"])
+    flipped(renders[0], -20)
+    renders[1].unlink()
+    status, lines = verify(capsys)
+    assert status == 1
+    assert [line.split(": ")[0] for line in lines[:-1]] == [str(SCENE / "renders"), str(renders[0])]
+    (SCENE / "renders" / "rendered.json").write_text('["a", ')
+    assert any(line.startswith(f"{SCENE}/renders/rendered.json: ") for line in verify(capsys)[1])
+
+
 def test_a_folder_that_is_not_there_cannot_be_verified(capsys):
     assert main(["stages", "--verify", "absent"]) == 2
     assert "absent: folder: expected" in capsys.readouterr().err

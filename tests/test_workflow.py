@@ -20,10 +20,13 @@ import pytest
 import yaml
 
 from gspure.cameras import read_cameras, split, write_cameras
+from gspure.damage import damage_below
 from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
+from gspure.images import RENDERED
 from gspure.model import write_model
 from gspure.renderer import Renderer
 from tests.models import blobs, gaussians, tilted_camera
+from tests.test_checksums import flipped
 from tests.training_cases import colmap_project, ring
 
 pytestmark = pytest.mark.workflow
@@ -316,11 +319,34 @@ def test_a_model_of_ones_own_is_compared_with_its_own_renders(finished):
     assert float(rows["gspure"]["psnr"]) < 100
 
 
-def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(tmp_path, started):
-    project = started.copy(tmp_path / "project")
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory, started):
+    """A planted scene with its report."""
+    project = started.copy(tmp_path_factory.mktemp("reported") / "project")
     planted = {"pairs": {"room": {"views": 9, "width": 48, "height": 36}}, "schemes": {"planted": {"gaussians": 600}}}
     project.configure({**planted, **{name: CONFIG[name] for name in ("method", "variants")}})
     project.run()
+    return project
+
+
+UNVERIFIED = {"logs", "benchmarks", ".snakemake_timestamp"}
+"""What Snakemake and commands write about jobs; nothing reads it."""
+
+
+def test_every_artifact_is_verified(tmp_path, reported, monkeypatch):
+    monkeypatch.chdir(reported.copy(tmp_path / "project").folder)
+    files = [file for name in ("results", "stages") for file in Path(name).rglob("*") if file.is_file()]
+    artifacts = [file for file in files if not UNVERIFIED & {*file.parts} and not file.with_suffix("").is_file()]
+    assert {".csv", ".gltf", ".html", ".md", ".npy", ".ply", ".png", ".tex", ".vtp"} < {f.suffix for f in artifacts}
+    for artifact in artifacts:
+        flipped(artifact)
+    damages = "\n".join(damage_below([Path("results"), Path("stages")])[1])
+    names = {artifact: artifact.parent if artifact.name == RENDERED else artifact for artifact in artifacts}
+    assert [artifact for artifact, name in names.items() if f"{name}: " not in damages] == []
+
+
+def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(tmp_path, reported):
+    project = reported.copy(tmp_path / "project")
     results = project.folder / "results"
     with (results / "tables" / "results.csv").open() as table:
         rows = list(csv.DictReader(table))

@@ -89,15 +89,15 @@ def filling(folder: Path) -> Iterator[Path]:
                 path.rmdir()
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write `text` as UTF-8, whole or not at all."""
-    with replacing(path) as temporary:
+def write_text(path: Path, text: str, *, checksum: bool = False) -> None:
+    """Write `text` as UTF-8, whole or not at all; with a checksum beside it, if asked to."""
+    with replacing(path, checksum=checksum) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def write_json(path: Path, value: Any) -> None:
-    """Write `value` as indented JSON with sorted keys, whole or not at all."""
-    write_text(path, json.dumps(value, indent=2, sort_keys=True) + "\n")
+def write_json(path: Path, value: Any, *, checksum: bool = False) -> None:
+    """Write `value` as indented JSON with sorted keys, as `write_text` does."""
+    write_text(path, json.dumps(value, indent=2, sort_keys=True) + "\n", checksum=checksum)
 
 
 def read_json(path: Path) -> Any:

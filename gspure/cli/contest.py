@@ -52,5 +52,5 @@ def run(args: argparse.Namespace) -> None:
     write_records(args.survival, Survival, survivals)
     write_records(args.matched, Matched, matched)
     write_text(args.markdown, conditions_markdown(survivals, contests, matched))
-    for path in (args.out, args.survival, args.matched):
+    for path in (args.out, args.survival, args.matched, args.markdown):
         write_provenance(path, inputs={"table": args.table}, settings={"sweeps": sweeps})

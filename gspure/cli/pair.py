@@ -94,6 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write the pair, all of it or nothing."""
     from gspure.artifacts import filling, write_provenance
+    from gspure.images import record_views
     from gspure.scenes import NAMES, scene_builder
 
     for name, least in _LEAST.items():
@@ -112,6 +113,8 @@ def run(args: argparse.Namespace) -> None:
         for folder in (args.out, args.out / "message"):
             for name in ("cameras.json", "points3D.ply"):
                 write_provenance(folder / name, inputs={}, settings=settings)
+        for images in (args.out / "scene", args.out / "message"):
+            record_views(images, (image.stem for image in images.glob("*.png")))
 
 
 def _traced(args: argparse.Namespace) -> dict[str, Any]:

@@ -191,7 +191,8 @@ def _remove_older(folder: Path) -> None:
     from gspure.images import RENDERED
 
     shown = [path for renders in _renders(folder).values() for path in (*renders.glob("*.png"), renders / RENDERED)]
-    drawn = [folder / "figures" / f"{name}{suffix}" for name in _FIGURES for suffix in (".png", ".gltf", ".vtp")]
+    suffixes = (".png", ".gltf", ".gltf.json", ".vtp", ".vtp.json")
+    drawn = [folder / "figures" / f"{name}{suffix}" for name in _FIGURES for suffix in suffixes]
     for path in (*shown, *drawn, folder / "metrics.csv"):
         path.unlink(missing_ok=True)
 

@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> None:
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
     write_provenance(args.out, inputs=inputs, settings={"conditions": dict(args.condition)})
-    write_text(args.markdown, results_markdown(outcomes))
+    write_text(args.markdown, results_markdown(outcomes), checksum=True)
     for scheme, asset in not_embedded(outcomes):
         warn(
             f"{model_name(scheme, asset)}: nothing is embedded: its message is not above all controls, or not "
@@ -86,4 +86,4 @@ def run(args: argparse.Namespace) -> None:
         write_records(args.summary, Summary, summarize(outcomes))
         write_provenance(args.summary, inputs={"table": args.out}, settings={})
     if args.latex:
-        write_text(args.latex, summary_table(summarize(outcomes)).latex())
+        write_text(args.latex, summary_table(summarize(outcomes)).latex(), checksum=True)

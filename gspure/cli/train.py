@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> None:
     device = read_device(args)
     trainer = _train(args, dataset, images, settings, device)
     model = write_output(args.out, dataset, trainer.model.state().parameters, args.iterations, args.background)
-    for path in (model, *(args.out / name for name in ("cameras.json", "input.ply"))):
+    for path in (model, *(args.out / name for name in ("cameras.json", "input.ply", "cfg_args"))):
         write_provenance(path, inputs={}, settings=settings)
     if args.model:
         with replacing(args.model) as temporary:
@@ -116,6 +116,7 @@ def run(args: argparse.Namespace) -> None:
     _checkpoint(args).unlink(missing_ok=True)
     if dataset.test:
         _compare(args, dataset, model, device)
+        write_provenance(args.out / "metrics.csv", inputs={}, settings=settings)
     say(f"{trainer.model.count} Gaussians in {model}")
 
 
@@ -187,7 +188,7 @@ def _watched(dataset: Dataset, background: Sequence[float]) -> tuple[list[Camera
 def _compare(args: argparse.Namespace, dataset: Dataset, model: Path, device: Device) -> None:
     """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
     from gspure.evaluation.comparison import Pair, as_text, compare, write_metrics
-    from gspure.images import write_image
+    from gspure.images import record_views, write_image
     from gspure.model import read_model
     from gspure.progress import track
     from gspure.renderer import Renderer
@@ -203,5 +204,7 @@ def _compare(args: argparse.Namespace, dataset: Dataset, model: Path, device: De
         write_image(pair.reference, photograph)
         write_image(pair.image, renderer.image(camera, background=args.background))
         rows.append(compare(pair))
+    for folder in (truth, renders):
+        record_views(folder, (camera.name for camera in dataset.test))
     write_metrics(args.out / "metrics.csv", rows)
     print("\n".join(as_text(rows)))

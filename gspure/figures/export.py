@@ -32,7 +32,7 @@ def write_vtp(path: Path, cloud: Cloud) -> None:
     writer.SetInputData(mesh)
     writer.WriteToOutputStringOn()  # on a full disk, VTK's own files end early without an error
     writer.Write()
-    write_text(path, writer.GetOutputString())
+    write_text(path, writer.GetOutputString(), checksum=True)
 
 
 def write_gltf(path: Path, cloud: Cloud, axes: NDArray[np.floating]) -> None:
@@ -86,7 +86,7 @@ def write_gltf(path: Path, cloud: Cloud, axes: NDArray[np.floating]) -> None:
         "bufferViews": views,
         "buffers": [{"byteLength": offset, "uri": "data:application/octet-stream;base64," + data}],
     }
-    write_text(path, json.dumps(document, separators=(",", ":")))
+    write_text(path, json.dumps(document, separators=(",", ":")), checksum=True)
 
 
 def _accessor(array: NDArray[Any], view: int) -> dict[str, Any]:

@@ -64,7 +64,7 @@ def write_viewer(
         "colours": {name: _coloured(cloud.subset(shown)) for name, cloud in _clouds(evidence, sh_dc)},
         **_cuts(evidence, removal),
     }
-    write_json(path, data)
+    write_json(path, data, checksum=True)
 
 
 def _packed(values: NDArray[Any], dtype: str) -> str:

@@ -177,7 +177,7 @@ def write_report(
         links=[link(file, path) for file in links],
         records=[(file.as_posix(), record(file)) for file in provenance],
     )
-    write_text(path, page)
+    write_text(path, page, checksum=True)
 
 
 def _owns(key: tuple[str, str], file: Path) -> bool:

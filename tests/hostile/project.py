@@ -25,7 +25,7 @@ from tests.training_cases import colmap_project, ring
 
 ROOT = Path(__file__).parents[2]
 KEPT = ("results", "stages")
-VARYING = {"logs", "benchmarks", "cfg_args"}
+VARYING = {"logs", "benchmarks", "cfg_args", "cfg_args.json"}
 """What differs between runs or folders: what jobs said, how long they took, and a file with absolute paths."""
 
 TARGETS = {"all", "purified"}

@@ -60,7 +60,7 @@ class DecoderFile:
 
     def write(self, folder: Path) -> None:
         """Write it under its name, whole or not at all."""
-        with replacing(Path(folder) / self.source.name) as temporary:
+        with replacing(Path(folder) / self.source.name, checksum=True) as temporary:
             temporary.write_bytes(self.content)
 
     @cached_property
