@@ -108,7 +108,7 @@ def test_the_first_step_is_as_long_as_the_rate(device, style):
     np.testing.assert_allclose(moved, -np.sign(gradients[1]), atol=4e-3)
 
 
-def test_vanishing_gradients_move_next_to_nothing(device, style):
+def test_vanishing_gradients_change_almost_nothing(device, style):
     """Far below epsilon their squares vanish in single precision; the step must vanish as well, not explode."""
     geometry, channels = parameters(17)
     model = OnDevice(device, style, geometry, channels)
@@ -119,7 +119,7 @@ def test_vanishing_gradients_move_next_to_nothing(device, style):
     assert np.isfinite(model.rows(model.geometry.raw)).all()
 
 
-def test_what_has_no_gradient_keeps_moving_for_a_while(device, style):
+def test_parameters_without_gradient_move_by_momentum(device, style):
     """Adam remembers; a Gaussian out of view coasts, as in 3DGS."""
     geometry, channels = parameters(17)
     model = OnDevice(device, style, geometry, channels)

@@ -46,7 +46,7 @@ def test_honest_rows_are_not_suspicious() -> None:
 
 
 @pytest.mark.parametrize("count", [PILE - 1, PILE])
-def test_a_pile_has_as_many_rows_as_it_needs(count: int) -> None:
+def test_a_pile_has_at_least_ten_rows(count: int) -> None:
     means = np.concatenate([np.zeros((count, 3)), [[1, 2, 3], [3, 2, 1]]])
     model = gaussians(means=means * [1, 1, -1], scales=np.linspace(0.1, 0.2, count + 2)[:, None])
     expected = {"pile": list(range(count))} if count >= PILE else {}
@@ -96,7 +96,7 @@ def test_anchors_that_are_not_finite_are_refused_since_a_network_decides_their_o
         drawable(Gaussians(anchors), "m.ply")
 
 
-def test_purify_goes_on_and_names_them(folder: Path, capsys) -> None:
+def test_purify_continues_and_names_suspicious_rows(folder: Path, capsys) -> None:
     assert purify(folder) == 0
     model, expected = planted()
     assert read_json(folder / "out" / "diagnosis.json")["suspicious"] == expected
@@ -113,7 +113,7 @@ def test_purify_goes_on_and_names_them(folder: Path, capsys) -> None:
     }
 
 
-def test_no_planted_row_contributes_more_than_there_is() -> None:
+def test_planted_rows_contribute_at_most_all_light() -> None:
     model = drawable(planted()[0], "model")
     renderer = Renderer(model, energy="ray")
     for view in views():
@@ -123,7 +123,7 @@ def test_no_planted_row_contributes_more_than_there_is() -> None:
         assert sums.sum(dtype=np.float64) <= view.width * view.height * (1 + 1e-5)
 
 
-def test_info_names_them(folder: Path, capsys) -> None:
+def test_info_names_suspicious_rows(folder: Path, capsys) -> None:
     assert main(["info", str(folder / "planted.ply"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["suspicious"] == planted()[1]
     assert main(["info", str(folder / "planted.ply")]) == 0
@@ -132,7 +132,7 @@ def test_info_names_them(folder: Path, capsys) -> None:
         assert reason.replace("_", "-") in text
 
 
-def test_every_stage_of_the_workflow_goes_on(folder: Path, capsys) -> None:
+def test_every_stage_continues_after_suspicious_rows(folder: Path, capsys) -> None:
     model, cameras = str(folder / "planted.ply"), ["--cameras", str(folder / "cameras.json")]
     at = {
         name: str(folder / name) for name in ("i.tsv", "w.npy", "f.npy", "t.npy", "c.npz", "p.npy", "d.json", "out.ply")

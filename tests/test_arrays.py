@@ -116,7 +116,7 @@ def test_numbers_in_fields_are_checked_too(tmp_path: Path, value: float) -> None
     [np.zeros((0, 3)), np.arange(12.0).reshape(3, 4), np.asfortranarray(np.arange(12.0).reshape(3, 4))],
     ids=["empty", "by rows", "by columns"],
 )
-def test_arrays_come_back_as_numpy_reads_them(tmp_path: Path, array: np.ndarray) -> None:
+def test_arrays_are_read_as_by_numpy(tmp_path: Path, array: np.ndarray) -> None:
     save_array(tmp_path / "ours.npy", array)
     np.save(tmp_path / "theirs.npy", array)
     save_arrays(tmp_path / "ours.npz", {"x": array})
@@ -154,7 +154,7 @@ def test_an_array_that_packs_well_is_read(tmp_path: Path) -> None:
     assert len(load_arrays(tmp_path / "a.npz", NUMBERS, "numbers")["x"]) == 10**6
 
 
-def test_a_member_that_says_less_than_it_holds_is_refused(tmp_path: Path) -> None:
+def test_a_member_larger_than_its_header_is_refused(tmp_path: Path) -> None:
     save_arrays(tmp_path / "a.npz", {"x": np.zeros(100)})
     whole = (tmp_path / "a.npz").read_bytes()
     size = struct.pack("<I", len(content(np.zeros(100))))
@@ -185,7 +185,7 @@ def test_an_encrypted_member_is_refused(tmp_path: Path) -> None:
         load_arrays(tmp_path / "a.npz", NUMBERS, "numbers")
 
 
-def test_a_bit_that_flips_in_a_member_is_found_without_a_checksum_of_ours(tmp_path: Path) -> None:
+def test_a_flipped_bit_in_an_npz_is_detected_by_its_own_checksum(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", x=np.arange(100.0))
     data = bytearray((tmp_path / "a.npz").read_bytes())
     data[300] ^= 1

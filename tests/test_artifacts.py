@@ -28,7 +28,7 @@ def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
     assert content(tmp_path) == {"new/file.txt": "whole"}
 
 
-def test_a_file_that_was_there_stays_when_its_successor_fails(tmp_path: Path) -> None:
+def test_a_failed_write_keeps_the_existing_file(tmp_path: Path) -> None:
     (tmp_path / "file.txt").write_text("old")
     with pytest.raises(ZeroDivisionError), replacing(tmp_path / "file.txt") as temporary:
         half_written(temporary)
@@ -121,6 +121,6 @@ def test_named_arrays_are_read_back(tmp_path: Path) -> None:
         load_arrays(tmp_path / "lone.npz", X, "numbers")
 
 
-def test_digests_tell_type_shape_and_boundaries_apart() -> None:
+def test_digests_depend_on_type_shape_and_boundaries() -> None:
     zeros = [np.zeros(4, np.float32), np.zeros(2, np.float64), np.zeros((2, 2), np.float32)]
     assert len({digest(array) for array in zeros} | {digest("ab", "c"), digest("a", "bc"), digest("abc")}) == 6

@@ -72,7 +72,7 @@ def test_another_seed_gives_something_else_if_the_attack_is_random(name: str) ->
 
 
 @pytest.mark.parametrize("name", HERE)
-def test_the_given_model_is_left_alone(name: str) -> None:
+def test_the_given_model_is_not_changed(name: str) -> None:
     given_model = model()
     before = given_model.table.tobytes()
     find_attack(name).apply(given_model, evidence())

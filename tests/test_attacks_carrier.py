@@ -51,19 +51,19 @@ def test_where_all_rows_are_blended_further_ones_reach_the_message() -> None:
     assert not reaches("reorder", features(COUNT), BLEND)
 
 
-def test_one_bit_is_enough() -> None:
+def test_one_changed_bit_reaches_the_message() -> None:
     model = blobs(COUNT)
     words = model.table["f_rest_7"].view(np.uint32).copy()
     words[3] ^= 1
     assert reached(model, Attacked.changed(model, {"f_rest_7": words.view(np.float32)}), BITS)
 
 
-def test_a_lost_row_is_enough_whatever_the_carrier() -> None:
+def test_a_removed_row_reaches_the_message_for_any_carrier() -> None:
     model = blobs(COUNT)
     assert reached(model, Attacked.without(model, np.arange(COUNT) == 0), ())
 
 
-def test_a_lost_column_is_enough() -> None:
+def test_a_removed_column_reaches_the_message() -> None:
     model = blobs(COUNT)
     without = Gaussians(model.table[[name for name in model.table.dtype.names if name != "f_rest_0"]])
     assert reached(model, Attacked(without, np.arange(COUNT), COUNT), BITS)

@@ -46,7 +46,7 @@ def test_images_change_a_little_and_the_same_way_each_time(gsply, codec: str) ->
 
 
 @pytest.mark.parametrize("kind", ["features", "anchors"])
-def test_models_that_the_formats_have_no_place_for_are_refused(kind: str) -> None:
+def test_models_that_a_format_cannot_store_are_refused(kind: str) -> None:
     with pytest.raises(InputError, match=r"compression: colour: expected columns f_dc_\*, found features"):
         find_attack("compression").apply(public(KINDS[kind](COUNT)), Evidence())
 

@@ -42,11 +42,11 @@ def test_a_search_on_a_monotone_damage_meets_its_target_in_few_evaluations(stren
     assert len(tried) <= EVALUATIONS
 
 
-def test_a_damage_out_of_reach_gives_the_strong_end_and_the_damage_that_it_does() -> None:
+def test_an_unreachable_damage_gives_the_strongest_setting_and_its_damage() -> None:
     assert search(Strength("fraction", 0.0, 1.0), lambda x: x / 2, 2.0) == ("fraction", 1.0, 0.5)
 
 
-def test_a_setting_in_whole_numbers_takes_whole_numbers_and_rather_too_little_damage_than_too_much() -> None:
+def test_a_search_over_integers_prefers_too_little_damage_to_too_much() -> None:
     tried = []
     match = search(Strength("bits", 8, 1), lambda bits: tried.append(bits) or {7: 0.2, 6: 0.9, 5: 1.05}.get(bits, 4), 1)
     assert {*map(type, tried)} == {int}
@@ -84,7 +84,7 @@ def test_without_photographs_damage_is_that_of_independent_errors_of_a_nominal_m
     assert damage_of(noisy) > 1
 
 
-def test_a_view_that_the_attack_leaves_as_it_is_does_not_hide_the_damage_to_the_others() -> None:
+def test_an_unchanged_view_does_not_hide_the_damage_to_others() -> None:
     public, away = PublicModel(blobs(50)), replace(VIEWS[0], name="away", viewmat=np.diag([-1.0, 1, -1, 1]))
     noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
     damage = scene_damage(public, VIEWS[:1])(noisy)

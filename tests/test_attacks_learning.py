@@ -42,7 +42,7 @@ def test_the_same_arguments_give_the_same_bytes_and_change_the_model(name: str) 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_it_needs_no_photographs_key_or_message(name: str) -> None:
+def test_damage_needs_no_photographs_key_or_message(name: str) -> None:
     assert find_attack(name).parameters <= {"public", "cameras", "device", "weights"}
 
 
@@ -86,7 +86,7 @@ def test_reestimate_changes_all_colours_and_keeps_the_rest_and_the_scene() -> No
     assert damage_of(PublicModel(attacked.model)) < 0.5 * damage_of(zeros)
 
 
-def test_a_distilled_model_has_new_rows_only_and_says_that_it_is_vanilla() -> None:
+def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
     attacked = attacked_by("distil", iterations=20)
     assert attacked.prune_mask.all()
     assert any("vanilla 3DGS" in comment for comment in attacked.model.comments)

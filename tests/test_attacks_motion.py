@@ -116,11 +116,11 @@ def test_anchors_are_translated_but_not_rotated() -> None:
         moved(anchors(COUNT), 30.0)
 
 
-def test_no_motion_leaves_views_bit_for_bit() -> None:
+def test_the_identity_transform_leaves_views_bit_identical() -> None:
     assert (tilted_camera().moved(np.eye(4)).numbers == tilted_camera().numbers).all()
 
 
-def test_commands_hand_the_motion_on(tmp_path: Path) -> None:
+def test_commands_pass_the_rigid_transform_on(tmp_path: Path) -> None:
     write_model(tmp_path / "model.ply", blobs(COUNT))
     write_cameras(tmp_path / "cameras.json", [tilted_camera()])
     files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]

@@ -24,7 +24,7 @@ seeds = st.integers(0, 99)
 @pytest.mark.parametrize("name", ["random_pruning", "lowest_weight", "lowest_opacity"])
 @unhurried
 @given(count=counts, fraction=shares, seed=seeds)
-def test_exactly_the_fraction_goes(name: str, count: int, fraction: float, seed: int) -> None:
+def test_exactly_the_fraction_is_removed(name: str, count: int, fraction: float, seed: int) -> None:
     attacked = find_attack(name).apply(blobs(count), evidence(count), seed=seed, fraction=fraction)
     assert attacked.prune_mask.sum() == count - len(attacked.model) == round(fraction * count)
 
@@ -32,13 +32,13 @@ def test_exactly_the_fraction_goes(name: str, count: int, fraction: float, seed:
 @pytest.mark.parametrize(("name", "field"), [("lowest_weight", "weights"), ("lowest_opacity", "opacities")])
 @unhurried
 @given(count=counts, fraction=shares, seed=seeds)
-def test_none_that_goes_is_above_one_that_stays(name: str, field: str, count: int, fraction: float, seed: int) -> None:
+def test_no_removed_row_is_above_a_kept_one(name: str, field: str, count: int, fraction: float, seed: int) -> None:
     found = evidence(count, seed)
     mask, values = find_attack(name).apply(blobs(count), found, fraction=fraction).prune_mask, getattr(found, field)
     assert values[mask].max(initial=-np.inf) <= values[~mask].min(initial=np.inf)
 
 
-def test_of_equals_the_first_go() -> None:
+def test_of_equal_rows_the_first_are_removed() -> None:
     attacked = find_attack("lowest_weight").apply(blobs(4), Evidence(np.float32([1, 1, 1, 0])), fraction=0.5)
     assert attacked.prune_mask.tolist() == [True, False, False, True]
 

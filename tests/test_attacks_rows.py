@@ -51,7 +51,7 @@ def test_clones_are_their_originals_but_for_the_opacity_of_both(fraction: float,
     np.testing.assert_array_equal(attacked.model.opacities[once], model.opacities[attacked.rows[once]])
 
 
-def test_twins_let_through_what_their_original_did() -> None:
+def test_cloned_gaussians_transmit_as_much_as_the_original() -> None:
     attacked = find_attack("densify_clone").apply(blobs(COUNT), Evidence(), fraction=1.0)
     first, second = attacked.model.opacities[:COUNT], attacked.model.opacities[COUNT:]
     np.testing.assert_allclose((1 - first) * (1 - second), 1 - blobs(COUNT).opacities, rtol=1e-3, atol=2e-6)

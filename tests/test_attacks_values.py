@@ -99,7 +99,7 @@ def test_models_without_harmonics_refuse_truncation(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("name", "setting"), [("feature_scaling", "factor"), ("gaussian_noise", "sigma")])
-def test_base_colour_is_what_has_no_direction(name: str, setting: str, kind: str) -> None:
+def test_base_colour_does_not_depend_on_direction(name: str, setting: str, kind: str) -> None:
     before = KINDS[kind](COUNT)
     after = attacked(name, before, attributes="base_colour", **{setting: 0.5})
     assert changed(before, after) == BASE_COLOURS[kind]
@@ -140,7 +140,7 @@ def test_the_radius_scales_with_the_model_and_not_with_a_floater() -> None:
         ("quantize", {"attributes": "opacity,rotation"}),
     ],
 )
-def test_attacks_on_what_anchors_do_not_have_refuse_them(name: str, settings: dict) -> None:
+def test_attacks_on_missing_attributes_refuse_anchors(name: str, settings: dict) -> None:
     with pytest.raises(InputError, match="found none"):
         attacked(name, anchors(COUNT), **settings)
     attacked(name, features(COUNT), **settings)

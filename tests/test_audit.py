@@ -164,7 +164,7 @@ def test_one_scene_is_not_called_reliable_or_unreliable_in_any_sentence() -> Non
     assert points["Evidence"] == "1 scene, 1 random seed."
 
 
-def test_below_the_floor_a_high_auc_is_reconciled_with_the_loss() -> None:
+def test_the_audit_explains_a_high_auc_below_the_floor() -> None:
     outcomes = of_scenes(4, gspure=(0.5, 18.5))  # 9.5 dB: above the clean model, below the mean-colour image
     text = told(outcomes)[1]["GSPure"]
     assert "0.5 dB (0.5 to 0.5) below the floor" in text
@@ -183,7 +183,7 @@ def test_rivals_with_a_higher_score_are_named() -> None:
     assert "3.0 dB (1.0 to 5.0) in every scene" in told(benchmark(everywhere))[1]["Against other attacks"]
 
 
-def test_a_rival_that_is_stronger_at_equal_damage_qualifies_the_score() -> None:
+def test_the_audit_names_a_rival_that_is_stronger_at_equal_damage() -> None:
     outcomes = of_scenes(2, gspure=(1.0, 20.0), gof=(0.3, 15.0))
     audit = audit_of(outcomes)
     assert not audit.rivals.ahead
@@ -210,7 +210,7 @@ def test_scenes_and_seeds_are_counted() -> None:
     assert "2 to 3 random seeds" in told(fewer)[1]["Evidence"]
 
 
-def test_attacks_that_changed_nothing_that_is_read_are_not_judged() -> None:
+def test_attacks_that_did_not_reach_the_carrier_are_not_judged() -> None:
     outcomes = of_scenes(2, gspure=(0.5, 20.0))
     outcomes += [attacked("noise", 1.0, 0.0, f"s{i}", reached={"message": False}) for i in range(2)]
     audit = audit_of(outcomes)

@@ -270,7 +270,7 @@ def test_a_folder_without_permission_is_named_and_not_a_temporary_file(folder, c
 
 
 @pytest.mark.parametrize("command", ["purify", "render", "contributions"])
-def test_a_device_that_is_not_there_is_refused(folder, capsys, monkeypatch, command):
+def test_a_missing_device_is_refused(folder, capsys, monkeypatch, command):
     monkeypatch.setenv("GSPURE_DEVICE", "nope")
     error = refusal(folder, capsys, COMMANDS[command])
     assert error.startswith("OpenCL: device: expected one that matches 'nope', found ")
@@ -291,7 +291,7 @@ def python(folder, *arguments, **environment):
     )
 
 
-def test_no_device_at_all_is_told_with_what_to_do(folder):
+def test_a_machine_without_devices_is_told_the_remedy(folder):
     before = sorted(folder.rglob("*"))
     done = python(folder, "gspure", *COMMANDS["purify"].split(), OCL_ICD_VENDORS="/nonexistent")
     assert done.returncode == 2
@@ -379,7 +379,7 @@ def test_a_prune_mask_of_another_model_is_refused_by_the_origin_of_its_weights(f
     assert refusal(folder, capsys, f"{PRUNED} --model model.ply").startswith("clusters.npz: model: ")
 
 
-def test_clusters_and_weights_of_two_models_decide_nothing(folder, capsys):
+def test_clusters_and_weights_of_two_models_are_refused(folder, capsys):
     name_origin("clusters.npz")
     spoil_row(x=9.0)
     name_origin("weights.npy")

@@ -108,7 +108,7 @@ def test_photographs_are_found_from_inside_the_model_folder(tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("write", [binary, text])
-def test_a_distorted_camera_is_refused_and_the_way_out_named(tmp_path, write):
+def test_a_distorted_camera_is_refused_with_a_remedy(tmp_path, write):
     lenses = [(7, "OPENCV", 640, 480, (500.0, 510.0, 320.0, 240.0, 0.1, 0.0, 0.0, 0.0)), LENSES[1]]
     with pytest.raises(InputError, match=r"camera 7\.model: .* found OPENCV \(undistort.*colmap image_undistorter"):
         read_cameras(written(tmp_path, write(lenses=lenses)))
@@ -156,7 +156,7 @@ def test_a_truncated_binary_file_is_refused(tmp_path, data):
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
-def test_a_damaged_file_gives_cameras_or_a_refusal_and_nothing_else(tmp_path, data):
+def test_a_damaged_camera_file_is_read_or_refused(tmp_path, data):
     files = data.draw(st.sampled_from([binary(), text()]))
     name = data.draw(st.sampled_from(sorted(files)))
     content = bytearray(files[name])

@@ -89,7 +89,7 @@ def test_the_view_is_not_moved_by_applied_transform(tmp_path):
         ({"camera_model": "OPENCV_FISHEYE"}, "frames[0].camera_model"),
     ],
 )
-def test_a_distorted_camera_is_refused_and_the_way_out_named(tmp_path, change, field):
+def test_a_distorted_camera_is_refused_with_a_remedy(tmp_path, change, field):
     with pytest.raises(InputError, match="colmap image_undistorter") as caught:
         read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME | change]}))
     assert caught.value.field == field

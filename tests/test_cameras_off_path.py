@@ -23,7 +23,7 @@ def lines_meet(a, b):
 
 
 @given(st.integers(1, 12))
-def test_they_stand_aside_and_look_at_what_their_training_views_look_at(count):
+def test_off_path_views_are_beside_the_path_and_look_at_the_same_target(count):
     path = stage_cameras(32, 64, 48)
     train, _ = split(path)
     centres = np.array([camera.centre for camera in train])
@@ -39,7 +39,7 @@ def test_they_stand_aside_and_look_at_what_their_training_views_look_at(count):
         assert abs(view.viewmat[0, 2]) < 0.2  # still upright
 
 
-def test_those_of_an_orbit_stand_off_its_ring():
+def test_off_path_views_of_an_orbit_are_off_its_ring():
     path = orbit_cameras(np.eye(3), np.ones(3), count=24, elevations=(10.0,))
     heights = np.array([camera.centre[1] for camera in path])
     assert np.ptp(heights) < 1e-9
@@ -55,7 +55,7 @@ def test_cameras_that_look_outwards_have_views_of_what_is_before_them():
 
 
 @pytest.mark.parametrize("path", [[], ring(1), [*ring(9), *off_path_cameras(ring(9), 1)]], ids=["none", "one", "aside"])
-def test_a_path_without_places_to_step_from_is_refused(path):
+def test_a_camera_path_of_one_place_is_refused(path):
     with pytest.raises(InputError, match="cameras: views: expected two or more training views"):
         off_path_cameras(path, 2)
 

@@ -80,7 +80,7 @@ def test_a_flat_model_stands_on_its_flat_side(up, capsys):
     assert all("--up" in line for line in lines)
 
 
-def test_a_model_without_a_flat_side_or_that_would_lie_on_its_side_has_the_world_of_colmap():
+def test_a_model_without_a_clear_up_direction_has_that_of_colmap():
     wall = BALL * [0.1, 1, 1]
     for points, opacities in ((BALL, OPAQUE), (wall, OPAQUE), (BALL, 0 * OPAQUE)):
         assert guessed_up(points, opacities) == pytest.approx([0, -1, 0])

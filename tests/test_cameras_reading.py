@@ -25,14 +25,14 @@ def test_an_output_folder_is_read_by_its_cameras_json(tmp_path):
     assert [c.name for c in read_cameras(tmp_path)] == ["a"]
 
 
-def test_json_is_told_by_its_content_whatever_its_name(tmp_path):
+def test_camera_files_are_recognized_by_content(tmp_path):
     frame = {"file_path": "b.png", "transform_matrix": POSE}
     (tmp_path / "cameras.json").write_text(json.dumps({"w": 8, "h": 6, "fl_x": 8, "frames": [frame]}))
     assert [c.name for c in read_cameras(tmp_path / "cameras.json")] == ["b"]
     assert [c.name for c in read_cameras(str(tmp_path))] == ["b"]
 
 
-def test_a_colmap_model_comes_before_a_cameras_json_beside_it(tmp_path):
+def test_a_colmap_model_has_priority_over_cameras_json(tmp_path):
     write_cameras(tmp_path / "cameras.json", [view("a")])
     colmap(tmp_path / "sparse" / "0")
     assert [c.name for c in read_cameras(tmp_path)] == ["from_colmap"]
@@ -40,7 +40,7 @@ def test_a_colmap_model_comes_before_a_cameras_json_beside_it(tmp_path):
 
 
 @pytest.mark.parametrize("content", ["{}", "3", "null", '"text"', "{", "", "[" * 100_000, "9" * 5000, "\x00"])
-def test_a_file_that_is_no_camera_file_is_refused_in_one_line(tmp_path, content):
+def test_a_file_that_is_not_a_camera_file_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "cameras.json"
     path.write_text(content)
     with pytest.raises(InputError) as caught:

@@ -24,13 +24,13 @@ def test_native_keeps_the_files_size():
     assert size(5187, 3361, "native") == (5187, 3361)
 
 
-def test_a_fraction_rounds_and_sends_halves_to_the_even_number():
+def test_a_fraction_of_rows_is_rounded_half_to_even():
     assert size(5187, 3361, "1/4") == (1297, 840)
     assert size(989, 743, "1/2") == (494, 372)
     assert size(3, 2, "1/8") == (1, 1)
 
 
-def test_a_width_caps_the_view_and_cuts_its_height():
+def test_a_largest_width_also_reduces_the_height():
     assert size(3958, 2968, "1600px") == (1600, 1199)
     assert size(1600, 1199, "1600px") == (1600, 1199)
     assert size(989, 742, "1600px") == (989, 742)
@@ -51,7 +51,7 @@ def test_a_view_is_not_enlarged_to_its_photograph(tmp_path):
     assert (same.width, same.height) == (40, 30)
 
 
-def test_a_view_without_a_photograph_has_no_size_of_one():
+def test_a_view_without_a_photograph_has_no_photograph_size():
     with pytest.raises(InputError, match="view: image: expected a photograph, found none named"):
         scaled([view(40, 30)], "photographs")
 

@@ -110,7 +110,7 @@ def test_a_file_whose_record_names_another_is_not_intact(tmp_path: Path) -> None
     assert not intact(tmp_path / "a.npy")
 
 
-def test_a_users_json_beside_a_file_is_no_checksum_and_stays(tmp_path: Path) -> None:
+def test_a_users_json_beside_a_file_is_not_taken_for_a_checksum(tmp_path: Path) -> None:
     write_json(tmp_path / "model.ply.json", {"title": "my model"})
     KINDS["model.ply"][0](tmp_path / "model.ply")
     KINDS["model.ply"][1](tmp_path / "model.ply")

@@ -126,7 +126,7 @@ def test_a_typo_gets_a_suggestion(line, meant, capsys):
 
 
 @pytest.mark.parametrize("line", ["xyzzy", "render m.ply --xyzzy", "figures outcome --table t.csv", "render m.ply"])
-def test_what_resembles_nothing_gets_no_suggestion(line, capsys):
+def test_a_name_without_a_similar_one_gets_no_suggestion(line, capsys):
     with pytest.raises(SystemExit):
         main(line.split())
     assert not re.search("did you mean|no option --table", capsys.readouterr().err)
@@ -163,7 +163,7 @@ def test_an_empty_path_is_refused(argv, capsys):
     assert "found an empty text" in capsys.readouterr().err
 
 
-def test_bad_input_is_told_in_one_line_with_status_2(asset, capsys):
+def test_bad_input_is_reported_in_one_line_with_status_2(asset, capsys):
     status = main(["render", "missing.ply", "--cameras", str(asset / "cameras.json"), "--out", str(asset / "out")])
     error = capsys.readouterr().err
     assert status == 2
@@ -171,7 +171,7 @@ def test_bad_input_is_told_in_one_line_with_status_2(asset, capsys):
     assert not (asset / "out").exists()
 
 
-def test_a_folder_that_cannot_be_made_is_told_in_one_line(asset, capsys):
+def test_a_folder_that_cannot_be_created_is_reported_in_one_line(asset, capsys):
     command = ["contributions", "--model", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json")]
     status = main([*command, "--stages", str(asset / "stages"), "--index", str(asset / "model.ply" / "1.tsv")])
     assert status == 2
@@ -242,7 +242,7 @@ def test_generated_views_are_written_beside_their_renders(asset):
     assert names == {path.stem for path in renders.glob("*.png")}
 
 
-def test_floats_of_an_earlier_render_do_not_stay_beside_other_images(asset):
+def test_arrays_of_an_earlier_render_are_removed(asset):
     command = ["render", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json")]
     command += ["--out", str(asset / "renders"), "--split", "test"]
     assert main([*command, "--npy"]) == 0
@@ -309,7 +309,7 @@ def test_a_part_is_read(text, part):
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "/", "1/0", "-1/2", "a/b", "1/2/3"])
-def test_a_part_outside_the_whole_is_refused(text, capsys):
+def test_an_invalid_part_is_refused(text, capsys):
     with pytest.raises(SystemExit):
         main(["contributions", "--model", "m", "--cameras", "c", "--stages", "s", "--index", "i", f"--part={text}"])
     assert "expected I/N with 1 <= I <= N" in capsys.readouterr().err

@@ -220,7 +220,7 @@ def test_excess_of_mass_keeps_a_group_together_that_leaf_and_a_cap_split() -> No
     assert leaves.max() > whole.max()
 
 
-def test_a_cap_below_twice_the_smallest_cluster_does_not_forbid_clusters() -> None:
+def test_a_share_limit_below_twice_the_smallest_cluster_still_allows_clusters() -> None:
     assert select(spanning_tree(blobs(0, 5, 9), 10), 60, "eom_capped", max_cluster_share=0.01).max() == 2
 
 
@@ -233,7 +233,7 @@ def test_too_few_points_for_two_clusters_are_noise(count: int, selection: str) -
 
 
 @pytest.mark.parametrize("selection", SELECTIONS)
-def test_a_scene_that_never_splits_is_noise(selection: str) -> None:
+def test_points_that_form_one_cluster_only_are_noise(selection: str) -> None:
     line = np.cumsum(1.1 ** np.arange(60))[:, None]  # gaps that only grow: one point leaves at a time
     assert (select(spanning_tree(line, 1), 10, selection) == -1).all()
 
@@ -288,7 +288,7 @@ def test_min_samples_below_one_is_refused() -> None:
         spanning_tree(blobs(0, 5), 0)
 
 
-def test_diagnosis_tells_what_the_clustering_did() -> None:
+def test_the_diagnosis_describes_the_clustering() -> None:
     labels = np.array([0, 0, 0, 0, 1, 1, -1, -1, -1, -1], np.int32)
     weights = np.array([1, 1, 1, 9, 20, 28, 1, 1, 9, 9], np.float32)  # mean 8; the first cluster's mean 3
     found = diagnose(labels, weights, tau_c=2, tau_n=2)

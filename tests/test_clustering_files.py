@@ -69,7 +69,7 @@ def test_a_file_of_another_stage_is_refused_in_one_line(tmp_path: Path, capsys, 
         ([0, 0, -1], 4, "coincident: expected 0 to 3, found 4"),
     ],
 )
-def test_impossible_clusters_are_refused(tmp_path: Path, labels: list[int], coincident: int, line: str) -> None:
+def test_invalid_clusters_are_refused(tmp_path: Path, labels: list[int], coincident: int, line: str) -> None:
     write_clusters(tmp_path / "clusters.npz", Clusters(np.array(labels, np.int32), coincident), {})
     with pytest.raises(InputError, match=line):
         read_clusters(tmp_path / "clusters.npz")

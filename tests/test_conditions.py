@@ -99,7 +99,7 @@ def test_the_table_command_takes_the_condition_of_each_model(tmp_path: Path, cap
         (SCENE_POINTS, "GS-Hider, own poses, scene's points"),
     ],
 )
-def test_a_condition_is_named_by_what_sets_it_apart(condition: Condition, name: str) -> None:
+def test_a_condition_is_named_by_its_distinguishing_settings(condition: Condition, name: str) -> None:
     assert condition_name(*condition) == name
 
 

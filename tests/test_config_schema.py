@@ -143,7 +143,7 @@ def test_a_default_is_not_shared_between_two_configurations():
     assert filled({})["method"]["min_samples"] == constants.MIN_SAMPLES
 
 
-def test_the_configuration_handed_in_is_left_alone():
+def test_the_given_configuration_is_not_changed():
     config = {"method": {}}
     filled(config)
     assert config == {"method": {}}
@@ -266,7 +266,7 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_what_the_configuration_names_must_exist(config, line):
+def test_files_of_the_configuration_must_exist(config, line):
     with pytest.raises(InputError, match="^mine.yaml: " + line):
         resolved(filled(config), "mine.yaml")
 
@@ -281,7 +281,7 @@ def test_a_scheme_that_needs_ray_traced_pairs_is_refused_on_photographs(tmp_path
 
 @pytest.mark.parametrize("name", ["a\n", "../a", "a/b", ".a", "", "a" * 101, "\x1b[2J"])
 @pytest.mark.parametrize("part", ["assets", "pairs", "variants"])
-def test_a_name_that_is_no_folder_name_is_refused(part, name):
+def test_a_name_that_is_not_a_folder_name_is_refused(part, name):
     with pytest.raises(InputError) as caught:
         filled({**ASSET, part: {name: {}}})
     assert str(caught.value).isprintable()

@@ -22,7 +22,7 @@ def test_sound_contributions_pass():
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e-3])
 @pytest.mark.parametrize("field", ["sum", "max"])
-def test_a_contribution_that_is_no_share_is_named_with_view_and_row(field, value):
+def test_an_invalid_contribution_is_reported_with_view_and_row(field, value):
     contributions, transmittance = sound()
     contributions[field][1] = value
     with pytest.raises(InputError, match=rf"front.*{np.float32(value)} in row 7"):
@@ -30,14 +30,14 @@ def test_a_contribution_that_is_no_share_is_named_with_view_and_row(field, value
 
 
 @pytest.mark.parametrize("value", [np.nan, 8.9e31, -0.01])
-def test_a_transmittance_that_is_no_share_is_named_with_its_pixel(value):
+def test_an_invalid_transmittance_is_reported_with_its_pixel(value):
     contributions, transmittance = sound()
     transmittance[1, 0] = value
     with pytest.raises(InputError, match=r"front.*transmittance.*column 0, line 1"):
         require_conservation("front", contributions, transmittance)
 
 
-def test_light_that_is_lost_or_made_is_noticed():
+def test_violated_conservation_of_light_is_detected():
     contributions, transmittance = sound()
     for factor, fails in ((1.0, False), (1 + 2e-5, False), (1 + 1e-3, True), (1 - 1e-3, True)):
         changed = contributions.copy()

@@ -45,7 +45,7 @@ def test_each_rival_is_compared_in_score_message_and_scene() -> None:
     assert by_rival(rows)["better"].difference.mean == pytest.approx(-2.5)
 
 
-def test_an_attack_that_does_exactly_the_same_differs_by_nothing_and_p_is_1() -> None:
+def test_identical_attacks_have_no_difference_and_p_1() -> None:
     twin = by_rival(contest(SCENES, {}))["twin"]
     assert tuple(twin.difference[:3]) == (0.0, 0.0, 0.0)
     assert (twin.p, twin.p_adjusted) == (1.0, 1.0)
@@ -88,7 +88,7 @@ def test_only_scenes_and_seeds_that_both_have_are_compared() -> None:
     assert (row.cells, row.difference.scenes, row.difference.mean) == (2, 2, 3.0)
 
 
-def test_controls_and_what_failed_are_no_rivals() -> None:
+def test_controls_and_failed_variants_are_not_rivals() -> None:
     outcomes = [*benchmark({"a": {"gspure": (1.0, 10.0)}}), outcome("gof", "a", failure="no mesh")]
     assert contest(outcomes, {}) == []
     assert contest([o for o in SCENES if o.variant != "gspure"], {}) == []
@@ -103,13 +103,13 @@ def test_at_equal_damage_the_sweeps_are_compared_scene_by_scene() -> None:
     assert [row.difference.mean for row in rows] == pytest.approx([3 - 0.6, 7 - 1.4, 10 - 3, 10 - 4])
 
 
-def test_a_sweep_of_gspure_takes_the_place_of_the_single_variant() -> None:
+def test_a_sweep_of_gspure_replaces_the_single_variant() -> None:
     outcomes = benchmark({"a": {"gspure": (1.0, 10.0), "tau_2": (2.0, 15.0), "x": (2.0, 4.0)}})
     (at_2,) = (row for row in contest(outcomes, {"gspure": ["gspure", "tau_2"], "xs": ["x"]}) if row.damage == 2.0)
     assert at_2.difference.mean == pytest.approx(11.0)
 
 
-def test_gspure_at_other_strengths_is_no_rival_of_itself() -> None:
+def test_gspure_at_other_strengths_is_not_a_rival() -> None:
     rows = contest(SCENES, {"gspure": ["gspure", "twin"]})
     assert {row.rival for row in rows if math.isnan(row.damage)} == {"weaker", "better"}
 
@@ -136,7 +136,7 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "content", ["", "a,b\n1,2\n", "HEADERsis,message,x\n", "HEADERs,m,x,score,,a" + ",1" * 8 + "\n"]
 )
-def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
+def test_another_table_is_refused(tmp_path: Path, content: str) -> None:
     write_records(tmp_path / "t.csv", Contest, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):

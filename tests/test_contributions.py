@@ -217,7 +217,7 @@ def test_a_view_in_two_indices_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "view\tpath\n", "view\tkey\tpath\nview_0\tkey\n", "\0"])
-def test_a_file_that_is_no_index_is_refused(tmp_path, text):
+def test_a_file_that_is_not_an_index_is_refused(tmp_path, text):
     (tmp_path / "1.tsv").write_text(text)
     with pytest.raises(InputError, match=r"1\.tsv: columns"):
         read_index(tmp_path / "1.tsv")

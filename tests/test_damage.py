@@ -91,7 +91,7 @@ def test_deleted_artifacts_are_listed_by_their_records(capsys):
     assert missing_or_cut().keys() == {CAMERAS, INDEX, OMEGA}
 
 
-def test_an_artifact_of_its_size_is_not_read_for_being_missing_or_cut():
+def test_the_check_for_missing_or_cut_artifacts_reads_no_file():
     flipped(OMEGA)
     assert missing_or_cut() == {}
 
@@ -122,7 +122,7 @@ def test_renders_that_are_damaged_or_missing_are_listed(capsys):
     assert any(line.startswith(f"{SCENE}/renders/rendered.json: ") for line in verify(capsys)[1])
 
 
-def test_a_folder_that_is_not_there_cannot_be_verified(capsys):
+def test_a_missing_folder_cannot_be_verified(capsys):
     assert main(["stages", "--verify", "absent"]) == 2
     assert "absent: folder: expected" in capsys.readouterr().err
 

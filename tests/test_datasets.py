@@ -79,7 +79,7 @@ def impatient(monkeypatch):
     monkeypatch.setattr(fetching.time, "sleep", lambda seconds: None)
 
 
-def test_a_download_that_is_cut_off_again_and_again_goes_on_from_there(tmp_path):
+def test_an_interrupted_download_resumes(tmp_path):
     with Server(hang_up_after=PIECE) as server:
         file, sha256 = fetch(server.url, tmp_path)
     assert file.read_bytes() == CONTENT
@@ -88,7 +88,7 @@ def test_a_download_that_is_cut_off_again_and_again_goes_on_from_there(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scenes.zip", "scenes.zip.sha256"]
 
 
-def test_what_has_arrived_is_kept_for_the_next_run(tmp_path, monkeypatch):
+def test_a_partial_download_is_kept(tmp_path, monkeypatch):
     with Server(hang_up_after=PIECE) as server:
         monkeypatch.setattr(server, "content", Broken(CONTENT, PIECE))
         with pytest.raises(InputError, match=r"scenes.zip: download: expected an answer, found"):
@@ -123,7 +123,7 @@ def test_a_part_of_an_older_version_is_not_continued(tmp_path, monkeypatch):
     assert not [*tmp_path.glob("*.part")]
 
 
-def test_a_file_that_is_there_is_not_downloaded_again(tmp_path):
+def test_an_existing_file_is_not_downloaded_again(tmp_path):
     with Server() as server:
         assert fetch(server.url, tmp_path) == fetch(server.url, tmp_path)
     assert server.asked == [None]
@@ -140,7 +140,7 @@ def test_the_digest_of_the_first_download_holds_from_then_on(tmp_path):
     assert not (tmp_path / "scenes.zip").exists()
 
 
-def test_a_server_without_the_file_is_told_in_one_line(tmp_path):
+def test_a_file_missing_on_the_server_is_reported_in_one_line(tmp_path):
     with Server() as server, pytest.raises(InputError, match="download: expected an answer, found 404"):
         fetch(server.url.replace("scenes", "others"), tmp_path)
 

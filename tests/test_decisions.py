@@ -32,7 +32,7 @@ def made(config):
     return {artifact: len({origin(among, name, artifact) for name in among} - {DEFAULT}) for artifact in STAGES}
 
 
-def test_a_decision_has_the_settings_of_the_method_but_its_own():
+def test_a_decision_overrides_settings_of_the_method():
     config = settled(method={"min_samples": 7, "tau_n": 1.5}, decisions={"leaf": {"selection": "leaf", "tau_c": 9}})
     among = decisions(config, SUITED)
     assert list(among) == [DEFAULT, "leaf"]
@@ -40,7 +40,7 @@ def test_a_decision_has_the_settings_of_the_method_but_its_own():
     assert among["leaf"] == {**among[DEFAULT], "selection": "leaf", "tau_c": 9}
 
 
-def test_a_factor_that_is_null_is_that_of_the_scheme_also_where_the_method_has_one():
+def test_a_null_factor_is_that_of_the_scheme_not_of_the_method():
     config = settled(method={"tau_n": 4.0}, decisions={"own": {"tau_n": None}})
     assert decisions(config, SUITED)["own"]["tau_n"] == 2.0
 
@@ -59,7 +59,7 @@ def test_a_factor_that_is_null_is_that_of_the_scheme_also_where_the_method_has_o
         ({"tau_n": 2}, None),  # what suits the scheme anyhow
     ],
 )
-def test_what_differs_is_made_from_the_first_stage_on_that_it_concerns(own, first):
+def test_a_decision_recomputes_from_its_first_different_stage(own, first):
     among = decisions(settled(decisions={"other": own}), SUITED)
     own_artifacts = [artifact for artifact in STAGES if origin(among, "other", artifact) == "other"]
     assert own_artifacts == (list(STAGES)[list(STAGES).index(first) :] if first else [])
@@ -67,7 +67,7 @@ def test_what_differs_is_made_from_the_first_stage_on_that_it_concerns(own, firs
 
 @settings(deadline=None)
 @given(st.lists(st.fixed_dictionaries({}, optional={"tau_n": st.integers(1, 3), "min_samples": st.integers(9, 11)})))
-def test_an_artifact_is_shared_exactly_by_equals_and_made_by_the_first(own):
+def test_decisions_share_an_artifact_exactly_if_their_settings_are_equal(own):
     among = decisions(settled(decisions={f"d{i}": settings for i, settings in enumerate(own)}), SUITED)
     for name in among:
         tree, mask = (origin(among, name, artifact) for artifact in ("tree.npy", "prune_mask.npy"))

@@ -81,7 +81,7 @@ def test_the_default_is_the_first_device_that_works(machine) -> None:
 @pytest.mark.parametrize(
     ("spec", "name"), [("2", "pthread-EPYC"), ("card b", "Card B"), ("pocl", "pthread-EPYC"), ("inc.", "Card A")]
 )
-def test_a_device_is_meant_by_its_index_or_by_a_part_of_a_name(machine, spec: str, name: str) -> None:
+def test_a_device_is_selected_by_index_or_part_of_its_name(machine, spec: str, name: str) -> None:
     machine(POCL, CARDS)
     assert choose_device(spec).name == name
 
@@ -103,7 +103,7 @@ def test_a_named_device_that_does_not_work_is_not_replaced(machine, monkeypatch)
 
 
 @pytest.mark.parametrize("spec", ["7", "nvidia"])
-def test_a_device_that_is_not_there_is_refused_with_those_that_are(machine, spec: str) -> None:
+def test_a_missing_device_is_refused_with_a_list_of_devices(machine, spec: str) -> None:
     machine(POCL)
     with pytest.raises(InputError, match=r"OpenCL: device: .*0: pthread-EPYC"):
         matching_devices(spec)
@@ -117,7 +117,7 @@ def test_no_driver_gives_one_line_with_the_command_that_helps(machine, spec: str
     assert "\n" not in str(error.value)
 
 
-def test_a_driver_without_its_hardware_is_passed_over(machine) -> None:
+def test_a_driver_without_hardware_is_skipped(machine) -> None:
     machine(FakePlatform("No card inside", found=None), POCL)
     assert [d.name for d in list_devices()] == ["pthread-EPYC"]
 
@@ -128,7 +128,7 @@ def test_some_device_of_this_machine_works() -> None:
     assert chosen in list_devices()
 
 
-def test_a_device_works_where_no_home_can_be_written(tmp_path) -> None:
+def test_a_device_works_without_a_writable_home(tmp_path) -> None:
     (tmp_path / "home").write_text("a file")
     environment = {
         name: value for name, value in os.environ.items() if name not in {"XDG_CACHE_HOME", "POCL_CACHE_DIR"}
@@ -140,7 +140,7 @@ def test_a_device_works_where_no_home_can_be_written(tmp_path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["home"]
 
 
-def test_a_program_that_does_not_build_is_told_by_its_first_error(monkeypatch) -> None:
+def test_a_failed_build_is_reported_by_its_first_error(monkeypatch) -> None:
     chosen = choose_device()
     monkeypatch.setattr(devices, "_TRIVIAL_KERNEL", "kernel void scale(global int *a) { a[0] = nothing_here; }")
     reason = devices.fault.__wrapped__(chosen)

@@ -27,7 +27,7 @@ def anchors(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_somewhere(page):
+def test_links_have_targets(page):
     for target in re.findall(r"\]\((?!https?:)([^)]+)\)", page.read_text(encoding="utf-8")):
         file, _, anchor = target.partition("#")
         linked = (page.parent / file).resolve() if file else page
@@ -75,7 +75,7 @@ def plugged_in(tmp_path, monkeypatch):
     return yaml.safe_load(blocks(DOCS / "extending.md", "yaml")[0])
 
 
-def test_the_example_of_an_attack_is_found_and_does_what_it_says(plugged_in):
+def test_the_example_attack_is_registered_and_works(plugged_in):
     model, weights = blobs(40), np.arange(40, dtype=np.float32)[::-1].copy()
     attack = attacks()["faint_pruning"]
     assert attack.needs == {"weights"}

@@ -42,7 +42,7 @@ def examine(monkeypatch, capsys):
     return examine
 
 
-def test_a_machine_with_everything_passes(examine) -> None:
+def test_a_complete_machine_passes(examine) -> None:
     status, text = examine(WORKING)
     assert status == 0
     assert "EPYC  PoCL 3.1  1.0 s, in use" in text
@@ -67,14 +67,14 @@ def test_without_a_working_device_the_status_is_1(examine, trials) -> None:
     assert "opencl" in text.split("fix:")[1]
 
 
-def test_a_device_named_in_the_environment_must_be_one_that_works(examine, monkeypatch) -> None:
+def test_a_device_named_in_the_environment_must_work(examine, monkeypatch) -> None:
     monkeypatch.setenv("GSPURE_DEVICE", "nvidia")
     status, text = examine(UNSELECTED)
     assert status == 1
     assert "fix: unset GSPURE_DEVICE" in text
 
 
-def test_missing_opengl_is_no_failure(examine) -> None:
+def test_missing_opengl_is_not_a_failure(examine) -> None:
     status, text = examine(WORKING, opengl="off-screen rendering ends the process (status -11)")
     assert status == 0
     assert "3-D figures are drawn without it" in text

@@ -91,7 +91,7 @@ def test_a_number_of_thousands_of_digits_does_not_quote_the_setting_of_python(re
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, Exception) else "",
 )
-def test_whatever_goes_wrong_while_reading_becomes_one_line(error, found):
+def test_any_error_while_reading_becomes_one_line(error, found):
     with pytest.raises(InputError) as caught, reading("x.json", "JSON"):
         raise error
     assert str(caught.value) == f"x.json: file: expected JSON, found {found}"
@@ -146,6 +146,6 @@ def test_a_more_precise_error_is_kept():
     assert caught.value is precise
 
 
-def test_an_interruption_is_no_damage():
+def test_an_interruption_is_not_reported_as_damage():
     with pytest.raises(KeyboardInterrupt), reading("x.json", "JSON"):
         raise KeyboardInterrupt

@@ -175,7 +175,7 @@ def test_rows_out_of_range_are_not_drawn(device, style, energy, case):
     assert Renderer(model, device, energy=energy, style=style).contributions(VIEW)["index"].tolist() == drawn
 
 
-def test_rays_see_no_scale_further_than_the_ratio_from_the_middle_one(device, style):
+def test_scales_of_a_ray_are_clamped_around_the_middle_one(device, style):
     means, quats = [[0.3, 0.2, 4], [-0.3, -0.2, 6]], [[1.0, 0.2, 0.3, 0.1], [0.3, 0.1, 0.9, 0.2]]
     beyond, at = (
         gaussians(means=means, quats=quats, scales=scales, opacities=0.9)

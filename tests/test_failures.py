@@ -35,7 +35,7 @@ def test_the_reason_of_a_failure_is_in_its_log(tmp_path, text, reason):
 
 
 @pytest.mark.parametrize(("status", "interrupted"), [(130, True), (143, True), (129, True), (137, False), (2, False)])
-def test_a_job_that_a_signal_interrupted_has_not_failed(tmp_path, status, interrupted):
+def test_a_job_interrupted_by_a_signal_has_not_failed(tmp_path, status, interrupted):
     (tmp_path / "attack.log").write_text(f"reading\nexit status {status}\n")
     assert is_interrupted(tmp_path / "attack.log") == interrupted
     assert not is_interrupted(tmp_path / "absent.log")
@@ -50,7 +50,7 @@ def test_a_status_lies_beside_its_log_and_is_read_back(tmp_path):
 
 
 @pytest.mark.parametrize("content", ["[]", "{}", "no JSON", '{"rule": 1}'])
-def test_other_json_is_no_status(tmp_path, content):
+def test_other_json_is_not_a_status(tmp_path, content):
     (tmp_path / "a.failed.json").write_text(content)
     with pytest.raises(InputError, match=r"a\.failed\.json: file: expected"):
         failures_below(tmp_path)

@@ -61,7 +61,7 @@ def test_without_a_message_its_figures_are_left_out(tmp_path: Path, evidence) ->
     assert {path.stem for path in unmarked} == {"clusters", "ranks", "kept", "weights"}
 
 
-def test_a_model_of_which_all_is_pruned_is_drawn_too(tmp_path: Path, evidence) -> None:
+def test_a_fully_pruned_model_is_drawn(tmp_path: Path, evidence) -> None:
     gallery.draw(tmp_path, replace(evidence, pruned=np.ones(400, np.bool_)))
     assert (tmp_path / "purification.png").read_bytes().startswith(PNG)
 
@@ -102,7 +102,7 @@ def test_figures_of_a_model_have_their_captions_beside_them(tmp_path: Path, inpu
         (["--hidden", "{}/absent.npy"], "absent.npy: no such file"),
     ],
 )
-def test_what_does_not_fit_the_model_is_told_in_one_line(tmp_path: Path, inputs, capsys, change, told) -> None:
+def test_files_that_do_not_fit_the_model_are_refused_in_one_line(tmp_path: Path, inputs, capsys, change, told) -> None:
     save_array(tmp_path / "short.npy", np.zeros(3, bool))
     assert main([*inputs, *(word.format(tmp_path) for word in change)]) == 2
     error = capsys.readouterr().err

@@ -72,7 +72,7 @@ def test_numbered_columns_come_in_the_order_of_their_numbers():
 
 
 @given(rows=st.sampled_from([0, 1, 4095, 4096, 4097, 9000]))
-def test_columns_are_gathered_whole_and_in_the_order_asked_for(rows):
+def test_columns_are_returned_in_the_requested_order(rows):
     model = Gaussians(table_of(["a", "b", "c"], rows))
     expected = np.stack([model.table["c"], model.table["a"]], axis=1)
     np.testing.assert_array_equal(model.columns("c", "a"), expected)

@@ -131,7 +131,7 @@ def test_means_move_colours_through_the_direction_of_view(device, style):
         assert expected.any()
 
 
-def test_what_lies_behind_the_stop_has_no_gradient(device, style):
+def test_gaussians_behind_the_stop_have_no_gradient(device, style):
     """Not even one left over from a view that showed it, from the side."""
     means = np.stack([np.zeros(40), np.zeros(40), np.arange(3.0, 43.0)], axis=1)
     renderer = Renderer(gaussians(means=means, scales=0.3, opacities=0.98), device, style=style)
@@ -143,7 +143,7 @@ def test_what_lies_behind_the_stop_has_no_gradient(device, style):
     assert found.opacities[:2].all()
 
 
-def test_the_background_enters(device, style):
+def test_the_background_is_used(device, style):
     """A Gaussian alone, in the background's colour, changes nothing by being there."""
     model, view = gaussians(means=[0, 0, 4], scales=0.3, colors=BACKGROUND), camera(33, 31)
     renderer = Renderer(model, device, style=style)
@@ -206,7 +206,7 @@ def test_the_gradient_of_a_feature_is_the_gaussians_contribution(device, style):
     assert np.count_nonzero(found) == len(contributions)
 
 
-def test_an_image_stays_as_the_world_grows_around_the_camera(device, style):
+def test_scaling_the_scene_around_the_camera_keeps_the_image(device, style):
     """So gradients of means and scales along that growth cancel; likewise a quaternion's along itself."""
     model, view = blobs(100, 5), tilted_camera()
     found = gradients(Renderer(model, device, style=style), view)

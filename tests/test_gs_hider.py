@@ -151,7 +151,7 @@ def test_pruned_models_keep_their_decoder(hidden, pair):
     assert key.gaussians(pruned, pair.scene.views[0], "message")[0] is pruned.model
 
 
-def test_a_message_is_looked_for_in_features_only(hidden):
+def test_the_message_of_gs_hider_is_extracted_from_features_only(hidden):
     public, key = hidden
     with pytest.raises(InputError, match="features of GS-Hider"):
         key.message(PublicModel(public.model), "message")

@@ -119,7 +119,7 @@ def test_a_key_is_written_and_read(torch, tmp_path):
     assert not torch.equal(wrong.conv1.weight, key.decoder.network.conv1.weight)
 
 
-def test_a_model_without_its_decoder_can_be_attacked_not_seen(tmp_path):
+def test_a_model_without_its_decoder_can_be_attacked_but_not_rendered(tmp_path):
     write_model(tmp_path / "lone.ply", rows())
     public = SCHEME.read_public(tmp_path / "lone.ply")
     assert not public.visible

@@ -44,7 +44,7 @@ def test_a_shown_colour_keeps_sign_and_exponent_and_the_rest_of_its_bits(pair, s
 
 
 @given(colours)
-def test_what_is_extracted_embeds_to_the_same_bits(pair):
+def test_extraction_and_embedding_of_bits_are_inverse(pair):
     marked = embed(*pair)
     assert embed(marked, extract(marked)).tobytes() == marked.tobytes() or (np.abs(pair[1]) < 2.0**-100).any()
 
@@ -56,7 +56,7 @@ def test_the_zeroth_harmonic_has_the_most_room():
     assert not embed(shown, hidden)[:, :15].any()
 
 
-def test_nonsense_becomes_finite_and_bounded():
+def test_invalid_values_become_finite_and_bounded():
     rng = np.random.default_rng(0)
     words = rng.integers(0, 2**32, (4096, 16, 3), dtype=np.uint32)
     found = extract(words.view(np.float32), SHIFT)
@@ -64,7 +64,7 @@ def test_nonsense_becomes_finite_and_bounded():
     assert np.abs(found).max() == LARGEST
 
 
-def test_a_hidden_word_that_is_no_number_becomes_zero():
+def test_a_hidden_value_that_is_not_a_number_becomes_zero():
     shown, hidden = np.zeros((1, 4, 3), np.float32), np.full((1, 4, 3), np.nan, np.float32)
     assert extract(embed(shown, hidden)).tolist() == np.zeros((1, 4, 3)).tolist()
 
@@ -79,7 +79,7 @@ def test_the_shift_is_the_papers_and_its_range_the_widest_that_works():
     assert (embed(ones, twos, most + 1) < 1).any()  # an exponent was overwritten
 
 
-def test_bits_survive_a_file_and_not_a_scaling(tmp_path):
+def test_hidden_bits_survive_a_file_but_not_scaling(tmp_path):
     model = blobs(50, sh_degree=3)
     hidden = np.random.default_rng(1).normal(0, 0.3, (50, 16, 3)).astype(np.float32)
     marked = model.with_appearance(model.table["opacity"], embed(model.sh_coeffs, hidden))

@@ -49,7 +49,7 @@ def test_grey_is_spread_over_three_channels_and_transparency_stands_on_black(tmp
     assert read_image(tmp_path / "clear.png")[0, 0] * 255 == pytest.approx([51, 0, 20])
 
 
-def test_a_photograph_is_reduced_to_the_size_of_its_view_and_left_alone_where_it_fits(tmp_path):
+def test_a_photograph_is_reduced_to_the_size_of_its_view(tmp_path):
     ramp = np.repeat(np.linspace(0, 1, 64)[None, :, None], 32, axis=0).repeat(3, axis=2)
     write_image(tmp_path / "a.png", ramp)
     small = read_image(tmp_path / "a.png", size=(16, 8))
@@ -138,7 +138,7 @@ def test_a_tiff_without_its_last_rows_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("compression", ["tiff_deflate", "tiff_lzw", "jpeg"])
-def test_a_damaged_tiff_is_refused_without_a_word_of_its_decoder(tmp_path, capfd, compression):
+def test_a_damaged_tiff_is_refused_without_output_of_its_decoder(tmp_path, capfd, compression):
     file = tmp_path / "a.tif"
     pixels = np.random.default_rng(0).integers(256, size=(40, 40, 3), dtype=np.uint8)
     refused = 0

@@ -104,7 +104,7 @@ def test_rows_that_are_anchors_are_called_so(capsys, tmp_path):
     assert "Gaussians" not in text
 
 
-def test_a_training_folder_is_shown_with_its_arguments(capsys, tmp_path):
+def test_info_on_a_training_folder_shows_its_arguments(capsys, tmp_path):
     write_model(tmp_path / "point_cloud/iteration_30000/point_cloud.ply", blobs(2).with_comment("made by hand"))
     (tmp_path / "cfg_args").write_text("Namespace(sh_degree=3, eval=True)")
     text = report(capsys, tmp_path)
@@ -126,7 +126,7 @@ def test_text_from_the_files_cannot_control_the_terminal(tmp_path, capsys):
     assert all(line.isprintable() for line in report(capsys, tmp_path).split("\n"))
 
 
-def test_a_file_that_is_no_model_gives_one_line_and_status_2(capsys, tmp_path):
+def test_a_file_that_is_not_a_model_gives_one_line_and_status_2(capsys, tmp_path):
     (tmp_path / "m.ply").write_bytes(b"solid")
     assert main(["info", str(tmp_path / "m.ply")]) == 2
     error = capsys.readouterr().err

@@ -35,7 +35,7 @@ def test_an_earlier_iteration_is_read_by_naming_its_folder(trained):
     assert len(read_model(trained / "point_cloud" / "iteration_7000")) == 7
 
 
-def test_an_iteration_that_was_not_saved_whole_is_passed_over(trained):
+def test_an_incomplete_iteration_is_skipped(trained):
     (trained / "point_cloud" / "iteration_40000").mkdir()
     (trained / "point_cloud" / "iteration_best").mkdir()
     assert point_cloud(trained) == trained / "point_cloud" / "iteration_30000" / "point_cloud.ply"
@@ -70,7 +70,7 @@ def test_the_background_of_training_is_that_of_cfg_args(trained, value, shade):
 
 
 @pytest.mark.parametrize("command", ["attack", "purify"])
-def test_what_is_made_of_a_model_is_rendered_on_the_background_of_its_training(trained, command):
+def test_derived_models_are_rendered_on_the_background_of_training(trained, command):
     (trained / "cfg_args").write_text("Namespace(white_background=True)")
     write_cameras(trained / "cameras.json", [camera(name=f"view_{i}") for i in range(2)])
     write_model(point_cloud(trained), blobs(40, size=(0.05, 0.1)))

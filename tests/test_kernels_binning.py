@@ -74,7 +74,7 @@ def test_lists_hold_every_touched_gaussian_once_and_front_to_back(device, style,
     assert pairs(lists) >= touched_pairs(model, view, energy)
 
 
-def test_lists_hold_little_else(device, style, energy):
+def test_tile_lists_hold_few_untouched_gaussians(device, style, energy):
     """A Gaussian's ellipse may pass between pixel centres, and nothing more."""
     model, view = blobs(300, 1, size=(0.05, 0.5)), tilted_camera(160, 120, focal=150)
     listed, touched = pairs(Lists(device, style, energy, model, view)), touched_pairs(model, view, energy)

@@ -31,12 +31,12 @@ def test_visible_rows_come_front_to_back_and_equal_depths_in_row_order(device, s
     assert np.array_equal(sorted_rows(device, style, keys), expected)
 
 
-def test_any_bits_of_a_key_count(device, style):
+def test_any_byte_of_a_key_changes_the_digest(device, style):
     keys = np.random.default_rng(0).integers(0, NOT_VISIBLE, 5000, dtype=np.uint32)
     assert np.array_equal(sorted_rows(device, style, keys), np.argsort(keys, kind="stable"))
 
 
-def test_a_view_of_nothing_has_an_empty_order(device, style):
+def test_a_view_without_gaussians_has_an_empty_depth_order(device, style):
     assert sorted_rows(device, style, np.full(40, NOT_VISIBLE, np.uint32)).size == 0
 
 

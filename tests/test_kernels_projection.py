@@ -56,7 +56,7 @@ def test_offsets_of_rays_start_at_the_centre_or_at_the_nearest_point_of_the_imag
 
 
 @pytest.mark.parametrize("case", AWKWARD)
-def test_what_is_kept_is_what_its_box_says(device, style, energy, case):
+def test_crop_keeps_the_rows_in_its_box(device, style, energy, case):
     """Kept: every Gaussian whose box holds a pixel centre. Dropped: all whose box, a little wider, holds none.
 
     Rays of what nearly reaches the camera plane are kept: float32 cannot tell its box.

@@ -40,14 +40,14 @@ def test_of_an_attack_at_several_strengths_the_highest_score_is_shown():
     assert names(chosen(outcomes, {})) == names(outcomes)
 
 
-def test_of_gspure_it_is_the_method_itself_and_of_what_failed_the_first():
+def test_the_lineup_shows_gspure_itself_and_the_first_failed_strength():
     failed = [Outcome("planted", "room", name, {}, {}, failure="no memory") for name in ("a", "b")]
     outcomes = [outcome("tau_n_1", 30, 5), outcome("gspure", 20, 20), *failed, outcome("clean")]
     shown = chosen(outcomes, {"gspure": ["tau_n_1", "gspure"], "other": ["a", "b"]})
     assert names(shown) == ["gspure", "a"], "controls are no attacks"
 
 
-def test_the_view_is_neither_the_best_nor_the_worst():
+def test_the_lineup_shows_the_view_of_median_psnr():
     shown = {name: PHOTOGRAPH + error for name, error in (("a", 0.3), ("b", 0.1), ("c", 0.2), ("d", 0.4))}
     truth = dict.fromkeys(shown, PHOTOGRAPH)
     assert typical(truth, shown) == "a"
@@ -63,7 +63,7 @@ def drawn(monkeypatch):
     return said
 
 
-def test_a_tile_says_its_psnr_whether_it_was_reached_and_why_it_is_empty(tmp_path, drawn):
+def test_a_tile_shows_psnr_dagger_and_reason_of_failure(tmp_path, drawn):
     columns = [
         Column("truth", {"message": PHOTOGRAPH}),
         Column("noise", {"message": PHOTOGRAPH + np.float32(0.1)}, frozenset({"message"})),
@@ -73,7 +73,7 @@ def test_a_tile_says_its_psnr_whether_it_was_reached_and_why_it_is_empty(tmp_pat
     assert drawn == ["", "20.00 dB †", "failed", "no memory"]
 
 
-def test_many_columns_go_on_below_and_keep_their_size(tmp_path):
+def test_many_columns_are_split_into_blocks_of_equal_tiles(tmp_path):
     sizes = []
     for count in (COLUMNS, 4 * COLUMNS - 1):
         columns = [Column(f"v{i}", {"scene": PHOTOGRAPH, "message": PHOTOGRAPH}) for i in range(count)]

@@ -46,7 +46,7 @@ def test_the_drop_is_interpolated_in_every_scene_and_then_averaged() -> None:
     assert (found[1.5].strengths, found[1.5].gentle) == (2, 0)
 
 
-def test_where_no_strength_damages_a_scene_as_much_the_most_that_was_taken_counts_and_says_so() -> None:
+def test_the_largest_drop_counts_where_no_strength_reaches_the_damage() -> None:
     rows = match(TWO, SWEEPS)
     ours, theirs = cells(rows, "ours")[2.0], cells(rows, "theirs")[2.0]
     assert ours.drop.mean == pytest.approx((15.0 + 8.0) / 2)
@@ -61,7 +61,7 @@ def test_an_attack_of_one_strength_is_compared_between_none_and_that_one() -> No
     assert (rows[1.5].strengths, rows[1.5].drop.mean) == (1, pytest.approx(6.0))
 
 
-def test_what_no_strength_reaches_is_not_extrapolated() -> None:
+def test_drops_are_not_extrapolated_beyond_the_strongest_setting() -> None:
     rows = match(outcomes(room={"weak": (0.5, 9.0), "strong": (0.6, 4.0)}), {"ours": ["weak", "strong"]})
     assert [row.drop.mean for row in rows] == pytest.approx([5.4, 9.0, 9.0, 9.0])
     assert [row.gentle for row in rows] == [0, 1, 1, 1]
@@ -118,7 +118,7 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "content", ["", "a,b\n1,2\n", "HEADERsis,message,ours,2\n", "HEADERsis,m,o,2,x,1,1,1,0,1,0,1\n"]
 )
-def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
+def test_another_table_is_refused(tmp_path: Path, content: str) -> None:
     write_records(tmp_path / "t.csv", Matched, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):

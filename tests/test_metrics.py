@@ -173,7 +173,7 @@ def test_flat_folders_are_compared_too(tmp_path: Path, capsys: pytest.CaptureFix
     assert rows == ["view", "001", "002", "mean", "worst:"]
 
 
-def test_a_reference_may_hold_more_views_which_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unused_views_of_the_reference_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a, b = folders(tmp_path, "scene")
     (b / "scene" / "001.png").unlink()
     assert main(["metrics", str(a), str(b)]) == 0

@@ -80,7 +80,7 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
     assert jobs["total"] < 80 * models
 
 
-def test_a_scene_that_is_not_there_is_named(project):
+def test_a_missing_scene_is_named(project):
     captures(project.folder / "data", set(SCENES) - {"treehill"})
     configured(project, "mipnerf360.yaml")
     refusal = project.run("--dry-run", status=2)
@@ -88,7 +88,7 @@ def test_a_scene_that_is_not_there_is_named(project):
     assert "gspure download treehill" in refusal
 
 
-def test_two_captures_of_ones_own_are_hidden_in_each_other(project):
+def test_two_user_captures_are_hidden_in_each_other(project):
     captures(project.folder / "photos", ["scene", "message"])
     configured(project, "photos.yaml")
     jobs = planned(project.run("--dry-run"))

@@ -108,7 +108,7 @@ def test_bands_change_no_bit(device, style):
     assert whole.tobytes() == banded.tobytes()
 
 
-def test_neither_company_nor_order_of_points_changes_a_bit(device, style):
+def test_other_points_and_their_order_change_no_bit(device, style):
     model, view = blobs(200, 6, size=(0.2, 0.6)), tilted_camera()
     points = points_around(model)
     renderer = Renderer(model, device, energy="ray", style=style)
@@ -128,7 +128,7 @@ def test_finer_tiles_change_nothing(device, style, monkeypatch):
     assert error.mean() < 5e-6
 
 
-def test_images_know_no_points(device):
+def test_pixels_and_points_are_independent(device):
     with pytest.raises(ValueError, match="energy 'ray'"):
         Renderer(blobs(5), device).opacities_at(camera(), np.zeros((1, 3)))
 
@@ -145,7 +145,7 @@ def test_the_field_is_the_least_of_the_views(device, style, monkeypatch):
     np.testing.assert_array_equal(hasty >= 0.5, found >= 0.5)
 
 
-def test_what_no_view_shows_is_occupied(device):
+def test_points_that_no_view_shows_are_inside(device):
     renderer = Renderer(blobs(5), device, energy="ray")
     points = np.array([[0.0, 0, -1], [50, 0, 1], [np.nan, 0, 1], [0, 0, 0.1]])
     assert opacity_field(renderer, [camera()], points).tolist() == [1, 1, 1, 1]

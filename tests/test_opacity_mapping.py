@@ -37,7 +37,7 @@ def test_gradients_agree_with_differences(count):
         assert gradient[place] == pytest.approx((losses[0] - losses[1]) / 2e-5, rel=1e-3, abs=1e-7)
 
 
-def test_it_learns_how_one_opacity_follows_from_the_other():
+def test_the_opacity_mapping_is_learned():
     shown, hidden = sequence(400)
     found = fit(shown, hidden, np.random.default_rng(0))(shown)
     assert np.sqrt(np.mean((found - hidden) ** 2)) < 0.15 * hidden.std()

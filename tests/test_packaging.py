@@ -35,7 +35,7 @@ def build(hook: str, folder: Path) -> Path:
     return unpacked
 
 
-def test_a_wheel_brings_kernels_and_data_with_it(tmp_path: Path) -> None:
+def test_a_wheel_contains_kernels_and_data(tmp_path: Path) -> None:
     installed = build("build_wheel", tmp_path)
     found = Path(python(f"import sys; sys.path.insert(0, {str(installed)!r}); {FIND}", cwd=tmp_path))
     assert found == installed / "gspure" / "kernels_cl"

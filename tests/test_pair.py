@@ -36,7 +36,7 @@ def moved(model, by):
     )
 
 
-def test_a_moved_world_looks_the_same_from_moved_cameras():
+def test_a_moved_model_looks_the_same_from_moved_cameras():
     balls = blobs(30, 1, sh_degree=0)
     balls = balls.with_columns({f"scale_{i}": np.full(30, -2.0) for i in range(3)})  # isotropic: nothing to rotate
     by = similarity()
@@ -45,7 +45,7 @@ def test_a_moved_world_looks_the_same_from_moved_cameras():
         np.testing.assert_allclose(there.image(by.camera(camera)), here.image(camera), atol=2e-3)
 
 
-def test_points_come_back_from_the_other_world():
+def test_points_are_mapped_back_by_the_inverse_similarity():
     points = np.random.default_rng(1).normal(size=(20, 3))
     by = similarity()
     np.testing.assert_allclose(by.inverse.points(by.points(points)), points, atol=1e-12)
@@ -153,7 +153,7 @@ def test_photographs_of_both_keep_their_poses(photographed, tmp_path):
         assert second.image == out / "message" / f"{second.name}.png"
 
 
-def test_a_model_with_cameras_is_moved_to_where_the_photographs_look(photographed, tmp_path, capsys):
+def test_a_model_with_cameras_is_aligned_with_the_photographs(photographed, tmp_path, capsys):
     from gspure.cameras import write_cameras
 
     project, model = photographed
@@ -194,14 +194,14 @@ def test_an_interrupted_pair_leaves_an_earlier_one_as_it_was(tmp_path, monkeypat
         (["no", "no.ply"], "no"),
     ],
 )
-def test_what_makes_no_pair_is_refused_in_one_line(arguments, line, tmp_path, capsys):
+def test_an_invalid_pair_is_refused_in_one_line(arguments, line, tmp_path, capsys):
     assert main(["pair", *arguments, "--out", str(tmp_path / "pair")]) == 2
     error = capsys.readouterr().err
     assert re.search(line, error)
     assert error.count("\n") == 1
 
 
-def test_a_message_of_another_size_is_brought_to_that_of_the_view(pair_folder, tmp_path):
+def test_a_message_photograph_of_another_size_is_resized_to_the_view(pair_folder, tmp_path):
     import shutil
 
     folder = shutil.copytree(pair_folder, tmp_path / "pair")

@@ -146,24 +146,24 @@ def test_numbers_that_the_ablation_explains_are_said_to_agree_with_it():
     assert ablations(CELLS)["splats_in_splats", "gspure", "message"] == 10.19
 
 
-def test_the_scene_damage_quoted_for_gof_is_found_to_be_its_message_drop():
+def test_the_scene_damage_quoted_for_gof_equals_its_message_drop():
     found = check_of("Original Scene Fidelity", "gof", "gs_hider")
     assert (round(found.recomputed, 2), found.holds, found.agrees_with) == (10.61, False, "the drop of the message")
 
 
-def test_a_number_that_nothing_explains_agrees_with_nothing():
+def test_an_unexplained_number_agrees_with_no_source():
     found = check_of("Original Scene Fidelity", "gaussian_noise", "gs_hider")
     assert (round(found.recomputed, 2), found.holds, found.agrees_with) == (2.00, False, "")
 
 
-def test_a_bound_for_all_schemes_is_held_against_the_worst():
+def test_a_bound_for_all_schemes_is_checked_against_the_largest_value():
     found = next(check for check in CHECKS if check.claim.relation == "<")
     assert not found.holds
     assert found.recomputed == max(drop(table_1(CELLS), scheme, "gspure", "scene") for scheme in SCHEMES)
     assert found._replace(claim=Claim(*found.claim[:-1], 2.0)).holds
 
 
-def test_known_oddities_of_the_table_are_found_in_it():
+def test_known_inconsistencies_of_the_table_are_found():
     text = "\n".join(find_oddities(CELLS))
     assert "feature scaling and Gaussian noise print the same message PSNR in all 9 scenes" in text
     for attack in ("feature scaling", "Gaussian noise"):
@@ -173,7 +173,7 @@ def test_known_oddities_of_the_table_are_found_in_it():
     assert "GOF and GSPure print the same message PSNR: kitchen 12.83" in text
 
 
-def test_oddities_of_other_cells_are_not_found():
+def test_consistent_cells_are_not_reported():
     corrected = [
         cell._replace(value=cell.value - 5) if (cell.variant, cell.target) == ("gaussian_noise", "message") else cell
         for cell in CELLS

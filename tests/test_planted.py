@@ -87,7 +87,7 @@ def test_carriers_and_others_are_shuffled(public, key):
     assert abs(first.mean() - second.mean()) < 0.1
 
 
-def test_carriers_are_next_to_invisible_unless_they_serve_the_scene_too(public, key):
+def test_carriers_are_nearly_transparent_unless_the_scene_uses_them(public, key):
     carriers = public.opacities[key.carriers]
     hidden = carriers <= HIDDEN[1] * 1.001
     assert carriers.min() >= HIDDEN[0] * 0.999
@@ -145,7 +145,7 @@ def test_a_moved_carrier_is_lost(public, key):
     assert len(revealed(moved, key)[0]) == 0
 
 
-def test_the_key_of_another_seed_reveals_nothing(public):
+def test_the_key_of_another_seed_does_not_extract_the_message(public):
     assert len(revealed(public, planted_model(1, **SMALL)[1])[0]) == 0
 
 
@@ -231,7 +231,7 @@ def test_a_key_with_a_wrong_array_is_refused_by_name(key, written, field, value)
 
 @pytest.mark.parametrize("file", ["planted.npz", CARRIERS])
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 no archive", b"\x93NUMPY"])
-def test_a_file_that_is_no_key_is_refused(written, file, content):
+def test_a_file_that_is_not_a_key_is_refused(written, file, content):
     (written / file).write_bytes(content)
     with pytest.raises(InputError, match=file):
         PlantedKey.read(written)

@@ -113,7 +113,7 @@ def test_names_from_files_are_no_formulas(tmp_path: Path, drawn) -> None:
     assert len(drawn) == 4
 
 
-def test_formulas_of_ours_are_formulas(tmp_path: Path, drawn) -> None:
+def test_formulas_in_labels_are_parsed(tmp_path: Path, drawn) -> None:
     plots.write_weight_histogram(
         tmp_path / "w.png", np.geomspace(1e-6, 1, 9).astype(np.float32), np.zeros(9, bool), 4, 2
     )
@@ -139,7 +139,7 @@ def test_formulas_of_ours_are_formulas(tmp_path: Path, drawn) -> None:
         [],
     ],
 )
-def test_a_histogram_survives_weights_that_should_not_be(tmp_path: Path, drawn, weights: list[float]) -> None:
+def test_a_histogram_is_drawn_despite_invalid_weights(tmp_path: Path, drawn, weights: list[float]) -> None:
     values = np.array(weights, np.float32)
     plots.write_weight_histogram(tmp_path / "weights.png", values, np.zeros(len(values), bool), 4, 2)
     assert (tmp_path / "weights.png").read_bytes().startswith(PNG)

@@ -162,7 +162,7 @@ def test_a_missing_property_is_named(tmp_path, missing):
     assert (error.field, error.found) == (missing, "no such property")
 
 
-def test_a_point_cloud_and_a_mesh_are_told_to_be_no_3dgs_model(tmp_path):
+def test_a_point_cloud_and_a_mesh_are_refused_as_models(tmp_path):
     columns = {"x": "<f4", "y": "<f4", "z": "<f4", "red": "|u1", "green": "|u1", "blue": "|u1"}
     points = header(np.dtype(list(columns.items())), 1)
     error = refusal(save(tmp_path / "input.ply", points + bytes(15)))
@@ -194,7 +194,7 @@ def test_a_gap_in_the_numbers_of_the_coefficients_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("number", ["9" * 5000, "007"])
-def test_a_number_that_no_trainer_writes_makes_no_coefficient(tmp_path, number):
+def test_columns_with_unusual_numbers_are_not_coefficients(tmp_path, number):
     columns = [*vanilla_columns(0), f"f_rest_{number}"]
     model = read_model(save(tmp_path / "m.ply", header(floats(columns), 1) + bytes(4 * len(columns))))
     assert model.sh_degree == 0
@@ -243,7 +243,7 @@ def test_a_row_after_the_last_one_of_an_ascii_file_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_a_claim_of_more_rows_than_memory_holds_is_refused_at_once(tmp_path, encoding):
+def test_a_header_with_more_rows_than_fit_into_memory_is_refused(tmp_path, encoding):
     content = header(floats(CORE), 10**15, encoding) + b"1 " * 11 + b"\n" + bytes(44)
     assert refusal(save(tmp_path / "m.ply", content)).field == "element vertex"
 
@@ -276,7 +276,7 @@ def test_a_model_of_no_gaussians_is_refused(tmp_path, encoding):
         b"ply\n" + bytes(3_000_000),
     ],
 )
-def test_a_file_that_is_no_ply_is_refused(tmp_path, content):
+def test_a_file_that_is_not_a_ply_is_refused(tmp_path, content):
     assert refusal(save(tmp_path / "m.ply", content)).field == "file"
 
 
@@ -312,7 +312,7 @@ def test_an_unpacked_sog_model_is_refused_with_the_way_to_convert_it(tmp_path, i
     assert "splat-transform" in error.hint
 
 
-def test_an_absent_file_is_refused(tmp_path):
+def test_a_missing_file_is_refused(tmp_path):
     assert refusal(tmp_path / "absent.ply").found == "no such file"
 
 

@@ -27,7 +27,7 @@ NEAR_AND_FAR = Cloud(
 ASKEW = Camera("view", 120, 80, intrinsics(100, 100, 45, 50), np.eye(4))
 
 
-def test_the_nearest_dot_wins() -> None:
+def test_the_nearest_dot_is_visible() -> None:
     image, depth = zbuffer.draw(NEAR_AND_FAR, ASKEW, 6)
     assert image[50, 45].tolist() == [200, 0, 0]
     assert depth[50, 45] == 4
@@ -49,7 +49,7 @@ def test_eye_dome_darkens_what_stands_behind_an_edge_and_nothing_else() -> None:
 
 
 @pytest.mark.parametrize("opengl", [False, pytest.param(True, marks=needs_gl)])
-def test_a_portrait_shows_the_cloud_in_its_colours_on_white(opengl: bool) -> None:
+def test_a_cloud_is_drawn_in_its_colours_on_white(opengl: bool) -> None:
     camera = viewpoint.fitted(viewpoint.overview(BALL, viewpoint.world_axes(BALL, [])), 480)
     pruned = BALL[:, 0] > 0
     image = portrait.portrait(kept_cloud(BALL, pruned), camera, opengl=opengl).astype(int)

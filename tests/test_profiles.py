@@ -40,11 +40,11 @@ def test_every_rule_on_the_device_has_a_gpu_and_no_other_rule_has(name):
 
 
 @pytest.mark.parametrize("name", CLUSTERS)
-def test_a_profile_names_rules_that_there_are(name):
+def test_a_profile_names_existing_rules(name):
     assert {*profile(name)["set-resources"], *profile(name)["groups"]} <= rules().keys()
 
 
-def test_both_clusters_are_asked_for_the_same():
+def test_both_cluster_profiles_request_the_same_resources():
     slurm, kubernetes = map(profile, CLUSTERS)
     assert slurm["set-resources"] == kubernetes["set-resources"]
     assert slurm["groups"] == kubernetes["groups"]
@@ -95,7 +95,7 @@ def test_nothing_is_submitted_without_a_volume(kubectl, monkeypatch):
 
 
 @pytest.mark.parametrize(("counts", "told"), [("/", "running"), ("1/", "success"), ("/1", "failed")])
-def test_snakemake_is_told_how_a_job_is(kubectl, monkeypatch, counts, told):
+def test_the_status_of_a_pod_is_reported_to_snakemake(kubectl, monkeypatch, counts, told):
     monkeypatch.setenv("STATUS", counts)
     assert called("status.sh", "job.batch/gspure-1") == told
 

@@ -61,7 +61,7 @@ def test_without_clusters_pruning_is_the_plain_rule(weights: np.ndarray, tau: fl
 
 
 @given(LABELS, WEIGHTS, FACTORS, FACTORS)
-def test_a_cluster_goes_or_stays_as_a_whole(
+def test_a_cluster_is_pruned_or_kept_as_a_whole(
     labels: np.ndarray, weights: np.ndarray, tau_c: float, tau_n: float
 ) -> None:
     pruned = prune_mask(labels, weights, tau_c, tau_n)
@@ -98,7 +98,7 @@ def test_no_gaussians_give_an_empty_mask() -> None:
 
 
 @pytest.mark.parametrize("tau", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_factor_that_is_no_positive_number_is_refused(tau: float) -> None:
+def test_a_factor_that_is_not_positive_is_refused(tau: float) -> None:
     with pytest.raises(InputError, match="tau_c: expected a number above 0"):
         prune_mask(np.zeros(2, np.int32), np.ones(2), tau, 4.0)
     with pytest.raises(InputError, match="tau: expected a number above 0"):

@@ -56,7 +56,7 @@ def found() -> Purification:
     return purify(model(), cameras(), **SETTINGS)
 
 
-def test_what_hardly_shows_is_removed_and_what_shows_stays(found: Purification) -> None:
+def test_rows_of_low_weight_are_removed_and_others_stay(found: Purification) -> None:
     assert found.prune_mask[WALL:].all()
     assert found.prune_mask[:WALL].mean() < 0.2
 
@@ -127,14 +127,14 @@ def test_settings_out_of_range_are_refused_before_anything_is_rendered(monkeypat
         purify(model(), cameras(), **{name: value})
 
 
-def test_numbers_that_are_none_are_refused_before_anything_is_rendered(monkeypatch) -> None:
+def test_non_numeric_settings_are_refused_before_rendering(monkeypatch) -> None:
     monkeypatch.setattr("gspure.renderer.Renderer", None)
     spoilt = model().with_columns({"opacity": np.full(WALL + HIDDEN, np.nan)})
     with pytest.raises(InputError, match="model: opacity: expected finite numbers"):
         purify(spoilt, cameras())
 
 
-def test_the_stages_one_by_one_come_to_the_same(tmp_path: Path, found: Purification) -> None:
+def test_the_commands_one_by_one_give_the_result_of_purify(tmp_path: Path, found: Purification) -> None:
     at = {name: str(tmp_path / name) for name in ("m.ply", "c.json", "stages", "1.tsv", "2.tsv", "w.npy", "f.npy")}
     at |= {name: str(tmp_path / name) for name in ("t.npy", "c.npz", "p.npy", "d.json", "out.ply", "k.npy")}
     write_model(tmp_path / "m.ply", model())

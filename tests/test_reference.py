@@ -255,7 +255,7 @@ def test_the_background_shines_through_what_is_left(energy):
 
 
 @pytest.mark.parametrize("energy", ENERGIES)
-def test_what_lies_behind_changes_nothing_in_front(energy):
+def test_gaussians_behind_others_do_not_change_their_contributions(energy):
     model, view = blobs(30, 6, sh_degree=0), camera()
     with_it = joined(model, gaussians(means=[[0, 0, -3], [0.1, 0, -0.5]], scales=2.0, opacities=0.9))
     np.testing.assert_array_equal(

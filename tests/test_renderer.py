@@ -147,7 +147,7 @@ def test_nothing_in_sight_leaves_the_background(device, style, energy):
     ],
     ids=" ".join,
 )
-def test_a_row_that_is_no_gaussian_leaves_no_trace(device, style, energy, columns):
+def test_a_row_that_cannot_be_drawn_changes_nothing(device, style, energy, columns):
     model, view = blobs(17, 4), camera(33, 31)
     broken = model.with_columns(columns | {"opacity": columns.get("opacity", 3.0)}).subset(np.arange(17) < 3)
     alone = Renderer(model, device, energy=energy, style=style)
@@ -276,7 +276,7 @@ def test_an_unknown_energy_is_refused(device):
         Renderer(blobs(1), device, energy="typo")
 
 
-def test_an_image_that_no_device_has_room_for_is_refused(device, style):
+def test_an_image_too_large_for_the_device_is_refused(device, style):
     huge = camera(200_000, 200_000, focal=100.0)
     with pytest.raises(InputError, match=r"memory: expected room for \d+ GiB in one piece"):
         Renderer(blobs(3), device, style=style).image(huge)

@@ -103,7 +103,7 @@ def figures(tmp_path: Path) -> list[Path]:
     return paths
 
 
-def test_the_page_loads_nothing_and_its_links_lead_somewhere(tmp_path: Path, figures: list[Path]) -> None:
+def test_the_page_loads_nothing_and_its_links_work(tmp_path: Path, figures: list[Path]) -> None:
     (tmp_path / "a b.yaml").touch()
     write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=figures, links=[tmp_path / "a b.yaml"])
     page = Page(tmp_path / "report.html")
@@ -170,7 +170,7 @@ def test_a_model_without_key_has_scene_damage_alone(tmp_path: Path) -> None:
     assert "watermarked" not in page.text.lower()  # nobody knows whether it bears a mark
 
 
-def test_that_one_scene_shows_little_is_said_once(tmp_path: Path) -> None:
+def test_the_limit_of_one_scene_is_stated_once(tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA)
     assert Page(tmp_path / "report.html").text.count("hold for other scenes") == 1
     assert limits([*PLANTED, *of_one_model(variant("gspure", 29.0, asset=("planted", "vault")))]).one_scene == []
@@ -223,7 +223,7 @@ def test_a_scheme_s_attacks_are_compared_over_its_scenes(tmp_path: Path, figures
     assert len(page.all("img")) == 3
 
 
-def test_a_figure_of_no_model_of_the_table_is_refused(tmp_path: Path, figures: list[Path]) -> None:
+def test_a_figure_of_an_unknown_model_is_refused(tmp_path: Path, figures: list[Path]) -> None:
     with pytest.raises(
         InputError,
         match=r"kept.png: path: expected a folder SCHEME/SCENE of the table .vanilla/chair, figures/va",
@@ -232,7 +232,7 @@ def test_a_figure_of_no_model_of_the_table_is_refused(tmp_path: Path, figures: l
     assert not (tmp_path / "report.html").exists()
 
 
-def test_a_figure_that_is_no_image_is_refused(tmp_path: Path, figures: list[Path]) -> None:
+def test_a_figure_that_is_not_an_image_is_refused(tmp_path: Path, figures: list[Path]) -> None:
     figures[0].write_bytes(b"half a file")
     with pytest.raises(InputError, match=r"kept.png: file: expected an image"):
         write_report(tmp_path / "report.html", "Title", PLANTED, figures=figures)
@@ -247,7 +247,7 @@ def test_provenance_is_listed(tmp_path: Path, figures: list[Path]) -> None:
     assert f'"digest": "{digest}"' in text
 
 
-def test_what_is_no_provenance_is_refused(tmp_path: Path) -> None:
+def test_a_file_without_provenance_is_refused(tmp_path: Path) -> None:
     write_json(tmp_path / "other.json", [1, 2])
     with pytest.raises(InputError, match=r"other.json: file: expected provenance beside its file"):
         write_report(tmp_path / "report.html", "Title", PLANTED, provenance=[tmp_path / "other.json"])
@@ -332,7 +332,7 @@ def test_a_table_read_back_is_what_was_written(tmp_path_factory, variants) -> No
 @pytest.mark.parametrize(
     "content", ["", "a,b\n1,2\n", "HEADER", "HEADERplanted,room,x\n", "HEADERp,r,v,scene,truth,x,1,1,,,,,,\n"]
 )
-def test_what_is_no_table_is_told_in_one_line(tmp_path: Path, capsys, content: str) -> None:
+def test_a_file_that_is_not_a_table_is_refused_in_one_line(tmp_path: Path, capsys, content: str) -> None:
     write_results(tmp_path / "results.csv", [])
     header = (tmp_path / "results.csv").read_text()
     (tmp_path / "results.csv").write_text(content.replace("HEADER", header))

@@ -68,7 +68,7 @@ def test_markdown_columns_are_aligned() -> None:
     assert len({len(line) for line in TABLE.markdown().splitlines()}) == 1
 
 
-def test_a_note_of_several_tables_stands_once_below_the_last() -> None:
+def test_a_note_shared_by_tables_is_printed_once() -> None:
     other = Table("Other", TABLE.columns, TABLE.rows, "Another note.")
     text = markdown_document({"A": [TABLE, other], "B": [replace(TABLE, title="Same note")]})
     assert text.count("In dB.") == text.count("Another note.") == 1

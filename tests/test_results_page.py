@@ -65,7 +65,7 @@ def test_every_attack_has_its_drops_under_every_condition(runs: Path) -> None:
     assert x == ["`x`", "3.00 / 2.00 (2 of 2)", "–"]
 
 
-def test_quality_before_attacks_stands_beside_the_controls(runs: Path) -> None:
+def test_the_page_shows_quality_before_attacks_beside_the_controls(runs: Path) -> None:
     _, _, own, shared = rows(filled(page("before"), runs))
     assert own[0] == "GS-Hider, own poses"
     assert [cell.split()[0] for cell in own[1:]] == ["30.00", "–", "28.00", "7.00", "8.00"]

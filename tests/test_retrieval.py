@@ -76,7 +76,7 @@ def test_a_faded_message_is_retrieved(tmp_path: Path, fade) -> None:
     ],
     ids=["noise", "mirrored", "upside down", "turned", "inverted", "black"],
 )
-def test_what_is_not_a_picture_of_the_message_is_not_retrieved(tmp_path: Path, change) -> None:
+def test_an_image_without_the_message_is_not_retrieved(tmp_path: Path, change) -> None:
     assert not retrieved(tmp_path, change).succeeds
 
 

@@ -188,7 +188,7 @@ def replaced(member, before, after):
         replaced("checkpoints/data.pkl", b"FloatStorage", b"HalfStorage"),
     ],
 )
-def test_a_damaged_archive_is_told_in_one_line(tmp_path, change):
+def test_a_damaged_archive_is_reported_in_one_line(tmp_path, change):
     write_asset(tmp_path)
     rewritten(tmp_path / UNITED, change)
     with pytest.raises(InputError) as error:
@@ -220,7 +220,7 @@ EXPLOSIONS = {
 
 
 @pytest.mark.parametrize(("pickle", "expected"), EXPLOSIONS.values(), ids=EXPLOSIONS)
-def test_a_small_description_cannot_take_forever(tmp_path, pickle, expected):
+def test_parsing_a_small_tensor_description_is_fast(tmp_path, pickle, expected):
     write_tensors(tmp_path / "x.pth", {"a": {"b": np.zeros(16, np.float32)}})
     rewritten(tmp_path / "x.pth", lambda members: members | {"x/data.pkl": b"\x80\x02" + pickle})
     if expected is None:
@@ -298,7 +298,7 @@ def without(column):
         (lambda t: t.with_columns({"scale_4": np.full(len(t), np.inf)}), "scale_4: expected finite numbers"),
     ],
 )
-def test_a_table_that_is_not_scaffolds_is_refused(tmp_path, change, message):
+def test_a_table_that_is_not_scaffold_gs_is_refused(tmp_path, change, message):
     public = write_asset(tmp_path)
     write_model(tmp_path / "point_cloud.ply", change(public.model))
     with pytest.raises(InputError, match=message):
@@ -324,7 +324,7 @@ def test_networks_that_do_not_fit_the_anchors_are_refused(tmp_path, changed, mes
         AnchorModel.read(tmp_path)
 
 
-def test_a_bank_asks_for_features_that_it_can_divide(tmp_path):
+def test_a_feature_bank_requires_a_multiple_of_four_features(tmp_path):
     write_asset(tmp_path, feat_dim=6, bank=True)
     with pytest.raises(InputError, match="feature_bank: expected a multiple of 4 features, found 6"):
         AnchorModel.read(tmp_path)

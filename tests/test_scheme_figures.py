@@ -112,7 +112,7 @@ def test_the_commands_write_a_figure_with_its_caption(table: Path) -> None:
         (["tradeoff", "--condition", "other"], "results.csv: condition: expected other, found sis"),
     ],
 )
-def test_what_the_table_lacks_is_told_in_one_line(table: Path, capsys, words: list[str], told: str) -> None:
+def test_missing_rows_of_the_table_are_reported_in_one_line(table: Path, capsys, words: list[str], told: str) -> None:
     assert main(["figures", *words, "--table", str(table), "--out", str(table.parent / "f.png")]) == 2
     error = capsys.readouterr().err
     assert told in error

@@ -86,7 +86,7 @@ def test_scene_and_message_are_pictures_of_any_view(embedded):
         assert image.tobytes() == view(camera).tobytes()
 
 
-def test_what_is_written_reads_back_to_the_same_pictures(embedded, tmp_path):
+def test_a_written_model_renders_the_same_images(embedded, tmp_path):
     embedded.public.write(tmp_path / "public" / "point_cloud.ply")
     embedded.key.write(tmp_path / "key")
     public = embedded.scheme.read_public(tmp_path / "public")
@@ -119,7 +119,7 @@ def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
         assert np.isfinite(embedded.key.message(smaller, extraction)(camera)).all()
 
 
-def test_a_model_without_units_shows_its_background(embedded):
+def test_a_model_without_anchors_shows_its_background(embedded):
     empty = without(embedded.public, np.ones(len(embedded.public.model), np.bool_))
     camera = embedded.pair.scene.views[0]
     assert np.isfinite(empty.scene()(camera)).all()
@@ -162,7 +162,7 @@ def test_the_weight_of_the_message_is_shared_out_over_units(embedded):
     assert 0 <= share_on_low(hidden[::-1], hidden, 4.0) <= 1
 
 
-def test_all_that_is_hidden_may_lie_on_what_nobody_sees():
+def test_the_whole_message_may_be_on_rows_without_weight():
     seen, hidden = np.array([0.0, 0.0, 5.0, 5.0], np.float32), np.array([2.0, 1.0, 1.0, 0.0], np.float32)
     assert share_on_low(seen, hidden, 4.0) == 0.75
     assert share_on_low(seen, np.zeros(4, np.float32), 4.0) == 0
@@ -195,7 +195,7 @@ def test_a_unit_has_the_sum_of_its_gaussians_and_their_largest_maximum():
     assert found.tolist() == [(1, 2.0, pytest.approx(0.9), 3), (7, 5.0, pytest.approx(0.5), 7)]
 
 
-def test_a_model_is_opened_by_what_its_columns_say(tmp_path):
+def test_a_model_is_opened_by_its_columns(tmp_path):
     model = blobs(5, sh_degree=0)
     write_model(tmp_path / "point_cloud.ply", model)
     assert type(read_public_model(tmp_path)) is PublicModel
@@ -301,14 +301,14 @@ def test_a_plug_in_is_found_by_its_entry_point(monkeypatch):
         ),
     ],
 )
-def test_a_faulty_plug_in_is_blamed_by_name(monkeypatch, loaded, line):
+def test_a_faulty_plug_in_is_named(monkeypatch, loaded, line):
     entry = SimpleNamespace(name="p", value="p:S", dist=SimpleNamespace(name="pack"), load=lambda: loaded)
     monkeypatch.setattr(plugins, "entry_points", lambda group: [entry])
     with pytest.raises(InputError, match=re.escape("pack (entry point 'p' of gspure.schemes)") + ".*" + line):
         schemes()
 
 
-def test_an_unknown_scheme_is_told_with_those_there_are():
+def test_an_unknown_scheme_is_refused_with_the_known_ones():
     with pytest.raises(InputError, match="expected one of splats_in_splats, gs_hider, secure_gs, planted, found 'sis'"):
         find_scheme("sis")
 

@@ -63,7 +63,7 @@ def test_a_key_of_other_anchors_is_refused():
         random_key().gaussians(PublicModel(blobs(3)), VIEW, "message")
 
 
-def test_what_is_hidden_depends_on_no_public_offset_or_network():
+def test_the_message_depends_on_no_public_offset_or_network():
     public, other, key = random_public(), random_public(seed=5), random_key()
     offsets = {name: np.zeros(40) for name in public.model.columns_named("f_offset_")}
     changed = type(public)(public.model.with_columns(offsets), other.networks)
@@ -155,7 +155,7 @@ def test_an_anchor_grows_where_gradients_reach_the_threshold():
     assert cells_of(denser, 0.16) == {(6, 0, 0), (-6, 0, 0)}
 
 
-def test_where_room_is_short_the_largest_gradients_come_first():
+def test_growth_in_limited_room_prefers_the_largest_gradients():
     places = [[1.0, 0, 0]] * 20 + [[-1.0, 0, 0]] * 20
     new = grown(
         np.full((1, 3), 9, np.float32),

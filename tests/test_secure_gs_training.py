@@ -66,7 +66,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not(tmp_path, pair, 
     assert all(one != another for one, another in zip(written[0], written[2], strict=True))
 
 
-def test_the_published_table_cannot_be_told_from_scaffolds(pair, embedded):
+def test_the_published_table_has_the_columns_of_scaffold_gs(pair, embedded):
     clean, key = hide(SCHEME, pair, message_weight=0, iterations=3, max_anchors=600)
     public, _ = embedded
     assert key is None

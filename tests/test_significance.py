@@ -34,7 +34,7 @@ def test_neither_the_order_of_scenes_nor_the_side_matters(values, random):
     assert (mirrored.p, mirrored.difference) == (test.p, -test.difference)
 
 
-def test_seeds_of_a_scene_are_no_further_evidence():
+def test_seeds_of_a_scene_are_not_independent_evidence():
     once = paired_test([[1.0], [2.0], [3.0], [4.0]])
     often = paired_test([[1.0] * 5, [2.0] * 5, [3.0] * 5, [4.0] * 5])
     assert often == once

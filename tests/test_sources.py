@@ -49,7 +49,7 @@ def test_an_edit_elsewhere_leaves_the_digest_alone(package, module):
     assert code_digest("gspure.stage") == before
 
 
-def test_modules_of_other_packages_are_passed_over(package):
+def test_modules_of_other_packages_are_ignored(package):
     assert code_digest("gspure.stage", "elsewhere.attack") == code_digest("gspure.stage")
 
 
@@ -72,13 +72,13 @@ def test_an_edit_of_a_plug_in_changes_the_digest(plugin, module):
     assert code_digest("gspure.stage", "murky.attack") != before
 
 
-def test_so_does_an_edit_of_what_a_plug_in_takes_from_here(plugin, package):
+def test_an_edit_of_gspure_code_that_a_plug_in_imports_changes_its_digest(plugin, package):
     before = code_digest("murky.attack")
     (package / "unrelated.py").write_text("number = 2\n")
     assert code_digest("murky.attack") != before
 
 
-def test_and_of_a_plug_in_nothing_that_its_attack_does_not_import(plugin):
+def test_the_digest_of_a_plug_in_covers_only_its_imports(plugin):
     before = code_digest("murky.attack")
     (plugin / "other.py").write_text("number = 2\n")
     assert code_digest("murky.attack") == before

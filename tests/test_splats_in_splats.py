@@ -58,7 +58,7 @@ def test_scene_and_message_can_both_be_seen(public, key, quality, pair):
     assert quality(key.message(public, LITERAL)) > mean_colour + 4
 
 
-def test_the_message_costs_the_scene_little(public, quality, pair):
+def test_embedding_the_message_costs_the_scene_little(public, quality, pair):
     clean, nothing = hide(SCHEME, pair, message_weight=0, **SETTINGS)
     assert nothing is None
     assert quality(clean.scene(), "scene") - quality(public.scene(), "scene") < 1.5
@@ -103,7 +103,7 @@ def test_noise_on_the_colours_ends_the_literal_message_and_not_the_oracle_one(pu
     assert quality(key.message(attacked, ORACLE)) == quality(key.message(public, ORACLE))
 
 
-def test_lost_colours_are_read_as_nothing(public, key, pair):
+def test_truncated_colours_extract_as_zero(public, key, pair):
     names = [name for name in public.model.table.dtype.names if not name.startswith("f_rest_")]
     flat = public.with_model(type(public.model)(public.model.table[names].copy()))
     view = key.message(flat, LITERAL)(pair.scene.views[0])
@@ -165,7 +165,7 @@ def test_a_broken_key_is_refused(key, tmp_path, change, line):
         SCHEME.read_key(tmp_path)
 
 
-def test_a_missing_message_view_is_told(pair_folder, tmp_path):
+def test_a_missing_message_view_is_reported(pair_folder, tmp_path):
     import shutil
 
     folder = shutil.copytree(pair_folder, tmp_path / "pair")

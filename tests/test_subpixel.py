@@ -34,7 +34,7 @@ def test_rows_smaller_than_a_pixel_in_every_view_are_found():
     assert set(rows[(areas[rows] < 0.99) & (weights[rows] == 0)]) <= set(found.rows)
 
 
-def test_half_of_them_cover_a_pixel_at_the_stated_magnification():
+def test_half_of_the_small_rows_cover_a_pixel_at_the_stated_magnification():
     model, view = subpixel()
     found = subpixel_rows(model, weights_of(model, [view]), [view])
     finer = view.resized(
@@ -45,7 +45,7 @@ def test_half_of_them_cover_a_pixel_at_the_stated_magnification():
     assert str(finer.width) in found.line(len(model), view.width)
 
 
-def test_what_is_hidden_faint_or_out_of_sight_is_not_counted():
+def test_invisible_gaussians_have_no_weight():
     wall = gaussians(means=[[0, 0, 1]], scales=[50.0, 50.0, 0.01], opacities=0.99)
     hidden = gaussians(means=[[0, 0, 4], [0, 0, -4], [900, 0, 4]], scales=[0.5, 1e-4, 1e-4][:1] * 3)
     faint = gaussians(means=[[0.01, 0.01, 0.5]], scales=1e-6, opacities=0.003)
@@ -53,7 +53,7 @@ def test_what_is_hidden_faint_or_out_of_sight_is_not_counted():
     assert subpixel_rows(model, np.array([1.0, 0, 0, 0, 0]), [camera()]) is None
 
 
-def test_purify_says_how_many_there_are(tmp_path, capsys):
+def test_purify_reports_rows_smaller_than_a_pixel(tmp_path, capsys):
     model, _ = subpixel()
     write_model(tmp_path / "model.ply", model)
     write_cameras(tmp_path / "cameras.json", [camera(name=f"view_{i}") for i in range(2)])

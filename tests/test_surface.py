@@ -199,14 +199,14 @@ def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
     assert shares[1:] == [0, 0, 0]
 
 
-def test_what_no_view_shows_is_as_far_as_can_be(views):
+def test_rows_that_no_view_shows_have_the_largest_distance(views):
     model = gaussians(means=[[0, 0, 0], [9, 9, 9]], scales=0.2, opacities=0.9)
     distances = depth_distances(PublicModel(model), views)
     assert distances[0] < 0.01  # the median depth is that of the centre
     assert distances[1] == INVISIBLE
 
 
-def test_a_row_without_rotation_is_nowhere(views):
+def test_a_row_without_rotation_is_not_drawn(views):
     model = gaussians(means=[[0, 0, 0], [0, 0, 0]], scales=0.2, quats=[[0, 0, 0, 0], [1, 0, 0, 0]], opacities=0.9)
     assert depth_distances(PublicModel(model), views).tolist()[0] == INVISIBLE
     assert extract_mesh(model, views).faces.size

@@ -51,30 +51,30 @@ def test_less_than_the_margin_above_the_controls_is_gone() -> None:
         assert by_variant(benchmark({"a": {"x": (1.0, above - margin)}}))["x"].survived == survived
 
 
-def test_what_survives_in_some_scenes_only_is_neither() -> None:
+def test_survival_in_some_scenes_is_undecided() -> None:
     row = by_variant(benchmark({"a": {"x": (1.0, 2.0)}, "b": {"x": (1.0, 25.0)}}))["x"]
     assert (row.survived, row.above_floor.scenes, row.survives) == (1, 2, None)
 
 
-def test_what_tells_less_than_one_flat_colour_is_gone_though_a_clean_model_shows_less() -> None:
+def test_a_message_below_a_flat_colour_is_lost_even_above_the_clean_model() -> None:
     row = by_variant(benchmark({"a": {"x": (1.0, 18.5)}}))["x"]  # 9.5 dB: between the clean model and a mean colour
     assert (row.survives, row.above_floor.mean) == (False, -0.5)
     assert (row.control, row.detectability.auc) == ("clean", 1.0)
 
 
-def test_a_wrong_key_that_shows_the_message_does_not_make_it_gone() -> None:
+def test_the_wrong_key_does_not_raise_the_floor() -> None:
     outcomes = [o for o in benchmark({"a": {"x": (1.0, 5.0)}}) if o.variant != "wrong_key"]
     row = by_variant([*outcomes, outcome("wrong_key", "a", targets={"message": 24.0})])["x"]
     assert (row.survives, row.above_wrong_key.mean) == (True, -1.0)
 
 
-def test_a_message_that_was_not_there_cannot_survive() -> None:
+def test_a_message_that_was_not_embedded_cannot_survive() -> None:
     outcomes = [o for o in benchmark({s: {"x": (1.0, 1.0)} for s in "ab"}) if (o.scene, o.variant) != ("a", "clean")]
     row = by_variant([*outcomes, outcome("clean", "a", targets={"message": 27.5})])["x"]
     assert (row.present, row.survived, row.above_floor.scenes, row.survives) == (1, 1, 2, True)
 
 
-def test_the_kind_of_control_that_is_told_apart_least_counts_one_value_per_scene() -> None:
+def test_detectability_is_against_the_hardest_control_with_one_value_per_scene() -> None:
     outcomes = [o for o in FOUR if o.variant != "clean"]
     outcomes += [outcome("clean", f"s{i}", targets={"message": 20.0 + i}) for i in range(4)]
     row = by_variant(outcomes)["left"]
@@ -97,7 +97,7 @@ def test_seeds_are_averaged_within_scenes() -> None:
     assert often.above_floor.mean == pytest.approx(once.above_floor.mean - 0.1)
 
 
-def test_whether_the_carrier_was_reached_is_told_by_extraction() -> None:
+def test_the_verdict_covers_each_extraction() -> None:
     reached = {"message": False, "message_oracle": True}
     targets = {"scene": 30.0, "message": 28.0, "message_oracle": 20.0}
     outcomes = [outcome("x", targets=targets, reached=reached), attacked("y", 1.0, 1.0)]
@@ -143,7 +143,7 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,x\n"])
-def test_what_is_no_such_table_is_refused(tmp_path: Path, content: str) -> None:
+def test_another_table_is_refused(tmp_path: Path, content: str) -> None:
     write_records(tmp_path / "t.csv", Survival, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):

@@ -88,7 +88,7 @@ def compared_with_renders(tmp_path: Path) -> list[Path]:
     return sorted(tmp_path.rglob("metrics.csv"))
 
 
-def test_against_renders_equal_images_drop_by_nothing_and_others_by_what_is_not_known(tmp_path: Path) -> None:
+def test_drops_against_renders_are_zero_or_unknown(tmp_path: Path) -> None:
     reference, noise, ours = collect(compared_with_renders(tmp_path))
     assert [o.psnr_drop("scene") for o in (reference, ours)] == [0.0, 0.0]
     assert np.isnan(noise.psnr_drop("scene"))
@@ -105,7 +105,7 @@ def test_tables_count_the_identical_views_that_a_mean_leaves_out(tmp_path: Path)
     assert outcome.identical == {"scene": 2}
 
 
-def test_tables_say_what_the_reference_was(tmp_path: Path) -> None:
+def test_tables_name_the_reference(tmp_path: Path) -> None:
     outcomes = collect([*compared_with_renders(tmp_path), *results(tmp_path)[0]])
     write_results(tmp_path / "t.csv", outcomes)
     rows = list(csv.DictReader((tmp_path / "t.csv").read_text().splitlines()))
@@ -194,7 +194,7 @@ def judged(metrics: list[Path]) -> list[Path]:
     return files
 
 
-def test_an_attack_that_did_not_reach_what_is_read_is_marked(tmp_path: Path) -> None:
+def test_an_attack_that_did_not_reach_the_carrier_is_marked(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     outcomes = collect(metrics, verdicts=judged(metrics))
     marked = [name for name, cells in shown(outcomes).items() if "†" in "".join(cells.values())]
@@ -258,7 +258,7 @@ def test_a_table_of_nothing_but_failures_is_refused(tmp_path: Path) -> None:
         collect([], failures=[status])
 
 
-def test_repetitions_of_a_scene_are_told_apart_and_averaged_within_it(tmp_path: Path) -> None:
+def test_repetitions_of_a_scene_are_averaged_within_it(tmp_path: Path) -> None:
     first, _, _ = results(tmp_path)
     shutil.copytree(first[0].parents[1], repeated := first[0].parents[2] / "room@1")
     outcomes = collect([*first, *sorted(repeated.glob("*/metrics.csv"))])
@@ -269,7 +269,7 @@ def test_repetitions_of_a_scene_are_told_apart_and_averaged_within_it(tmp_path: 
     assert "## Planted message, room, repetition 1" in results_markdown(outcomes)
 
 
-def test_what_is_no_verdict_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_verdict_is_refused(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     write_json(metrics[0].with_name("verdict.json"), {"reached": {"message": "yes"}})
     with pytest.raises(InputError, match=r"verdict\.json: file: expected the verdict of an attack"):

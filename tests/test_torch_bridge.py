@@ -132,7 +132,7 @@ def test_gradients_of_several_frames_add_up_whatever_was_rendered_last():
         np.testing.assert_allclose(leaf.grad.numpy(), apart[0][name] + apart[1][name], rtol=1e-6, atol=1e-6)
 
 
-def test_a_frame_can_be_pulled_back_again():
+def test_a_gradient_can_be_computed_twice():
     model, view = blobs(50), tilted_camera()
     leaves = tensors(model)
     render = TorchRenderer()
@@ -146,7 +146,7 @@ def test_a_frame_can_be_pulled_back_again():
     assert_same_bits(gradients_of(leaves), first)
 
 
-def test_what_was_changed_between_forward_and_backward_is_refused():
+def test_a_tensor_changed_between_forward_and_backward_is_refused():
     leaves = tensors(blobs(20))
     image = TorchRenderer()(tilted_camera(), **leaves)
     with torch.no_grad():
@@ -175,7 +175,7 @@ def test_the_background_gets_what_the_gaussians_let_through():
     np.testing.assert_allclose(leaves["background"].grad, np.full(3, expected), rtol=1e-6)
 
 
-def test_tensors_that_are_views_and_gradients_that_are_broadcast_do():
+def test_tensor_views_and_broadcast_gradients_are_accepted():
     model, view = blobs(70, 7), tilted_camera()
     plain = tensors(model)
     image = TorchRenderer()(view, **plain)

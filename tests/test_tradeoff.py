@@ -10,7 +10,7 @@ POINTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=1, m
 SWEEP = ([0.0, 0.5, 1.0, 2.0], [0.0, 4.0, 6.0, 10.0])  # scene drop, message drop
 
 
-def test_points_that_another_beats_are_not_on_the_front():
+def test_dominated_points_are_not_on_the_front():
     damage, residual = [0.2, 1.0, 1.0, 3.0, 0.2], [20, 12, 14, 12, 20]
     assert pareto_front(damage, residual).tolist() == [True, True, False, False, True]
 
@@ -22,7 +22,7 @@ def test_the_front_is_what_brute_force_finds(points):
 
 
 @given(POINTS, st.randoms(use_true_random=False), st.integers(0, 8))
-def test_neither_order_nor_beaten_settings_change_the_comparison(points, random, at):
+def test_neither_order_nor_dominated_strengths_change_the_comparison(points, random, at):
     found = matched_message_drop(*zip(*points, strict=True), at)
     shuffled = random.sample(points, len(points))
     assert matched_message_drop(*zip(*shuffled, strict=True), at) == found
@@ -51,5 +51,5 @@ def test_nothing_is_extrapolated():
     assert matched_message_drop([5.0], [20.0], 2.0) is None
 
 
-def test_a_setting_that_damages_more_for_less_is_passed_over():
+def test_a_dominated_strength_is_skipped():
     assert matched_message_drop([0.0, 1.0, 2.0], [0.0, 9.0, 3.0], 1.5) == 9.0

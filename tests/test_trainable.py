@@ -115,7 +115,7 @@ def test_steps_lead_to_the_photographs(device, style):
     assert (np.subtract(after, before) > 4).all()
 
 
-def test_the_background_and_the_losss_share_enter(device, style):
+def test_the_background_and_the_weight_of_the_loss_are_used(device, style):
     losses = [
         steps(learner(scene(), device, style), [0], **settings)[0]
         for settings in ({}, {"background": (1.0, 1.0, 1.0)}, {"ssim_weight": 1.0}, {"ssim_weight": 0.0})
@@ -127,7 +127,7 @@ def test_the_background_and_the_losss_share_enter(device, style):
 # --- spherical harmonics by and by ------------------------------------------------------------------------------------
 
 
-def test_bands_that_are_not_in_use_neither_show_nor_learn(device, style):
+def test_unused_degrees_of_harmonics_are_neither_shown_nor_trained(device, style):
     """A model of degree 2, used to degree 1, is the model of degree 1."""
     rich = scene(sh_degree=2)
     poor = replace(parameters(rich), sh_coeffs=np.ascontiguousarray(rich.sh_coeffs[:, :4]))

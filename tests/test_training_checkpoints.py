@@ -45,7 +45,7 @@ def test_a_checkpoint_whose_random_state_is_damaged_is_refused(tmp_path, snapsho
 
 
 @pytest.mark.parametrize("content", ["nothing", "half", "array", "other archive", "pickle"])
-def test_a_file_that_is_no_checkpoint_is_refused(tmp_path, snapshot, content):
+def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path, snapshot, content):
     path = tmp_path / "checkpoint.npz"
     if content == "nothing":
         path.write_bytes(b"")

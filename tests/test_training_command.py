@@ -73,7 +73,7 @@ def test_the_output_is_a_model_folder_to_other_commands(trained, capsys):
         assert (renders / file.name).read_bytes() == file.read_bytes()
 
 
-def test_nothing_but_the_result_is_left(trained):
+def test_no_temporary_file_remains(trained):
     assert {path.name for path in trained.iterdir()} >= {"cameras.json", "cfg_args", "input.ply", "metrics.csv"}
     assert not (trained / "checkpoint.npz").exists()
     record = json.loads((trained / "point_cloud" / f"iteration_{ITERATIONS}" / "point_cloud.ply.json").read_text())
@@ -118,7 +118,7 @@ def test_without_a_checkpoint_to_resume_a_run_begins(project, trained, tmp_path)
     assert ply(tmp_path) == ply(trained)
 
 
-def test_progress_is_told_in_lines_where_there_is_no_terminal(project, tmp_path, capsys):
+def test_progress_is_printed_in_lines_without_a_terminal(project, tmp_path, capsys):
     assert train(project, tmp_path, "--max-gaussians", "50") == 0
     told = capsys.readouterr().err
     last = next(line for line in told.splitlines() if line.startswith(f"train: {ITERATIONS} of {ITERATIONS}"))
@@ -168,7 +168,7 @@ def test_no_more_gaussians_grow_than_the_photographs_have_room_for(project, trai
 
 
 @pytest.mark.parametrize("option", ["--background=0 0 2", "--background=0 nan 0"])
-def test_a_background_that_is_no_colour_is_refused(project, tmp_path, capsys, option):
+def test_an_invalid_background_colour_is_refused(project, tmp_path, capsys, option):
     name, values = option.split("=")
     assert train(project, tmp_path / "out", name, *values.split()) == 2
     assert "--background: expected three numbers from 0 to 1" in capsys.readouterr().err

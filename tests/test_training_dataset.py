@@ -49,7 +49,7 @@ def test_a_missing_photograph_is_named(project):
     assert "orbit_003.png" in refusal(project)
 
 
-def test_a_photograph_that_is_no_image_is_named(project):
+def test_a_photograph_that_is_not_an_image_is_named(project):
     (project / "images" / "orbit_003.png").write_bytes(b"no image")
     assert "orbit_003.png: file: expected an image" in refusal(project)
 
@@ -90,7 +90,7 @@ def test_training_views_all_in_one_place_are_refused(tmp_path, count):
 
 
 @pytest.mark.parametrize("points", [[], POINTS[:3]])
-def test_with_next_to_no_points_random_ones_stand_in_and_it_is_said(tmp_path, capsys, points):
+def test_too_few_points_are_replaced_by_random_ones_with_a_message(tmp_path, capsys, points):
     bare = colmap_project(tmp_path / "bare", ring(), points)
     found = read_dataset(bare, "native", seed=5)
     assert "starting from 10000 random ones" in capsys.readouterr().err
@@ -275,7 +275,7 @@ def test_all_missing_photographs_are_named_in_one_error(blender):
     assert all(str(photo) in error for photo in missing)
 
 
-def test_views_without_a_photograph_are_left_out_on_request_and_it_is_said(blender, capsys):
+def test_views_without_a_photograph_are_left_out_on_request_with_a_message(blender, capsys):
     (blender / "train" / "r_0.png").unlink()
     (blender / "test" / "r_1.png").unlink()
     found = read_dataset(blender, "photographs", skip_missing=True)

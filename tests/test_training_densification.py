@@ -32,7 +32,7 @@ def rows_of(before, rows):
     return TrainState(*(Parameters(*(array[rows] for array in vars(part).values())) for part in vars(before).values()))
 
 
-def test_what_has_small_gradients_stays_as_it_is():
+def test_gaussians_with_small_gradients_stay_unchanged():
     before = opaque(20)
     assert same_bits(grow(before, np.full(20, SMALL)), before)
 
@@ -55,7 +55,7 @@ def test_a_small_gaussian_is_cloned_and_the_clone_starts_without_moments():
     assert not any(array.any() for part in (clones.first, clones.second) for array in vars(part).values())
 
 
-def test_a_large_gaussian_gives_way_to_two_smaller_ones():
+def test_a_large_gaussian_is_split_into_two_smaller_ones():
     before = opaque(4, size=0.5)
     after = grow(before, [SMALL, LARGE, SMALL, LARGE])
     assert same_bits(rows_of(after, slice(2)), rows_of(before, [0, 2]))
@@ -107,7 +107,7 @@ def test_big_gaussians_are_pruned_when_asked(prune_big, kept):
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(1, 40), st.integers(0, 90), st.sampled_from([0.001, 0.02, 0.5]), st.integers(0, 9))
-def test_a_bound_on_the_number_is_kept_and_lets_the_largest_gradients_grow(count, bound, size, seed):
+def test_growth_is_bounded_and_prefers_the_largest_gradients(count, bound, size, seed):
     before = opaque(count, size=size)
     gradients = np.random.default_rng(seed).permutation(np.linspace(0, 2 * LARGE, count))
     after = grow(before, gradients, max_gaussians=bound)
@@ -127,7 +127,7 @@ def test_a_seed_decides_where_halves_lie():
     assert not same_bits(first, other)
 
 
-def test_densification_leaves_what_it_was_given_alone():
+def test_densification_does_not_change_its_input():
     before, copy = opaque(10, size=0.5), opaque(10, size=0.5)
     grow(before, np.full(10, LARGE))
     reset_opacities(before)
@@ -146,6 +146,6 @@ def test_a_reset_lowers_opacities_and_forgets_their_moments_only():
             np.testing.assert_array_equal(getattr(getattr(after, part), name), getattr(getattr(before, part), name))
 
 
-def test_every_row_may_go():
+def test_all_rows_may_be_removed():
     faint = Parameters(**{**vars(parameters(3)), "opacity_logits": np.full(3, -9, np.float32)})
     assert len(grow(TrainState.fresh(faint), np.zeros(3)).parameters) == 0

@@ -21,7 +21,7 @@ def grey(points):
 
 @settings(max_examples=50, deadline=None)
 @given(arrays(np.float64, st.tuples(st.integers(4, 30), st.just(3)), elements=st.floats(-100, 100, width=32)))
-def test_a_gaussian_is_as_wide_as_its_three_nearest_points_are_far(points):
+def test_a_gaussian_is_initialized_with_the_distance_to_its_three_nearest_points(points):
     squared = np.sort(np.square(points[:, None] - points[None]).sum(axis=2), axis=1)[:, 1:4].mean(axis=1)
     scales = np.exp(gaussians_at(points, grey(points)).log_scales.astype(np.float64))
     np.testing.assert_allclose(scales, np.sqrt(np.maximum(squared, 1e-7))[:, None].repeat(3, axis=1), rtol=1e-5)

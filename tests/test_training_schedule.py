@@ -42,7 +42,7 @@ def test_only_positions_slow_down_or_depend_on_the_extent():
 
 
 @given(lengths)
-def test_a_network_settles_once_no_gaussians_grow_and_never_stands_still(length):
+def test_learning_rates_of_networks_fall_after_growth_but_stay_above_zero(length):
     schedule = Schedule.scaled(length)
     shares = np.array([schedule.settling(i) for i in range(1, length + 1)])
     assert (shares[: schedule.densify_until] == 1).all()
@@ -59,7 +59,7 @@ def test_opacities_are_reset_only_with_densification_of_statistics_already_used(
 
 
 @given(lengths, st.data())
-def test_a_run_rests_where_no_statistics_are_under_way(length, data):
+def test_checkpoints_are_possible_between_statistics(length, data):
     schedule = Schedule.scaled(length)
     iteration = data.draw(st.integers(1, length))
     later = [i for i in range(iteration + 1, length + 1) if schedule.densifies(i)]
@@ -67,6 +67,6 @@ def test_a_run_rests_where_no_statistics_are_under_way(length, data):
     assert not (schedule.rests(iteration) and later and not schedule.densifies(iteration))
 
 
-def test_a_run_has_an_iteration():
+def test_a_training_run_has_at_least_one_iteration():
     with pytest.raises(ValueError, match="at least one"):
         Schedule.scaled(0)

@@ -90,7 +90,7 @@ def test_a_reset_of_opacities_is_known_until_images_have_recovered():
     assert set(known) == {None, 300, 600}
 
 
-def test_a_run_whose_gaussians_all_vanish_is_ended_by_name():
+def test_a_run_without_remaining_gaussians_ends_with_an_error():
     trainer, _ = recorded(BRISK, logits=-9.0)
     with pytest.raises(InputError, match="training: Gaussians: expected at least one, found none after iteration 12"):
         list(trainer)

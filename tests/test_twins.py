@@ -33,7 +33,7 @@ def test_geometry_stays_the_same_and_the_rest_does_not(device, style):
         assert all((x != y).any() for x, y in zip(a[3:], b[3:], strict=True))
 
 
-def test_with_weight_zero_the_first_learns_as_if_alone(device, style):
+def test_with_weight_zero_the_scene_trains_as_if_alone(device, style):
     model, alone = twins(device, style, weight=0.0), TrainableModel(states()[0], device=device, style=style)
     alone.set_targets(photographs(1))
     for i in range(4):
@@ -43,7 +43,7 @@ def test_with_weight_zero_the_first_learns_as_if_alone(device, style):
     assert vars(model.statistics())["gradient_norms"].tobytes() == alone.statistics().gradient_norms.tobytes()
 
 
-def test_two_of_a_kind_learn_as_one_with_the_sum_of_both_losses(device, style):
+def test_twins_train_like_one_model_on_the_sum_of_both_losses(device, style):
     begin, weight = states()[0], 0.5
     model = twins(device, style, weight, (begin, begin), targets=(1, 1))
     alone = TrainableModel(begin, device=device, style=style)
@@ -58,7 +58,7 @@ def test_two_of_a_kind_learn_as_one_with_the_sum_of_both_losses(device, style):
     assert (both.views == one.views).all()
 
 
-def test_a_gaussian_that_only_one_model_shows_is_seen(device, style):
+def test_a_gaussian_visible_in_one_twin_counts_as_visible(device, style):
     first, second = states()
     first.parameters.opacity_logits[:] = -9.0  # below 1/255: not drawn
     model = twins(device, style, begin=(first, second))

@@ -50,7 +50,7 @@ def test_at_the_decision_the_slider_removes_what_gspure_prunes(tmp_path: Path) -
         assert np.all(np.diff(data["removed"][name]) >= 0)
 
 
-def test_clusters_go_as_a_whole_and_keep_size_and_weight(tmp_path: Path) -> None:
+def test_the_slider_removes_clusters_as_a_whole(tmp_path: Path) -> None:
     shown = evidence(600)
     data = written(tmp_path, shown)
     clusters, removal = unpacked(data["clusters"], "<u2"), unpacked(data["removal"], "<u2")

@@ -70,7 +70,7 @@ def test_the_front_is_where_the_cameras_stand() -> None:
     assert viewpoint.world_axes(BALL, ring)[2] == pytest.approx([0, -1, 0], abs=0.05)
 
 
-def test_a_room_is_seen_from_the_inside_view_that_sees_most_and_an_object_from_outside() -> None:
+def test_a_room_is_drawn_from_inside_and_an_object_from_outside() -> None:
     shell = 5 * BALL / np.linalg.norm(BALL, axis=1, keepdims=True)
     dense = np.concatenate([shell, shell[shell[:, 0] > 3] * 0.99])
     inside = [looking_at(np.array([x, 0.0, 0.0]), np.array([0.1, 0, 0]), name=f"view_{x}") for x in (-9.0, 9.0)]

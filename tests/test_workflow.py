@@ -161,25 +161,25 @@ def edit_cameras(project, edit):
     path.write_text(json.dumps(cameras))
 
 
-def test_nothing_changed_nothing_to_be_done(project):
+def test_an_unchanged_project_has_no_jobs(project):
     assert "Nothing to be done" in project.run(TABLE)
 
 
-def test_one_camera_edited_one_view_recomputed(project):
+def test_editing_a_camera_recomputes_only_its_view(project):
     before = project.stages()
     edit_cameras(project, lambda cameras: cameras[3]["position"].__setitem__(0, 0.125))
     project.run(OMEGA)
     assert computed(before, project.stages()) == ["view_3"]
 
 
-def test_a_view_added_one_view_computed(project):
+def test_adding_a_view_computes_only_that_view(project):
     before = project.stages()
     edit_cameras(project, lambda cameras: cameras.append({**cameras[1], "id": 9, "img_name": "view_9", "fx": 21.0}))
     project.run(OMEGA)
     assert computed(before, project.stages()) == ["view_9"]
 
 
-def test_a_kernel_edited_every_view_recomputed(tmp_path, project):
+def test_editing_a_kernel_recomputes_every_view(tmp_path, project):
     project = project.with_own_checkout(tmp_path / "checkout")
     assert "Nothing to be done" in project.run(TABLE)
     before = project.stages()
@@ -199,21 +199,21 @@ AFTER_PRUNING = {
 """Of the three variants, the unattacked one does not depend on the pruning."""
 
 
-def test_tau_changed_only_pruning_and_after(project):
+def test_changing_tau_reruns_only_pruning_and_later_rules(project):
     project.configure({**CONFIG, "method": {**CONFIG["method"], "tau_n": 1.0}})
     before = (project.folder / BOT / "prune_mask.npy").read_bytes()
     assert rules_run(project.run(TABLE)) == AFTER_PRUNING
     assert (project.folder / BOT / "prune_mask.npy").read_bytes() != before
 
 
-def test_the_code_of_pruning_edited_only_pruning_and_after(tmp_path, project):
+def test_editing_the_code_of_pruning_reruns_only_pruning_and_later_rules(tmp_path, project):
     project = project.with_own_checkout(tmp_path / "checkout")
     with (project.checkout / "gspure" / "cli" / "prune.py").open("a") as module:
         module.write("# edited\n")
     assert rules_run(project.run(TABLE)) == AFTER_PRUNING
 
 
-def test_a_variant_added_only_that_variant_made(project):
+def test_adding_a_variant_runs_only_its_jobs(project):
     project.configure(
         {**CONFIG, "variants": {**CONFIG["variants"], "half": {"attack": "random_pruning", "fraction": 0.5}}}
     )
@@ -244,7 +244,7 @@ def test_an_edit_of_a_file_beside_a_model_is_one_of_the_model(project, name):
     assert "Nothing to be done" in project.run(TABLE, "--dry-run")
 
 
-def test_colours_changed_no_view_recomputed(project):
+def test_changing_colours_recomputes_no_view(project):
     before = project.stages()
     model = blobs(300, sh_degree=0)
     write_model(project.folder / "bot.ply", model.with_columns({"f_dc_0": model.table["f_dc_0"] + 1}))
@@ -311,7 +311,7 @@ def test_the_renders_are_the_views_to_evaluate_and_some_beside_the_path(finished
     assert sorted(path.stem for path in rendered.glob("*.png")) == [*aside, *(view.name for view in views)]
 
 
-def test_a_model_of_ones_own_is_compared_with_its_own_renders(finished):
+def test_a_users_model_is_compared_with_its_own_renders(finished):
     with (finished.folder / TABLE).open() as table:
         rows = {row["variant"]: row for row in csv.DictReader(table)}
     assert {row["reference"] for row in rows.values()} == {"render"}

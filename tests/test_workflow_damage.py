@@ -45,7 +45,7 @@ def test_a_damaged_artifact_is_named_and_made_again_by_the_next_run(project, art
     assert (project.folder / target).exists()
 
 
-def test_what_was_made_from_a_damaged_artifact_is_made_again_too(project):  # noqa: F811
+def test_dependents_of_a_damaged_artifact_are_remade(project):  # noqa: F811
     model, metrics = BOT / "gspure" / "public" / "point_cloud.ply", BOT / "gspure" / "metrics.csv"
     good, before = (project.folder / model).read_bytes(), (project.folder / metrics).read_bytes()
     flipped(project.folder / model)  # newer than what was made from it
@@ -84,7 +84,7 @@ def test_a_variant_whose_render_was_deleted_is_rendered_again(project):  # noqa:
 
 
 @pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_bytes(b"x")], ids=["deleted", "cut"])
-def test_an_artifact_whose_products_are_up_to_date_is_made_again_with_them(project, damage):  # noqa: F811
+def test_a_missing_artifact_is_remade_with_its_dependents(project, damage):  # noqa: F811
     artifact = project.folder / BOT / "features.npy"
     good, when = artifact.read_bytes(), artifact.stat().st_mtime_ns
     damage(artifact)

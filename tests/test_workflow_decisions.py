@@ -88,7 +88,7 @@ def test_a_rule_without_clusters_takes_the_factor_for_noise_of_its_decision(fini
         ),
     ],
 )
-def test_a_shipped_set_adds_to_any_configuration_only_what_it_changes(started, name, more):  # noqa: F811
+def test_a_shipped_configuration_contains_only_its_changes(started, name, more):  # noqa: F811
     before = planned(started.run("--dry-run"))
     after = planned(started.run("--dry-run", beside=[ROOT / "config" / f"{name}.yaml"]))
     stages = ("measure_contributions", "accumulate_weights", "build_features", "span_tree", "select_clusters")

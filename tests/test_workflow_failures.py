@@ -90,7 +90,7 @@ def test_the_next_run_tries_failed_jobs_again_and_finished_ones_not(failed):
     assert jobs["measure_contributions"] == jobs["tabulate_metrics"] == jobs["write_report"] == 1
 
 
-def test_once_the_causes_are_gone_nothing_is_left_of_the_failures(failed, tmp_path):
+def test_a_successful_run_removes_the_records_of_failures(failed, tmp_path):
     project = failed[0].copy(tmp_path / "project")
     (project.folder / "broken.ply").write_bytes((project.folder / "bot.ply").read_bytes())
     config = yaml.safe_load((project.folder / "config.yaml").read_text())

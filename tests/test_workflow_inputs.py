@@ -66,7 +66,7 @@ def test_a_capture_is_its_cameras_points_and_photographs(garden):
     assert capture_files("garden", ["a.png"]) == [*garden, "garden/sparse/0/points3D.bin", "a.png"]
 
 
-def test_a_file_of_cameras_stands_for_itself_and_has_points_beside_it(tmp_path, monkeypatch):
+def test_a_camera_file_is_tracked_with_the_points_beside_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "points3D.ply").touch()
     assert camera_files("transforms.json") == ["transforms.json"]

@@ -72,7 +72,7 @@ def test_a_repetition_has_the_pair_and_other_seeds(again):
     assert "--seed 6" in Variant(again, "noise").attack_options
 
 
-def test_a_model_of_ones_own_is_read_in_place_and_compared_with_its_renders(bot):
+def test_a_users_model_is_read_in_place_and_compared_with_its_renders(bot):
     assert bot.public == "README.md"
     assert (bot.camera_files("scene"), bot.targets, bot.controls, bot.hidden) == ([], ["scene"], [], [])
     assert bot.camera_options.startswith("--model README.md --count 24")
@@ -96,7 +96,7 @@ def test_a_wrong_key_is_tried_on_the_message_of_the_public_model(again):
 
 
 @pytest.mark.parametrize("name", BASELINES)
-def test_a_baseline_covers_the_views_of_the_unattacked_model(again, name):
+def test_a_baseline_is_compared_in_the_views_of_the_unattacked_model(again, name):
     assert Variant(again, name).renders == Variant(again, "unattacked").renders
     expected = f"--reference truth --against message_oracle=message --baseline {name}"
     assert Variant(again, name).comparison_options == expected
@@ -127,7 +127,7 @@ def test_an_attack_takes_the_evidence_and_the_factor_of_its_decision(again):
     assert attack.attack_options == options
 
 
-def test_a_searched_strength_takes_views_and_photographs_instead_of_a_value(again, monkeypatch):
+def test_a_variant_with_a_damage_gets_views_and_photographs(again, monkeypatch):
     monkeypatch.chdir(ROOT)
     variants = {**CONFIG["variants"], "plain_weight": {"decision": "mild", "damage": [0.3, 1]}}
     plan = plan_of(variants=variants)
@@ -171,7 +171,7 @@ def test_factors_that_are_null_suit_the_scheme(plan):
     assert factors == ["--tau-c 4.0 --tau-n 4.0", "--tau-c 3.0 --tau-n 2.0"]
 
 
-def test_a_panel_begins_with_the_photographs_that_a_target_is_compared_with(again, bot):
+def test_panels_begin_with_the_photographs_of_the_target(again, bot):
     assert list(again.panel_columns("message_oracle").items())[:2] == [
         ("truth", "results/pairs/raised/message"),
         ("unattacked", f"{again.folder}/unattacked/renders/message_oracle"),

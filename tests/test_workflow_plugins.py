@@ -45,7 +45,7 @@ def test_an_attack_and_a_scheme_of_a_package_are_in_the_tables_and_on_the_page(f
         assert "faint pruning" in text.replace("_", " ")
 
 
-def test_an_edit_of_a_package_reruns_what_it_made(finished):
+def test_an_edit_of_a_package_reruns_its_jobs(finished):
     assert "Nothing to be done" in finished.run("--dry-run")
     module = finished.packages[0] / "faint.py"
     module.write_text(module.read_text() + "# edited\n")

@@ -69,12 +69,12 @@ def test_a_message_stands_out_from_its_controls(rows):
     assert shown["unattacked"] > max(shown[name] for name in CONTROLS) + 2
 
 
-def test_a_model_that_was_moved_is_looked_at_from_views_that_moved_along(rows):
+def test_a_moved_model_is_rendered_from_moved_views(rows):
     before, after = (float(numbers(rows, name)["scene"]["psnr"]) for name in ("unattacked", "rigid_transform"))
     assert after == pytest.approx(before, abs=0.5)
 
 
-def test_an_attack_that_refuses_is_told_and_stops_nothing(rows):
+def test_a_refused_attack_is_reported_and_the_run_continues(rows):
     (row,) = numbers(rows, "degree_9").values()
     assert "attack sh_truncation: degree" in row["failure"]
     assert not row["psnr"]
@@ -87,7 +87,7 @@ def test_extractions_are_compared_with_flips_the_scene_another_message_and_rando
     assert not numbers(rows, "black")["message"]["retrieval_views"]
 
 
-def test_what_an_attack_reached_is_told(rows):
+def test_the_verdict_states_whether_the_carrier_was_reached(rows):
     assert {t: row["reached"] for t, row in numbers(rows, "unattacked").items() if t != "scene"} == {
         "message": "false",
         "message_oracle": "false",
