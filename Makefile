@@ -54,7 +54,7 @@ torture: $(DEV_PACKAGES) $(OPENCL) ## hostile files, kills, full disks, damage, 
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.hostile readers || true
 	@$(BIN)/python -m tests.hostile workflow || true
 	@$(BIN)/python -m tests.hostile.mutants
-	@$(BIN)/python -m benchmarks.drivers > build/torture/drivers.md
+	@$(BIN)/python -m tests.hostile drivers
 	@$(BIN)/python -m tests.hostile page
 
 lock: $(DEV_PACKAGES) ## choose the newest versions that pyproject.toml allows, and write them down

@@ -7,6 +7,8 @@ drivers.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from gspure.opencl.device import Device, list_devices, works
@@ -48,12 +50,18 @@ def errors(device: Device, style: Style) -> dict[str, float]:
     return {name: max(values) for name, values in found.items()}
 
 
+def rows() -> Iterator[dict[str, str]]:
+    """Yield a row for every driver and kernel style: its errors as text."""
+    for device in filter(works, list_devices()):
+        for style in ("cpu", "gpu"):
+            found = {name: f"{value:.1e}" for name, value in errors(device, style).items()}
+            yield {"driver": f"{device.platform} {device.driver}", "style": style, **found}
+
+
 if __name__ == "__main__":
     print(
         "| driver | kernel style | image, worst pixel | contributions per pixel, mean of rows | gradients, worst row |"
     )
     print("| --- | --- | --- | --- | --- |")
-    for device in filter(works, list_devices()):
-        for style in ("cpu", "gpu"):
-            cells = " | ".join(f"{value:.1e}" for value in errors(device, style).values())
-            print(f"| {device.platform} {device.driver} | {style} | {cells} |", flush=True)
+    for row in rows():
+        print(f"| {' | '.join(row.values())} |", flush=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from gspure.progress import say
 from tests.hostile.contract import Violation, Watch, prepared, run_case, torment
-from tests.hostile.journal import Journal, Record
+from tests.hostile.journal import Journal, Record, commit, keep
 from tests.hostile.page import write
 from tests.hostile.project import finished, jobs, rules
 from tests.hostile.readers import BY_NAME, READERS
@@ -41,9 +41,10 @@ def main() -> int:
     workflow.add_argument("--only", nargs="*", choices=WORKFLOW, default=WORKFLOW)
     workflow.add_argument("--folder", type=Path, default=FOLDER)
     workflow.set_defaults(run=torture_workflow)
-    page = parts.add_parser("page", help="write benchmarks/torture.md from the records")
-    page.add_argument("--folder", type=Path, default=FOLDER)
-    page.set_defaults(run=lambda args: write(args.folder))
+    drivers = parts.add_parser("drivers", help="compare every driver with the float64 reference")
+    drivers.set_defaults(run=compare_drivers)
+    page = parts.add_parser("page", help="write benchmarks/torture.md from the records in benchmarks/torture/")
+    page.set_defaults(run=lambda _: write())
     replay = parts.add_parser("replay", help="run one case of a reader again, in this process")
     replay.add_argument("reader", choices=BY_NAME)
     replay.add_argument("case", type=int)
@@ -63,12 +64,17 @@ def damage_files(args: argparse.Namespace) -> bool:
         if reader.available and reader.name in args.only
     ]
     found: list[Violation] = []
+    totals: dict[str, Record] = {}
     with get_context("fork").Pool(args.jobs, maxtasksperchild=1) as pool:
         records = pool.imap_unordered(partial(_chunk, journal), chunks, 1)
         for done, record in enumerate(records, start=1):
             found += [Violation(**violation) for violation in record["violations"]]
+            total = totals.setdefault(record["reader"], record | {"cases": 0, "violations": []})
+            total["cases"] += record["cases"]
+            total["violations"] += record["violations"]
             progress = f"{done}/{len(chunks)}, {time.monotonic() - begun:.0f} s"
             say(f"{progress}: {record['reader']}: {len(record['violations'])} violations")
+    keep("readers", totals.values(), "reader")
     say("\n".join(_summary(found)))
     return bool(found)
 
@@ -105,12 +111,21 @@ def torture_workflow(args: argparse.Namespace) -> bool:
     faults = 0
     with tempfile.TemporaryDirectory() as scratch:
         for part in args.only:
-            run = import_module(f"tests.hostile.{part}").run
+            run, records = import_module(f"tests.hostile.{part}").run, []
             for record in run(Journal(args.folder / part), reference, Path(scratch).resolve()):
+                records.append(record)
                 faults += len(record["faults"])
                 told = "; ".join(record["faults"])[:300] or "as it should"
                 say(f"{part}: {record.get('rule') or record['case']}: {told}")
+            keep(part, records)
     return bool(faults)
+
+
+def compare_drivers(_: argparse.Namespace) -> None:
+    """Measure the errors of every driver."""
+    from benchmarks.drivers import rows
+
+    keep("drivers", [{**row, "commit": commit()} for row in rows()])
 
 
 def run_again(args: argparse.Namespace) -> None:

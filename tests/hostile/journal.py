@@ -1,18 +1,28 @@
-"""What a long run has found so far, one file per case, so that a run that was stopped goes on where it was."""
+"""What a long run has found so far, one file per case, so that a run that was stopped goes on where it was.
+
+The records of a part that ran to its end are kept in the repository, one JSON file per part and one line per case; the
+page is written from them.
+"""
 
 from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from gspure.artifacts import write_json
+from gspure.artifacts import read_json, write_json, write_text
 
 Record = dict[str, Any]
+
+KEPT = Path(__file__).parents[2] / "benchmarks" / "torture"
+"""The records of the last run of each part."""
+
+PRINTED = "said"
+"""What a job printed: in the records of a run, not in those that are kept."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +41,20 @@ class Journal:
         write_json(path, found)
         return found
 
-    def records(self) -> Iterator[Record]:
-        for path in sorted(self.folder.glob("*.json")):
-            yield json.loads(path.read_text(encoding="utf-8"))
+
+def keep(part: str, records: Iterable[Record], case: str = "") -> None:
+    """Keep the records of a part; with the name of `case`, those of cases that did not run again stay."""
+    if case:
+        records = ({r[case]: r for r in kept(part)} | {r[case]: r for r in records}).values()
+    lines = [json.dumps({k: v for k, v in record.items() if k != PRINTED}, sort_keys=True) for record in records]
+    write_text(KEPT / f"{part}.json", "[\n" + ",\n".join(lines) + "\n]\n")
+
+
+def kept(part: str) -> list[Record]:
+    """Return the records of the last run of a part; none if it never ran."""
+    file = KEPT / f"{part}.json"
+    records: list[Record] = read_json(file) if file.is_file() else []
+    return records
 
 
 @cache

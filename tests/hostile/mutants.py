@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gspure.progress import say
-from tests.hostile.journal import Journal, Record
+from tests.hostile.journal import Journal, Record, keep
 
 ROOT = Path(__file__).parents[2]
 _FRAME = (
@@ -215,13 +215,15 @@ def main() -> None:
         "hypothesis.extra.numpy",
     ):
         importlib.import_module(name)
-    journal = Journal(args.folder / "mutants")
+    journal, records = Journal(args.folder / "mutants"), []
     for name in args.only:
         record = journal.record(name, tested, name, CORE[name], args.sample)
+        records.append(record)
         noticed = record["mutants"] - len(record["survivors"])
         say(f"{name}: {noticed} of {record['mutants']} ({noticed / record['mutants']:.0%})")
         for survivor in record["survivors"]:
             say(f"    {survivor['line']}: {survivor['change']}: {survivor['source']}")
+    keep("mutants", records, "module")
 
 
 def tested(module: str, tests: tuple[str, ...], sample: int) -> Record:

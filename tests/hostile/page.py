@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from itertools import chain
 from pathlib import Path
 
 from gspure.artifacts import write_text
-from tests.hostile.journal import Journal, Record
+from tests.hostile.journal import Record, kept
 
 PAGE = Path(__file__).parents[2] / "benchmarks" / "torture.md"
 GOAL = 0.85
@@ -19,9 +18,10 @@ ENDINGS = ("done", "refused", "crashed", "hangs")
 INTRODUCTION = """\
 # Torture
 
-Written by `make torture`, which takes about three hours on two cores, goes on where it was stopped (its records are in
-`build/torture/`), and ends with an error if a defect is open. A seeded part of it is in the test suite
-([`tests/hostile`](../tests/hostile)). What is expected:
+Written by `make torture`, which takes about three hours on two cores, goes on where it was stopped, and ends with an
+error if a defect is open. A seeded part of it is in the test suite ([`tests/hostile`](../tests/hostile)). Each part can
+be run alone and keeps its records, each with its commit, in [`benchmarks/torture/`](torture); `python -m tests.hostile
+page` writes this page from them. What is expected:
 
 - **Files.** Every reader gives a valid result or one printable line, whatever a file holds: no other exception, no
   crash, no warning, nothing written outside its folder, no program started, no pickle, at most 2 s of processor time
@@ -36,10 +36,12 @@ Written by `make torture`, which takes about three hours on two cores, goes on w
 """
 
 
-def write(folder: Path) -> bool:
-    """Write the page from the records in a folder; return whether a defect is open."""
-    readers, mutants = records(folder, "readers"), records(folder, "mutants")
-    kills, limits, damage, together = (records(folder, part) for part in ("kills", "limits", "damage", "together"))
+PARTS = ("readers", "kills", "limits", "damage", "together", "mutants", "drivers")
+
+
+def write() -> bool:
+    """Write the page from the records that are kept; return whether a defect is open."""
+    readers, kills, limits, damage, together, mutants, drivers = map(kept, PARTS)
     faults = [
         f"{part}: {r.get('rule') or r['case']}: {f}"
         for part, found in {"kills": kills, "want": limits, "damage": damage, "together": together}.items()
@@ -50,8 +52,6 @@ def write(folder: Path) -> bool:
     noticed, changed = sum(score(m)[0] for m in mutants), sum(score(m)[1] for m in mutants)
     if changed and noticed < GOAL * changed:
         faults.append(f"mutants: {noticed / changed:.0%} are noticed, fewer than {GOAL:.0%}")
-    commits = sorted({r["commit"] for r in chain(readers, kills, limits, damage, together, mutants)})
-    drivers = folder / "drivers.md"
     parts = [
         INTRODUCTION,
         "## Totals\n",
@@ -63,13 +63,15 @@ def write(folder: Path) -> bool:
                 ("kills that hit a job at work", sum(k["hit"] for r in kills for k in r["kills"])),
                 ("rules killed", len(kills)),
                 ("jobs in want of disk or memory", len(limits)),
-                ("damaged artifacts", sum(len(r["damaged"]) if "damaged" in r else 1 for r in damage)),
+                ("damaged artifacts", sum(r.get("damaged", 1) for r in damage)),
                 ("mutants noticed", f"{noticed} of {changed} ({noticed / changed:.1%})" if changed else "none tried"),
                 ("open defects", len(faults)),
-                ("commits", ", ".join(commits)),
             ],
         ),
-        "\n## Open defects\n",
+        "\n## Commits\n",
+        *table(("part", "ran at"), ((part, ", ".join(sorted({r["commit"] for r in kept(part)}))) for part in PARTS)),
+        "\nA part that names two commits ran between them, before the records of each part were kept.\n",
+        "## Open defects\n",
         *([f"- {fault[:300]}" for fault in faults] or ["None."]),
         "\n## Files\n",
         *table(("reader", "mutated files", "broke the contract"), files(readers)),
@@ -79,6 +81,11 @@ def write(folder: Path) -> bool:
         *table(("limit", "jobs", *ENDINGS), wanting(limits)),
         "\n## Damage\n",
         *table(("artifact", "damages", "named by the next reader", "not read by it"), damaged(damage)),
+        "\nOne artifact of every kind at once:\n",
+        *table(
+            ("damage", "artifacts", "listed by `gspure stages --verify`", "runs until all are repaired"),
+            ((r["how"], r["damaged"], r["reported"], r["runs"]) for r in damage if "damaged" in r),
+        ),
         "\n## Together and moved\n",
         *(f"- {r['case']}: {'; '.join(r['faults']) or 'as it should'}" for r in together),
         "\n## Mutants\n",
@@ -94,14 +101,19 @@ def write(folder: Path) -> bool:
         ),
         "\n## Drivers\n",
         "Largest errors against the float64 reference ([numerics](../docs/numerics.md)):\n",
-        drivers.read_text(encoding="utf-8") if drivers.is_file() else "not tried",
+        *table(
+            (
+                "driver",
+                "kernel style",
+                "image, worst pixel",
+                "contributions per pixel, mean of rows",
+                "gradients, worst row",
+            ),
+            ((r["driver"], r["style"], r["image"], r["contributions"], r["gradients"]) for r in drivers),
+        ),
     ]
     write_text(PAGE, "\n".join(map(str, parts)).rstrip() + "\n")
     return bool(faults)
-
-
-def records(folder: Path, part: str) -> list[Record]:
-    return list(Journal(folder / part).records())
 
 
 def table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> Iterator[str]:

@@ -1,7 +1,6 @@
 """The parts of `make torture` that take too long for the suite, at a small size."""
 
 import ast
-import json
 import os
 import subprocess
 import sys
@@ -9,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.hostile import page
+from tests.hostile import journal, page
 from tests.hostile.damage import DAMAGES
 from tests.hostile.journal import Journal
 from tests.hostile.kills import hooked
@@ -69,11 +68,21 @@ def test_a_record_is_made_once(tmp_path):
 @pytest.mark.parametrize("fault", [[], ["half-written: weights.npy"]])
 def test_the_page_counts_and_lists_open_defects(tmp_path, monkeypatch, fault):
     monkeypatch.setattr(page, "PAGE", tmp_path / "torture.md")
+    monkeypatch.setattr(journal, "KEPT", tmp_path)
     kill = {"rule": "span_tree", "seconds": 1.0, "changes": 8, "kills": [{"after": 0.5, "hit": True}], "faults": fault}
-    Journal(tmp_path / "kills").record("span_tree", lambda: kill)
-    assert page.write(tmp_path) == bool(fault)
+    record = Journal(tmp_path / "journal").record("span_tree", lambda: kill)
+    journal.keep("kills", [record])
+    assert page.write() == bool(fault)
     text = (tmp_path / "torture.md").read_text()
     assert f"| open defects | {len(fault)} |" in text
     assert all(each in text for each in fault)
     assert "| kills that hit a job at work | 1 |" in text
-    assert f"| commits | {json.loads((tmp_path / 'kills' / 'span_tree.json').read_text())['commit']} |" in text
+    assert f"| kills | {record['commit']} |" in text
+
+
+def test_cases_that_did_not_run_again_keep_their_records(tmp_path, monkeypatch):
+    monkeypatch.setattr(journal, "KEPT", tmp_path)
+    journal.keep("readers", [{"reader": name, "commit": "old"} for name in "ab"], "reader")
+    journal.keep("readers", [{"reader": "b", "commit": "new", "said": "much"}], "reader")
+    assert journal.kept("readers") == [{"reader": "a", "commit": "old"}, {"reader": "b", "commit": "new"}]
+    assert journal.kept("kills") == []
