@@ -38,11 +38,8 @@ logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks o
 def opened(path: str | Path) -> Iterator[ImageFile]:
     """Open an image; its pixels are not decoded.
 
-    Raises
-    ------
-    InputError
-        The file is missing or none of `FORMATS`, or has more than `MOST_PIXELS`; or the block fails.
-
+    Raise `InputError` if the file is missing or none of `FORMATS`, or has more than `MOST_PIXELS`; or the block
+    fails.
     """
     from PIL import Image
 

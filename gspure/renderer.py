@@ -100,11 +100,7 @@ class Renderer:
     def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
         """Return the colour image [H,W,3]: non-negative, not clipped above.
 
-        Raises
-        ------
-        InputError
-            If the model holds no colour (no ``f_dc`` columns).
-
+        Raise `InputError` if the model holds no colour (no ``f_dc`` columns).
         """
         return self._render(camera, *self._channels(None), background).image()
 
@@ -118,11 +114,7 @@ class Renderer:
         Rows are ordered by index, without Gaussians that touch no pixel. With the energy "center_ray", each has one
         pixel: the ray through its centre.
 
-        Raises
-        ------
-        InputError
-            If the results of the device do not conserve light (`gspure.opencl.conservation`).
-
+        Raise `InputError` if the results of the device do not conserve light (`gspure.opencl.conservation`).
         """
         if self.energy == "center_ray":
             return self._centre_contributions(camera)

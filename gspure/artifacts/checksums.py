@@ -59,11 +59,7 @@ def record_file(path: Path) -> Path:
 def record_of(path: Path) -> dict[str, Any] | None:
     """Return the record of a file, with its name (`artifact`), `bytes`, `crc32` and any provenance; None without one.
 
-    Raises
-    ------
-    InputError
-        If the record is damaged.
-
+    Raise `InputError` if the record is damaged.
     """
     file = record_file(path)
     if not file.is_file():
@@ -82,11 +78,7 @@ def record_of(path: Path) -> dict[str, Any] | None:
 def verify(path: Path) -> None:
     """Check a file against its checksum; a file without one passes.
 
-    Raises
-    ------
-    InputError
-        If the file or its record is damaged.
-
+    Raise `InputError` if the file or its record is damaged.
     """
     record = record_of(path)
     if record is None or not Path(path).exists():
@@ -101,11 +93,7 @@ def verify(path: Path) -> None:
 def require_size(path: Path) -> None:
     """Check that a file with a record exists and has its size, without reading it; a file without one passes.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, cut or continued, or its record is damaged.
-
+    Raise `InputError` if the file is missing, cut or continued, or its record is damaged.
     """
     record = record_of(path)
     if record is None:

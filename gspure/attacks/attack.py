@@ -313,11 +313,7 @@ def require_attribute(attack: str, columns: Columns, attribute: str) -> None:
 def select_columns(columns: Columns, attributes: str, allowed: tuple[str, ...]) -> tuple[str, ...]:
     """Return the columns behind a setting such as ``colour`` or ``colour,opacity``, in that order.
 
-    Raises
-    ------
-    InputError
-        A name is not `allowed` or given twice, or the model stores none of these attributes.
-
+    Raise `InputError` if a name is not `allowed` or given twice, or the model stores none of these attributes.
     """
     names = attributes.split(",")
     if not set(names) <= set(allowed) or len(set(names)) != len(names):

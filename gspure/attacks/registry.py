@@ -23,11 +23,7 @@ GROUP = "gspure.attacks"
 def attacks() -> dict[str, Attack]:
     """Return every attack by name.
 
-    Raises
-    ------
-    InputError
-        A plug-in cannot be imported, is not an `Attack`, or takes a name that is already in use.
-
+    Raise `InputError` if a plug-in cannot be imported, is not an `Attack`, or takes a name that is already in use.
     """
     return registered(GROUP, Attack, BUILT_IN, _require_evidence)
 

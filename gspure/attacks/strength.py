@@ -106,11 +106,7 @@ def scene_damage(
 
     with the PSNR p of the view against the unattacked render: 0 dB in a view that the attack leaves as it is.
 
-    Raises
-    ------
-    InputError
-        Every photograph is identical to the unattacked render, so there is no PSNR to drop from.
-
+    Raise `InputError` if every photograph is identical to the unattacked render, so there is no PSNR to drop from.
     """
 
     def renders(model: PublicModel) -> list[NDArray[np.float32]]:

@@ -26,12 +26,8 @@ from gspure.cameras.naming import distinct, view_name
 def parse(source: Path, content: list[Any]) -> list[Camera]:
     """Return the cameras of a parsed cameras.json, in its order; `source` is the file it came from.
 
-    Raises
-    ------
-    InputError
-        A key is missing or of the wrong type, a size or focal length is not positive, a rotation not rigid, or a name
-        not unique.
-
+    Raise `InputError` if a key is missing or of the wrong type, a size or focal length is not positive, a rotation
+    not rigid, or a name not unique.
     """
     return distinct(
         [_camera(Entry.of(source, f"[{i}]", value), source.parent) for i, value in enumerate(content)], source

@@ -34,11 +34,8 @@ _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
 def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     """Return the cameras of a parsed transforms.json, in its order; `source` is the file it came from.
 
-    Raises
-    ------
-    InputError
-        A key is missing or of the wrong type, a camera is distorted, a matrix not rigid, or a name not unique.
-
+    Raise `InputError` if a key is missing or of the wrong type, a camera is distorted, a matrix not rigid, or a
+    name not unique.
     """
     entry = Entry.of(source, "", content)
     frames = entry.raw("frames", "a list")

@@ -13,11 +13,7 @@ from gspure.images import opened
 def photograph_size(path: Path) -> tuple[int, int]:
     """Return (width, height) of an image file, from its header.
 
-    Raises
-    ------
-    InputError
-        The file is missing or no image, or has too many pixels.
-
+    Raise `InputError` if the file is missing or no image, or has too many pixels.
     """
     with opened(path) as image:
         return image.size

@@ -78,14 +78,7 @@ SCENES: Final = tuple(scene for archive in ARCHIVES for scene in archive.photogr
 
 
 def archive_of(scene: str) -> Archive:
-    """Return the archive that holds a scene.
-
-    Raises
-    ------
-    InputError
-        None does.
-
-    """
+    """Return the archive that holds a scene, or raise `InputError` if none does."""
     for archive in ARCHIVES:
         if scene in archive.photographs:
             return archive

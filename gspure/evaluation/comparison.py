@@ -173,14 +173,7 @@ def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
 
 
 def read_metrics(path: Path) -> list[ViewMetrics]:
-    """Read ``metrics.csv``.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or holds no row.
-
-    """
+    """Read ``metrics.csv``, or raise `InputError` if it cannot be read, or holds no row."""
     rows = read_records(path, ViewMetrics)
     if not rows:
         raise InputError(path, "rows", expected="at least one", found="none")

@@ -54,11 +54,7 @@ def write_records(path: Path, record: type[Record], rows: Iterable[Record]) -> N
 def read_records(path: Path, record: type[Record]) -> list[Record]:
     """Read what `write_records` has written.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, has other columns, or a cell has the wrong type.
-
+    Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type.
     """
     verify(path)
     fields = [*_fields(record).values()]

@@ -53,11 +53,7 @@ def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
 def read_results(path: Path) -> list[Outcome]:
     """Return the outcomes that `write_results` has written, in their order.
 
-    Raises
-    ------
-    InputError
-        If the file is not such a table.
-
+    Raise `InputError` if the file is not such a table.
     """
     rows = read_records(path, Result)
     variants = groupby(rows, key=lambda row: (condition_of(row), row.scene, row.seed, row.variant))

@@ -150,12 +150,8 @@ def rendering_digest() -> str:
 def read_stage(path: Path, count: int | None = None) -> NDArray[Any]:
     """Read one stage: an array of `gspure.renderer.CONTRIBUTION` over the touched rows, sorted by index.
 
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged, names a row that a model of `count` rows does not have, or holds what no view
-        of a model has: see `require_valid`.
-
+    Raise `InputError` if the file is missing or damaged, names a row that a model of `count` rows does not have, or
+    holds what no view of a model has: see `require_valid`.
     """
     stage = load_array(path, dtype=CONTRIBUTION, shape=(None,))
     require_valid(path, stage)
@@ -209,11 +205,7 @@ def read_index(*paths: Path) -> list[Stage]:
 
     The order, and so every sum over the views, does not depend on how the views were dealt out to jobs.
 
-    Raises
-    ------
-    InputError
-        If a file is damaged or no index, or if two entries are of the same view.
-
+    Raise `InputError` if a file is damaged or no index, or if two entries are of the same view.
     """
     stages = sorted((_stage(path, row) for path in paths for row in _rows(path)), key=lambda stage: stage.view)
     for view, following in pairwise(stage.view for stage in stages):

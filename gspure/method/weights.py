@@ -47,11 +47,7 @@ def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[n
 def evenly_spread(stages: Sequence[Stage], views: int) -> list[Stage]:
     """Return `views` of the stages, one from the middle of each of as many equal parts.
 
-    Raises
-    ------
-    InputError
-        If there are not as many stages, or none is asked for.
-
+    Raise `InputError` if there are not as many stages, or none is asked for.
     """
     if not 1 <= views <= len(stages):
         raise InputError(

@@ -15,11 +15,7 @@ __all__ = ["Gaussians", "model_file", "read_model", "require_finite", "write_mod
 def read_model(path: str | Path) -> Gaussians:
     """Read a model from a 3DGS ``.ply``, or from an INRIA output folder (its newest iteration).
 
-    Raises
-    ------
-    InputError
-        If there is no such file, or if it does not hold a 3DGS model.
-
+    Raise `InputError` if there is no such file, or if it does not hold a 3DGS model.
     """
     file = model_file(Path(path))
     return read_ply(file).with_background(trained_background(file))

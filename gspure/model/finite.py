@@ -45,11 +45,7 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
     So a planted row cannot stop an audit. In such a row, numbers that are not finite are replaced by the median of
     their column, and the opacity by 0. A model without such rows is returned unchanged.
 
-    Raises
-    ------
-    InputError
-        No row can be drawn, or rows are anchors, whose opacity a network computes.
-
+    Raise `InputError` if no row can be drawn, or rows are anchors, whose opacity a network computes.
     """
     undrawable = _undrawable(model)
     if not undrawable:

@@ -45,12 +45,8 @@ class Vertices:
     def of(path: Path, content: str) -> Vertices:
         """Read the header of a file that should hold `content`.
 
-        Raises
-        ------
-        InputError
-            If the file differs from its checksum or is no PLY, another element comes first, or a property is a list or
-            has a name that does not print.
-
+        Raise `InputError` if the file differs from its checksum or is no PLY, another element comes first, or a
+        property is a list or has a name that does not print.
         """
         verify(path)
         with reading(path, content), path.open("rb") as stream:
@@ -93,12 +89,8 @@ class Vertices:
     def rows(self) -> NDArray[np.void]:
         """Return the rows, little-endian; those of a little-endian binary file are mapped and read-only.
 
-        Raises
-        ------
-        InputError
-            If there are fewer rows than the header claims, something follows the last element, or a row of an ASCII
-            file is malformed.
-
+        Raise `InputError` if there are fewer rows than the header claims, something follows the last element,
+        or a row of an ASCII file is malformed.
         """
         if self.header.text:
             return self._parsed()

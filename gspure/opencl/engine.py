@@ -111,14 +111,7 @@ class Engine:
         return -(-count // LANES[self.style])
 
     def allocate(self, nbytes: int) -> cl.Buffer:
-        """Return a new buffer of at least `nbytes`.
-
-        Raises
-        ------
-        InputError
-            If the device is out of memory.
-
-        """
+        """Return a new buffer of at least `nbytes`, or raise `InputError` if the device is out of memory."""
         try:
             return cl.Buffer(self.context, self._flags, max(nbytes, 64))
         except cl.Error as error:

@@ -50,11 +50,7 @@ def aligning(scene: Sequence[Camera], message: Sequence[Camera]) -> Similarity:
     Gaze point, mean upward direction, mean direction from the gaze point to the cameras, and their median distance
     from it come to agree.
 
-    Raises
-    ------
-    InputError
-        The cameras of one capture do not look at anything in common.
-
+    Raise `InputError` if the cameras of one capture do not look at anything in common.
     """
     here, there = _Gaze.of(scene, "scene"), _Gaze.of(message, "message")
     scale = there.distance / here.distance

@@ -128,14 +128,7 @@ class Pair:
 
 
 def read_pair(folder: Path, initialization: str = "both") -> Pair:
-    """Read a pair.
-
-    Raises
-    ------
-    InputError
-        A file is missing or unreadable.
-
-    """
+    """Read a pair, or raise `InputError` if a file is missing or unreadable."""
     scene, message = (Capture.read(path) for path in (Path(folder), message_folder(folder)))
     return Pair(scene, message, initialization, _staging(Path(folder) / "cameras.json"))
 

@@ -18,11 +18,8 @@ GROUP = "gspure.schemes"
 def schemes() -> dict[str, Scheme]:
     """Return every scheme by name.
 
-    Raises
-    ------
-    InputError
-        A plug-in cannot be imported, is not a `Scheme`, lacks a required setting, or has a name in use.
-
+    Raise `InputError` if a plug-in cannot be imported, is not a `Scheme`, lacks a required setting, or has a name
+    in use.
     """
     return registered(GROUP, Scheme, BUILT_IN, _require_settings)
 

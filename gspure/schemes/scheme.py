@@ -127,14 +127,7 @@ def initial_gaussians(scheme: str, pair: Pair, max_gaussians: int, seed: int) ->
 def hide(
     scheme: Scheme, pair: Pair, *, seed: int = 0, device: Device | None = None, **settings: Setting
 ) -> tuple[PublicModel, Key | None]:
-    """Embed the pair's message in its scene.
-
-    Raises
-    ------
-    InputError
-        A setting is unknown or out of range.
-
-    """
+    """Embed the pair's message in its scene, or raise `InputError` if a setting is unknown or out of range."""
     scheme.require_settings(settings)
     chosen = scheme.settings | settings
     iterations = chosen.get("iterations", 1)

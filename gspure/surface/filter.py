@@ -25,11 +25,7 @@ def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> NDArray[np.floa
 
     A Gaussian that no view shows gets the largest of all.
 
-    Raises
-    ------
-    InputError
-        No view shows a Gaussian.
-
+    Raise `InputError` if no view shows a Gaussian.
     """
     nearest = np.full(len(model), np.inf)
     for camera in cameras:

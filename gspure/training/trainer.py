@@ -124,11 +124,7 @@ def densified(
 ) -> TrainState:
     """Return the state after densification and, where the schedule says so, a reset of opacities.
 
-    Raises
-    ------
-    InputError
-        All Gaussians were pruned.
-
+    Raise `InputError` if all Gaussians were pruned.
     """
     prune_big = schedule.prunes_big(iteration)
     after = densify(state, statistics, extent=extent, prune_big=prune_big, rng=rng, max_gaussians=max_gaussians)

@@ -44,11 +44,7 @@ class Views(NamedTuple):
 def read_views(source: Path) -> Views:
     """Read the views of any source of `gspure.cameras.read_cameras`, with all splits of a Blender scene.
 
-    Raises
-    ------
-    InputError
-        A camera file is unreadable, or two views share a name.
-
+    Raise `InputError` if a camera file is unreadable, or two views share a name.
     """
     cameras = read_cameras(source)
     if not source.is_dir() or find_sparse(source) or camera_file(source).name != BLENDER:

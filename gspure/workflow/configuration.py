@@ -68,12 +68,8 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     Models and pairs to be trained get the entry ``photographs``, the files that their cameras name; messages to be
     trained get ``message_photographs``.
 
-    Raises
-    ------
-    InputError
-        There is no model; a model, its cameras or its photographs do not exist; a model file is named beside training
-        data; or a scheme, attack, setting or decision is unknown.
-
+    Raise `InputError` if there is no model; a model, its cameras or its photographs do not exist; a model file is
+    named beside training data; or a scheme, attack, setting or decision is unknown.
     """
     from gspure.attacks import attacks
     from gspure.schemes.registry import schemes

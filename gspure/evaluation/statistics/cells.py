@@ -31,11 +31,7 @@ def differences(a: Cells, b: Cells) -> Groups:
 def checked(values: Sequence[ArrayLike]) -> Groups:
     """Return the values in a canonical order, so that equal data gives equal bits in any order of scenes and seeds.
 
-    Raises
-    ------
-    InputError
-        If there is no scene, a scene has no value, or a value is not finite.
-
+    Raise `InputError` if there is no scene, a scene has no value, or a value is not finite.
     """
     groups = [np.sort(np.asarray(group, np.float64).ravel()) for group in values]
     if not groups or not all(group.size for group in groups):

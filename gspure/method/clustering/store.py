@@ -32,14 +32,7 @@ def write_clusters(path: Path, clusters: Clusters, settings: Mapping[str, int | 
 
 
 def read_clusters(path: Path) -> Clusters:
-    """Read clusters.
-
-    Raises
-    ------
-    InputError
-        If the file is not one of `write_clusters`.
-
-    """
+    """Read clusters, or raise `InputError` if the file is not one of `write_clusters`."""
     kinds: dict[str, Kind] = {"labels": (np.int32, (None,)), "coincident": (np.integer, ())}
     labels, coincident = load_arrays(path, kinds, "clusters, as .npz").values()
     lowest, highest = labels.min(initial=NOISE_LABEL), labels.max(initial=NOISE_LABEL)
@@ -56,12 +49,8 @@ def read_clusters(path: Path) -> Clusters:
 def read_tree(path: Path) -> Tree:
     """Read a spanning tree [K-1,3] of `gspure.method.clustering.spanning_tree`.
 
-    Raises
-    ------
-    InputError
-        If the file is damaged, or does not hold the edges (a, b, distance) of a spanning tree with 0 <= a < b < K,
-        sorted by distance.
-
+    Raise `InputError` if the file is damaged, or does not hold the edges (a, b, distance) of a spanning tree with 0
+    <= a < b < K, sorted by distance.
     """
     tree = load_array(path, dtype=np.float64, shape=(None, 3))
     a, b, distances = tree.T

@@ -39,11 +39,7 @@ def embed(
 
     `message_weight` is the share of the message's loss, that of the scene is 1; `max_gaussians` bounds growth.
 
-    Raises
-    ------
-    InputError
-        A setting is out of range, or PyTorch is missing.
-
+    Raise `InputError` if a setting is out of range, or PyTorch is missing.
     """
     begin = initial_gaussians("gs_hider", pair, max_gaussians, seed)
     from gspure.schemes.gs_hider.training import Training

@@ -35,11 +35,7 @@ MESSAGE_DECODER: Final = "waternet"
 def read_rows(path: Path) -> Gaussians:
     """Read a model with 16 features per Gaussian.
 
-    Raises
-    ------
-    InputError
-        The model has other columns, or no row can be drawn.
-
+    Raise `InputError` if the model has other columns, or no row can be drawn.
     """
     model = read_model(path)
     channels = len(model.columns_named("semantic_"))

@@ -78,11 +78,7 @@ class FeatureModel(PublicModel):
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
         """Return the renderer of the public decoder's image.
 
-        Raises
-        ------
-        InputError
-            The decoder is missing or invalid, or PyTorch is not installed.
-
+        Raise `InputError` if the decoder is missing or invalid, or PyTorch is not installed.
         """
         if self.decoder is None:
             raise InputError("model", "decoder", expected=f"chkpntN_{SCENE_DECODER}.pth with the .ply", found="none")

@@ -87,11 +87,8 @@ class PlantedKey(Key):
     def read(folder: Path) -> PlantedKey:
         """Read a key.
 
-        Raises
-        ------
-        InputError
-            A file is missing or unreadable, or an array is of another type or shape, or not finite.
-
+        Raise `InputError` if a file is missing or unreadable, or an array is of another type or shape, or not
+        finite.
         """
         path = Path(folder) / _FILE
         arrays = load_arrays(path, _ARRAYS, "a key to a planted message")

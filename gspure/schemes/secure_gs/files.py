@@ -37,11 +37,8 @@ _APPEARANCE: Final = ("appearance", "embedding_appearance")
 def read_networks(folder: Path) -> Loaded:
     """Read the public networks in a folder.
 
-    Raises
-    ------
-    InputError
-        A file or parameter is missing, a file holds more than tensors, or there are appearance embeddings.
-
+    Raise `InputError` if a file or parameter is missing, a file holds more than tensors, or there are appearance
+    embeddings.
     """
     united = folder / UNITED
     if united.is_file():

@@ -95,11 +95,8 @@ class SplatsInSplatsKey(Key):
     def read(folder: Path) -> SplatsInSplatsKey:
         """Read a key.
 
-        Raises
-        ------
-        InputError
-            A file is missing or unreadable, or an array has another type or shape or is not finite.
-
+        Raise `InputError` if a file is missing or unreadable, or an array has another type or shape or is not
+        finite.
         """
         path = Path(folder) / _FILE
         layers = OpacityMapping.fresh(np.random.default_rng(0)).arrays()
