@@ -21,11 +21,7 @@ RESULTS: Final = Path("results")
 def damage_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
     """Verify all files below some folders that have a checksum, all stages that an index there lists, and all renders.
 
-    Returns
-    -------
-    (files, damages) : tuple of int and list of str
-        How many files were verified, and what is wrong with those that are damaged or missing, one line each.
-
+    Return how many files were verified, and what is wrong with those that are damaged or missing, one line each.
     """
     below = {path for folder in folders for path in folder.rglob("*")}
     files = _recorded(below)
@@ -60,11 +56,7 @@ def set_aside(artifacts: Iterable[Path]) -> dict[Path, str]:
     An artifact is a file or a folder; an index is damaged if a stage that it lists is. What is not below `RESULTS` is
     left alone.
 
-    Returns
-    -------
-    dict
-        What is wrong with each damaged artifact, in one line.
-
+    Return what is wrong with each damaged artifact, in one line.
     """
     checked = {artifact: _damage_of(artifact) for artifact in artifacts if RESULTS in artifact.parents}
     damaged = {artifact: damage for artifact, damage in checked.items() if damage}

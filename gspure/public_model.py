@@ -38,12 +38,6 @@ class PublicModel:
 
     *Rows* are the rows of its file, which attacks remove or change: Gaussians here, anchors in Scaffold-GS. Attacks do
     not change the files beside it (decoders, networks).
-
-    Parameters
-    ----------
-    model : Gaussians
-        The rows [K] of the model's file.
-
     """
 
     attributes: ClassVar[Columns] = {

@@ -44,11 +44,7 @@ LEARNED: Final = {
 class Teacher:
     """The renders of a public model at public cameras, to train others on.
 
-    Parameters
-    ----------
-    attack : str
-        Name of the attack, for errors.
-
+    Errors name the `attack`.
     """
 
     def __init__(self, attack: str, public: PublicModel, cameras: Sequence[Camera], device: Device | None) -> None:

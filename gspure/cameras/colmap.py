@@ -30,11 +30,8 @@ def find_sparse(folder: Path) -> Path | None:
 def read_colmap(folder: Path) -> list[Camera]:
     """Read the cameras of a sparse model, in the order of its images file.
 
-    Parameters
-    ----------
-    folder : Path
-        The project's root, its ``sparse/0``, or the folder of the files. Photographs are in the nearest ``images``
-        folder beside or above the files.
+    `folder` is the project's root, its ``sparse/0``, or the folder of the files. Photographs are in the nearest
+    ``images`` folder beside or above the files.
 
     Raises
     ------

@@ -72,11 +72,7 @@ def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
 
     0 if the message loses nothing, NaN if the scene loses nothing.
 
-    Parameters
-    ----------
-    message, scene : array [N,2]
-        PSNR before and after an attack in the same N scenes, dB.
-
+    `message` and `scene` [N,2] are PSNR before and after an attack in the same N scenes, dB.
     """
     rises = [float(np.sum(np.diff(10.0 ** (-np.asarray(psnr) / 10)))) for psnr in (message, scene)]
     return float(np.sqrt(max(rises[0], 0.0) / rises[1])) if rises[1] > 0 else math.nan

@@ -57,11 +57,8 @@ class Retrieved(NamedTuple):
 def retrieval(similarities: Sequence[Float64]) -> Retrieval:
     """Return how well a message is retrieved.
 
-    Parameters
-    ----------
-    similarities : sequence of array [N]
-        For every view, the similarity of the extraction to each of two or more candidates, the true one first.
-
+    `similarities` [N] of every view are those of the extraction to each of two or more candidates, the true one
+    first.
     """
     true, false = np.array([view[0] for view in similarities]), np.concatenate([view[1:] for view in similarities])
     threshold = np.quantile(false, 1 - FALSE_POSITIVES, method="higher")

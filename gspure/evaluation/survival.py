@@ -86,11 +86,7 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     Seeds are averaged within scenes. Kinds of controls are compared one by one, since those of one scene share its
     truth and are not independent of each other.
 
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        In any order; conditions and variants keep it.
-
+    Outcomes may have any order; conditions and variants keep it.
     """
     rows = []
     for alike in by_condition(outcomes).values():

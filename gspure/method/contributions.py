@@ -260,11 +260,7 @@ def _stage(index: Path, row: Sequence[str]) -> Stage:
 def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
     """Delete the stage files below `folder` that none of `indices` lists, with their checksums.
 
-    Returns
-    -------
-    (stages, bytes) : tuple of int
-        Number of deleted stages and freed bytes.
-
+    Return the number of deleted stages and of freed bytes.
     """
     listed = {stage.path.resolve() for index in indices for stage in read_index(index)}
     unlisted = [path for path in sorted(folder.rglob("*.npy")) if path.resolve() not in listed]

@@ -20,11 +20,7 @@ def mean_weight(weights: NDArray[Any]) -> float:
 
     Summed in ascending order, so that the order of rows has no effect, as in `cluster_weights`.
 
-    Parameters
-    ----------
-    weights : array [K]
-        View-accumulated weights; K = 0 gives 0.
-
+    `weights` [K] are view-accumulated; the mean of none is 0.
     """
     return float(np.mean(np.sort(weights), dtype=np.float64)) if len(weights) else 0.0
 

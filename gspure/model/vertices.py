@@ -30,11 +30,7 @@ _SOG_INDICES: Final = {"meta.json": "an unpacked SOG model", "lod-meta.json": "a
 class Vertices:
     """The header of a PLY whose first element is ``vertex``; rows are not allocated before they are read.
 
-    Parameters
-    ----------
-    offset : int
-        Bytes of the header.
-
+    `offset` is the size of the header in bytes.
     """
 
     path: Path

@@ -77,10 +77,7 @@ def list_devices() -> tuple[Device, ...]:
 def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
     """Return the devices that match `spec`, or else the environment variable GSPURE_DEVICE, or else all.
 
-    Parameters
-    ----------
-    spec : str, optional
-        An index, or a part of the device's name, the platform's name or its version ("pocl"), in any case.
+    `spec` is an index, or a part of the name of the device or platform, or of its version ("pocl"), in any case.
 
     Raises
     ------
@@ -108,11 +105,7 @@ def fault(device: Device, factor: int = 3) -> str | None:
 
     A driver may end the process instead of reporting an error; `gspure.trial` survives that.
 
-    Parameters
-    ----------
-    factor : int
-        Multiplier in the program. A new one makes the driver compile even if it has a cache.
-
+    `factor` is a multiplier in the program. A new one makes the driver compile even if it has a cache.
     """
     numbers = np.arange(64, dtype=np.float32)
     scaled = np.empty_like(numbers)
@@ -146,10 +139,7 @@ def choose_device(spec: str | None = None) -> Device:
 
     If devices are named, no other one replaces them.
 
-    Parameters
-    ----------
-    spec : str, optional
-        As for `matching_devices`.
+    `spec` is that of `matching_devices`.
 
     Raises
     ------

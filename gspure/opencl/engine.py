@@ -75,11 +75,7 @@ def _argument(value: cl.Buffer | float) -> Any:
 class Engine:
     """Queue, programs and buffers of one device; programs are built once per process and shared.
 
-    Parameters
-    ----------
-    style : "cpu" or "gpu", optional
-        Kernel style; by default the one that suits the device's type.
-
+    The kernel `style` is by default the one that suits the device's type.
     """
 
     def __init__(self, device: cl.Device, style: Style | None = None) -> None:

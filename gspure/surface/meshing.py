@@ -38,10 +38,7 @@ def opaque(model: Gaussians) -> NDArray[np.bool_]:
 def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | None = None) -> Mesh:
     """Return the surface O(x) = 1/2 in the views of `cameras`.
 
-    Parameters
-    ----------
-    model : Gaussians
-        With its 3-D filter applied (`gspure.surface.filter.filtered`).
+    The model has its 3-D filter applied (`gspure.surface.filter.filtered`).
 
     Raises
     ------

@@ -88,14 +88,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Model:
-    """A scheme's model of a pair, or one of the user's own.
-
-    Parameters
-    ----------
-    scheme, scene : str
-        Its folder below ``results``.
-
-    """
+    """A scheme's model of a pair, or one of the user's own."""
 
     plan: Plan
     scheme: str

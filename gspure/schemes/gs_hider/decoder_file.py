@@ -30,11 +30,7 @@ _FORK: Final = "a fork's decoder, with batch normalization or channel attention;
 class DecoderFile:
     """A PyTorch state dict as stored: attacks read and write models without PyTorch.
 
-    Parameters
-    ----------
-    source : Path
-        The file that it was read from; its name, ``chkpntN_net.pth`` or ``chkpntN_waternet.pth``, is kept.
-
+    The name of its `source`, ``chkpntN_net.pth`` or ``chkpntN_waternet.pth``, is kept.
     """
 
     source: Path

@@ -28,11 +28,7 @@ FEATURES_RATE: Final = 2.5e-3
 class Field:
     """The state of a run, in memory. Each view uploads it again, which costs little beside the decoders.
 
-    Parameters
-    ----------
-    start : Parameters
-        Its colours are ignored: features start at 0, that is at 1/2 after the sigmoid.
-
+    The colours of `start` are ignored: features start at 0, that is at 1/2 after the sigmoid.
     """
 
     def __init__(self, start: Parameters, device: Device) -> None:

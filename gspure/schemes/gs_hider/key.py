@@ -19,14 +19,7 @@ from gspure.schemes.scheme import Key
 
 
 class DecoderKey(Key):
-    """The private decoder.
-
-    Parameters
-    ----------
-    decoder : DecoderFile
-        Of the message.
-
-    """
+    """The private decoder, of the message."""
 
     def __init__(self, decoder: DecoderFile) -> None:
         self.decoder = decoder

@@ -21,14 +21,7 @@ from gspure.schemes.secure_gs.public_model import AnchorModel
 
 
 class HiddenKey(Key):
-    """The private networks.
-
-    Parameters
-    ----------
-    networks : Networks
-        ``offset``, ``opacity``, ``cov`` and ``color``.
-
-    """
+    """The private networks: ``offset``, ``opacity``, ``cov`` and ``color``."""
 
     def __init__(self, networks: Networks) -> None:
         self.networks = networks
