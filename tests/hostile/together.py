@@ -40,10 +40,10 @@ def twice(job, reference: Path, scratch: Path) -> Record:
 def workflow_twice(reference: Path, scratch: Path) -> Record:
     """Of two Snakemakes in one folder, one refuses; the other ends as if it were alone."""
     folder, expected = copied(reference, scratch), contents(reference)
-    omega = [name for name in expected if name.endswith("weights.npy")]
-    remove(folder, [name for name in expected if Path(name).name.startswith(("omega", "features", "tree"))])
+    weights = [name for name in expected if name.endswith("weights.npy")]
+    remove(folder, [name for name in expected if Path(name).name.startswith(("weights.npy", "features", "tree"))])
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(Path(__file__).parents[2] / "Snakefile")]
-    command += ["--configfile", "config.yaml", "--cores", "1", *omega]
+    command += ["--configfile", "config.yaml", "--cores", "1", *weights]
     both = [
         subprocess.Popen(command, cwd=folder, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         for _ in range(2)
