@@ -355,8 +355,15 @@ def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(t
     assert {row["variant"] for row in rows} == {*CONFIG["variants"], *CONTROLS} - {OTHER_SCENE}
     assert all(float(row["recall"]) >= 0 for row in rows if row["variant"] in CONFIG["variants"])
     assert {row["reference"] for row in rows} == {"truth"}
+    assert {(row["protocol"], row["initialization"]) for row in rows} == {("shared", "both")}
     page = (results / "report.html").read_text()
-    for part in ('id="planted/room"', 'class="lineup"', 'class="viewer"', 'href="logs"'):
+    for part in (
+        'id="verdict/planted-shared-both"',
+        'id="planted/room"',
+        'class="lineup"',
+        'class="viewer"',
+        'href="logs"',
+    ):
         assert part in page
     assert "Nothing to be done" in project.run()
     project.run("--report", "snakemake.html")
