@@ -204,7 +204,7 @@ def test_statistics_follow_the_anchors():
 @pytest.mark.parametrize("at_most", [20, 100, 5000])
 def test_anchors_start_one_per_voxel_of_points(at_most):
     points = np.random.default_rng(0).uniform(-1, 1, (800, 3))
-    anchors, voxel = first_anchors(points, at_most)
+    anchors, voxel = first_anchors([points], at_most)
     assert 4 <= len(anchors.positions) <= at_most
     assert len(cells_of(anchors, voxel)) == len(anchors.positions)
     assert np.abs(points[:, None] - anchors.positions).max(axis=2).min(axis=1).max() <= voxel / 2 + 1e-6
@@ -212,8 +212,18 @@ def test_anchors_start_one_per_voxel_of_points(at_most):
 
 def test_coincident_points_are_one_anchor_each():
     places = np.random.default_rng(0).uniform(-1, 1, (6, 3))
-    anchors, _ = first_anchors(np.repeat(places, 10, axis=0), 100)
+    anchors, _ = first_anchors([np.repeat(places, 10, axis=0)], 100)
     np.testing.assert_allclose(np.sort(anchors.positions, axis=0), np.sort(places, axis=0), atol=1e-6)
+
+
+def test_a_small_object_has_as_many_anchors_as_a_wide_scene():
+    rng = np.random.default_rng(0)
+    wide, small = rng.uniform(-3, 3, (600, 3)), rng.uniform(-0.1, 0.1, (400, 3))
+    anchors, voxel = first_anchors([wide, small], 300)
+    among_object = (np.abs(anchors.positions) < 0.1).all(axis=1)
+    assert 100 < among_object.sum() <= 150
+    assert 100 < (~among_object).sum() <= 150
+    assert voxel < 0.1
 
 
 def test_a_short_run_has_the_schedule_of_a_long_one():

@@ -104,10 +104,16 @@ class Pair:
         return extent([*self.scene.views, *([] if self.shares_poses else self.message.views)])
 
     @property
-    def points(self) -> Points:
-        """The points from which training starts."""
+    def clouds(self) -> list[Points]:
+        """The points from which training starts: the scene's, and the message's unless it starts from the scene's."""
         captures = [self.scene.dataset, self.message.dataset][: 1 + (self.initialization == "both")]
-        return np.concatenate([c.xyz for c in captures]), np.concatenate([c.rgb for c in captures])
+        return [(capture.xyz, capture.rgb) for capture in captures]
+
+    @property
+    def points(self) -> Points:
+        """All of `clouds`."""
+        xyz, rgb = zip(*self.clouds, strict=True)
+        return np.concatenate(xyz), np.concatenate(rgb)
 
     def batches(self, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
         """Yield the numbers of a training view of the scene and of one of the message, for ever.

@@ -7,6 +7,7 @@ volume term; anchors grow by the gradients of both branches and are pruned if ne
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -26,6 +27,8 @@ from gspure.training.monitor import watched
 
 if TYPE_CHECKING:
     from gspure.schemes.secure_gs.training import Training
+
+Float64 = NDArray[np.float64]
 
 FEAT_DIM: Final = 32
 K: Final = 10
@@ -73,7 +76,7 @@ def embed(
 
     device = device or choose_device()
     rng = np.random.default_rng(seed)
-    anchors, voxel = first_anchors(pair.points[0], int(FIRST_SHARE * max_anchors))
+    anchors, voxel = first_anchors([xyz for xyz, _ in pair.clouds], int(FIRST_SHARE * max_anchors))
     branches = [fresh(names, FEAT_DIM, K, rng) for names in (PUBLIC, PRIVATE)]
     run = Training(
         *(pair, anchors, voxel, branches[: 1 + bool(message_weight)], iterations),
@@ -91,26 +94,33 @@ def embed(
     return _outcome(run)
 
 
-def first_anchors(xyz: NDArray[np.float64], at_most: int) -> tuple[Anchors, float]:
-    """Return an anchor in each voxel with a point of [P,3], and the side of the voxels.
+def first_anchors(clouds: Sequence[Float64], at_most: int) -> tuple[Anchors, float]:
+    """Return an anchor in each voxel with a point, and the least side of the voxels, for points [P,3] of each capture.
 
-    The side is the points' median distance to the nearest neighbour, or larger if there would be more than `at_most`
-    anchors. (Scaffold-GS has a fixed side per data set.)
+    Each capture has its own voxels and an equal share of at most `at_most` anchors: in the voxels of a wide scene, a
+    small object would have a handful. The side is the median distance of the capture's points to the nearest
+    neighbour, or larger for fewer anchors. (Scaffold-GS has a fixed side per data set.)
     """
-    from scipy.spatial import KDTree
-
-    voxel = max(float(np.median(KDTree(xyz).query(xyz, k=2)[0][:, 1])), float(np.finfo(np.float32).tiny))
-    while len(cells := np.unique(np.rint(xyz / voxel), axis=0)) > at_most:
-        voxel *= VOXEL_GROWTH
-    positions = cells * voxel
+    cells, sides = zip(*(_voxels(xyz, at_most // len(clouds)) for xyz in clouds), strict=True)
+    positions = np.concatenate([side * cell for cell, side in zip(cells, sides, strict=True)])
     scales = gaussians_at(positions, np.zeros(positions.shape, np.uint8)).log_scales
     anchors = Anchors(
         positions=positions.astype(np.float32),
-        offsets=np.zeros((len(cells), K, 3), np.float32),
-        features=np.zeros((len(cells), FEAT_DIM), np.float32),
+        offsets=np.zeros((len(positions), K, 3), np.float32),
+        features=np.zeros((len(positions), FEAT_DIM), np.float32),
         log_scalings=np.repeat(scales[:, :1], SCALINGS, axis=1),
     )
-    return anchors, voxel
+    return anchors, min(sides)
+
+
+def _voxels(xyz: Float64, at_most: int) -> tuple[Float64, float]:
+    """Return the occupied voxels [C <= at_most, 3] of points [P,3], in units of their side, and the side."""
+    from scipy.spatial import KDTree
+
+    side = max(float(np.median(KDTree(xyz).query(xyz, k=2)[0][:, 1])), float(np.finfo(np.float32).tiny))
+    while len(cells := np.unique(np.rint(xyz / side), axis=0)) > at_most:
+        side *= VOXEL_GROWTH
+    return cells, side
 
 
 def _outcome(run: Training) -> tuple[AnchorModel, HiddenKey | None]:
