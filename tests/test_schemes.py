@@ -319,6 +319,9 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
     public = tmp_path / "marked" / "public" / "point_cloud.ply"
     assert len(read_model(public)) > 0
     assert public.with_name("point_cloud.ply.json").is_file()
+    check = read_json(tmp_path / "marked" / "key" / "readability.json")
+    assert check["readable"] == (check["message"] >= max(check["floors"].values()) + 1)
+    assert f"message PSNR {check['message']:.1f} dB" in capsys.readouterr().err
     extract = ["extract", str(public), "--scheme", "splats_in_splats", "--key", str(tmp_path / "marked" / "key")]
     extract += ["--cameras", str(pair_folder / "cameras.json"), "--split", "test"]
     for name, options in {
@@ -354,6 +357,13 @@ def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_lo
     expected = hidden_weights(embedded.public, embedded.key, extraction, views, "ray", reduction="max")
     assert hidden.tobytes() == expected.tobytes()
     assert read_json(tmp_path / "share.json") == {"hidden_low_share": share_on_low(weights, hidden, 4.0)}
+
+
+def test_a_message_that_was_not_embedded_is_warned_of(pair_folder, tmp_path, capsys):
+    settings = ("--set", "iterations=2", "--set", "max_gaussians=400", "--set", "message_weight=1e-9")
+    assert main(["embed", "splats_in_splats", str(pair_folder), "--out", str(tmp_path), *settings]) == 0
+    assert not read_json(tmp_path / "key" / "readability.json")["readable"]
+    assert "NOT readable" in capsys.readouterr().err
 
 
 def test_a_clean_model_comes_without_a_key(pair_folder, tmp_path):

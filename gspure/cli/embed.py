@@ -12,8 +12,9 @@ EXAMPLES = """\
   gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
   gspure embed planted pair --out marked                                   # a test fixture with known ground truth
 
-Writes public/, the public model, and key/, the owner's key. planted is not trained and takes ray-traced pairs only.
-gs_hider and secure_gs need PyTorch: pip install gspure[torch].
+Writes public/, the public model, and key/, the owner's key, with the PSNR of the message and of its floors on a few
+training views in readability.json. A message that does not stand out from the floors is warned of.
+planted is not trained and takes ray-traced pairs only. gs_hider and secure_gs need PyTorch: pip install gspure[torch].
 """
 
 
@@ -44,11 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Embed; write public model and key, both or neither."""
     import time
+    from dataclasses import asdict
 
-    from gspure.artifacts import filling, write_provenance
+    from gspure.artifacts import filling, write_json, write_provenance
     from gspure.cli.options import parsed_settings, read_device
     from gspure.progress import say
     from gspure.schemes.pair import read_pair
+    from gspure.schemes.readability import readability
     from gspure.schemes.registry import find_scheme
     from gspure.schemes.scheme import hide
 
@@ -58,7 +61,9 @@ def run(args: argparse.Namespace) -> None:
     poses = "the same poses" if pair.shares_poses else "poses of its own"
     say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")
     began = time.monotonic()
-    public, key = hide(scheme, pair, seed=args.seed, device=read_device(args), **settings)
+    device = read_device(args)
+    public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)
+    check = readability(pair.message, public, key, device) if key is not None else None
     model = Path("public", "point_cloud.ply")
     used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
     used |= scheme.settings | settings
@@ -66,6 +71,12 @@ def run(args: argparse.Namespace) -> None:
         public.write(folder / model)
         if key is not None:
             key.write(folder / "key")
-        for path in sorted(path for path in folder.glob("*/*") if path.suffix != ".json"):
+        artifacts = sorted(path for path in folder.glob("*/*") if path.suffix != ".json")
+        if check:
+            artifacts.append(folder / "key" / "readability.json")
+            write_json(artifacts[-1], asdict(check) | {"readable": check.readable})
+        for path in artifacts:
             write_provenance(path, inputs={"cameras": args.pair / "cameras.json"}, settings=used)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
+    if check:
+        check.report()

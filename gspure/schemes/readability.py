@@ -1,0 +1,69 @@
+"""Whether an owner can read the message that was just embedded: its PSNR beside those of negative controls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gspure.evaluation.controls import BLACK, MEAN_COLOUR, WRONG_KEY
+from gspure.evaluation.metrics import psnr
+from gspure.evaluation.survival import MARGIN
+from gspure.opencl.device import Device
+from gspure.progress import say, warn
+from gspure.public_model import PublicModel
+from gspure.schemes.pair import Capture
+from gspure.schemes.scheme import MESSAGE, Key
+
+VIEWS: Final = 4
+"""Training views that are looked at: those whose photographs vary most, as a small object is not in all. Ours."""
+
+
+@dataclass(frozen=True)
+class Readability:
+    """PSNR over all pixels of a few training views, dB.
+
+    Parameters
+    ----------
+    message : float
+        Of the owner's extraction.
+    floors : dict of str to float
+        Of the controls: black, the photographs' mean colour, an extraction with a wrong key.
+
+    """
+
+    message: float
+    floors: dict[str, float]
+
+    @property
+    def readable(self) -> bool:
+        """Whether the message stands out from all floors."""
+        return self.message >= max(self.floors.values()) + MARGIN
+
+    def report(self) -> None:
+        """Print the numbers, as a warning if the message is not readable."""
+        best = max(self.floors, key=lambda name: self.floors[name])
+        numbers = f"message PSNR {self.message:.1f} dB; best of floors {self.floors[best]:.1f} dB ({best})"
+        if self.readable:
+            say(numbers)
+        else:
+            warn(f"the message is NOT readable: {numbers}")
+
+
+def readability(capture: Capture, public: PublicModel, key: Key, device: Device | None = None) -> Readability:
+    """Compare the message, and its negative controls, with the photographs of a few training views."""
+    chosen = sorted(range(len(capture.images)), key=lambda view: -capture.images[view].std())[:VIEWS]
+    truth = np.concatenate([capture.images[view].reshape(-1, 3) for view in chosen])
+
+    def quality(of: Key) -> float:
+        view = of.message(public, MESSAGE, device)
+        images = [view(capture.views[i]).clip(0, 1).reshape(-1, 3) for i in chosen]
+        return psnr(np.concatenate(images), truth)
+
+    floors = {
+        BLACK: psnr(np.zeros_like(truth), truth),
+        MEAN_COLOUR: psnr(np.broadcast_to(truth.mean(axis=0), truth.shape), truth),
+        WRONG_KEY: quality(key.wrong(np.random.default_rng(0))),
+    }
+    return Readability(quality(key), floors)
