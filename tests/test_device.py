@@ -11,10 +11,14 @@ from dataclasses import dataclass, field, replace
 import pyopencl as cl
 import pytest
 
+from gspure.cameras import write_cameras
+from gspure.cli import main
 from gspure.errors import InputError
+from gspure.model import write_model
 from gspure.opencl import device as devices
 from gspure.opencl.device import choose_device, list_devices, matching_devices
 from gspure.opencl.engine import _built, device_identity
+from tests.models import blobs, tilted_camera
 
 CPU, GPU = cl.device_type.CPU, cl.device_type.GPU
 
@@ -171,6 +175,56 @@ def test_the_identity_of_a_device_names_driver_device_and_kernel_style(machine):
         one_identity(POCL, version="OpenCL 3.0 PoCL HSTR: pthread-x86_64-skylake"),
     ]
     assert len({plain, *others}) == 7
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (MemoryError("std::bad_alloc"), "gspure render: out of memory: no room to build the kernels"),
+        (cl.RuntimeError("clBuildProgram failed:\nerror: no space\n(options: ...)"), "found error: no space"),
+    ],
+    ids=["memory", "driver"],
+)
+def test_kernels_that_cannot_be_built_are_reported_in_one_line(tmp_path, monkeypatch, capsys, error, line) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    write_model(tmp_path / "model.ply", blobs(9))
+    write_cameras(tmp_path / "cameras.json", [tilted_camera(16, 12)])
+    choose_device()
+    _built.cache_clear()
+    monkeypatch.setattr(cl.Program, "build", fail)
+    paths = [str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json"), "--split", "all"]
+    assert main(["render", *paths, "--out", str(tmp_path / "renders")]) == 2
+    assert line in capsys.readouterr().err.splitlines()[-1]
+
+
+WITHOUT_MEMORY = """
+import numpy.random, os, resource, sys
+import gspure.method.contributions, gspure.model.suspicious, gspure.schemes.registry
+from gspure.cli import main
+from gspure.opencl.device import choose_device
+choose_device()
+size = int(open("/proc/self/statm").read().split()[0]) * os.sysconf("SC_PAGESIZE")
+resource.setrlimit(resource.RLIMIT_AS, (size + (16 << 20),) * 2)
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="address space is limited as on Linux")
+def test_a_process_without_memory_to_build_kernels_ends(tmp_path) -> None:
+    write_model(tmp_path / "model.ply", blobs(9))
+    write_cameras(tmp_path / "cameras.json", [tilted_camera(16, 12)])
+    files = {"--cameras": "cameras.json", "--stages": "stages", "--index": "index.tsv", "--model": "model.ply"}
+    paths = [text for option, file in files.items() for text in (option, str(tmp_path / file))]
+    caches = {"XDG_CACHE_HOME": str(tmp_path), "POCL_CACHE_DIR": str(tmp_path / "pocl"), "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", WITHOUT_MEMORY, "contributions", *paths, "--split", "all"]
+    done = subprocess.run(
+        command, env={**os.environ, **caches}, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "out of memory" in done.stderr.splitlines()[-1]
 
 
 def test_warnings_of_the_compiler_are_not_shown(monkeypatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import ctypes
 import os
 import shutil
 import tempfile
@@ -118,15 +119,26 @@ def fault(device: Device, factor: int = 3) -> str | None:
         cl.Kernel(program, "scale")(queue, (numbers.size // 16,), None, source, target)
         cl.enqueue_copy(queue, scaled, target)
     except cl.Error as error:
-        return _first_line(str(error))
+        return first_line(str(error))
     return None if np.array_equal(scaled, factor * numbers + 1) else "a trivial program gives wrong results"
 
 
 def built(context: cl.Context, source: str, options: Sequence[str], **settings: Any) -> cl.Program:
-    """Build a program; warnings of the driver's compiler are discarded, since some drivers always have some."""
+    """Build a program; warnings of the driver's compiler are discarded, since some drivers always have some.
+
+    Raises
+    ------
+    MemoryError
+        If the driver runs out of memory; a process that then releases the program would hang in PoCL, so it is kept.
+
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)
-        return cl.Program(context, source).build(list(options), **settings)
+        try:
+            return cl.Program(context, source).build(list(options), **settings)
+        except MemoryError as error:
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(error))  # its traceback refers to the program
+            raise MemoryError("no room to build the kernels") from None
 
 
 def works(device: Device) -> bool:
@@ -189,7 +201,7 @@ def _devices(platform: cl.Platform) -> list[cl.Device]:
     return devices
 
 
-def _first_line(message: str) -> str:
+def first_line(message: str) -> str:
     """Return the first line of a driver's message with "error", else its first line."""
     lines = [line.strip() for line in message.splitlines() if line.strip()]
     return next((line for line in lines if "error" in line.casefold()), (lines or ["unknown error"])[0])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.opencl.buffers import Buffers
-from gspure.opencl.device import Device, built
+from gspure.opencl.device import Device, built, first_line
 from gspure.opencl.program import build_options, kernel_source
 
 Style = Literal["cpu", "gpu"]
@@ -45,7 +45,11 @@ def _context(device: cl.Device) -> cl.Context:
 
 @cache
 def _built(context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[str, int], ...]) -> cl.Program:
-    return built(context, kernel_source(*sources), build_options(dict(defines)))
+    try:
+        return built(context, kernel_source(*sources), build_options(dict(defines)))
+    except cl.Error as error:
+        expected, hint = "a driver that builds them", "memory may be short"
+        raise InputError("OpenCL", "kernels", expected=expected, found=first_line(str(error)), hint=hint) from None
 
 
 class Program:
