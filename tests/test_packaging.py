@@ -42,6 +42,12 @@ def test_a_wheel_contains_kernels_and_data(tmp_path: Path) -> None:
     assert [path.name for path in sorted(found.glob("*.cl"))] == [path.name for path in KERNELS]
     assert all((found / path.name).read_bytes() == path.read_bytes() for path in KERNELS)
     assert (installed / "gspure" / "py.typed").is_file()
+    code = "from gspure.cli.audit import snakefile; print(snakefile())"
+    workflow = Path(python(f"import sys; sys.path.insert(0, {str(installed)!r}); {code}", cwd=tmp_path)).parent
+    assert installed in workflow.parents
+    folders = ("rules", "schemas", "profiles", "report", "envs")
+    for file in (ROOT / "Snakefile", *(path for name in folders for path in (ROOT / name).rglob("*.*"))):
+        assert (workflow / file.relative_to(ROOT)).read_bytes() == file.read_bytes()
     data = [path.relative_to(ROOT) for path in (ROOT / "gspure").rglob("*.csv")]
     assert data
     assert all((installed / path).read_bytes() == (ROOT / path).read_bytes() for path in data)

@@ -54,7 +54,7 @@ def test_the_program_runs(folder, planted):
 
 def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys):
     for arguments in commands("gspure"):
-        if arguments[0] != "train":
+        if arguments[0] not in {"train", "audit"}:
             assert main(arguments) == 0
     assert re.search(r"^mean +\d+\.\d+( +\d\.\d+)+$", capsys.readouterr().out, re.MULTILINE)
     assert {path.name for path in folder.iterdir()} >= {"purified", "before", "after"}
@@ -70,12 +70,15 @@ def test_the_training_command_leaves_a_model(tmp_path, monkeypatch):
 
 
 @pytest.mark.workflow
-def test_the_configuration_is_all_that_the_workflow_needs(folder):
-    (config,) = blocks(README, "yaml")
-    Path("mine.yaml").write_text(config)
-    (arguments,) = commands("snakemake")
+@pytest.mark.parametrize("source", ["model", "configuration"])
+def test_a_model_or_its_configuration_is_all_that_the_workflow_needs(folder, source):
+    (arguments,) = (arguments for arguments in commands("gspure") if arguments[0] == "audit")
+    if source == "configuration":
+        (config,) = blocks(README, "yaml")
+        Path("mine.yaml").write_text(config)
+        arguments = ["audit", "mine.yaml"]
     done = subprocess.run(
-        [sys.executable, "-m", "snakemake", *arguments, "--snakefile", ROOT / "Snakefile", "--dry-run", "--cores", "1"],
+        [sys.executable, "-m", "gspure", *arguments, "--dry-run", "--cores", "1"],
         capture_output=True,
         text=True,
         check=False,

@@ -24,6 +24,7 @@ from gspure.cli.outputs import Output, require_distinct
 from gspure.errors import InputError, printable
 
 USER_COMMANDS = (
+    "audit",
     "purify",
     "info",
     "cameras",
@@ -104,8 +105,12 @@ class Parser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse all words: those that a parser of figures does not know would be reported by the one around it."""
-        self._words = [*args]
-        parsed, unknown = super().parse_known_args(args, namespace)
+        words = [*args]
+        end = words.index("--") if "--" in words and "passed_on" in self._defaults else len(words)
+        self._words = words[:end]
+        parsed, unknown = super().parse_known_args(self._words, namespace)
+        if end < len(words):
+            parsed.passed_on = words[end + 1 :]
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}")
         return parsed, unknown

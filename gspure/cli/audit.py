@@ -1,0 +1,82 @@
+"""``gspure audit``: the workflow on models of one's own, from a checkout or an installed package."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
+
+from gspure.cli.options import add_cameras, add_quiet
+from gspure.errors import InputError, reading
+
+HELP = "attack a model in many ways, and report what each attack removes: the workflow, in the current folder"
+EXAMPLES = """\
+  gspure audit point_cloud.ply --cameras orbit              # results/report.html
+  gspure audit output/bicycle --cameras output/bicycle --dry-run
+  gspure audit mine.yaml --cores 4                          # a configuration, with all settings of the workflow
+  gspure audit mine.yaml -- --forcerun render_scene         # options of Snakemake
+"""
+
+_CONFIGURATION = Path("results/audit.yaml")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument(
+        "source",
+        type=Path,
+        metavar="MODEL|CONFIG",
+        help=f"3DGS .ply, or the output folder of a training run, for which {_CONFIGURATION} is written; or a "
+        "configuration of the workflow, .yaml",
+    )
+    add_cameras(parser, "views of MODEL", required=False)
+    parser.add_argument("-n", "--dry-run", action="store_true", help="list the jobs that would run, and why")
+    parser.add_argument("-c", "--cores", type=int, metavar="N", help="number of cores (default: all)")
+    add_quiet(parser)
+    parser.set_defaults(passed_on=[])  # what follows `--`
+
+
+def run(args: argparse.Namespace) -> NoReturn:
+    """Write the configuration of a model, and become Snakemake."""
+    options = ["--snakefile", str(snakefile()), "--configfile", str(_configuration(args))]
+    options += ["--dry-run"] if args.dry_run else []
+    options += ["--cores", str(args.cores)] if args.cores else []
+    options += ["--quiet", "all"] if args.quiet else []
+    sys.stdout.flush()
+    os.execv(sys.executable, [sys.executable, "-m", "snakemake", *options, *args.passed_on])  # noqa: S606
+
+
+def snakefile() -> Path:
+    """Return the workflow: inside an installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "workflow" / "Snakefile"
+    return installed if installed.is_file() else package.parent / "Snakefile"
+
+
+def _configuration(args: argparse.Namespace) -> Path:
+    """Return the configuration file, after writing that of a model."""
+    import yaml
+
+    from gspure.artifacts import write_text
+    from gspure.model import model_file
+
+    source: Path = args.source
+    if not source.is_dir() and source.suffix != ".ply":
+        if args.cameras or args.up:
+            raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views")
+        with reading(source, "a configuration, as YAML"):
+            yaml.safe_load(source.read_text(encoding="utf-8"))
+        return source
+    if not args.cameras:
+        raise InputError("audit", "--cameras", expected="views of the model, or orbit", found="nothing")
+    with reading(model := model_file(source), "a 3DGS .ply"):
+        model.stat()
+    asset: dict[str, Any] = {"model": str(model), "cameras": str(args.cameras)}
+    if args.up:
+        asset["generated"] = {"up": args.up}
+    scene = re.sub("[^A-Za-z0-9_-]+", "_", source.resolve().stem)[:100]
+    write_text(_CONFIGURATION, yaml.safe_dump({"assets": {scene: asset}}))
+    return _CONFIGURATION

@@ -1,0 +1,73 @@
+"""``gspure audit``: the workflow on a model or a configuration, in the current folder."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+import yaml
+
+from gspure.cli import main
+from gspure.cli.audit import snakefile
+from gspure.model import write_model
+from gspure.workflow.configuration import resolved, validated
+from tests.documentation import ROOT
+from tests.models import blobs
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_model(tmp_path / "my model.ply", blobs(30))
+    return tmp_path
+
+
+@pytest.fixture
+def words(monkeypatch):
+    """The command line of Snakemake, which is not started."""
+    started = []
+    monkeypatch.setattr(os, "execv", lambda program, command: started.extend(command) or 0)
+    return started
+
+
+def test_a_model_becomes_a_configuration_that_the_workflow_accepts(folder, words):
+    assert main(["audit", "my model.ply", "--cameras", "orbit", "--up", "0", "0", "1"]) == 0
+    file = Path(words[words.index("--configfile") + 1])
+    schema = snakefile().parent / "schemas" / "config.schema.yaml"
+    config = resolved(validated(yaml.safe_load(file.read_text()), schema, file), file)
+    (asset,) = config["assets"].values()
+    assert (asset["model"], asset["cameras"], asset["generated"]["up"]) == ("my model.ply", "orbit", [0, 0, 1])
+    assert Path(words[words.index("--snakefile") + 1]) == ROOT / "Snakefile"
+
+
+def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words):
+    Path("mine.yaml").write_text("assets: {}")
+    assert main(["audit", "mine.yaml", "--cores", "3", "-n", "--", "--forcerun", "render_scene", "--cores"]) == 0
+    assert words[1:3] == ["-m", "snakemake"]
+    assert words[words.index("--configfile") + 1] == "mine.yaml"
+    assert words[words.index("--cores") + 1] == "3"
+    assert "--dry-run" in words
+    assert words[-3:] == ["--forcerun", "render_scene", "--cores"]
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("audit no.ply --cameras orbit", "no.ply: no such file"),
+        ("audit no.yaml", "no.yaml: no such file"),
+        ("audit model.ply", "--cameras: expected"),
+        ("audit mine.yaml --cameras orbit", "mine.yaml: --cameras: expected"),
+        ("audit broken.yaml", "broken.yaml: file: expected a configuration"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line_before_snakemake_starts(folder, words, capsys, line, reason):
+    Path("my model.ply").rename("model.ply")
+    Path("mine.yaml").write_text("assets: {}")
+    Path("broken.yaml").write_text("assets: [")
+    assert main(line.split()) == 2
+    (error,) = capsys.readouterr().err.splitlines()
+    assert reason in error
+    assert not words
+    assert not Path("results").exists()
