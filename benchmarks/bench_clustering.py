@@ -10,7 +10,9 @@ from findings import Findings
 from timing import Measure
 
 from gspure.constants import MIN_SAMPLES
-from gspure.method.clustering import SELECTIONS, reference, select, spanning_tree
+from gspure.method.clustering import reference
+from gspure.method.clustering.selection import SELECTIONS, select
+from gspure.method.clustering.tree import spanning_tree
 from gspure.method.features import features
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from gspure.public_model import PublicModel
-from gspure.scenes import Staging
+from gspure.scenes.staging import Staging
 from gspure.schemes.planted.embedding import embed
 from gspure.schemes.planted.key import PlantedKey
 

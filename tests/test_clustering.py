@@ -13,13 +13,9 @@ from hypothesis import strategies as st
 from sklearn.metrics import adjusted_rand_score
 
 from gspure.errors import InputError
-from gspure.method.clustering import (
-    SELECTIONS,
-    coincident_points,
-    diagnose,
-    select,
-    spanning_tree,
-)
+from gspure.method.clustering.diagnosis import diagnose
+from gspure.method.clustering.selection import SELECTIONS, select
+from gspure.method.clustering.tree import coincident_points, spanning_tree
 
 
 def heavy_tailed(seed: int, count: int, columns: int = 5) -> np.ndarray:

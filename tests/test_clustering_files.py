@@ -12,7 +12,8 @@ import pytest
 from gspure.artifacts import save_array
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.method.clustering import Clusters, read_clusters, read_tree, spanning_tree, write_clusters
+from gspure.method.clustering.store import Clusters, read_clusters, read_tree, write_clusters
+from gspure.method.clustering.tree import spanning_tree
 
 POINTS = np.random.default_rng(0).normal(size=(30, 5))
 

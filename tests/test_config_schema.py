@@ -22,8 +22,8 @@ from gspure.method.clustering.selection import SELECTIONS
 from gspure.method.features import PARTS
 from gspure.method.weights import REDUCTIONS
 from gspure.opencl.frame import ENERGIES
-from gspure.scenes import PROTOCOLS, scene_builder
 from gspure.scenes.placement import PLACEMENTS
+from gspure.scenes.staging import PROTOCOLS, scene_builder
 from gspure.schemes.pair import INITIALIZATIONS
 from gspure.schemes.registry import schemes
 from gspure.workflow.configuration import resolved, validated

@@ -12,10 +12,13 @@ from gspure.images import read_image
 from gspure.model import read_model, write_model
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel
-from gspure.scenes import Staging, lighting, seen_points, stage_cameras, trace
-from gspure.scenes.photography import PER_VIEW
+from gspure.scenes import lighting
+from gspure.scenes.camera_path import stage_cameras
+from gspure.scenes.photography import PER_VIEW, seen_points
+from gspure.scenes.ray_tracer import trace
 from gspure.scenes.scene import Lamp, Scene
 from gspure.scenes.solids import Box, Sphere
+from gspure.scenes.staging import Staging
 from gspure.scenes.surfels import SPREAD, tile
 from gspure.scenes.textures import checker, plain
 from gspure.schemes.planted.embedding import HIDDEN

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.scenes import lighting, ray_tracer, scene_builder
+from gspure.scenes import lighting, ray_tracer
 from gspure.scenes import scene as scene_module
 from gspure.scenes.camera_path import stage_cameras
 from gspure.scenes.lighting import bake
@@ -13,6 +13,7 @@ from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.ray_tracer import trace
 from gspure.scenes.scene import Lamp, Scene, displayed, first_hits
 from gspure.scenes.solids import BACK, BOTTOM, Box, Room, Sphere
+from gspure.scenes.staging import scene_builder
 from gspure.scenes.textures import banded, checker, inlaid, plain, reflectance, rings, stripes
 from tests.models import camera
 

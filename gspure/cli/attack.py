@@ -37,6 +37,14 @@ EXAMPLES = """\
   gspure attack finetune --model point_cloud.ply --cameras cameras.json --set iterations=20 --out finetuned.ply
 """
 
+_EVIDENCE = {
+    "--weights": "from `gspure weights`",
+    "--prune-mask": "from `gspure prune`",
+    "--opacities": "from `gspure opacities` (default: as stored in the model)",
+    "--surface": "from `gspure surface`",
+    "--labels": "from `gspure cluster`",
+}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
@@ -46,16 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
     parser.add_argument("name", metavar="NAME", help=f"one of {names}, or one of an installed plug-in")
     parser.add_argument("--model", type=Path, required=True, help="the public model's .ply; its other files are copied")
-    parser.add_argument("--weights", type=Path, metavar="NPY", help="from `gspure weights`, if the attack needs them")
-    parser.add_argument("--prune-mask", type=Path, metavar="NPY", help="from `gspure prune`, if the attack needs it")
-    parser.add_argument(
-        "--opacities",
-        type=Path,
-        metavar="NPY",
-        help="from `gspure opacities`, if the attack needs them (default: as stored in the model)",
-    )
-    parser.add_argument("--surface", type=Path, metavar="NPY", help="from `gspure surface`, if the attack needs it")
-    parser.add_argument("--labels", type=Path, metavar="NPZ", help="from `gspure cluster`, if the attack needs it")
+    evidence = parser.add_argument_group("evidence, for attacks that need it")
+    for option, origin in _EVIDENCE.items():
+        evidence.add_argument(option, type=Path, metavar="FILE", help=origin)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the attack; repeatable"

@@ -189,6 +189,13 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     return views
 
 
+def require_least(args: argparse.Namespace, command: str, least: Mapping[str, int]) -> None:
+    """Refuse numbers below their least value; those that are not set pass."""
+    for name, bound in least.items():
+        if (value := getattr(args, name)) is not None and value < bound:
+            raise InputError(command, f"--{name.replace('_', '-')}", expected=f"at least {bound}", found=str(value))
+
+
 def add_files(parser: argparse.ArgumentParser, files: Mapping[str, tuple[str, str]]) -> None:
     """Add options that take any number of files, each with its metavar and help."""
     for option, (metavar, meaning) in files.items():

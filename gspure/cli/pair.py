@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_device, read_device
+from gspure.cli.options import add_device, read_device, require_least
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
@@ -43,7 +43,8 @@ _LEAST = {"seed": 0, "views": 3, "width": 16, "height": 16, "off_path": 0}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    from gspure.scenes import NAMES, PLACEMENTS, PROTOCOLS
+    from gspure.scenes.placement import PLACEMENTS
+    from gspure.scenes.staging import NAMES, PROTOCOLS
 
     parser.add_argument("scene", metavar="SCENE", help=f"the visible scene: photographs as for `train`, or {NAMES}")
     parser.add_argument(
@@ -95,13 +96,9 @@ def run(args: argparse.Namespace) -> None:
     """Write the pair, all of it or nothing."""
     from gspure.artifacts import filling, write_provenance
     from gspure.images import record_views
-    from gspure.scenes import NAMES, scene_builder
+    from gspure.scenes.staging import NAMES, scene_builder
 
-    for name, least in _LEAST.items():
-        if getattr(args, name) < least:
-            raise InputError(
-                "pair", f"--{name.replace('_', '-')}", expected=f"at least {least}", found=str(getattr(args, name))
-            )
+    require_least(args, "pair", _LEAST)
     is_traced = [scene_builder(name) is not None for name in (args.scene, args.message)]
     if is_traced[0] != is_traced[1]:
         expected = f"both of {NAMES}, or both files"
@@ -121,8 +118,9 @@ def _traced(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
     from gspure.cameras import off_path_cameras
-    from gspure.scenes import Staging, stage_cameras
+    from gspure.scenes.camera_path import stage_cameras
     from gspure.scenes.photography import photograph, picture
+    from gspure.scenes.staging import Staging
 
     views = stage_cameras(args.views, args.width, args.height)
     aside = off_path_cameras(views, args.off_path)

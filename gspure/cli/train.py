@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_background, add_device, read_background, read_device
+from gspure.cli.options import add_background, add_device, read_background, read_device, require_least
 from gspure.cli.outputs import Output
-from gspure.errors import InputError
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
@@ -89,11 +88,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
     from gspure.training.output import write_output
 
-    for name, least in _LEAST.items():
-        value = getattr(args, name)
-        if value is not None and value < least:
-            field = f"--{name.replace('_', '-')}"
-            raise InputError("train", field, expected=f"at least {least}", found=str(value))
+    require_least(args, "train", _LEAST)
     args.background = read_background(args, "train", trained_background(args.data))
     photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
     dataset = read_dataset(args.data, args.resolution, **photographs, seed=args.seed)

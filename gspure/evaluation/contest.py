@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.matched import Drops, Point, Sweeps, completed, damages
+from gspure.evaluation.matched import Drops, Point, Sweeps, completed, curves, damages
 from gspure.evaluation.outcomes import (
     GSPURE,
     SCENE,
@@ -95,7 +95,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
             for quantity in WEIGHTS:
                 rows += _against(_as_run(as_run, quantity), condition, extraction, quantity, math.nan)
             for damage in damages(drops):
-                cells = _at_equal_damage(drops, completed(sweeps, drops), damage)
+                cells = _at_equal_damage(attacks, extraction, completed(sweeps, drops), damage)
                 rows += _against(cells, condition, extraction, MESSAGE_DROP, damage)
     return rows
 
@@ -119,16 +119,10 @@ def _as_run(drops: DropsByVariant, quantity: Quantity) -> dict[str, Cells]:
     }
 
 
-def _at_equal_damage(drops: DropsByVariant, sweeps: Sweeps, damage: float) -> dict[str, Cells]:
+def _at_equal_damage(attacks: Sequence[Outcome], extraction: str, sweeps: Sweeps, damage: float) -> dict[str, Cells]:
     """Return the message's drop by sweep at a permitted drop of the scene."""
-    by_sweep: dict[str, Cells] = {}
-    for name, variants in sweeps.items():
-        curves: dict[tuple[str, int], dict[str, Drops]] = {}
-        for variant in variants:
-            for cell, both in drops.get(variant, {}).items():
-                curves.setdefault(cell, {})[variant] = both
-        by_sweep[name] = {cell: Point.at(damage, curve).message for cell, curve in curves.items()}
-    return by_sweep
+    by_sweep = {name: curves([o for o in attacks if o.variant in of], extraction) for name, of in sweeps.items()}
+    return {name: {cell: Point.at(damage, c).message for cell, c in known.items()} for name, known in by_sweep.items()}
 
 
 def _against(

@@ -117,12 +117,12 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
     for condition, alike in by_condition(outcomes).items():
         for extraction in ordered({target for o in alike for target in o.messages}):
             for name, variants in sweeps.items():
-                curves = _curves([o for o in alike if o.variant in variants], extraction)
-                strengths = max(map(len, curves.values()), default=0)
+                drops = curves([o for o in alike if o.variant in variants], extraction)
+                strengths = max(map(len, drops.values()), default=0)
                 rows += [
-                    Matched(*condition, extraction, name, strengths, damage, *_mean_drop(curves, damage))
+                    Matched(*condition, extraction, name, strengths, damage, *_mean_drop(drops, damage))
                     for damage in at
-                    if curves
+                    if drops
                 ]
     return rows
 
@@ -133,19 +133,19 @@ def completed(sweeps: Sweeps, variants: Iterable[str]) -> dict[str, Sequence[str
     return {**sweeps, **{variant: [variant] for variant in variants if variant not in swept}}
 
 
-def _curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int], dict[str, Drops]]:
+def curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int], dict[str, Drops]]:
     """Return the drops by scene and seed, and by variant, where both are known."""
-    curves: dict[tuple[str, int], dict[str, Drops]] = {}
+    by_cell: dict[tuple[str, int], dict[str, Drops]] = {}
     for o in variants:
         drops = (o.psnr_drop(SCENE), o.psnr_drop(extraction))
         if not any(map(math.isnan, drops)):
-            curves.setdefault((o.scene, o.seed), {})[o.variant] = drops
-    return curves
+            by_cell.setdefault((o.scene, o.seed), {})[o.variant] = drops
+    return by_cell
 
 
-def _mean_drop(curves: Mapping[tuple[str, int], Curve], damage: float) -> tuple[Interval, int, float]:
+def _mean_drop(drops: Mapping[tuple[str, int], Curve], damage: float) -> tuple[Interval, int, float]:
     """Return the mean drop of the message, the number of models that no strength damages this much, and the damage."""
-    points = {cell: Point.at(damage, curve) for cell, curve in curves.items()}
+    points = {cell: Point.at(damage, curve) for cell, curve in drops.items()}
     mean = mean_interval(by_scene({cell: point.message for cell, point in points.items()}))
     scenes = [point.scene for point in points.values()]
     return mean, sum(scene < damage for scene in scenes), float(np.mean(scenes))

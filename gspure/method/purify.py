@@ -13,8 +13,9 @@ from gspure import __version__
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
 from gspure.method import pruning
-from gspure.method.clustering import Diagnosis, Selection, coincident_points, diagnose, select, spanning_tree
-from gspure.method.clustering.selection import Labels
+from gspure.method.clustering.diagnosis import Diagnosis, diagnose
+from gspure.method.clustering.selection import Labels, Selection, select
+from gspure.method.clustering.tree import coincident_points, spanning_tree
 from gspure.method.features import features
 from gspure.method.pruning import Mask
 from gspure.method.weights import Reduction, accumulate, require_in_view

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from gspure.artifacts.checksums import record_of
 from gspure.cameras import Camera
 from gspure.evaluation.metrics import psnr
-from gspure.scenes import PLACEMENTS, Staging, scene_builder
+from gspure.scenes.placement import PLACEMENTS
+from gspure.scenes.staging import Staging, scene_builder
 from gspure.training.dataset import Dataset, extent, read_dataset, read_photographs
 from gspure.training.schedule import shuffled
 

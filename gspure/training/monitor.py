@@ -23,8 +23,6 @@ def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], 
     ----------
     losses : iterable of float
         The run; each step of this iterable is an iteration of training.
-    iterations : int
-        Length of the run.
     state : callable
         Describes the current model, such as ``"PSNR 30.12  12000 Gaussians"``; called once per report.
     done : int

@@ -50,8 +50,6 @@ class Schedule:
 
     Parameters
     ----------
-    iterations : int
-        Length of the run.
     sh_every : int
         Iterations per band of spherical harmonics.
     densify_from, densify_until, densify_every : int

@@ -116,7 +116,7 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
 def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:
     """Check that a pair is ray-traced or made of files, and find the photographs that it is trained from."""
     from gspure.model.inria import saved_iterations
-    from gspure.scenes import NAMES, scene_builder
+    from gspure.scenes.staging import NAMES, scene_builder
 
     is_traced = [scene_builder(pair[name]) is not None for name in ("scene", "message")]
     if is_traced[0] != is_traced[1]:

@@ -27,7 +27,7 @@ from gspure.evaluation.comparison import read_metrics, write_metrics
 from gspure.evaluation.results import read_results, write_results
 from gspure.failures import Failure, read_failure
 from gspure.images import read_image
-from gspure.method.clustering import Clusters, read_clusters, read_tree, write_clusters
+from gspure.method.clustering.store import Clusters, read_clusters, read_tree, write_clusters
 from gspure.method.contributions import Measurement, Stage, read_index, read_stage, write_index
 from gspure.model import Gaussians, read_model, require_finite, write_model
 from gspure.model.inria import saved_iterations, training_arguments

@@ -37,8 +37,6 @@ class Training:
         The initial Gaussians; their colours are ignored.
     message_weight : float
         lambda in L = L_scene + lambda L_message; 0 omits the message branch.
-    max_gaussians : int
-        Upper bound of growth.
 
     """
 

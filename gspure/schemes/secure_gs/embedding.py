@@ -57,8 +57,6 @@ def embed(
     ----------
     message_weight : float
         Share of the message's loss; that of the scene is 1.
-    max_anchors : int
-        Upper bound of growth.
     density : float
         r_down of the region-aware density optimization (`gspure.schemes.secure_gs.density`); 1 switches it off.
 

@@ -37,8 +37,6 @@ class AnchorSchedule:
 
     Parameters
     ----------
-    iterations : int
-        Length of the run.
     count_from : int
         Statistics are collected after this iteration, up to `adjust_until`.
     adjust_from, adjust_until, adjust_every : int

@@ -46,8 +46,6 @@ class Training:
         lambda in L = L_scene + lambda L_message.
     density : float
         r_down of RDO; 1 switches it off.
-    max_anchors : int
-        Upper bound of growth.
 
     """
 

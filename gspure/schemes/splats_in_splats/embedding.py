@@ -54,8 +54,6 @@ def embed(
         Length of the joint training.
     message_weight : float
         Share of the message's loss; that of the scene is 1.
-    max_gaussians : int
-        Upper bound of growth.
     shift : int
         k of `gspure.schemes.splats_in_splats.bits`.
 

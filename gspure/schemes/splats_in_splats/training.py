@@ -37,8 +37,6 @@ class TwinTrainer:
         The initial Gaussians of both scenes.
     message_weight : float
         Share of the message's loss; that of the scene is 1.
-    max_gaussians : int
-        Upper bound of growth.
 
     """
 
