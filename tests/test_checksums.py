@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from gspure.artifacts import (
     write_provenance,
     write_text,
 )
-from gspure.artifacts.checksums import file_checksum, intact
+from gspure.artifacts.checksums import file_checksum, intact, record_file, record_of
 from gspure.cameras import read_cameras, write_cameras
 from gspure.errors import InputError
 from gspure.evaluation import metrics
@@ -145,6 +146,16 @@ def test_provenance_of_another_type_is_quoted(tmp_path: Path, key: str, value: o
     write_json(tmp_path / "weights.npy.json", {"artifact": "weights.npy", "crc32": "0", key: value})
     with pytest.raises(InputError, match=rf"json: record: expected two texts, .* {key} {value}"):
         KINDS["weights.npy"][1](path)
+
+
+def test_a_flipped_bit_in_a_record_is_found(tmp_path: Path) -> None:
+    path = written(tmp_path, "weights.npy")
+    record = record_of(path)
+    content = record_file(path).read_bytes()
+    for place in range(len(content)):
+        record_file(path).write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
+        with suppress(InputError):
+            assert (record_of(path) or {}).items() >= {k: v for k, v in record.items() if k != "record"}.items()
 
 
 def test_the_digest_of_an_input_is_the_one_that_was_verified(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import hashlib
 import json
 import reprlib
 import zlib
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -68,11 +69,19 @@ def record_of(path: Path) -> dict[str, Any] | None:
         record = json.loads(file.read_text(encoding="utf-8"))
     match record:
         case {"artifact": str(), "crc32": str()}:
+            if (expected := record.get("record", "")) not in {"", found := record_checksum(record)}:
+                raise InputError(file, "record", expected=f"CRC-32 {expected}", found=found)
             return dict(record)
         case {"artifact": _} | {"crc32": _}:
             found = ", ".join(f"{name} {reprlib.repr(record.get(name))}" for name in ("artifact", "crc32"))
             raise InputError(file, "record", expected="two texts, artifact and crc32", found=found)
     return None  # some other JSON file
+
+
+def record_checksum(record: Mapping[str, Any]) -> str:
+    """Return the CRC-32 of all entries of a record but `record`, which holds it."""
+    entries = {name: value for name, value in record.items() if name != "record"}
+    return f"{zlib.crc32(json.dumps(entries, sort_keys=True).encode()):08x}"
 
 
 def verify(path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gspure.artifacts.checksums import file_checksum, file_digest, record_file, record_of
-from gspure.artifacts.files import write_json
+from gspure.artifacts.files import write_record
 from gspure.errors import InputError
 
 
@@ -43,7 +43,7 @@ def write_provenance(
         "inputs": digests,
         "settings": dict(settings),
     }
-    write_json(record_file(path), record | ({"geometry": geometry} if geometry else {}))
+    write_record(path, record | ({"geometry": geometry} if geometry else {}))
 
 
 def require_made_from(geometry: str, *artifacts: Path) -> None:
