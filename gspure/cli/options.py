@@ -140,7 +140,7 @@ def read_source(source: Path | str, model: Path | None, **settings: Any) -> list
 
 
 def add_views(parser: argparse.ArgumentParser, split: str) -> None:
-    """Add ``--cameras``, ``--split`` and ``--world``, for `read_views`."""
+    """Add ``--cameras``, ``--split`` and ``--transform``, for `read_views`."""
     add_cameras(parser)
     parser.add_argument(
         "--split",
@@ -183,6 +183,9 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     views = read_split(args)
     if getattr(args, "off_path", None):
         views += read_cameras(args.off_path)
+    if args.transform and isinstance(args.cameras, str):
+        found = f"{args.cameras} around {args.model}"
+        raise InputError(args.transform, "--transform", expected="cameras of the unmoved model", found=found)
     if args.transform:
         transform = read_transform(args.transform)
         views = [camera.moved(transform) for camera in views]
