@@ -20,7 +20,7 @@ The method
 Metrics
     `psnr`, `ssim`: of two images [H,W,3] in 0..1, as 3DGS defines them.
 Errors
-    `InputError`: what unfit input raises, one line that names file and field.
+    `InputError`: the `ValueError` of bad input, one line that names file and field.
 """
 
 __version__ = "0.1.0"

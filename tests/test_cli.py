@@ -235,6 +235,14 @@ def test_generated_views_take_the_place_of_a_camera_file(asset, monkeypatch, com
     assert main([*arguments, "--cameras", "cameras.json", "--up", "0", "0", "1"]) == 2
 
 
+def test_views_around_a_moved_model_are_not_moved_again(asset, capsys):
+    np.save(asset / "moved.npy", np.eye(4))
+    command = ["render", str(asset / "model.ply"), "--out", str(asset / "out"), "--transform", str(asset / "moved.npy")]
+    assert main([*command, "--cameras", "orbit"]) == 2
+    assert "moved.npy: --transform: expected cameras" in capsys.readouterr().err
+    assert main([*command, "--cameras", str(asset / "cameras.json"), "--split", "test"]) == 0
+
+
 def test_generated_views_are_written_beside_their_renders(asset):
     renders = asset / "renders"
     assert main(["render", str(asset / "model.ply"), "--cameras", "orbit", "--out", str(renders)]) == 0
