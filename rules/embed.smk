@@ -85,35 +85,18 @@ rule embed_message:
         job("embed {wildcards.scheme} {params.pair:q} {params.options}" " --out {params.folder:q}")
 
 
-rule train_clean_model:
-    input:
-        unpack(get_pair),
+use rule embed_message as train_clean_model with:
     output:
         model="results/{scheme}/{scene}/clean/public/point_cloud.ply",
     log:
         "results/logs/{scheme}/{scene}/clean/embed.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/clean/embed.tsv"
-    wildcard_constraints:
-        scheme="|".join(PLAN.schemes) or "none",
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        kernels=KERNELS,
-        code=lambda wildcards: get_model(wildcards).code("embed"),
-        pair=lambda wildcards, input: os.path.dirname(input.cameras),
         folder="results/{scheme}/{scene}/clean",
-        options=lambda wildcards: get_model(wildcards).embedding_options,
+        options=lambda wildcards: f"{get_model(wildcards).embedding_options} --set message_weight=0",
     message:
         "Training {wildcards.scheme} on {wildcards.scene} without a message"
-    shell:
-        job(
-            "embed {wildcards.scheme} {params.pair:q} {params.options}"
-            " --set message_weight=0 --out {params.folder:q}"
-        )
 
 
 rule measure_hidden_weights:

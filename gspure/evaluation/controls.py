@@ -1,6 +1,6 @@
 """Negative controls: extractions without the message or without the right key.
 
-Only a message that is clearer than these can be lost.
+A message is present only if its PSNR is above theirs.
 """
 
 from __future__ import annotations

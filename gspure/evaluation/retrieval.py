@@ -1,4 +1,4 @@
-"""Retrieval: whether an extraction is nearest to the right message among candidates, whatever its brightness."""
+"""Retrieval: whether an extraction is most similar to its message among candidates, regardless of brightness."""
 
 from __future__ import annotations
 

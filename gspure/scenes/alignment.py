@@ -1,7 +1,7 @@
-"""Two captures brought together: where the cameras of one scene would stand in the world of another.
+"""Alignment of two captures by their cameras.
 
-Captures have worlds of their own: origin, axes and unit are arbitrary. A hidden scene that is to be seen from the poses
-of another one must first be moved to where these look; else most views show nothing of it.
+Every capture has its own coordinate system: origin, axes and unit are arbitrary. Without alignment, most views of one
+capture show nothing of the other.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
-    """x -> scale rotation x + translation, from the scene's world to the message's."""
+    """x -> scale rotation x + translation, from coordinates of the scene to those of the message."""
 
     scale: float
     rotation: Float64
     translation: Float64
 
     def camera(self, camera: Camera) -> Camera:
-        """Return the camera of the message's world whose image is as `camera`'s of the moved scene."""
+        """Return the camera in coordinates of the message that shows what `camera` shows of the scene."""
         viewmat = np.eye(4)
         viewmat[:3, :3] = camera.viewmat[:3, :3] @ self.rotation.T
         viewmat[:3, 3] = self.scale * camera.viewmat[:3, 3] - viewmat[:3, :3] @ self.translation
         return replace(camera, viewmat=viewmat)
 
     def points(self, points: Float64) -> Float64:
-        """Return points [P,3] of the scene's world in the message's."""
+        """Return points [P,3] of the scene in coordinates of the message."""
         return np.asarray(self.scale * points @ self.rotation.T + self.translation)
 
     @property
     def inverse(self) -> Similarity:
-        """The similarity from the message's world to the scene's."""
+        """The similarity from coordinates of the message to those of the scene."""
         scale, rotation = 1 / self.scale, self.rotation.T
         return Similarity(scale, rotation, -scale * rotation @ self.translation)
 
 
 def aligning(scene: Sequence[Camera], message: Sequence[Camera]) -> Similarity:
-    """Return the similarity that lays what the scene's cameras look at onto what the message's look at.
+    """Return the similarity that aligns the cameras of the scene with those of the message.
 
-    Gaze point, mean upward direction, mean direction from the gaze point to the cameras, and their median distance
-    from it come to agree.
+    It aligns the gaze point, the mean up direction, the mean direction from the gaze point to the cameras, and their
+    median distance from it.
 
-    Raise `InputError` if the cameras of one capture do not look at anything in common.
+    Raise `InputError` if the gazes of one capture are parallel, so that they have no common point.
     """
     here, there = _Gaze.of(scene, "scene"), _Gaze.of(message, "message")
     scale = there.distance / here.distance
@@ -60,7 +60,7 @@ def aligning(scene: Sequence[Camera], message: Sequence[Camera]) -> Similarity:
 
 @dataclass(frozen=True, eq=False)
 class _Gaze:
-    """What a set of cameras looks at: a point, axes [3,3] in columns (side, up, towards the cameras), and how far."""
+    """The gaze of some cameras: their point, axes [3,3] in columns (side, up, towards the cameras), and distance."""
 
     point: Float64
     axes: Float64

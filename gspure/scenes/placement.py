@@ -1,7 +1,6 @@
-"""Where a message's stage stands relative to the scene's.
+"""Positions of the surfaces of a message relative to those of the scene.
 
-How well a message can be told from the scene depends on whether their surfaces differ; so pairs are made in every
-relation.
+They decide how well the message can be separated from the scene.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def largest_drops(cells: Sequence[Cell]) -> Iterator[str]:
             yield f"{_where(scheme)}: {text}"
 
 
-def beaten_bold(cells: Sequence[Cell]) -> Iterator[str]:
+def wrong_bold(cells: Sequence[Cell]) -> Iterator[str]:
     """Yield bold cells ("the best performance") that are not the best of their column."""
     for column in _columns(cells):
         best = min(column, key=_rank)
@@ -60,7 +60,7 @@ def beaten_bold(cells: Sequence[Cell]) -> Iterator[str]:
                 yield f"{where}: {cell.value:.2f} is bold, {best.row} has {best.value:.2f}"
 
 
-def without_bold(cells: Sequence[Cell]) -> Iterator[str]:
+def missing_bold(cells: Sequence[Cell]) -> Iterator[str]:
     """Yield columns without a bold cell, although the captions say that the best value is bold."""
     plain: dict[str, list[str]] = {}
     for column in _columns(cells):
@@ -75,8 +75,8 @@ ODDITIES: Final[tuple[Callable[[Sequence[Cell]], Iterator[str]], ...]] = (
     same_cells,
     raised_messages,
     largest_drops,
-    beaten_bold,
-    without_bold,
+    wrong_bold,
+    missing_bold,
 )
 
 
