@@ -27,9 +27,11 @@ def profile(name):
 
 
 def rules():
-    """The text of every rule, by name."""
+    """The text of every rule, by name; a derived rule also has that of its base."""
     text = "\n".join(path.read_text() for path in [*(ROOT / "rules").glob("*.smk"), ROOT / "Snakefile"])
-    return dict(re.findall(r"^rule (\w+):\n(.*?)(?=^\S|\Z)", text, re.MULTILINE | re.DOTALL))
+    texts = dict(re.findall(r"^rule (\w+):\n(.*?)(?=^\S|\Z)", text, re.MULTILINE | re.DOTALL))
+    derived = re.findall(r"^use rule (\w+) as (\w+) with:\n(.*?)(?=^\S|\Z)", text, re.MULTILINE | re.DOTALL)
+    return texts | {name: texts[base] + changes for base, name, changes in derived}
 
 
 @pytest.mark.parametrize("name", CLUSTERS)

@@ -47,7 +47,7 @@ def read_clusters(path: Path) -> Clusters:
 
 
 def read_tree(path: Path) -> Tree:
-    """Read a spanning tree [K-1,3] of `gspure.method.clustering.spanning_tree`.
+    """Read a spanning tree [K-1,3] of `gspure.method.clustering.tree.spanning_tree`.
 
     Raise `InputError` if the file is damaged, or does not hold the edges (a, b, distance) of a spanning tree with 0
     <= a < b < K, sorted by distance.
