@@ -75,7 +75,11 @@ class Ended:
 def rules() -> set[str]:
     """All rules of the workflow that make something."""
     files = [ROOT / "Snakefile", *(ROOT / "rules").glob("*.smk")]
-    return {name for file in files for name in re.findall(r"^rule (\w+):", file.read_text(), re.MULTILINE)} - TARGETS
+    return {
+        name
+        for file in files
+        for name in re.findall(r"^(?:use rule \w+ as|rule) (\w+)", file.read_text(), re.MULTILINE)
+    } - TARGETS
 
 
 def build(folder: Path) -> None:
