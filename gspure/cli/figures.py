@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from gspure.cli import image_figures, scheme_figures
 from gspure.cli.image_figures import Drawn
-from gspure.cli.options import add_cameras, add_factors, read_source
+from gspure.cli.method_options import add_factors
+from gspure.cli.options import add_cameras, read_source
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 

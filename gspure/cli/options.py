@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MIN_SAMPLES, TAU_C, TAU_N
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -249,26 +248,3 @@ def described(name: str, defaults: Mapping[str, Setting]) -> str:
     """Return a name with its settings and their defaults."""
     settings = ", ".join(f"{setting}={value}" for setting, value in defaults.items())
     return f"{name} ({settings})" if settings else name
-
-
-def add_min_samples(parser: argparse.ArgumentParser) -> None:
-    """Add ``--min-samples``."""
-    parser.add_argument(
-        "--min-samples", type=int, default=MIN_SAMPLES, metavar="N", help="HDBSCAN's min_samples (default: %(default)s)"
-    )
-
-
-def add_factors(parser: argparse.ArgumentParser, *, by_scheme: bool = False) -> None:
-    """Add ``--tau-c`` and ``--tau-n``; with `by_scheme`, the default depends on the model and is None here."""
-    for name, value, anchors, pruned in (
-        ("--tau-c", TAU_C, ANCHOR_TAU_C, "clusters whose mean weight"),
-        ("--tau-n", TAU_N, ANCHOR_TAU_N, "noise points whose weight"),
-    ):
-        default = f"{value}; anchors: {anchors}" if by_scheme else f"{value}"
-        parser.add_argument(
-            name,
-            type=float,
-            default=None if by_scheme else value,
-            metavar="TAU",
-            help=f"prune {pruned} is below the mean weight / TAU (default: {default})",
-        )

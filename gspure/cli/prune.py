@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_factors
+from gspure.cli.method_options import add_factors
 from gspure.cli.outputs import Output
 
 HELP = "decide which Gaussians to prune, and diagnose the clustering"

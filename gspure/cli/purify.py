@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gspure.cli.cluster import add_selection
-from gspure.cli.options import add_cameras, add_device, add_energy, add_factors, add_min_samples, read_source
+from gspure.cli.method_options import add_factors, add_min_samples
+from gspure.cli.options import add_cameras, add_device, add_energy, read_source
 from gspure.cli.outputs import Output
 from gspure.cli.weights import add_reduction
 from gspure.errors import InputError

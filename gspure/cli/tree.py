@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_min_samples
+from gspure.cli.method_options import add_min_samples
 from gspure.cli.outputs import Output
 
 HELP = "compute HDBSCAN's minimum spanning tree from features and min_samples"

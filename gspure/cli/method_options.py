@@ -1,0 +1,30 @@
+"""Options of clustering and pruning; not in `options`, which imports the renderer, so that its edits rerun neither."""
+
+from __future__ import annotations
+
+import argparse
+
+from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MIN_SAMPLES, TAU_C, TAU_N
+
+
+def add_min_samples(parser: argparse.ArgumentParser) -> None:
+    """Add ``--min-samples``."""
+    parser.add_argument(
+        "--min-samples", type=int, default=MIN_SAMPLES, metavar="N", help="HDBSCAN's min_samples (default: %(default)s)"
+    )
+
+
+def add_factors(parser: argparse.ArgumentParser, *, by_scheme: bool = False) -> None:
+    """Add ``--tau-c`` and ``--tau-n``; with `by_scheme`, the default depends on the model and is None here."""
+    for name, value, anchors, pruned in (
+        ("--tau-c", TAU_C, ANCHOR_TAU_C, "clusters whose mean weight"),
+        ("--tau-n", TAU_N, ANCHOR_TAU_N, "noise points whose weight"),
+    ):
+        default = f"{value}; anchors: {anchors}" if by_scheme else f"{value}"
+        parser.add_argument(
+            name,
+            type=float,
+            default=None if by_scheme else value,
+            metavar="TAU",
+            help=f"prune {pruned} is below the mean weight / TAU (default: {default})",
+        )
