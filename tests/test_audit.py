@@ -184,12 +184,15 @@ def test_rivals_with_a_higher_score_are_named() -> None:
 
 
 def test_the_audit_names_a_rival_that_is_stronger_at_equal_damage() -> None:
-    outcomes = of_scenes(2, gspure=(1.0, 20.0), gof=(0.3, 15.0))
-    audit = audit_of(outcomes)
+    drops = {"gspure": (1.0, 20.0), "gspure@0.3dB": (0.3, 6.0), "gof@0.3dB": (0.3, 15.0)}
+    outcomes, sweeps = of_scenes(2, **drops), {"gspure": ["gspure", "gspure@0.3dB"], "gof": ["gof@0.3dB"]}
+    audit = audit_of(outcomes, sweeps)
     assert not audit.rivals.ahead
-    assert [(c.rival, c.damage) for c in audit.rivals.ahead_at_equal_damage] == [("gof", 0.3), ("gof", 0.7)]
-    text = told(outcomes)[1]["Against other attacks"]
+    assert [(c.rival, c.damage) for c in audit.rivals.ahead_at_equal_damage] == [("gof", 0.3)]
+    text = told(outcomes, sweeps)[1]["Against other attacks"]
     assert re.search(r"No rival has a higher mean Score.*However.*GOF removes more", text)
+    untested = told(of_scenes(2, gspure=(3.0, 20.0), gof=(3.0, 15.0)))[1]["Against other attacks"]
+    assert "equal damage" not in untested
     weaker = told(of_scenes(2, gspure=(1.0, 20.0), gof=(1.0, 15.0)))[1]["Against other attacks"]
     assert "However" not in weaker
     assert "no rival removes more" in weaker

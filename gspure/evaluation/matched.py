@@ -28,10 +28,6 @@ Drops = tuple[float, float]
 Curve = Mapping[str, Drops]
 """The drops of one model by variant of a sweep."""
 
-NO_DROPS: Final[Drops] = (0.0, 0.0)
-"""A point of every sweep, since every attack can be weakened to none."""
-
-
 _WANTED: Final = re.compile(r"@(\d+(?:\.\d+)?(?:e[+-]\d+)?)dB$")
 
 
@@ -49,14 +45,19 @@ class Point(NamedTuple):
         """Return the point of a sweep at a permitted drop of the scene, in dB.
 
         It is that of the variant whose strength was searched for this damage, or else interpolated between the tested
-        strengths and no attack. If all of them are gentler, the largest drop of the message counts.
+        strengths. If all of them are gentler, the largest drop of the message counts; if all are harsher, that of the
+        gentlest.
         """
         for variant, (scene, message) in curve.items():
             if wanted_damage(variant) == damage:
                 return cls(message, damage if abs(scene - damage) <= DAMAGE_TOLERANCE else scene)
-        scenes, messages = np.array([NO_DROPS, *curve.values()]).T
+        scenes, messages = np.array([*curve.values()]).T
         drop = matched_message_drop(scenes, messages, damage)
-        return cls(float(messages.max()), float(scenes.max())) if drop is None else cls(drop, damage)
+        if drop is not None:
+            return cls(drop, damage)
+        if scenes.max() < damage:
+            return cls(float(messages.max()), float(scenes.max()))
+        return cls(float(messages[scenes.argmin()]), float(scenes.min()))
 
 
 class Matched(NamedTuple):

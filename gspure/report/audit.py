@@ -55,8 +55,8 @@ class Rivals(NamedTuple):
     ahead_at_equal_damage: list[Contest]
     """By damage to the scene: the rival that removes the most, if that is more than GSPure removes in every scene."""
 
-    damages: tuple[float, float]
-    """The range of these damages, dB."""
+    damages: list[float]
+    """The damages at which GSPure and a rival were tested, dB."""
 
     significant: list[Contest]
     p_attainable: float
@@ -214,7 +214,7 @@ def _rivals(contests: Sequence[Contest]) -> Rivals | None:
         sorted((c for c in scores if c.difference.mean <= -EQUAL), key=lambda c: c.difference.mean),
         [c for c in scores if abs(c.difference.mean) < EQUAL],
         strongest,
-        (damages[0], damages[-1]),
+        damages,
         [c for c in scores if c.p_adjusted <= SIGNIFICANT],
         min(c.p_attainable for c in scores),
     )

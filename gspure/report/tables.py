@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
-from math import isfinite, isnan, nan
+from math import inf, isfinite, isnan, nan
 from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
@@ -161,8 +161,14 @@ def rivals_table(contests: Sequence[Contest]) -> Table:
 def equal_damage_table(contests: Sequence[Contest]) -> Table:
     """Return GSPure minus every rival at equal damage to the scene."""
     rivals = {row.rival: {c.damage: c for c in contests if c.rival == row.rival} for row in contests}
+    damages = dict.fromkeys(row.damage for row in contests)
     rows = [
-        Row([Cell(display_name(rival)), *(interval(row.difference) for row in by_damage.values())])
+        Row(
+            [
+                Cell(display_name(rival)),
+                *(interval(by_damage[d].difference) if d in by_damage else Cell() for d in damages),
+            ]
+        )
         for rival, by_damage in rivals.items()
     ]
     title = f"GSPure minus other attacks at equal damage to the scene: {display_name(contests[0].extraction)}"
@@ -172,17 +178,26 @@ def equal_damage_table(contests: Sequence[Contest]) -> Table:
 
 def matched_table(matched: Sequence[Matched]) -> Table:
     """Return the drop of one extraction in each sweep at equal damage to the scene, the largest in bold."""
-    most = {
-        damage: max((row for row in matched if row.damage == damage), key=lambda row: row.drop.mean)
-        for damage in {row.damage for row in matched}
-    }
+    most: dict[float, float] = {}
+    for row in matched:
+        if row.reached <= row.damage:
+            most[row.damage] = max(row.drop.mean, most.get(row.damage, -inf))
     rows = []
     for sweep, group in groupby(matched, key=lambda row: row.sweep):
         cells = list(group)
-        drops = [_at_reached(interval(c.drop)._replace(best=c is most[c.damage]), c) for c in cells]
+        drops = [
+            _at_reached(interval(c.drop)._replace(best=c.reached <= c.damage and c.drop.mean == most[c.damage]), c)
+            for c in cells
+        ]
         rows.append(Row([Cell(display_name(sweep)), Cell(f"{cells[0].strengths}"), *drops]))
     title = f"Drop of the {display_name(matched[0].extraction)} at equal damage to the scene"
-    note = say(NOTES, "matched", _scenes(row.drop for row in matched), any(row.gentle for row in matched))
+    note = say(
+        NOTES,
+        "matched",
+        _scenes(row.drop for row in matched),
+        any(row.gentle for row in matched),
+        any(row.reached > row.damage for row in matched),
+    )
     return Table(title, [Column("attack"), Column("strengths", main=False), *_permitted(matched)], rows, note)
 
 

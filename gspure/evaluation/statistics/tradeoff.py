@@ -49,8 +49,7 @@ def matched_message_drop(scene_drops: ArrayLike, message_drops: ArrayLike, at: f
     Parameters
     ----------
     scene_drops, message_drops : array [n]
-        One point per strength, dB, of one model or averaged over models. The unattacked (0, 0) is one of them only if
-        the strength can be reduced to nothing.
+        One point per strength, dB, of one model or averaged over models.
     at : float
         Drop of the scene, dB.
 
