@@ -109,7 +109,7 @@ def _reached(row: Matched) -> Cell:
     """Return a drop, with the damage to the scene where it is not the wanted one."""
     cell = interval(row.drop)
     bound = "≥ " if row.gentle else ""
-    return cell if row.reached == row.damage else Cell(f"{bound}{cell} at {row.reached:.2f} dB")
+    return cell if row.reached == row.damage else Cell(f"{bound}{cell} at {plain(row.reached)} dB")
 
 
 if __name__ == "__main__":

@@ -269,7 +269,7 @@ def _at_reached(cell: Cell, matched: Matched) -> Cell:
     if matched.reached == matched.damage:
         return cell
     bound = "≥ " if matched.gentle else ""
-    return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {matched.reached:.2f} dB".lstrip())
+    return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {plain(matched.reached)} dB".lstrip())
 
 
 def _scenes(intervals: Iterable[Interval | None]) -> int:
