@@ -19,7 +19,7 @@ from gspure.evaluation.paper import (
     Claim,
     beside,
     check_claims,
-    find_oddities,
+    find_inconsistencies,
     read_cells,
     rms_ratio_of,
     score_interval,
@@ -164,7 +164,7 @@ def test_a_bound_for_all_schemes_is_checked_against_the_largest_value():
 
 
 def test_known_inconsistencies_of_the_table_are_found():
-    text = "\n".join(find_oddities(CELLS))
+    text = "\n".join(find_inconsistencies(CELLS))
     assert "feature scaling and Gaussian noise print the same message PSNR in all 9 scenes" in text
     for attack in ("feature scaling", "Gaussian noise"):
         assert f"Splats in Splats: {attack} raises the message's PSNR in all 9 scenes" in text
@@ -178,7 +178,7 @@ def test_consistent_cells_are_not_reported():
         cell._replace(value=cell.value - 5) if (cell.variant, cell.target) == ("gaussian_noise", "message") else cell
         for cell in CELLS
     ]
-    text = "\n".join(find_oddities(corrected))
+    text = "\n".join(find_inconsistencies(corrected))
     assert "print the same message PSNR in all" not in text
     assert "Gaussian noise raises" not in text
     assert "feature scaling raises" in text

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write and print every check, then print the other inconsistencies."""
     from gspure.artifacts import write_provenance, write_text
-    from gspure.evaluation.paper import Beside, beside, check_claims, find_oddities, read_cells
+    from gspure.evaluation.paper import Beside, beside, check_claims, find_inconsistencies, read_cells
     from gspure.evaluation.paper.checks import ROUNDING
     from gspure.evaluation.records import read_records, write_records
     from gspure.evaluation.survival import Survival
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> None:
     for table in (_scores(checks, cells), _without_scores(checks), beside_table(compared)):
         print(f"{table.title}\n\n{table.markdown()}\n")
     print("Other inconsistencies\n")
-    print("\n".join(f"- {sentence}" for sentence in find_oddities(cells)))
+    print("\n".join(f"- {sentence}" for sentence in find_inconsistencies(cells)))
     failed = sum(not check.holds for check in checks)
     print(f"\n{failed} of {len(checks)} numbers do not follow from Table 1 within {ROUNDING} dB")
 

@@ -7,7 +7,7 @@ that follow from them. Fig. 5 prints curves without numbers. The numbers are ref
 from gspure.evaluation.paper.beside import Beside, beside
 from gspure.evaluation.paper.cells import Cell, read_cells
 from gspure.evaluation.paper.checks import Check, Claim, check_claims
-from gspure.evaluation.paper.oddities import find_oddities
+from gspure.evaluation.paper.inconsistencies import find_inconsistencies
 from gspure.evaluation.paper.quantities import rms_ratio_of, score_interval
 
 __all__ = [
@@ -17,7 +17,7 @@ __all__ = [
     "Claim",
     "beside",
     "check_claims",
-    "find_oddities",
+    "find_inconsistencies",
     "read_cells",
     "rms_ratio_of",
     "score_interval",

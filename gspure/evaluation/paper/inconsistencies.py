@@ -70,7 +70,7 @@ def missing_bold(cells: Sequence[Cell]) -> Iterator[str]:
         yield f"{where}: the best value is not bold in {len(names)} columns: {', '.join(names)}"
 
 
-ODDITIES: Final[tuple[Callable[[Sequence[Cell]], Iterator[str]], ...]] = (
+INCONSISTENCIES: Final[tuple[Callable[[Sequence[Cell]], Iterator[str]], ...]] = (
     same_columns,
     same_cells,
     raised_messages,
@@ -80,9 +80,9 @@ ODDITIES: Final[tuple[Callable[[Sequence[Cell]], Iterator[str]], ...]] = (
 )
 
 
-def find_oddities(cells: Sequence[Cell]) -> list[str]:
-    """Return the sentences of all `ODDITIES`."""
-    return [sentence for oddity in ODDITIES for sentence in oddity(cells)]
+def find_inconsistencies(cells: Sequence[Cell]) -> list[str]:
+    """Return the sentences of all `INCONSISTENCIES`."""
+    return [sentence for check in INCONSISTENCIES for sentence in check(cells)]
 
 
 def _coincidences(cells: Sequence[Cell]) -> Iterator[tuple[str, str, tuple[str, str], list[str]]]:
