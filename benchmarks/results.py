@@ -102,7 +102,10 @@ def _drops(row: Survival | None) -> Cell:
     if row is None:
         return Cell()
     message, scene = (plain(drop.mean if drop else nan) for drop in (row.message_drop, row.scene_drop))
-    return Cell(f"{message} / {scene}", f"({row.survived} of {row.present})" if row.present else f"({UNKNOWN})")
+    retrieved = f", {row.only_retrieved} retrieved" if row.only_retrieved else ""
+    return Cell(
+        f"{message} / {scene}", f"({row.survived} of {row.present}{retrieved})" if row.present else f"({UNKNOWN})"
+    )
 
 
 def _reached(row: Matched) -> Cell:
