@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from gspure.artifacts import save_array
 from gspure.attacks import Evidence, find_attack
-from gspure.attacks.sh_rotation import rotate_sh, rotation_matrix
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.cli.options import read_views
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
 from gspure.model.rotations import rotation_matrices
+from gspure.model.sh_rotation import rotate_sh, rotation_matrix
 from gspure.reference.blending import render
 from gspure.reference.spherical_harmonics import sh_basis, sh_colors
 from tests.attack_cases import anchors, changed, features, public, unhurried
@@ -43,7 +43,7 @@ def test_turned_harmonics_are_those_seen_from_turned_directions(degree, axis, an
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     coeffs = rng.normal(size=(1, (degree + 1) ** 2, 3))
     before = sh_basis(directions)[:, : coeffs.shape[1]] @ coeffs[0]
-    after = sh_basis(directions @ rotation.T)[:, : coeffs.shape[1]] @ rotate_sh(coeffs, unit, radians)[0]
+    after = sh_basis(directions @ rotation.T)[:, : coeffs.shape[1]] @ rotate_sh(coeffs, radians * unit)[0]
     np.testing.assert_allclose(after, before, atol=1e-10)
 
 
@@ -51,9 +51,9 @@ def test_turned_harmonics_are_those_seen_from_turned_directions(degree, axis, an
 @given(degree=degrees, axis=axes, one=angles, other=angles)
 def test_matrices_of_harmonics_are_orthogonal_and_turns_add_up(degree, axis, one, other) -> None:
     unit, (one, other) = np.array(axis) / np.linalg.norm(axis), np.deg2rad([one, other])
-    first, second = (rotation_matrix(degree, unit, radians) for radians in (one, other))
+    first, second = (rotation_matrix(degree, radians * unit) for radians in (one, other))
     np.testing.assert_allclose(first @ first.T, np.eye(2 * degree + 1), atol=1e-12)
-    np.testing.assert_allclose(second @ first, rotation_matrix(degree, unit, one + other), atol=1e-12)
+    np.testing.assert_allclose(second @ first, rotation_matrix(degree, (one + other) * unit), atol=1e-12)
 
 
 @unhurried

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gspure.attacks import Evidence, find_attack
 from gspure.cameras import read_cameras, split
 from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
@@ -16,7 +17,7 @@ from gspure.schemes.splats_in_splats import SCHEME
 from tests.models import without
 
 SETTINGS = {"iterations": 300, "max_gaussians": 3000}
-LITERAL, ORACLE = SCHEME.extractions
+LITERAL, ADAPTIVE, ORACLE = SCHEME.extractions
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +41,13 @@ def key(embedded):
 
 
 @pytest.fixture(scope="module")
+def clean(pair):
+    public, key = hide(SCHEME, pair, message_weight=0, **SETTINGS)
+    assert key is None
+    return public
+
+
+@pytest.fixture(scope="module")
 def quality(pair_folder):
     """Mean PSNR of a view's held-out images: `quality(view, "message")`."""
     test = split(read_cameras(pair_folder / "cameras.json"))[1]
@@ -58,9 +66,7 @@ def test_scene_and_message_can_both_be_seen(public, key, quality, pair):
     assert quality(key.message(public, LITERAL)) > mean_colour + 4
 
 
-def test_embedding_the_message_costs_the_scene_little(public, quality, pair):
-    clean, nothing = hide(SCHEME, pair, message_weight=0, **SETTINGS)
-    assert nothing is None
+def test_embedding_the_message_costs_the_scene_little(public, clean, quality):
     assert quality(clean.scene(), "scene") - quality(public.scene(), "scene") < 1.5
 
 
@@ -92,7 +98,7 @@ def test_the_message_is_read_from_what_survives_in_any_order(public, key):
         place = {row: i for i, row in enumerate(rows)}
         same = whole.table[[place[row] for row in kept[survivors]]]
         for name in part.table.dtype.names:
-            if extraction == ORACLE or name != "opacity":  # the mapping looks at neighbours, which may be gone
+            if extraction != LITERAL or name != "opacity":  # the mapping looks at neighbours, which may be gone
                 assert part.table[name].tobytes() == same[name].tobytes()
 
 
@@ -101,6 +107,34 @@ def test_noise_on_the_colours_ends_the_literal_message_and_not_the_oracle_one(pu
     attacked = public.with_model(public.model.with_appearance(public.model.table["opacity"], noisy.astype(np.float32)))
     assert quality(key.message(attacked, LITERAL)) < quality(key.message(public, LITERAL)) - 3
     assert quality(key.message(attacked, ORACLE)) == quality(key.message(public, ORACLE))
+
+
+@pytest.mark.parametrize(
+    ("attack", "settings"),
+    [
+        ("position_noise", {"sigma": 1e-3}),
+        ("finetune", {"iterations": 60}),
+        ("rigid_transform", {"angle": 75.0, "axis": "1,2,-1", "translation": "1,1,0"}),
+    ],
+)
+def test_the_adaptive_extraction_matches_rows_that_moved(public, key, quality, pair, attack, settings):
+    attacked = find_attack(attack).apply(public, Evidence(), cameras=pair.scene.views, **settings)
+    moved, transform = public.with_model(attacked.model), attacked.transform
+    transform = np.eye(4) if transform is None else transform
+
+    def along(extraction):
+        view = key.message(moved, extraction)
+        return quality(lambda camera: view(camera.moved(transform)))
+
+    before = quality(key.message(public, ORACLE))
+    assert along(ADAPTIVE) == pytest.approx(before, abs=0.3)
+    assert max(along(LITERAL), along(ORACLE)) < before - 3
+
+
+@pytest.mark.parametrize("attack", ["unattacked", "rigid_transform"])
+def test_the_adaptive_extraction_matches_no_row_of_a_clean_model(key, clean, attack):
+    attacked = clean.with_model(find_attack(attack).apply(clean, Evidence()).model)
+    assert not len(key.gaussians(attacked, None, ADAPTIVE)[0])
 
 
 def test_truncated_colours_extract_as_zero(public, key, pair):

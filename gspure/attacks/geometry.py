@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.attacks.attack import Attacked, Rng, named, require, require_attribute, require_fraction
-from gspure.attacks.sh_rotation import rotate_sh
 from gspure.attacks.strength import Strength
 from gspure.model.gaussians import Gaussians
+from gspure.model.sh_rotation import rotate_sh
 from gspure.public_model import Columns
 
 Float64 = NDArray[np.float64]
@@ -103,7 +103,7 @@ def _rotated(model: Gaussians, axis: Float64, radians: float) -> Gaussians:
     result = model.with_columns({f"rot_{i}": column for i, column in enumerate(product @ model.quats.T)})
     if model.sh_degree <= 0:
         return result
-    return result.with_appearance(model.table["opacity"], rotate_sh(model.sh_coeffs, axis, radians))
+    return result.with_appearance(model.table["opacity"], rotate_sh(model.sh_coeffs, radians * axis))
 
 
 def _vector(setting: str, text: str) -> Float64:

@@ -12,6 +12,7 @@ _NAMES: Final = {
     "random_matched": "matched random pruning",
     "lowest_weight_matched": "matched lowest-weight pruning",
     "lowest_opacity_matched": "matched lowest-opacity pruning",
+    "message_adaptive": "message (adaptive)",
     "message_oracle": "message (oracle)",
     "splats_in_splats": "Splats in Splats",
     "gs_hider": "GS-Hider",

@@ -3,11 +3,13 @@
 from gspure.public_model import PublicModel
 from gspure.schemes.scheme import MESSAGE, Scheme
 from gspure.schemes.splats_in_splats.embedding import embed
-from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.key import ADAPTIVE, ORACLE, SplatsInSplatsKey
 
+GEOMETRY = ("x", "y", "z", "scale_*", "rot_*")
 CARRIERS = {
-    MESSAGE: ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*"),
-    ORACLE: ("x", "y", "z", "scale_*", "rot_*"),
+    MESSAGE: (*GEOMETRY, "f_dc_*", "f_rest_*", "opacity"),
+    ADAPTIVE: GEOMETRY,
+    ORACLE: GEOMETRY,
 }
 
 SCHEME = Scheme("splats_in_splats", embed, PublicModel.read, SplatsInSplatsKey.read, CARRIERS)

@@ -3,7 +3,7 @@
 ::
 
     <key>/splats_in_splats.npz   the key proper: mapping, positions of the message's Gaussians, shift
-    <key>/hidden.ply             all Gaussians with their exact hidden attributes: for `message_oracle` only
+    <key>/hidden.ply             all Gaussians with their exact hidden attributes: not for `message`
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import CORE
+from gspure.model.sh_rotation import rotate_sh
 from gspure.opencl.device import Device
 from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
-from gspure.schemes.scheme import Key
+from gspure.schemes.scheme import MESSAGE, Key
 from gspure.schemes.splats_in_splats import bits
+from gspure.schemes.splats_in_splats.matching import adaptive_matches, exact_matches
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 
 Float32 = NDArray[np.float32]
 
+ADAPTIVE: Final = "message_adaptive"
 ORACLE: Final = "message_oracle"
-
-NEAR: Final = 1e-6
-"""Largest distance of a matching Gaussian, as a share of the key's extent: text files are not exact. Ours."""
 
 _FILE: Final = "splats_in_splats.npz"
 _HIDDEN: Final = "hidden.ply"
@@ -73,8 +73,8 @@ class SplatsInSplatsKey(Key):
         """Return the Gaussians that show the message, and the row of each.
 
         ``message`` reads the model as the scheme does: colours from the bits and opacities from the mapping, for the
-        Gaussians of the key. ``message_oracle`` gives each surviving Gaussian its exact hidden colour and opacity. Both
-        use the geometry of the model.
+        Gaussians of the key. ``message_oracle`` gives each surviving Gaussian its exact hidden colour and opacity;
+        ``message_adaptive`` also those that moved. All use the geometry of the model.
         """
         return self._revealed(public, extraction)
 
@@ -115,14 +115,19 @@ class SplatsInSplatsKey(Key):
         return SplatsInSplatsKey(arrays["positions"], mapping, int(shift), hidden)
 
     def _revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
-        places = _matches(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
+        rotation = np.zeros(3)
+        if extraction == ADAPTIVE:
+            places, rotation = adaptive_matches(self.hidden, public.model)
+        else:
+            places = exact_matches(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
         rows = np.flatnonzero(places >= 0)
         survivors, places = public.model.subset(places >= 0), places[rows]
-        if extraction == ORACLE:
-            opacities, sh_coeffs = self.hidden.table["opacity"][places], self.hidden.sh_coeffs[places]
-        else:
+        if extraction == MESSAGE:
             opacities = self._mapped(survivors.opacities, places)
             sh_coeffs = bits.extract(_of_degree(survivors.sh_coeffs, self.hidden.sh_degree), self.shift)
+        else:
+            opacities = self.hidden.table["opacity"][places]
+            sh_coeffs = rotate_sh(self.hidden.sh_coeffs[places], rotation)
         message = Gaussians(np.zeros(len(rows), self.hidden.table.dtype))
         geometry = {name: survivors.table[name] for name in CORE}
         return message.with_columns(geometry).with_appearance(opacities, sh_coeffs), rows
@@ -140,14 +145,3 @@ def _of_degree(sh_coeffs: Float32, degree: int) -> Float32:
     shared = min(coefficients.shape[1], sh_coeffs.shape[1])
     coefficients[:, :shared] = sh_coeffs[:, :shared]
     return coefficients
-
-
-def _matches(known: Float32, means: Float32) -> NDArray[np.intp]:
-    """Return the index of each centre [K,3] in `known`, or -1."""
-    from scipy.spatial import KDTree
-
-    if not len(known):
-        return np.full(len(means), -1, np.intp)
-    reach = NEAR * float(np.ptp(known, axis=0).max())
-    distances, places = KDTree(known).query(means)
-    return np.where(distances <= reach, places, -1)

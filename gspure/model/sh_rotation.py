@@ -20,19 +20,19 @@ from numpy.typing import NDArray
 Float64 = NDArray[np.float64]
 
 
-def rotate_sh(sh_coeffs: NDArray[Any], axis: Float64, angle: float) -> NDArray[Any]:
-    """Return coefficients [K,S,3], S = 1, 4, 9 or 16, of colours rotated about the unit `axis` by `angle` radians."""
+def rotate_sh(sh_coeffs: NDArray[Any], rotvec: Float64) -> NDArray[Any]:
+    """Return coefficients [K,S,3], S = 1, 4, 9 or 16, of colours rotated about `rotvec` by its length in radians."""
     result = sh_coeffs.copy()
     for degree in range(1, int(np.sqrt(result.shape[1]))):
         band = slice(degree**2, (degree + 1) ** 2)
-        result[:, band] = np.einsum("ij,kjc->kic", rotation_matrix(degree, axis, angle), result[:, band])
+        result[:, band] = np.einsum("ij,kjc->kic", rotation_matrix(degree, rotvec), result[:, band])
     return result
 
 
-def rotation_matrix(degree: int, axis: Float64, angle: float) -> Float64:
+def rotation_matrix(degree: int, rotvec: Float64) -> Float64:
     """Return D_l [2l+1,2l+1] for the order m = -l .. l."""
-    momenta, states = np.linalg.eigh(np.tensordot(axis, _angular_momentum(degree), 1))
-    turn = (states * np.exp(-1j * angle * momenta)) @ states.conj().T
+    phases, states = np.linalg.eigh(np.tensordot(rotvec, _angular_momentum(degree), 1))
+    turn = (states * np.exp(-1j * phases)) @ states.conj().T
     to_real = _to_real(degree)
     return np.ascontiguousarray((to_real @ turn @ to_real.conj().T).real)
 
