@@ -134,7 +134,7 @@ def test_commands_pass_the_rigid_transform_on(tmp_path: Path) -> None:
 
 
 class Arguments:
-    split = "all"
+    split, model, up = "all", None, None
 
     def __init__(self, folder: Path) -> None:
         self.cameras, self.transform = folder / "cameras.json", folder / "transform.npy"
