@@ -1,5 +1,7 @@
 """Splats in Splats from pair to purified model, small."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -129,6 +131,15 @@ def test_the_adaptive_extraction_matches_rows_that_moved(public, key, quality, p
     before = quality(key.message(public, ORACLE))
     assert along(ADAPTIVE) == pytest.approx(before, abs=0.3)
     assert max(along(LITERAL), along(ORACLE)) < before - 3
+
+
+def test_the_adaptive_extraction_rotates_view_dependent_colours_with_the_model(public, key, pair):
+    hidden, camera = key.hidden, pair.scene.views[0]
+    colours = np.random.default_rng(0).normal(0, 0.3, hidden.sh_coeffs.shape).astype(np.float32)
+    colourful = replace(key, hidden=hidden.with_appearance(hidden.table["opacity"], colours))
+    attacked = find_attack("rigid_transform").apply(public, Evidence(), angle=75.0, axis="1,2,-1")
+    moved = colourful.message(public.with_model(attacked.model), ADAPTIVE)(camera.moved(attacked.transform))
+    np.testing.assert_allclose(moved, colourful.message(public, ADAPTIVE)(camera), atol=0.01)
 
 
 @pytest.mark.parametrize("attack", ["unattacked", "rigid_transform"])

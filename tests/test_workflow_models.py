@@ -91,15 +91,19 @@ def test_a_wrong_key_is_tried_on_the_message_of_the_public_model(again):
     control = Variant(again, "wrong_key")
     assert control.public == again.public
     assert control.extraction_options("message") == "--scheme splats_in_splats --extraction message --wrong-key 1"
-    assert [folder.rpartition("/")[2] for folder in control.renders] == ["message", "message_oracle"]
+    assert [folder.rpartition("/")[2] for folder in control.renders] == [
+        "message",
+        "message_adaptive",
+        "message_oracle",
+    ]
     assert "transform" not in control.view_files("message")
 
 
 @pytest.mark.parametrize("name", BASELINES)
 def test_a_baseline_is_compared_in_the_views_of_the_unattacked_model(again, name):
     assert Variant(again, name).renders == Variant(again, "unattacked").renders
-    expected = f"--reference truth --against message_oracle=message --baseline {name}"
-    assert Variant(again, name).comparison_options == expected
+    targets = "--against message_adaptive=message --against message_oracle=message"
+    assert Variant(again, name).comparison_options == f"--reference truth {targets} --baseline {name}"
 
 
 def test_photographed_pairs_have_no_views_off_the_path(plan, again):

@@ -59,8 +59,8 @@ def test_every_pair_has_its_model_key_and_clean_model(finished):
 
 def test_variants_and_controls_are_in_the_table_with_every_extraction(rows):
     assert {row["variant"] for row in rows} == {*CONFIG["variants"], *CONTROLS}
-    assert set(numbers(rows, "gspure")) == {"scene", "message", "message_oracle"}
-    assert set(numbers(rows, "wrong_key")) == {"message", "message_oracle"}
+    assert set(numbers(rows, "gspure")) == {"scene", "message", "message_adaptive", "message_oracle"}
+    assert set(numbers(rows, "wrong_key")) == {"message", "message_adaptive", "message_oracle"}
     assert {row["reference"] for row in rows if row["target"]} == {"truth"}
 
 
@@ -90,6 +90,7 @@ def test_extractions_are_compared_with_flips_the_scene_another_message_and_rando
 def test_the_verdict_states_whether_the_carrier_was_reached(rows):
     assert {t: row["reached"] for t, row in numbers(rows, "unattacked").items() if t != "scene"} == {
         "message": "false",
+        "message_adaptive": "false",
         "message_oracle": "false",
     }
     assert numbers(rows, "gspure")["message"]["reached"] == "true"
