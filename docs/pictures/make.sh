@@ -1,20 +1,19 @@
 #!/usr/bin/env bash
-# Draw the README's pictures from the results of `make demo`.
-# usage: docs/pictures/make.sh [RESULTS]
+# Draw the README's pictures from the results of `make demo`, or that of docs/results.md from those of config/poses.yaml.
+# usage: docs/pictures/make.sh [demo|poses] [RESULTS]
 set -eu
 here=$(realpath "$(dirname "$0")")
 root=$(realpath "$here/../..")
-cd "${1:-$root/results}/splats_in_splats/room"
+results=$(realpath "${2:-$root/results}")
 python=$root/.venv/bin/python
 
-for target in scene message; do
-  PYTHONPATH=$root "$python" -m gspure figures panels --rows 1 --out "$here/$target.png" \
-    --column "photograph=../../pairs/room/$target" \
-    --column "unattacked=unattacked/renders/$target" \
-    --column "after GSPure=gspure/renders/$target" \
-    --column "as many removed at random=random_matched/renders/$target"
-  rm "$here/$target.png.json"
-  "$python" - "$here/$target.png" <<'END_OF_PYTHON'
+# draw NAME ROWS COLUMN...: a picture of a few columns, in 256 colours
+draw() {
+  name=$1 rows=$2
+  shift 2
+  PYTHONPATH=$root "$python" -m gspure figures panels --rows "$rows" --out "$here/$name.png" "${@/#/--column=}"
+  rm "$here/$name.png.json"
+  "$python" - "$here/$name.png" <<'END_OF_PYTHON'
 import sys
 from PIL import Image
 
@@ -23,4 +22,23 @@ picture = picture.resize((1200, 1200 * picture.height // picture.width), Image.R
 colours = picture.quantize(256, Image.Quantize.MAXCOVERAGE)
 picture.quantize(palette=colours, dither=Image.Dither.FLOYDSTEINBERG).save(sys.argv[1], optimize=True)
 END_OF_PYTHON
-done
+}
+
+case ${1:-demo} in
+  demo)
+    cd "$results/splats_in_splats/room"
+    for target in scene message; do
+      draw "$target" 1 "photograph=../../pairs/room/$target" \
+        "unattacked=unattacked/renders/$target" \
+        "after GSPure=gspure/renders/$target" \
+        "as many removed at random=random_matched/renders/$target"
+    done
+    ;;
+  poses)
+    cd "$results/gs_hider/interior_own"
+    draw poses 1 "photograph=../../pairs/interior_own/message" \
+      "unattacked=unattacked/renders/message" \
+      "after GSPure=gspure/renders/message" \
+      "clean model=clean/renders/message"
+    ;;
+esac
