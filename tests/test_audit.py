@@ -18,7 +18,7 @@ from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import Interval
 from gspure.evaluation.survival import MARGIN, survival
 from gspure.report.audit import ALLOWED, SIGNIFICANT, Audit, audits
-from gspure.report.templates import db, listed, render, say, size
+from gspure.report.templates import cost, db, listed, render, say, size
 from tests.contest_cases import attacked, benchmark, measured, outcome
 from tests.test_report import Page
 
@@ -66,6 +66,12 @@ def test_an_attack_that_the_message_survives_in_fewer_scenes_is_the_stronger() -
     assert audit_of(mixed).strongest.variant == "gof"
     only = benchmark({"a": {"noise": (1.0, 39.0)}, "b": {"noise": (1.0, 2.0)}})
     assert sentence(only).startswith("The message did not survive noise in 1 of 2 scenes: it lowers")
+
+
+def test_an_attack_names_the_scenes_in_which_only_retrieval_identifies_the_message_unless_all() -> None:
+    row = next(row for row in survival(of_scenes(2, gof=(0.5, 20.0))) if row.variant == "gof")
+    assert "scenes" not in cost(row._replace(survived=0, only_retrieved=2))
+    assert cost(row._replace(survived=0, only_retrieved=1)).endswith("; 1 of 2 scenes)")
 
 
 def test_attacks_are_sorted_by_damage_and_split_by_survival() -> None:
@@ -151,7 +157,7 @@ def test_scenes_without_the_message_are_left_out_of_the_verdict() -> None:
 )
 def test_only_more_than_random_pruning_in_every_scene_is_an_effect(gspure, chance: float, *, beyond: bool) -> None:
     drops = {f"s{i}": {"gspure": (0.5, x), "random_matched": (0.5, chance)} for i, x in enumerate(gspure)}
-    text = told(benchmark(drops))[1]["Against chance"]
+    text = told(benchmark(drops))[1]["Compared with random pruning"]
     assert ("no evidence of an effect" not in text) is beyond
 
 
@@ -176,11 +182,11 @@ def test_rivals_with_a_higher_score_are_named() -> None:
     drops = {f"s{i}": {"gspure": (0.5, 9.0), "plain": (0.5, 8.0 + 2 * i), "twin": (0.5, 9.0)} for i in range(3)}
     rivals = audit_of(benchmark(drops)).rivals
     assert ([c.rival for c in rivals.ahead], [c.rival for c in rivals.level]) == (["plain"], ["twin"])
-    text = told(benchmark(drops))[1]["Against other attacks"]
+    text = told(benchmark(drops))[1]["Compared with other attacks"]
     assert "1 of 2 rivals has a higher mean Score" in text
     assert "plain by 1.0 dB (−1.0 to 3.0), but not in every scene" in text
     everywhere = {f"s{i}": {"gspure": (0.5, 9.0), "plain": (0.5, 10.0 + 2 * i)} for i in range(3)}
-    assert "3.0 dB (1.0 to 5.0) in every scene" in told(benchmark(everywhere))[1]["Against other attacks"]
+    assert "3.0 dB (1.0 to 5.0) in every scene" in told(benchmark(everywhere))[1]["Compared with other attacks"]
 
 
 def test_the_audit_names_a_rival_that_is_stronger_at_equal_damage() -> None:
@@ -189,11 +195,11 @@ def test_the_audit_names_a_rival_that_is_stronger_at_equal_damage() -> None:
     audit = audit_of(outcomes, sweeps)
     assert not audit.rivals.ahead
     assert [(c.rival, c.damage) for c in audit.rivals.ahead_at_equal_damage] == [("gof", 0.3)]
-    text = told(outcomes, sweeps)[1]["Against other attacks"]
+    text = told(outcomes, sweeps)[1]["Compared with other attacks"]
     assert re.search(r"No rival has a higher mean Score.*However.*GOF removes more", text)
-    untested = told(of_scenes(2, gspure=(3.0, 20.0), gof=(3.0, 15.0)))[1]["Against other attacks"]
+    untested = told(of_scenes(2, gspure=(3.0, 20.0), gof=(3.0, 15.0)))[1]["Compared with other attacks"]
     assert "equal damage" not in untested
-    weaker = told(of_scenes(2, gspure=(1.0, 20.0), gof=(1.0, 15.0)))[1]["Against other attacks"]
+    weaker = told(of_scenes(2, gspure=(1.0, 20.0), gof=(1.0, 15.0)))[1]["Compared with other attacks"]
     assert "However" not in weaker
     assert "no rival removes more" in weaker
 
@@ -286,8 +292,8 @@ def test_the_page_opens_with_the_audit_and_names_the_files(tmp_path: Path) -> No
     assert main(["report", *table, *words]) == 0
     page = Page(tmp_path / "r.html")
     text = page.text.split("Files and provenance", 1)[1]  # below the contents
-    assert text.index("The message survived 1 of 2 attacks") < text.index("What these numbers cannot show")
-    assert text.index("What these numbers cannot show") < text.index("What is left of the message")
+    assert text.index("The message survived 1 of 2 attacks") < text.index("Limitations")
+    assert text.index("Limitations") < text.index("Survival of the message")
     for name in ("results.csv", "survival.csv", "contest.csv"):
         assert name in [link["href"] for link in page.all("a")]
     assert "nan" not in text.lower().split()

@@ -1,4 +1,4 @@
-"""``gspure hidden``: the share of the message's weight on rows of low public weight."""
+"""``gspure hidden``: the share of the message's weight on rows that plain_weight prunes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gspure.cli.options import add_device, add_energy, add_views, read_device, r
 from gspure.cli.outputs import Output
 from gspure.cli.weights import add_reduction
 
-HELP = "measure the share of the message's weight on rows of low public weight"
+HELP = "measure the share of the message's weight on rows that plain_weight prunes"
 EXAMPLES = """\
   gspure hidden --model marked/public/point_cloud.ply --scheme splats_in_splats --key marked/key \\
       --cameras pair/cameras.json --weights weights.npy --out hidden.json
@@ -65,4 +65,4 @@ def run(args: argparse.Namespace) -> None:
     if args.hidden:
         save_array(args.hidden, hidden)
         write_provenance(args.hidden, inputs=inputs, settings=settings, geometry=geometry)
-    print(f"{share:.1%} of the message's weight is on rows of low public weight")
+    print(f"{share:.1%} of the message's weight is on rows that plain_weight prunes")

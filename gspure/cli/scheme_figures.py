@@ -77,7 +77,7 @@ def _draw_sweep(args: argparse.Namespace) -> Drawn:
     write_factor_curves(args.out, points, method)
     scenes = max((interval.scenes for point in points for interval in point.psnr.values()), default=0)
     caption = (
-        f"PSNR of scene and message after GSPure with other pruning factors: one varies, the other one is "
+        f"PSNR of scene and message after GSPure with other pruning factors: one varies, the other is "
         f"τ_n = {method[0]:g} or τ_c = {method[1]:g} (ring: both). Mean over {scenes} scenes"
     )
     band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
@@ -88,7 +88,7 @@ def _draw_sweep(args: argparse.Namespace) -> Drawn:
 def _draw_tradeoff(args: argparse.Namespace) -> Drawn:
     from gspure.evaluation.statistics import known_interval
     from gspure.evaluation.survival import floor
-    from gspure.figures.tradeoff import places, write_tradeoff
+    from gspure.figures.tradeoff import LINEAR, places, write_tradeoff
 
     outcomes = _outcomes(args)
     if not places(outcomes):
@@ -96,12 +96,12 @@ def _draw_tradeoff(args: argparse.Namespace) -> Drawn:
     mean_floor = known_interval(floor(outcomes))
     front = write_tradeoff(args.out, outcomes, mean_floor.mean if mean_floor else None)
     caption = (
-        "Damage to the scene and quality of the message after every variant, mean over the scenes. No variant is "
-        f"better in both than any of the {len(front)} on the Pareto front. Vertical lines: scene drops at which "
-        "attacks are compared."
+        f"PSNR of message and scene after every variant, mean over the scenes; the Pareto front has {len(front)}. "
+        f"Attacks to the lower left are stronger. The horizontal axis is logarithmic above {LINEAR:g} dB. Vertical "
+        "lines: drops at which attacks are compared."
     )
     if mean_floor:
-        caption += " Dashed line: the floor, the highest control without the message."
+        caption += " Dashed line: the floor, the highest PSNR of a control without the message."
     return {args.out: caption}, {"table": args.table}, {"condition": args.condition}
 
 

@@ -9,9 +9,9 @@ _NAMES: Final = {
     "other_scene": "other scene's model",
     "black": "black image",
     "mean_colour": "mean-colour image",
-    "random_matched": "matched random pruning",
-    "lowest_weight_matched": "matched lowest-weight pruning",
-    "lowest_opacity_matched": "matched lowest-opacity pruning",
+    "random_matched": "count-matched random pruning",
+    "lowest_weight_matched": "count-matched lowest-weight pruning",
+    "lowest_opacity_matched": "count-matched lowest-opacity pruning",
     "message_adaptive": "message (adaptive)",
     "message_oracle": "message (oracle)",
     "splats_in_splats": "Splats in Splats",
@@ -33,7 +33,7 @@ def display_name(name: str) -> str:
 
 
 def condition_name(scheme: str, protocol: str = "", initialization: str = "") -> str:
-    """Return the display name of a condition: ``GS-Hider, own poses``; training from all points goes without saying."""
+    """Return the display name of a condition: ``GS-Hider, own poses``; training from all points is the default."""
     poses = f", {protocol} poses" if protocol else ""
     return display_name(scheme) + poses + (", scene's points" if initialization == "scene" else "")
 

@@ -25,8 +25,7 @@ TITLES: Final = ("message before pruning", "rank of the weight", "message after 
 """Titles of the three clouds of a purification."""
 
 _RANKS: Final = (
-    "Rank of the weight that decides about each row: the mean weight of its cluster or, for noise, its weight. "
-    "Low ranks are pruned first."
+    "Rows ranked by the mean weight of their cluster or, outside clusters, by their weight. Low ranks are pruned."
 )
 
 
@@ -183,8 +182,7 @@ def _remarks(count: int, problem: str | None) -> Iterator[str]:
 def _histogram_caption(evidence: Evidence) -> str:
     zero = float(np.mean(evidence.weights == 0))
     return (
-        f"Weights of the {evidence.rows}, averaged over the views; {zero:.1%} have weight 0: no pixel shows them. "
-        f"GSPure prunes clusters with a mean weight below the mean of all / {evidence.tau_c:g}, and noise points with "
-        f"a weight below the mean of all / {evidence.tau_n:g}. "
-        f"A cluster is pruned or kept as a whole, so some {evidence.rows} on either side of the threshold differ."
+        f"Histogram of the weights. {zero:.1%} are 0: no pixel shows these {evidence.rows}. GSPure prunes clusters "
+        f"whose mean weight is below ω̄/{evidence.tau_c:g}, and {evidence.rows} outside clusters whose weight is below "
+        f"ω̄/{evidence.tau_n:g}. Clusters are pruned whole, so both colours occur on both sides of the threshold."
     )

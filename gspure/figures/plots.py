@@ -74,7 +74,9 @@ def write_weight_histogram(
         axes.set_xticks(list(ticks), list(ticks.values()), parse_math=True)
         axes.set_xlim(low - (5 if zero.any() else 1) * step, high + step)
         damaged = len(weights) - np.count_nonzero(zero | shown)
-        axes.set_xlabel("view-accumulated weight ω" + f" ({damaged} negative or not finite: not shown)" * bool(damaged))
+        axes.set_xlabel(
+            "weight ω (mean over views)" + f" ({damaged} negative or not finite: not shown)" * bool(damaged)
+        )
         axes.set_ylabel(f"{rows} (%)")
         for text in figure.legend(handles=keys, loc="outside upper center", ncols=5).get_texts():
             text.set_parse_math(True)

@@ -18,7 +18,7 @@ from gspure.figures import style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_LINEAR: Final = 2.0  # dB; further right the axis is logarithmic, for attacks that destroy the scene
+LINEAR: Final = 2.0  # dB; further right the axis is logarithmic, for attacks that destroy the scene
 _LETTERS: Final = 34  # of a name
 _NEAR: Final = 2.5  # points of type, between a point and its name
 _DISTANCES: Final = (_NEAR, 7.0, 14.0, 24.0)
@@ -78,8 +78,8 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
         if floor is not None:
             axes.axhline(floor, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="floor (highest control)")
         _scale(axes, damage)
-        axes.set_xlabel("damage to the scene: drop of PSNR (dB)")
-        axes.set_ylabel("quality of the message: PSNR (dB)")
+        axes.set_xlabel("drop of the scene's PSNR (dB)")
+        axes.set_ylabel("PSNR of the message (dB)")
         figure.legend(loc="outside upper center", ncols=3)
         figure.draw_without_rendering()  # places the axes
         _label(axes, [*front, *(place for place in listed if place not in front)])
@@ -87,8 +87,8 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
 
 
 def _scale(axes: Axes, damage: Sequence[float]) -> None:
-    most = max(*damage, _LINEAR)
-    axes.set_xscale("symlog", linthresh=_LINEAR)
+    most = max(*damage, LINEAR)
+    axes.set_xscale("symlog", linthresh=LINEAR)
     axes.set_xlim(min(damage) - 0.15, most * 1.15)
     axes.margins(y=0.1)  # for names below the lowest points
     shown = [tick for tick in _TICKS if tick <= most * 1.1]

@@ -82,7 +82,7 @@ class Failure(NamedTuple):
 
 @dataclass(frozen=True)
 class Audit:
-    """What the owner should know of one scheme, protocol and initialization."""
+    """The findings for one scheme, protocol and initialization."""
 
     condition: Condition
     scenes: int

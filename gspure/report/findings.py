@@ -32,12 +32,6 @@ class Findings:
     changes: list[Change]
     """By GSPure: of the scene and of every extraction of the message."""
 
-    ranked: list[Outcome]
-    """Attacks by Score, the highest first."""
-
-    controls: list[Outcome]
-    """Controls by what is extracted of the message, the highest PSNR first."""
-
 
 @dataclass(frozen=True)
 class Limits:
@@ -59,16 +53,13 @@ def findings(outcomes: Sequence[Outcome]) -> Findings:
     """Return the results of one model, from all of its variants."""
     attacks = [o for o in outcomes if o.variant != UNATTACKED and not o.is_control and not o.failure]
     gspure = next((o for o in attacks if o.variant == GSPURE), None)
-    shown = [o for o in outcomes if MESSAGE in o.targets]
     return Findings(
         attacks=len(attacks),
         views=max((count for o in outcomes for count in o.views.values()), default=0),
-        has_message=bool(shown),
+        has_message=any(MESSAGE in o.targets for o in outcomes),
         against_photographs=all(o.against_truth for o in outcomes),
         gspure=gspure,
         changes=_changes(gspure) if gspure else [],
-        ranked=sorted((o for o in attacks if isfinite(o.score)), key=lambda o: -o.score),
-        controls=sorted((o for o in shown if o.is_control), key=lambda o: -o.targets[MESSAGE].psnr),
     )
 
 

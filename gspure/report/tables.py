@@ -137,7 +137,7 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
         rows.append(Row(cells))
     missed = any("†" in row.cells[0].text for row in rows)
     note = say(NOTES, "survival", scenes, has_floor, MARGIN, missed)
-    return Table(f"What is left of the {display_name(attacks[0].extraction)}", columns, rows, note)
+    return Table(f"Survival of the {display_name(attacks[0].extraction)}", columns, rows, note)
 
 
 def rivals_table(contests: Sequence[Contest]) -> Table:

@@ -49,7 +49,6 @@ def _environment() -> Environment:
         "condition_name": lambda condition: condition_name(*condition),
         "model_name": lambda model: model_name(*model),
         "psnr": METRICS["psnr"].text,
-        "signed": table.signed,
         "percent": lambda value: table.share(value).text,
         **{phrase.__name__: phrase for phrase in PHRASES},
     }
@@ -96,8 +95,9 @@ def cost(row: Survival) -> str:
     """Return an attack with its change of the message's and the scene's PSNR."""
     drops = {"message": row.message_drop, "scene": row.scene_drop}
     known = [f"{name} {tenths(-drop.mean)} dB" for name, drop in drops.items() if drop]
-    scenes = f"; {row.survived} of {row.present} scenes" if row.present and row.survives is None else ""
-    return f"{display_name(row.variant)} ({', '.join(known) or 'drops unknown'}{scenes})"
+    scenes = row.survived or row.only_retrieved
+    counted = f"; {scenes} of {row.present} scenes" if 0 < scenes < row.present else ""
+    return f"{display_name(row.variant)} ({', '.join(known) or 'drops unknown'}{counted})"
 
 
 PHRASES: Final = (plural, listed, sentence_case, tenths, db, size, cost)

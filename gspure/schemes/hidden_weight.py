@@ -1,6 +1,6 @@
 """The weight of each row in views of the message.
 
-Its share on rows of low public weight predicts how much of the message pruning by weight removes.
+Its share on rows of low public weight predicts how much of the message is pruned by weight.
 """
 
 from __future__ import annotations
