@@ -81,6 +81,29 @@ def test_without_reference_variant_there_is_no_score(tmp_path: Path) -> None:
     assert outcome.targets["scene"].psnr == 27.0
 
 
+@pytest.mark.parametrize(
+    ("of_variant", "message"),
+    [
+        ({"a": 29.0}, "scene: expected the views of unattacked, 2 in the mean PSNR, found 1; not in both: b"),
+        ({"a": 29.0, "b": 31.0, "c": 30.0}, "not in both: c"),
+        ({"a": 29.0, "c": 30.0}, "not in both: b, c"),
+        ({"a": 29.0, "b": np.inf}, "not in both: b"),
+    ],
+)
+def test_a_variant_measured_in_other_views_is_refused(tmp_path: Path, of_variant: dict, message: str) -> None:
+    for variant, views in {"unattacked": {"a": 30.0, "b": 32.0}, "gspure": of_variant}.items():
+        rows = [measured("scene", psnr, view=view) for view, psnr in views.items()]
+        write_metrics(tmp_path / "planted" / "room" / variant / "metrics.csv", rows)
+    with pytest.raises(InputError, match=message):
+        collect(sorted(tmp_path.rglob("metrics.csv")))
+
+
+def test_a_view_listed_twice_is_refused(tmp_path: Path) -> None:
+    write_metrics(tmp_path / "metrics.csv", [measured("scene", psnr, view="a") for psnr in (20.0, 30.0)])
+    with pytest.raises(InputError, match="rows: expected one per target and view, found 2 of scene/a"):
+        read_metrics(tmp_path / "metrics.csv")
+
+
 def compared_with_renders(tmp_path: Path) -> list[Path]:
     for variant, value in (("unattacked", np.inf), ("gspure", np.inf), ("gaussian_noise", 30.0)):
         rows = [measured("scene", value, 1.0, RENDER, "1")]

@@ -173,10 +173,13 @@ def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
 
 
 def read_metrics(path: Path) -> list[ViewMetrics]:
-    """Read ``metrics.csv``, or raise `InputError` if it cannot be read, or holds no row."""
+    """Read ``metrics.csv``, or raise `InputError` if it cannot be read, holds no row, or a view twice."""
     rows = read_records(path, ViewMetrics)
     if not rows:
         raise InputError(path, "rows", expected="at least one", found="none")
+    (view, count), *_ = Counter((row.target, row.view) for row in rows).most_common(1)
+    if count > 1:
+        raise InputError(path, "rows", expected="one per target and view", found=f"{count} of {'/'.join(view)}")
     return rows
 
 

@@ -197,14 +197,17 @@ def collect(
     Raises
     ------
     InputError
-        If a file cannot be read, two masks of one model have different lengths, or every variant failed.
+        If a file cannot be read, two masks of one model have different lengths, a variant was measured in other views
+        than the unattacked model, or every variant failed.
 
     """
     failed = _failed(failures)
     if not metrics:
         reason = failed[0].failure if failed else "nothing"
         raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
-    outcomes = [*(_outcome(path, prune_masks, truth, verdicts) for path in metrics), *failed]
+    rows = {path: read_metrics(path) for path in metrics}
+    _require_equal_views(rows)
+    outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     retrieved = {path.resolve().parts[-3:-1]: read_records(path, Retrieved) for path in retrievals}
     outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.asset), ()))) for o in outcomes]
     trained = [conditions.get(f"{o.scheme}/{o.asset}", ("", "")) for o in outcomes]
@@ -256,10 +259,36 @@ def _empty(path: Path) -> Outcome:
     return Outcome(scheme, scene, variant, {}, {}, seed=int(seed) if seed.isdecimal() else 0)
 
 
-def _outcome(path: Path, prune_masks: Sequence[Path], truth: Sequence[Path], verdicts: Sequence[Path]) -> Outcome:
+def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
+    """Raise `InputError` if two means would be over different views: their difference would not be a drop."""
+    views_of = {path.resolve(): _views_in_means(rows) for path, rows in rows_of.items()}
+    for path, views in views_of.items():
+        before = views_of.get(path.parent.parent / UNATTACKED / path.name, {})
+        for target in views.keys() & before.keys():
+            if different := views[target] ^ before[target]:
+                expected = f"the views of {UNATTACKED}, {len(before[target])} in the mean PSNR"
+                names = ", ".join(sorted(different)[:3])
+                raise InputError(path, target, expected=expected, found=f"{len(views[target])}; not in both: {names}")
+
+
+def _views_in_means(rows: Sequence[ViewMetrics]) -> dict[str, set[str]]:
+    """Return the views by target, without those equal to their photograph, which no mean PSNR counts."""
+    views: dict[str, set[str]] = {row.target: set() for row in rows}
+    for row in rows:
+        if row.reference != TRUTH or math.isfinite(row.psnr):
+            views[row.target].add(row.view)
+    return views
+
+
+def _outcome(
+    path: Path,
+    rows: Sequence[ViewMetrics],
+    prune_masks: Sequence[Path],
+    truth: Sequence[Path],
+    verdicts: Sequence[Path],
+) -> Outcome:
     folder = path.resolve().parent
     outcome = _empty(path)
-    rows = read_metrics(path)
     targets = {mean.target: mean for mean in means(on_path(rows))}
     views = {target: sum(row.target == target for row in on_path(rows)) for target in targets}
     same = {target: identical(on_path(rows))[target] for target in targets}
