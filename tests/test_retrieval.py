@@ -90,12 +90,15 @@ def test_candidates_of_other_sizes_and_views_off_the_path_do_not_count(tmp_path:
     retrieved(tmp_path, lambda image: image)
     for folder in ("pair/scene", "pair/message", "gspure/renders/message"):
         write_image(tmp_path / folder / "off_path_0.png", picture(9, 9))
-    write_image(tmp_path / "small" / "view_0.png", picture(0, 0)[:8])
+    for view in range(VIEWS + 1):
+        write_image(tmp_path / "small" / f"view_{view}.png", picture(0, 0)[:8])
     arguments = [tmp_path / "pair" / "message", "--extractions", tmp_path / "gspure" / "renders" / "message"]
     arguments += ["--decoys", tmp_path / "small", "--out", tmp_path / "r.csv"]
     assert main(["retrieve", *map(str, arguments)]) == 0
     assert read_records(tmp_path / "r.csv", Retrieved)[0].retrieval[3:] == (VIEWS, 5)
-    assert str(tmp_path / "small" / "view_0.png") in read_json(tmp_path / "r.csv.json")["inputs"]
+    folders = ("pair/message", "pair/scene", "gspure/renders/message", "small")
+    compared = {str(tmp_path / folder / f"view_{view}.png") for folder in folders for view in range(VIEWS)}
+    assert read_json(tmp_path / "r.csv.json")["inputs"].keys() == compared
 
 
 def test_equation_of_top_1_auc_and_tpr() -> None:

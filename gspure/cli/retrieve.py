@@ -42,14 +42,17 @@ def run(args: argparse.Namespace) -> None:
     from gspure.cameras.off_path import PREFIX
     from gspure.evaluation.comparison import pair_images
     from gspure.evaluation.records import write_records
-    from gspure.evaluation.retrieval import Retrieved, compare_candidates, retrieval
+    from gspure.evaluation.retrieval import Retrieved, compare_candidates, false_candidates, retrieval
     from gspure.progress import track
 
-    rows, used = [], [path for folder in args.decoys for path in folder.glob("*.png")]
+    rows, used = [], set()
     for folder in track(args.extractions, "retrieval"):
         views = [pair for pair in pair_images(args.message, folder)[0] if not pair.view.startswith(PREFIX)]
-        used += [path for pair in views for path in (pair.reference, pair.image)]
-        similarities = [compare_candidates(pair, index, args.decoys) for index, pair in enumerate(views)]
+        similarities = []
+        for index, pair in enumerate(views):
+            files = false_candidates(pair, index, args.decoys)
+            similarities.append(compare_candidates(pair, files))
+            used |= {pair.reference, pair.image, *files}
         rows.append(Retrieved(folder.resolve().parts[-3], folder.name, retrieval(similarities)))
     write_records(args.out, Retrieved, rows)
     write_provenance(args.out, inputs={path.as_posix(): path for path in sorted(used)}, settings={})

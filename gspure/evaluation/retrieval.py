@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -71,37 +71,46 @@ def retrieval(similarities: Sequence[Float64]) -> Retrieval:
     )
 
 
-def compare_candidates(pair: Pair, index: int, decoys: Sequence[Path]) -> Float64:
+def false_candidates(pair: Pair, index: int, decoys: Sequence[Path]) -> list[Path]:
+    """Return the scene's photograph of a pair's view, and a picture of every folder of decoys.
+
+    `index` is the number of the view: it selects the picture of a decoy without a view of this name.
+
+    Raises
+    ------
+    InputError
+        If a folder holds no picture.
+
+    """
+    pictures = [pair.reference.parents[1] / "scene" / pair.reference.name]
+    for folder in decoys:
+        files = sorted(folder.glob("*.png"))
+        if not files:
+            raise InputError(folder, "folder", expected="PNG files", found="none")
+        pictures.append(next((file for file in files if file.stem == pair.view), files[index % len(files)]))
+    return pictures
+
+
+def compare_candidates(pair: Pair, files: Sequence[Path]) -> Float64:
     """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
 
-    The false ones are the message's photograph mirrored, upside down and turned by 180 degrees, the scene's photograph
-    of the same view, and a picture of every decoy that has the same size.
+    The false ones are the message's photograph mirrored, upside down and turned by 180 degrees, and those of `files`
+    that have the same size.
 
     Parameters
     ----------
     pair : Pair
         Photograph and extraction of the message in one view.
-    index : int
-        Number of the view: it selects the picture of a decoy without a view of this name.
-    decoys : sequence of Path
-        Folders of pictures.
+    files : sequence of Path
+        See `false_candidates`.
 
     Raises
     ------
     InputError
-        If an image cannot be read, a folder holds none, or the extraction has another size than the photograph.
+        If an image cannot be read, or the extraction has another size than the photograph.
 
     """
     truth, extraction = read_image(pair.reference), read_image(pair.image)
-    files = [pair.reference.parents[1] / "scene" / pair.reference.name, *_pictures(pair.view, index, decoys)]
     others = [picture for picture in map(read_image, files) if picture.shape == truth.shape]
     candidates: list[Float32] = [truth, truth[:, ::-1], truth[::-1], truth[::-1, ::-1], *others]
     return np.array([gradient_correlation(candidate, extraction) for candidate in candidates])
-
-
-def _pictures(view: str, index: int, decoys: Sequence[Path]) -> Iterator[Path]:
-    for folder in decoys:
-        files = sorted(folder.glob("*.png"))
-        if not files:
-            raise InputError(folder, "folder", expected="PNG files", found="none")
-        yield next((file for file in files if file.stem == view), files[index % len(files)])

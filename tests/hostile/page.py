@@ -76,7 +76,7 @@ def write() -> bool:
         "\n## Files\n",
         *table(("reader", "mutated files", "broke the contract"), files(readers)),
         "\n## Kills\n",
-        *table(("rule", "s", "changes on disk", "kills"), killed(kills)),
+        *table(("rule", "s", "changes on disk", "kills", "commit"), killed(kills)),
         "\n## Want\n",
         *table(("limit", "jobs", *ENDINGS), wanting(limits)),
         "\n## Damage\n",
@@ -137,7 +137,7 @@ def files(found: list[Record]) -> Iterator[tuple[object, ...]]:
 
 def killed(found: list[Record]) -> Iterator[tuple[object, ...]]:
     for r in found:
-        yield r["rule"], f"{r['seconds']:.1f}", r["changes"], sum(kill["hit"] for kill in r["kills"])
+        yield r["rule"], f"{r['seconds']:.1f}", r["changes"], sum(kill["hit"] for kill in r["kills"]), r["commit"]
 
 
 def wanting(found: list[Record]) -> Iterator[tuple[object, ...]]:

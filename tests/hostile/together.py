@@ -41,7 +41,7 @@ def workflow_twice(reference: Path, scratch: Path) -> Record:
     """Of two Snakemakes in one folder, one refuses; the other ends as if it were alone."""
     folder, expected = copied(reference, scratch), contents(reference)
     weights = [name for name in expected if name.endswith("weights.npy")]
-    remove(folder, [name for name in expected if Path(name).name.startswith(("weights.npy", "features", "tree"))])
+    remove(folder, [*weights, *(f"{name}.json" for name in weights)])
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(Path(__file__).parents[2] / "Snakefile")]
     command += ["--configfile", "config.yaml", "--cores", "1", *weights]
     both = [
