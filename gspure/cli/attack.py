@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gspure.cameras import Camera
     from gspure.public_model import PublicModel
 
-HELP = "attack a model (or apply a control): remove, change or move its Gaussians"
+HELP = "apply one attack or control to a model: remove, change or move its Gaussians"
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
   gspure attack gspure --model point_cloud.ply --prune-mask prune_mask.npy --out purified.ply
@@ -54,14 +54,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
     parser.add_argument("name", metavar="NAME", help=f"one of {names}, or one of an installed plug-in")
     parser.add_argument("--model", type=Path, required=True, help="the public model's .ply; its other files are copied")
-    evidence = parser.add_argument_group("evidence, for attacks that need it")
+    evidence = parser.add_argument_group("measurements, for attacks that need them")
     for option, origin in _EVIDENCE.items():
         evidence.add_argument(option, type=Path, metavar="FILE", help=origin)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the attack; repeatable"
     )
-    parser.add_argument("--out", type=Output, required=True, metavar="PLY", help="the attacked model")
+    parser.add_argument("--out", type=Output, required=True, metavar="PLY", help="the attacked model to write")
     parser.add_argument(
         "--removed", type=Output, metavar="NPY", help="also write the mask of the removed rows: bool [K]"
     )
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--verdict",
         type=Output,
         metavar="JSON",
-        help="also write whether the attack changed the carrier of each extraction",
+        help="also write whether the attack changed anything that each extraction reads",
     )
     parser.add_argument(
         "--transform", type=Output, metavar="NPY", help="also write the rigid transform applied: float64 [4,4]"
@@ -79,16 +79,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--damage",
         type=float,
         metavar="DB",
-        help="search for the strength at which the scene loses DB dB of PSNR; needs --cameras",
+        help="search for the strength that lowers the scene's PSNR by DB; needs --cameras",
     )
     add_cameras(parser, "public views, for attacks that learn and for --damage", required=False)
-    parser.add_argument("--split", choices=SPLITS, default="test", help="views of --damage (default: %(default)s)")
+    parser.add_argument(
+        "--split", choices=SPLITS, default="test", help="views that --damage renders (default: %(default)s)"
+    )
     parser.add_argument(
         "--photographs",
         type=Path,
         metavar="DIR",
-        help="photographs VIEW.png of the scene, for --damage; without them the drop is an estimate: that of a model "
-        "whose every view has a PSNR of 30 dB",
+        help="photographs VIEW.png of the scene, for --damage; without them, the drop is estimated for a model with "
+        "30 dB in every view",
     )
     add_device(parser)
 

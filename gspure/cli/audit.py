@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 from gspure.cli.options import add_cameras, add_quiet
 from gspure.errors import InputError, reading
 
-HELP = "attack a model in many ways, and report what each attack removes: the workflow, in the current folder"
+HELP = "run the whole workflow in the current folder: attack a model in many ways and write a report"
 EXAMPLES = """\
   gspure audit point_cloud.ply --cameras orbit              # results/report.html
   gspure audit output/bicycle --cameras output/bicycle --dry-run

@@ -50,7 +50,7 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
         "--selection",
         choices=SELECTIONS,
         default=SELECTIONS[0],
-        help="HDBSCAN's excess of mass with (eom_capped) or without (eom) the limit --max-cluster-share, or the leaves "
+        help="eom_capped, eom: HDBSCAN's excess of mass with and without --max-cluster-share; leaf: the leaves "
         "of its hierarchy (default: %(default)s)",
     )
     parser.add_argument(

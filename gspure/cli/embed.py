@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-HELP = "train a watermarked model of a pair: the public model and the owner's key"
+HELP = "train a watermarked model on a pair: the public model and the owner's key"
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
   gspure embed gs_hider pair --out marked --set iterations=2000 --set message_weight=0.5

@@ -26,5 +26,5 @@ def add_factors(parser: argparse.ArgumentParser, *, by_scheme: bool = False) -> 
             type=float,
             default=None if by_scheme else value,
             metavar="TAU",
-            help=f"prune {pruned} is below the mean weight / TAU (default: {default})",
+            help=f"prune {pruned} is below 1/TAU of the mean of all (default: {default})",
         )

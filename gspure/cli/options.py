@@ -84,7 +84,7 @@ def add_energy(parser: argparse.ArgumentParser, *energies: str) -> None:
     described = {
         "ewa": "2-D splats, as in vanilla 3DGS",
         "ray": "the maximum along the pixel's ray, the paper's equation",
-        "center_ray": "the same on one ray per Gaussian, through its centre",
+        "center_ray": "as ray, but only on the ray through the Gaussian's centre",
     }
     meanings = "; ".join(f"{energy}: {described[energy]}" for energy in energies)
     parser.add_argument("--energy", choices=energies, default=energies[0], help=f"{meanings} (default: %(default)s)")
@@ -104,8 +104,8 @@ def add_cameras(parser: argparse.ArgumentParser, purpose: str = "views", *, requ
         type=camera_source,
         required=required,
         metavar="SOURCE",
-        help=f"{purpose}: cameras.json, or any other source that `gspure cameras` reads; or `orbit` or `shells`, "
-        "generated around the model",
+        help=f"{purpose}: cameras.json or another source that `gspure cameras` reads; `orbit` or `shells` generates "
+        "views around the model",
     )
     add_up(parser)
 
@@ -117,7 +117,7 @@ def add_up(parser: argparse._ActionsContainer) -> None:
         type=float,
         nargs=3,
         metavar=("X", "Y", "Z"),
-        help="up direction of the world of generated views (default: guessed from the model's shape)",
+        help="up direction for generated views (default: guessed from the model's shape)",
     )
 
 

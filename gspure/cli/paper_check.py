@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gspure.evaluation.paper import Cell, Check
     from gspure.report.table import Table
 
-HELP = "compare the paper's printed numbers with those that follow from its tables"
+HELP = "check the paper's printed numbers against those that follow from its tables"
 EXAMPLES = """\
   gspure paper-check
   gspure paper-check --out paper.csv     # one row per number

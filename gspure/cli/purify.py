@@ -31,15 +31,17 @@ EXAMPLES = """\
   gspure purify point_cloud.ply --cameras orbit --out purified        # a model without cameras
 
 files in DIR:
-  purified.ply       the Gaussians that remain, bit-identical; it and the arrays have a record of origin, FILE.json
-  weights.npy        float32 [K]   mean contribution of every Gaussian
+  purified.ply       the remaining Gaussians, bit-identical
+  weights.npy        float32 [K]   mean contribution of every Gaussian (row)
   labels.npy         int32 [K]     its cluster; -1 is noise
   prune_mask.npy     bool [K]      true where the row was removed
   cameras.json       the views
-  diagnosis.json     diagnosis of clustering and renders, with warnings; suspicious rows by reason
+  diagnosis.json     diagnosis of clustering and renders, with warnings and suspicious rows
   renders/           held-out views before and after
   metrics.csv        metrics of the renders after pruning, against those before
-  figures/           clusters, weights, kept and pruned rows, before and after; a failed figure is only a warning
+  figures/           clusters, weights, kept and pruned rows, before and after; if one fails, a warning says why
+
+The model and each array have their provenance beside them, in FILE.json.
 """
 
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
@@ -51,10 +53,7 @@ _SHOWN = 3
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("model", type=Path, metavar="MODEL", help="3DGS .ply, or the output folder of a training run")
-    add_cameras(
-        parser,
-        "views, every eighth by name held out for the metrics, the others for the weights; at most 1600 px wide",
-    )
+    add_cameras(parser, "views (at most 1600 px wide; every eighth by name is held out for the metrics)")
     parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for the results")
     add_energy(parser, "ray", "ewa", "center_ray")
     add_reduction(parser)

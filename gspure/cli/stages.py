@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gspure.errors import InputError
 
-HELP = "delete stage files that no result uses, or verify files by their checksums"
+HELP = "delete unused stage files (contributions per view), or verify files by their checksums"
 EXAMPLES = """\
   gspure stages prune
   gspure stages prune --stages /scratch/stages --results /scratch/results
