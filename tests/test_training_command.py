@@ -190,3 +190,42 @@ def test_a_damaged_file_of_a_training_run_is_named(project, tmp_path, capsys):
     capsys.readouterr()
     assert main(["cameras", str(out), "--out", str(tmp_path / "cameras.json")]) == 2
     assert "damaged" in capsys.readouterr().err
+
+
+def test_a_run_replaces_all_results_of_an_earlier_one(project, cut_outs, tmp_path):
+    reused, fresh = tmp_path / "reused", tmp_path / "fresh"
+    assert main(["train", str(cut_outs), "--out", str(reused), "--iterations", "3"]) == 0
+    (reused / "notes.txt").write_text("of the user")
+    for out in (reused, fresh):
+        assert main(["train", str(project), "--out", str(out), "--iterations", "2"]) == 0
+    (reused / "notes.txt").unlink()
+    assert _files(reused) == _files(fresh)
+    assert read_model(reused).table.tobytes() == read_model(fresh).table.tobytes()
+
+
+def test_results_of_an_earlier_run_stay_until_the_new_ones_are_complete(project, trained, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    shutil.copytree(trained, out)
+    before = _contents(out)
+    monkeypatch.setattr("gspure.evaluation.comparison.write_metrics", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        main(["train", str(project), "--out", str(out), "--iterations", "2"])
+    assert _contents(out) == before
+
+
+def test_a_folder_with_a_model_of_another_trainer_is_refused(project, trained, tmp_path, capsys):
+    shutil.copytree(trained, tmp_path / "out")
+    (record,) = tmp_path.glob("out/point_cloud/*/point_cloud.ply.json")
+    record.unlink()
+    assert main(["train", str(project), "--out", str(tmp_path / "out"), "--iterations", "2"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "output: expected a result of an earlier run" in line
+    assert ply(tmp_path / "out") == ply(trained)
+
+
+def _files(folder):
+    return sorted(path.relative_to(folder) for path in folder.rglob("*"))
+
+
+def _contents(folder):
+    return {path: (folder / path).read_bytes() for path in _files(folder) if (folder / path).is_file()}

@@ -14,7 +14,9 @@ from gspure.cli.outputs import Output
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
+    from gspure.evaluation.comparison import ViewMetrics
     from gspure.opencl.device import Device
+    from gspure.opencl.trainable import Parameters
     from gspure.training.checkpoints import Snapshot
     from gspure.training.dataset import Dataset, Float32
     from gspure.training.trainer import Trainer
@@ -82,13 +84,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
-    from gspure.artifacts import replacing, write_provenance
+    from gspure.artifacts import filling, replacing, write_provenance
+    from gspure.evaluation.comparison import as_text
     from gspure.model.inria import trained_background
     from gspure.progress import say, track
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
-    from gspure.training.output import write_output
+    from gspure.training.output import point_cloud, remove_results, require_replaceable
 
     require_least(args, "train", _LEAST)
+    require_replaceable(args.out)
     args.background = read_background(args, "train", trained_background(args.data))
     photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
     dataset = read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
@@ -101,17 +105,17 @@ def run(args: argparse.Namespace) -> None:
     settings = {name: getattr(args, name) for name in names} | {"data": fingerprint(dataset, images)}
     device = read_device(args)
     trainer = _train(args, dataset, images, settings, device)
-    model = write_output(args.out, dataset, trainer.model.state().parameters, args.iterations, args.background)
-    for path in (model, *(args.out / name for name in ("cameras.json", "input.ply", "cfg_args"))):
-        write_provenance(path, inputs={}, settings=settings)
+    with filling(args.out) as folder:
+        rows = _write(folder, args, dataset, trainer.model.state().parameters, settings, device)
+        remove_results(args.out)
+    model = point_cloud(args.out, args.iterations)
     if args.model:
         with replacing(args.model) as temporary:
             shutil.copyfile(model, temporary)
         write_provenance(args.model, inputs={}, settings=settings)
     _checkpoint(args).unlink(missing_ok=True)
-    if dataset.test:
-        _compare(args, dataset, model, device)
-        write_provenance(args.out / "metrics.csv", inputs={}, settings=settings)
+    if rows:
+        print("\n".join(as_text(rows)))
     say(f"{trainer.model.count} Gaussians in {model}")
 
 
@@ -180,9 +184,35 @@ def _watched(dataset: Dataset, background: Sequence[float]) -> tuple[list[Camera
     return views, read_photographs(views, background)
 
 
-def _compare(args: argparse.Namespace, dataset: Dataset, model: Path, device: Device) -> None:
+def _write(
+    folder: Path,
+    args: argparse.Namespace,
+    dataset: Dataset,
+    parameters: Parameters,
+    settings: dict[str, Any],
+    device: Device,
+) -> list[ViewMetrics]:
+    """Write the model and the comparison of the held-out views, with records of origin; return the metrics."""
+    from gspure.artifacts import write_provenance
+    from gspure.evaluation.comparison import write_metrics
+    from gspure.training.output import write_output
+
+    model = write_output(folder, dataset, parameters, args.iterations, args.background, model_path=args.out)
+    files = [model, *(folder / name for name in ("cameras.json", "input.ply", "cfg_args"))]
+    rows = _compare(folder, args, dataset, model, device) if dataset.test else []
+    if rows:
+        files.append(folder / "metrics.csv")
+        write_metrics(files[-1], rows)
+    for path in files:
+        write_provenance(path, inputs={}, settings=settings)
+    return rows
+
+
+def _compare(
+    folder: Path, args: argparse.Namespace, dataset: Dataset, model: Path, device: Device
+) -> list[ViewMetrics]:
     """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
-    from gspure.evaluation.comparison import Pair, as_text, compare, write_metrics
+    from gspure.evaluation.comparison import Pair, compare
     from gspure.images import record_views, write_image
     from gspure.model import read_model
     from gspure.progress import track
@@ -190,7 +220,7 @@ def _compare(args: argparse.Namespace, dataset: Dataset, model: Path, device: De
     from gspure.training.dataset import read_photographs
     from gspure.training.output import comparison
 
-    truth, renders = comparison(args.out, args.iterations)
+    truth, renders = comparison(folder, args.iterations)
     renderer = Renderer(read_model(model), device)
     rows = []
     photographs = read_photographs(dataset.test, args.background)
@@ -199,7 +229,6 @@ def _compare(args: argparse.Namespace, dataset: Dataset, model: Path, device: De
         write_image(pair.reference, photograph)
         write_image(pair.image, renderer.image(camera, background=args.background))
         rows.append(compare(pair))
-    for folder in (truth, renders):
-        record_views(folder, (camera.name for camera in dataset.test))
-    write_metrics(args.out / "metrics.csv", rows)
-    print("\n".join(as_text(rows)))
+    for images in (truth, renders):
+        record_views(images, (camera.name for camera in dataset.test))
+    return rows

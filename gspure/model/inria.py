@@ -12,6 +12,7 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+from gspure.artifacts.checksums import record_of
 from gspure.errors import InputError, reading
 from gspure.model.vertices import refuse_compressed
 
@@ -28,6 +29,7 @@ def point_cloud(folder: Path) -> Path:
     folder = Path(folder)
     saved = saved_iterations(folder)
     if saved:
+        _require_recorded(folder, max(saved))
         return saved[max(saved)]
     if (folder / _POINT_CLOUD).is_file():
         return folder / _POINT_CLOUD
@@ -39,6 +41,20 @@ def point_cloud(folder: Path) -> Path:
         found="no such file" if folder.is_dir() else "no such folder",
         hint="or name the .ply itself",
     )
+
+
+def _require_recorded(folder: Path, iteration: int) -> None:
+    """Require the iteration of the run that wrote cfg_args, if `gspure train` recorded it."""
+    match record_of(folder / "cfg_args"):
+        case {"settings": {"iterations": int(recorded)}} if recorded != iteration:
+            hint = f"another run wrote that model; name point_cloud/iteration_{recorded} or iteration_{iteration}"
+            raise InputError(
+                folder,
+                "point_cloud",
+                expected=f"iteration {recorded}, as in cfg_args.json",
+                found=f"iteration {iteration}",
+                hint=hint,
+            )
 
 
 def saved_iterations(folder: Path) -> dict[int, Path]:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from gspure.artifacts import write_text
+from gspure.artifacts.checksums import forget, record_of
 from gspure.cameras import write_cameras
+from gspure.errors import InputError
+from gspure.images import RENDERED
 from gspure.model import Gaussians, write_model
+from gspure.model.inria import saved_iterations
 from gspure.model.points import write_point_ply
 from gspure.opencl.trainable import Parameters
 from gspure.training.dataset import Dataset
@@ -41,25 +46,51 @@ def as_gaussians(parameters: Parameters) -> Gaussians:
 
 
 def write_output(
-    folder: Path, dataset: Dataset, parameters: Parameters, iteration: int, background: Sequence[float]
+    folder: Path,
+    dataset: Dataset,
+    parameters: Parameters,
+    iteration: int,
+    background: Sequence[float],
+    *,
+    model_path: Path,
 ) -> Path:
     """Write model, cameras (test views first), arguments and initial points; return the model's file.
 
-    Cameras have their size in training and name their photographs.
+    Cameras have their size in training and name their photographs. `model_path` is the name of the folder in cfg_args.
     """
     model = point_cloud(folder, iteration)
     write_point_ply(folder / "input.ply", dataset.xyz, dataset.rgb)
     write_cameras(folder / "cameras.json", [*dataset.test, *dataset.train])
-    write_text(folder / "cfg_args", _arguments(folder, dataset, parameters, background))
+    write_text(folder / "cfg_args", _arguments(model_path, dataset, parameters, background))
     write_model(model, as_gaussians(parameters).with_background(background))
     return model
 
 
-def _arguments(folder: Path, dataset: Dataset, parameters: Parameters, background: Sequence[float]) -> str:
+def require_replaceable(folder: Path) -> None:
+    """Require that all models in the folder are results of `gspure train`, as their records say."""
+    for model in saved_iterations(folder).values():
+        if record_of(model) is None:
+            raise InputError(model, "output", expected="a result of an earlier run", found="another file")
+
+
+def remove_results(folder: Path) -> None:
+    """Remove models, images and metrics of earlier runs; files of other names stay."""
+    for iteration, model in saved_iterations(folder).items():
+        images = comparison(folder, iteration)
+        shown = (path for views in images for path in (*views.glob("*.png"), views / RENDERED))
+        for path in (*shown, model, folder / "metrics.csv"):
+            forget(path)
+            path.unlink(missing_ok=True)
+        for place in (*images, images[0].parent, model.parent):
+            with suppress(OSError):  # absent, or not empty
+                place.rmdir()
+
+
+def _arguments(model_path: Path, dataset: Dataset, parameters: Parameters, background: Sequence[float]) -> str:
     arguments = {
         "sh_degree": round(parameters.sh_coeffs.shape[1] ** 0.5) - 1,
         "source_path": str(dataset.source.absolute()),
-        "model_path": str(folder),
+        "model_path": str(model_path),
         "images": "images",
         "resolution": dataset.train[0].width,  # above 8, 3DGS takes it as the width in pixels
         "white_background": tuple(background) == (1.0, 1.0, 1.0),
