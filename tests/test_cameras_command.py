@@ -26,7 +26,13 @@ def test_views_are_scaled_written_in_order_and_summarized(tmp_path, source, caps
     cameras = read_cameras(tmp_path / "out" / "cameras.json")
     assert [camera.name for camera in cameras] == ["c", "a", "b"]
     assert {(camera.width, camera.height, camera.K[0, 0]) for camera in cameras} == {(1600, 900, 1500.0)}
-    assert capsys.readouterr().out.splitlines()[1].split() == ["3", "2", "1", "1600x900", "1500.0", "56.1°", "3"]
+    assert capsys.readouterr().out.splitlines()[1].split() == ["3", "2", "1", "1600x900", "1500.0", "56.1°", "0"]
+
+
+def test_photographs_that_exist_are_counted(tmp_path, source, capsys):
+    Image.new("RGB", (8, 8)).save(tmp_path / "a.png")
+    assert main(["cameras", str(source), "--out", str(tmp_path / "out.json")]) == 0
+    assert capsys.readouterr().out.splitlines()[1].split()[-1] == "1"
 
 
 def test_the_same_input_gives_the_same_bytes(tmp_path, source):

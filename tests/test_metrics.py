@@ -1,5 +1,6 @@
 """PSNR, SSIM, folders of images, and agreement with a known truth."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -242,6 +243,14 @@ def test_a_view_far_below_the_mean_is_named_in_a_warning() -> None:
     (warning,) = [line for line in lines if line.startswith("warning: ")]
     assert "scene/1" in warning
     assert "8.5 dB" in warning
+
+
+@pytest.mark.parametrize(("psnrs", "low"), [([math.inf] * 3, "inf"), ([math.inf, 20.0, math.inf], "20.0000")])
+def test_identical_views_give_no_warning(psnrs: list[float], low: str) -> None:
+    rows = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate(psnrs)]
+    lines = as_text(rows)
+    assert [line.split()[2] for line in lines if "worst" in line] == [low]
+    assert not any("warning" in line or "nan" in line for line in lines)
 
 
 HEADER = f"target,view,reference,{','.join(METRICS)}\n"

@@ -85,6 +85,7 @@ def run(args: argparse.Namespace) -> None:
 def _table(cameras: Sequence[Camera]) -> Iterable[str]:
     """Yield a heading and one line per image size and focal length."""
     from gspure.cameras import split
+    from gspure.cameras.photographs import missing_photographs
 
     tests = {camera.name for camera in split(cameras)[1]}
     yield f"{'views':>6}{'train':>7}{'test':>6}  {'size':<11}{'focal':>8}{'fov':>7}{'photographs':>13}"
@@ -92,7 +93,7 @@ def _table(cameras: Sequence[Camera]) -> Iterable[str]:
         views = list(group)
         test = sum(view.name in tests for view in views)
         fov = math.degrees(2 * math.atan(width / 2 / focal))
-        photographs = sum(view.image is not None for view in views)
+        photographs = len(views) - len(missing_photographs(views))
         numbers = f"{len(views):>6}{len(views) - test:>7}{test:>6}"
         yield f"{numbers}  {f'{width}x{height}':<11}{focal:>8.1f}{fov:>6.1f}°{photographs:>13}"
 

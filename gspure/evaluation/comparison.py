@@ -25,7 +25,7 @@ REFERENCES: Final[tuple[Reference, ...]] = (TRUTH, RENDER)
 
 
 FAR_BELOW: Final = 6.0
-"""dB below the mean PSNR from which on a view is warned of: four times the error. Ours."""
+"""dB below the mean PSNR beyond which a view is warned of: four times the error. Ours."""
 
 
 class ViewMetrics(NamedTuple):
@@ -158,7 +158,7 @@ def far_below(rows: Sequence[ViewMetrics]) -> list[str]:
         f"{_named(low)} has {low.psnr:.1f} dB, {mean.psnr - low.psnr:.1f} dB less than the mean PSNR: "
         "do the other views show the same surfaces?"
         for low, mean in zip(worst(rows), means(rows), strict=True)
-        if low.psnr <= mean.psnr - FAR_BELOW
+        if low.psnr < mean.psnr - FAR_BELOW  # False if all views are identical: both are infinite
     ]
 
 
