@@ -87,12 +87,23 @@ def test_the_view_is_not_moved_by_applied_transform(tmp_path):
         ({"k1": 0.01}, r"frames[0].k1"),
         ({"p2": -1e-9}, r"frames[0].p2"),
         ({"camera_model": "OPENCV_FISHEYE"}, "frames[0].camera_model"),
+        ({"is_fisheye": True}, "frames[0].is_fisheye"),
+        ({"latlong": True}, "frames[0].latlong"),
+        ({"equirectangular": True}, "frames[0].equirectangular"),
+        ({"ftheta_p0": 0, "ftheta_p1": 0.001}, "frames[0].ftheta_p1"),
     ],
 )
-def test_a_distorted_camera_is_refused_with_a_remedy(tmp_path, change, field):
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_distorted_camera_is_refused_with_a_remedy(tmp_path, change, field, shared):
+    content = SHARED | change | {"frames": [FRAME]} if shared else SHARED | {"frames": [FRAME | change]}
     with pytest.raises(InputError, match="colmap image_undistorter") as caught:
-        read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME | change]}))
+        read_cameras(written(tmp_path, content))
     assert caught.value.field == field
+
+
+def test_lenses_that_are_switched_off_are_no_distortion(tmp_path):
+    off = {"is_fisheye": False, "latlong": False, "equirectangular": False, "ftheta_p0": 0.0}
+    assert len(read_cameras(written(tmp_path, {**SHARED, **off, "frames": [FRAME]}))) == 1
 
 
 @pytest.mark.parametrize(
@@ -110,6 +121,8 @@ def test_a_distorted_camera_is_refused_with_a_remedy(tmp_path, change, field):
         ({"transform_matrix": [[1, 0], [0, 1]]}, "transform_matrix"),
         ({"transform_matrix": (2 * np.eye(4)).tolist()}, "transform_matrix"),
         ({"transform_matrix": np.diag([1.0, 1, -1, 1]).tolist()}, "transform_matrix"),
+        ({"transform_matrix": [*POSE[:3], [0, 0, 0, 2]]}, "transform_matrix"),
+        ({"transform_matrix": [*POSE[:3], [0.1, 0, 0, 1]]}, "transform_matrix"),
         ({"transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, math.nan]]}, "transform_matrix"),
     ],
 )

@@ -27,6 +27,8 @@ from gspure.cameras.photographs import is_present, photograph_size
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+_OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)))
+"""Flags and coefficients of Instant NGP's lenses, next to its pinhole."""
 _HINT = "undistort the photographs first, for example with colmap image_undistorter"
 _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
 
@@ -77,6 +79,9 @@ def _refuse_distortion(entry: Entry) -> None:
     model = entry.text("camera_model") if "camera_model" in entry else "PINHOLE"
     if model not in _PINHOLES:
         raise entry.refusal("camera_model", expected="a pinhole camera", found=model, hint=_HINT)
+    for key in _OTHER_LENSES:
+        if value := entry.values.get(key):
+            raise entry.refusal(key, expected="a pinhole camera", found=repr(value), hint=_HINT)
     for key in _DISTORTION:
         if key in entry and entry.number(key) != 0:
             raise entry.refusal(key, expected="no distortion", found=str(entry.number(key)), hint=_HINT)
@@ -94,6 +99,8 @@ def _focal(entry: Entry, axis: str, length: int) -> float:
 
 def _viewmat(entry: Entry) -> Float64:
     pose = entry.array("transform_matrix", (4, 4), (3, 4))
+    if not np.allclose(pose[3:], (0, 0, 0, 1), atol=1e-6):
+        raise entry.refusal("transform_matrix", expected="a last row of 0 0 0 1", found=str(pose[3].tolist()))
     viewmat = np.eye(4)
     viewmat[:3, :3] = _OPENGL_TO_COLMAP @ entry.rotation("transform_matrix", pose[:3, :3]).T
     viewmat[:3, 3] = -viewmat[:3, :3] @ pose[:3, 3]
