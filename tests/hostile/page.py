@@ -70,7 +70,7 @@ def write() -> bool:
         ),
         "\n## Commits\n",
         *table(("part", "ran at"), ((part, ", ".join(sorted({r["commit"] for r in kept(part)}))) for part in PARTS)),
-        "\nA part that names two commits ran between them, before the records of each part were kept.\n",
+        "\n`A to B`: at commits from A to B, of which each part had no record of its own.\n",
         "## Open defects\n",
         *([f"- {fault[:300]}" for fault in faults] or ["None."]),
         "\n## Files\n",

@@ -86,3 +86,10 @@ def test_cases_that_did_not_run_again_keep_their_records(tmp_path, monkeypatch):
     journal.keep("readers", [{"reader": "b", "commit": "new", "said": "much"}], "reader")
     assert journal.kept("readers") == [{"reader": "a", "commit": "old"}, {"reader": "b", "commit": "new"}]
     assert journal.kept("kills") == []
+
+
+def test_the_page_is_that_of_the_records(tmp_path, monkeypatch):
+    committed = page.PAGE.read_text()
+    monkeypatch.setattr(page, "PAGE", tmp_path / "torture.md")
+    page.write()
+    assert page.PAGE.read_text() == committed
