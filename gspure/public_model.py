@@ -16,6 +16,7 @@ from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
+from gspure.progress import track
 from gspure.renderer import CONTRIBUTION, Renderer
 
 Float32 = NDArray[np.float32]
@@ -178,7 +179,7 @@ class PublicModel:
 def learning_steps(views: int, steps: int, rng: np.random.Generator) -> Iterator[tuple[int, float]]:
     """Yield a view's number and the factor of the learning rates for each step."""
     order = np.concatenate([rng.permutation(views) for _ in range(-(-steps // views))])[:steps]
-    return zip(order.tolist(), np.linspace(1.0, 0.1, steps).tolist(), strict=True)
+    return track(list(zip(order.tolist(), np.linspace(1.0, 0.1, steps).tolist(), strict=True)), "learn")
 
 
 def merge_by_row(records: NDArray[Any], owners: Rows) -> NDArray[Any]:

@@ -367,3 +367,27 @@ def test_a_run_that_fails_before_its_results_leaves_those_of_the_last_one(
     assert main(command) == 2
     assert files(out) == ["purified.ply"]
     assert (out / "purified.ply").read_text() == "of the last run"
+
+
+def test_repair_raises_the_psnr_of_the_scene_and_keeps_the_rows(tmp_path: Path, command: list[str], capsys) -> None:
+    out, settings = tmp_path / "out", ["--tau-n", "0.7", "--tau-c", "0.7"]
+    assert main([*command, *settings, "--repair", "60"]) == 0
+    diagnosis, rows = read_json(out / "diagnosis.json"), len(read_model(out / "purified.ply"))
+    before, after = diagnosis["psnr_before_repair"]["mean"], diagnosis["psnr"]["mean"]
+    assert after > before + 1
+    assert f"{before:.2f} dB before, {after:.2f} dB after" in capsys.readouterr().out
+    assert [*(out / "renders" / "pruned").glob("*.png")]
+    assert main([*command, *settings]) == 0
+    diagnosis = read_json(out / "diagnosis.json")
+    assert diagnosis["psnr"]["mean"] == before
+    assert "psnr_before_repair" not in diagnosis
+    assert len(read_model(out / "purified.ply")) == rows
+    assert not [*(out / "renders" / "pruned").glob("*.png")]
+
+
+def test_a_repair_without_iterations_is_refused_before_anything_is_computed(
+    command: list[str], monkeypatch, capsys
+) -> None:
+    monkeypatch.setattr("gspure.method.purify.purify", None)
+    assert main([*command, "--repair", "0"]) == 2
+    assert "purify: --repair: expected at least 1, found 0" in capsys.readouterr().err

@@ -16,6 +16,7 @@ from gspure.method.pruning import plain_prune_mask
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import TrainableModel
+from gspure.progress import track
 from gspure.public_model import PublicModel
 from gspure.training.dataset import extent
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
@@ -52,7 +53,7 @@ class Teacher:
             raise InputError(f"attack {attack}", "cameras", expected="public views", found="none")
         self.attack, self.cameras, self.device = attack, cameras, device
         scene = public.scene(device)
-        self.images = [read_back(scene(camera)) for camera in cameras]
+        self.images = [read_back(scene(camera)) for camera in track(cameras, "renders to learn")]
 
     def taught(self, student: PublicModel, rng: Rng, iterations: int, learn: str, pace: float = 1.0) -> Gaussians:
         """Return the rows of `student` after training some of its attributes."""
