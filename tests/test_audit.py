@@ -201,7 +201,9 @@ def test_the_audit_names_a_rival_that_is_stronger_at_equal_damage() -> None:
     assert "equal damage" not in untested
     weaker = told(of_scenes(2, gspure=(1.0, 20.0), gof=(1.0, 15.0)))[1]["Compared with other attacks"]
     assert "However" not in weaker
-    assert "no rival removes more" in weaker
+    assert re.search(r"\(1.5 to 2 dB\), no rival .*removes more", weaker)
+    once = told(of_scenes(2, gspure=(1.8, 20.0), gof=(1.8, 15.0)))[1]["Compared with other attacks"]
+    assert "(2 dB)" in once
 
 
 @pytest.mark.parametrize(("scenes", "significant"), [(4, []), (8, ["gof"])])

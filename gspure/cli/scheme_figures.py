@@ -96,7 +96,7 @@ def _draw_tradeoff(args: argparse.Namespace) -> Drawn:
     mean_floor = known_interval(floor(outcomes))
     front = write_tradeoff(args.out, outcomes, mean_floor.mean if mean_floor else None)
     caption = (
-        f"PSNR of message and scene after every variant, mean over the scenes; the Pareto front has {len(front)}. "
+        f"PSNR of message and scene after every variant, mean over the scenes; {len(front)} on the Pareto front. "
         f"Attacks to the lower left are stronger. The horizontal axis is logarithmic above {LINEAR:g} dB. Vertical "
         "lines: drops at which attacks are compared."
     )
