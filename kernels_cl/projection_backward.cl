@@ -7,7 +7,7 @@
 #define CHANNEL_GRADIENT(c) LOAD_ATTRIBUTE(splat_gradients, SLOT_GRADIENT, MOMENTS + (c), position)
 
 // The stored gradient: zero where there is no splat, or where it overflows.
-#define USABLE(gradient) (visible & MASK(fabs(gradient) <= (V)MAXFLOAT) ? (gradient) : (V)0.0f)
+#define USABLE(gradient) ((visible & MASK(fabs(gradient) <= (V)MAXFLOAT)) ? (gradient) : (V)0.0f)
 
 // dL/dquaternion of R(q / |q|), from axes[3 * a + i] = dL/dR[i][a] in world space.
 inline void quaternion_gradient(const V *q, const V *axes, V *gradient) {

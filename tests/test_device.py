@@ -18,6 +18,7 @@ from gspure.model import write_model
 from gspure.opencl import device as devices
 from gspure.opencl.device import choose_device, list_devices, matching_devices
 from gspure.opencl.engine import _built, device_identity
+from gspure.renderer import Renderer
 from tests.models import blobs, tilted_camera
 
 CPU, GPU = cl.device_type.CPU, cl.device_type.GPU
@@ -236,3 +237,24 @@ def test_warnings_of_the_compiler_are_not_shown(monkeypatch) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         _built(context, (), (("FACTOR", 2),))
+
+
+def test_kernels_compile_without_warnings(monkeypatch, device, style) -> None:
+    """PoCL prints the number of warnings to standard error, whatever a program does with them."""
+    logs = []
+
+    def compiled(context, source, options):
+        unique = f"constant int unique_{os.urandom(8).hex()} = 0;"  # else the driver's cache may have it
+        program = devices.built(context, f"{source}\n{unique}\n", options, cache_dir=False)
+        logs.append(program.get_build_info(context.devices[0], cl.program_build_info.LOG))
+        return program
+
+    monkeypatch.setattr("gspure.opencl.engine.built", compiled)
+    monkeypatch.setattr("gspure.opencl.engine._built", _built.__wrapped__)
+    view = tilted_camera(33, 31)
+    for energy in ("ewa", "ray"):
+        Renderer(blobs(5), device, energy=energy, style=style).contributions(view)
+    image, pullback = Renderer(blobs(5), device, style=style).vjp(view)
+    pullback(image)
+    assert len(logs) > 5
+    assert [line for log in logs for line in log.splitlines() if "warning" in line] == []
