@@ -121,7 +121,7 @@ class PublicModel:
         *,
         steps: int,
         rng: np.random.Generator,
-        pace: float = 1.0,
+        rate_factor: float = 1.0,
         device: Device | None = None,
     ) -> Self:
         """Return the model with the columns of some attributes learned from images of views, all else bit-identical.
@@ -135,7 +135,7 @@ class PublicModel:
             One view each; the rates fall linearly to a tenth.
         rng : Generator
             Of the order of views.
-        pace : float
+        rate_factor : float
             Factor of the learning rates.
 
         """
@@ -143,7 +143,7 @@ class PublicModel:
         raw = (model.means, model.quats, model.columns(*(f"scale_{i}" for i in range(3))), model.table["opacity"])
         trainable = TrainableModel(TrainState.fresh(Parameters(*raw, model.sh_coeffs)), device=device)
         trainable.set_targets(images)
-        rates = {name: rate * pace for name, rate in self.rates.items() if name in attributes}
+        rates = {name: rate * rate_factor for name, rate in self.rates.items() if name in attributes}
         reach = spread(views)
         for view, factor in learning_steps(len(views), steps, rng):
             means, quats, scales, opacities, colours = (

@@ -1,4 +1,4 @@
-"""View-accumulated weights."""
+"""Weights of Gaussians over the views."""
 
 import numpy as np
 import pytest

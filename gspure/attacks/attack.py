@@ -34,7 +34,7 @@ class Evidence:
     Parameters
     ----------
     weights : array [K], float32, optional
-        View-accumulated weights ω_k.
+        Weights ω_k.
     prune_mask : array [K], bool, optional
         GSPure's decision, true where pruned.
     opacities : array [K], float32, optional

@@ -1,4 +1,4 @@
-"""Attacks that learn from the public model's own renders at public cameras: no photographs, no key, no message."""
+"""Attacks that train on renders of the public model at public cameras: no photographs, no key, no message."""
 
 from __future__ import annotations
 
@@ -25,28 +25,27 @@ from gspure.training.schedule import Schedule
 from gspure.training.trainer import Trainer, beginning
 
 ITERATIONS: Final = 200
-DISTILLATION: Final = 1500
-"""Steps of a training from nothing. Ours."""
+"""Training steps of an existing model. Ours."""
 
-PACE: Final = 10.0
-"""Factor of the learning rates of a `reestimate`, whose colours start at zero. Ours."""
+DISTILLATION: Final = 1500
+"""Training steps of a new model. Ours."""
+
+RATE_FACTOR: Final = 10.0
+"""Factor on the learning rates of `reestimate`, whose colours start at zero. Ours."""
 
 OPAQUE: Final = 0.5
-"""Rows at least this opaque are points to start a distillation from. Ours."""
+"""Least opacity of the rows at which `distil` starts. Ours."""
 
 LEARNED: Final = {
     "all": ("colour", "opacity", "scale", "rotation", "position"),
     "appearance": ("colour", "opacity"),
     "colour": ("colour",),
 }
-"""Attributes that are learned, by name of the choice."""
+"""Trained attributes, by value of `learn`."""
 
 
 class Teacher:
-    """The renders of a public model at public cameras, to train others on.
-
-    Errors name the `attack`.
-    """
+    """The renders of a public model at public cameras, to train other models on; errors name the `attack`."""
 
     def __init__(self, attack: str, public: PublicModel, cameras: Sequence[Camera], device: Device | None) -> None:
         if not cameras:
@@ -55,12 +54,18 @@ class Teacher:
         scene = public.scene(device)
         self.images = [read_back(scene(camera)) for camera in track(cameras, "renders to learn")]
 
-    def taught(self, student: PublicModel, rng: Rng, iterations: int, learn: str, pace: float = 1.0) -> Gaussians:
-        """Return the rows of `student` after training some of its attributes."""
+    def train(self, student: PublicModel, rng: Rng, iterations: int, learn: str, rate_factor: float = 1.0) -> Gaussians:
+        """Return the rows of `student` after training the attributes that `learn` names."""
         require(self.attack, "iterations", iterations, "at least 1", fits=iterations >= 1)
         require(self.attack, "learn", learn, f"one of {', '.join(LEARNED)}", fits=learn in LEARNED)
         learned = student.learned(
-            self.cameras, self.images, LEARNED[learn], steps=iterations, pace=pace, rng=rng, device=self.device
+            self.cameras,
+            self.images,
+            LEARNED[learn],
+            steps=iterations,
+            rate_factor=rate_factor,
+            rng=rng,
+            device=self.device,
         )
         return learned.model
 
@@ -75,17 +80,17 @@ def finetune(
     iterations: int = ITERATIONS,
     learn: str = "all",
 ) -> Attacked:
-    """Train the model on its own renders: every row stays and changes a little.
+    """Train the model on its own renders, without adding or removing rows.
 
     Parameters
     ----------
     iterations : int
         Steps, one view each.
     learn : {"all", "appearance", "colour"}
-        All attributes; or colour and opacity, or colour alone, so that rows are still recognized by their geometry.
+        The attributes to train. All but "all" keep the geometry, by which an extraction recognizes rows.
 
     """
-    rows = Teacher("finetune", public, cameras, device).taught(public, rng, iterations, learn)
+    rows = Teacher("finetune", public, cameras, device).train(public, rng, iterations, learn)
     return Attacked(rows, np.arange(len(rows)), len(rows))
 
 
@@ -104,7 +109,7 @@ def prune_repair(
     """Remove the rows with ω_k < ω̄ / `tau`, then train the rest on renders of the unpruned model, as `finetune`."""
     prune_mask = plain_prune_mask(weights, tau)
     pruned = public.with_model(public.model.subset(~prune_mask))
-    rows = Teacher("prune_repair", public, cameras, device).taught(pruned, rng, iterations, learn)
+    rows = Teacher("prune_repair", public, cameras, device).train(pruned, rng, iterations, learn)
     return Attacked(rows, np.flatnonzero(~prune_mask), len(prune_mask))
 
 
@@ -117,10 +122,10 @@ def reestimate(
     *,
     iterations: int = ITERATIONS,
 ) -> Attacked:
-    """Set all colours or features to zero and learn them again; geometry, decoder and networks stay."""
+    """Set all colours or features to zero and train them again; geometry, decoder and networks are not changed."""
     zeros = dict.fromkeys(public.columns["colour"], np.zeros(len(public.model), np.float32))
     blank = public.with_model(public.model.with_columns(zeros))
-    rows = Teacher("reestimate", public, cameras, device).taught(blank, rng, iterations, "colour", PACE)
+    rows = Teacher("reestimate", public, cameras, device).train(blank, rng, iterations, "colour", RATE_FACTOR)
     return Attacked(rows, np.arange(len(rows)), len(rows))
 
 
@@ -135,7 +140,7 @@ def distil(
 ) -> Attacked:
     """Train a new vanilla 3DGS model on the model's renders; it starts at the centres of opaque rows.
 
-    Only for models that are 3DGS already. Of others nothing remains that their extraction could read.
+    Models of other formats are refused: the new model would have nothing that their extractions could read.
     """
     require("distil", "iterations", iterations, "at least 1", fits=iterations >= 1)
     if type(public).attributes is not PublicModel.attributes:

@@ -192,7 +192,7 @@ def _models(
     if not (repair and len(purification.model)):
         return {"unattacked": public, "purified": pruned}
     teacher = Teacher("prune_repair", public, views, device)
-    rows = teacher.taught(pruned, np.random.default_rng(0), repair, "all")
+    rows = teacher.train(pruned, np.random.default_rng(0), repair, "all")
     rows = rows.with_comment(f"gspure {__version__} repaired iterations={repair}")
     return {"unattacked": public, "pruned": pruned, "purified": public.with_model(rows)}
 

@@ -44,7 +44,7 @@ class Survival(NamedTuple):
     """Number of these in which it is present after the attack."""
 
     only_retrieved: int
-    """Number of these in which it is too close to the floor to be present, but still retrieved."""
+    """Number of these in which it is not present, but still retrieved."""
 
     reached: bool | None
     """Whether the attack changed the extraction's carrier in any scene."""
@@ -52,7 +52,7 @@ class Survival(NamedTuple):
     message_drop: Interval | None
     scene_drop: Interval | None
     rms_ratio: float
-    """Damage to the message relative to that of the scene (`gspure.evaluation.metrics.rms_ratio`), over all scenes."""
+    """Damage to the message divided by that to the scene, over all scenes (`gspure.evaluation.metrics.rms_ratio`)."""
 
     above_floor: Interval | None
     """The message's PSNR minus the floor of the same scene, dB."""
@@ -73,7 +73,7 @@ class Survival(NamedTuple):
     def survives(self) -> bool | None:
         """Whether the message is present after the attack in all scenes where it was before, or gone in all of them.
 
-        None if neither, or if it never was present. It is gone if PSNR and retrieval agree that it is.
+        It is gone if it is neither present nor retrieved. None if neither holds, or if it was never present.
         """
         if not self.present or self.survived not in {0, self.present} or self.only_retrieved:
             return None
@@ -83,8 +83,8 @@ class Survival(NamedTuple):
 def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     """Return the survival of the message for every condition, extraction and variant that is not a control.
 
-    Seeds are averaged within scenes. Kinds of controls are compared one by one, since those of one scene share its
-    truth and are not independent of each other.
+    Seeds are averaged within scenes. Kinds of controls are compared separately: those of one scene share its truth, so
+    they are not independent.
 
     Outcomes may have any order; conditions and variants keep it.
     """
@@ -115,7 +115,7 @@ def _psnr(outcomes: Iterable[Outcome], extraction: str) -> dict[str, dict[tuple[
 
 
 def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
-    """Return scheme and asset of the models whose message is not present, or not retrieved, before any attack."""
+    """Return scheme and asset of the models whose message is not present or not retrieved before any attack."""
     absent = []
     for alike in by_condition(outcomes).values():
         scene_floor = floor(alike)

@@ -124,7 +124,7 @@ def rank_cloud(means: NDArray[np.float32], labels: NDArray[np.int32], weights: N
     means : float32 array [K,3]
     labels : int32 array [K]
     weights : float32 array [K]
-        View-accumulated weights.
+        Weights ω_k.
 
     """
     deciding = deciding_weights(labels, weights)
@@ -160,7 +160,7 @@ def share_cloud(means: NDArray[np.float32], weights: NDArray[np.float32], hidden
     ----------
     means : float32 array [K,3]
     weights, hidden : float32 array [K]
-        View-accumulated weights, in the scene and in the message (`gspure.schemes.hidden_weight.hidden_weights`).
+        Weights, in the scene and in the message (`gspure.schemes.hidden_weight.hidden_weights`).
 
     """
     total = weights.astype(np.float64) + hidden

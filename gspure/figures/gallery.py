@@ -40,7 +40,7 @@ class Evidence:
     labels : int32 array [K]
         Clusters, -1 for noise.
     weights : float32 array [K]
-        View-accumulated weights.
+        Weights ω_k.
     pruned : bool array [K]
         True where a Gaussian is pruned.
     hidden : float32 array [K], optional

@@ -39,7 +39,7 @@ def write_weight_histogram(
     Parameters
     ----------
     weights : float32 array [K]
-        View-accumulated weights.
+        Weights ω_k.
     pruned : bool array [K]
         True where a Gaussian is pruned; its share of every bar is coloured.
     tau_c, tau_n : float

@@ -73,7 +73,7 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
     opacities : array [K]
         Activated opacities, 0 to 1.
     weights : array [K]
-        View-accumulated weights.
+        Weights ω_k.
 
     Returns
     -------

@@ -20,7 +20,7 @@ def mean_weight(weights: NDArray[Any]) -> float:
 
     Summed in ascending order, so that the order of rows has no effect, as in `cluster_weights`.
 
-    `weights` [K] are view-accumulated; the mean of none is 0.
+    The mean of no `weights` [K] is 0.
     """
     return float(np.mean(np.sort(weights), dtype=np.float64)) if len(weights) else 0.0
 
@@ -37,7 +37,7 @@ def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.f
     labels : array [K], int
         Clusters 0 .. M-1, none of them empty; -1 is noise.
     weights : array [K]
-        View-accumulated weights.
+        Weights ω_k.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C
     labels : array [K], int
         Clusters 0 .. M-1; -1 is noise.
     weights : array [K]
-        View-accumulated weights.
+        Weights ω_k.
     tau_c, tau_n : float
         Cluster and noise pruning factors, > 0; larger ones prune less.
 
@@ -97,7 +97,7 @@ def plain_prune_mask(weights: NDArray[Any], tau: float = TAU_N) -> Mask:
     Parameters
     ----------
     weights : array [K]
-        View-accumulated weights.
+        Weights ω_k.
     tau : float
         Pruning factor, > 0.
 

@@ -40,7 +40,7 @@ class Purification:
     model : Gaussians
         The remaining rows, bit-identical, with another comment line.
     weights : array [K], float32
-        View-accumulated weights ω_k of the input.
+        Weights ω_k of the input.
     labels : array [K], int32
         Clusters 0 .. M-1; -1 is noise.
     prune_mask : array [K], bool

@@ -1,4 +1,4 @@
-"""View-accumulated weights: the contributions of Gaussians to the public renderings, averaged over the views."""
+"""Weights: the contributions of Gaussians to the public views, averaged over the views."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Reduction = Literal["sum", "max", "mean_touched"]
 REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
 
 FEW_SHARE: Final = 0.01
-"""Share of rows with a weight; smaller ones are warned of. Ours."""
+"""Share of rows in view below which a warning is printed. Ours."""
 
 
 def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[np.float64]:
@@ -45,9 +45,9 @@ def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[n
 
 
 def evenly_spread(stages: Sequence[Stage], views: int) -> list[Stage]:
-    """Return `views` of the stages, one from the middle of each of as many equal parts.
+    """Return `views` stages, evenly spread: the middle one of each of `views` equal parts.
 
-    Raise `InputError` if there are not as many stages, or none is asked for.
+    Raise `InputError` unless `views` is between 1 and the number of stages.
     """
     if not 1 <= views <= len(stages):
         raise InputError(
@@ -57,13 +57,13 @@ def evenly_spread(stages: Sequence[Stage], views: int) -> list[Stage]:
 
 
 def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction = "sum") -> NDArray[np.float32]:
-    r"""Return the view-accumulated weights ω_k.
+    r"""Return the weights ω_k.
 
     .. math:: \omega_k = \frac{1}{N} \sum_{v=1}^{N} \omega_{k,v}
 
-    (paper, §View-Aware Gaussian Weight Accumulation.) N counts every view, also those in which a Gaussian is not seen
-    and contributes zero. Views are added one after the other in the order given, in float64: the same views in the
-    same order give the same bits, however they were divided into parts.
+    (paper, §View-Aware Gaussian Weight Accumulation.) N counts every view, including those that do not show a
+    Gaussian. Views are summed in float64 in the order of `stages`, so the result is bit-identical however they were
+    divided into parts.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction 
 
 
 def require_in_view(weights: NDArray[Any]) -> None:
-    """Refuse weights that are all 0: a model that no view shows would seem untouched by every attack."""
+    """Refuse weights that are all 0: no attack would seem to change a model that no view shows."""
     if not weights.any():
         hint = "do cameras and model belong together?"
         raise InputError("weights", "rows", expected="at least one in view", found=f"none of {len(weights)}", hint=hint)

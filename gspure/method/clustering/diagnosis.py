@@ -109,7 +109,7 @@ def diagnose(
     labels : array [K], int
         Clusters 0 .. M-1; -1 is noise.
     weights : array [K]
-        View-accumulated weights.
+        Weights ω_k.
     tau_c, tau_n : float
         Pruning factors.
     coincident : int

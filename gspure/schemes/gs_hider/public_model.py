@@ -94,7 +94,7 @@ class FeatureModel(PublicModel):
         *,
         steps: int,
         rng: np.random.Generator,
-        pace: float = 1.0,
+        rate_factor: float = 1.0,
         device: Device | None = None,
     ) -> Self:
         """Return the model with features learned through the public decoder; the decoder and all else stay."""
@@ -106,7 +106,7 @@ class FeatureModel(PublicModel):
         decoder = self.decoder.network.requires_grad_(requires_grad=False)
         raw, renderer = self.model.columns(*FEATURES).copy(), Renderer(self.model, device)
         first, second = np.zeros_like(raw), np.zeros_like(raw)
-        rate = pace * self.rates["colour"] if "colour" in attributes else 0.0
+        rate = rate_factor * self.rates["colour"] if "colour" in attributes else 0.0
         with single_threaded():
             for number, (view, factor) in enumerate(learning_steps(len(views), steps, rng), start=1):
                 features = sigmoid(raw)

@@ -117,14 +117,14 @@ class AnchorModel(PublicModel):
         *,
         steps: int,
         rng: np.random.Generator,
-        pace: float = 1.0,
+        rate_factor: float = 1.0,
         device: Device | None = None,
     ) -> Self:
         """Return the model with features, scalings and offsets learned through the public networks, which stay."""
         from gspure.schemes.secure_gs.learner import Learner
         from gspure.training.pytorch import single_threaded
 
-        rates = {name: pace * rate for name, rate in self.rates.items() if name in attributes}
+        rates = {name: rate_factor * rate for name, rate in self.rates.items() if name in attributes}
         groups = {"features": "colour", "log_scalings": "scale", "offsets": "position"}
         with single_threaded():
             learner = Learner(self.anchors, [self.networks], [images], device or choose_device())
