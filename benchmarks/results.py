@@ -71,7 +71,9 @@ def equal(run: Path) -> Table:
         for i, (sweep, group) in enumerate(groupby(alike, key=lambda row: row.sweep)):
             drops = {row.damage: row for row in group}
             cells = [_reached(drops[damage]) if damage in drops else Cell() for damage in at]
-            body.append(Row([Cell("" if i else condition_name(*condition)), Cell(f"`{sweep}`"), *cells]))
+            body.append(
+                Row([Cell("" if i else condition_name(*condition)), Cell(f"`{sweep.partition('@')[0]}`"), *cells])
+            )
     columns = [Column("condition"), Column("attack", text=True), *(Column(f"{d:g} dB", "scene drop of") for d in at)]
     return Table("Drop of the message at equal damage to the scene", columns, body)
 

@@ -75,7 +75,7 @@ def test_the_page_shows_quality_before_attacks_beside_the_controls(runs: Path) -
 def test_drops_at_equal_damage_name_the_damage_that_was_reached(runs: Path) -> None:
     _, _, *body = rows(filled(page("equal"), runs))
     assert body[0] == ["GS-Hider, own poses", "`gspure`", "≥ 12.50 (12.50 to 12.50) at 1.25 dB"]
-    assert body[2] == ["", "`x@2dB`", "4.00 (4.00 to 4.00)"]
+    assert body[2] == ["", "`x`", "4.00 (4.00 to 4.00)"]
 
 
 def test_the_paper_s_numbers_need_no_run_of_ours(runs: Path) -> None:
