@@ -315,6 +315,21 @@ def test_diagnosis_warns_of_a_clustering_without_effect() -> None:
     assert "changes 0.0% of the decision" in diagnose(labels, np.array([0.0] * 4 + [9.0] * 6)).warnings[0]
 
 
+@pytest.mark.parametrize(("largest", "warns"), [(1500.0, True), (150.0, False)])
+def test_diagnosis_names_a_row_that_holds_much_of_the_weight(largest: float, warns: bool) -> None:
+    weights = np.ones(2000)
+    weights[1234] = largest
+    found = diagnose(np.repeat(np.arange(4, dtype=np.int32), 500), weights)
+    assert found.heavy == (1234,) * warns
+    named = [text for text in found.warnings if "1234" in text]
+    assert len(named) == warns
+    assert all("43%" in text for text in named)
+
+
+def test_no_row_of_a_small_model_is_heavy() -> None:
+    assert diagnose(np.full(5, -1, np.int32), np.array([0, 0, 0, 1, 9.0])).heavy == ()
+
+
 def test_diagnosis_warns_of_a_decision_that_leaves_no_row() -> None:
     labels = np.array([0] * 4 + [1] * 4, np.int32)
     assert any("every Gaussian is pruned" in text for text in diagnose(labels, np.ones(8), tau_c=0.5).warnings)

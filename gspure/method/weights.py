@@ -17,6 +17,9 @@ REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
 FEW_SHARE: Final = 0.01
 """Share of rows in view below which a warning is printed. Ours."""
 
+HEAVY_SHARE: Final = 0.1
+"""Share of all ω beyond which a row is heavy; in models of fewer than 1000 rows, 100 times the mean. Ours."""
+
 
 def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[np.float64]:
     r"""Return ω_{k,v} of the Gaussians touched in one view.
@@ -99,6 +102,12 @@ def require_in_view(weights: NDArray[Any]) -> None:
     if not weights.any():
         hint = "do cameras and model belong together?"
         raise InputError("weights", "rows", expected="at least one in view", found=f"none of {len(weights)}", hint=hint)
+
+
+def heavy_rows(weights: NDArray[Any]) -> NDArray[np.intp]:
+    """Return the rows of so large a weight that they shift mean and standard deviation of all weights [K]."""
+    bound = max(HEAVY_SHARE, 100 / max(len(weights), 1))
+    return np.flatnonzero(weights > bound * weights.sum(dtype=np.float64))
 
 
 def few_in_view(weighted: int, rows: int) -> list[str]:

@@ -98,6 +98,6 @@ def _refuse(model: Gaussians, source: str | Path, name: str, rows: NDArray[np.in
     raise InputError(source, name, expected="finite numbers", found=found, hint="`gspure info` counts them all")
 
 
-def listed(rows: NDArray[np.intp]) -> str:
+def listed(rows: Sequence[int] | NDArray[np.intp]) -> str:
     """Return the first rows as text."""
-    return ", ".join(map(str, rows[:_LISTED].tolist())) + ", ..." * (len(rows) > _LISTED)
+    return ", ".join(map(str, rows[:_LISTED])) + ", ..." * (len(rows) > _LISTED)

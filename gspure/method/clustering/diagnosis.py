@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
 from gspure.errors import InputError
 from gspure.method.pruning import Mask, plain_prune_mask, prune_mask
-from gspure.method.weights import few_in_view
+from gspure.method.weights import few_in_view, heavy_rows
+from gspure.model.finite import listed
 
 _LARGEST_SHARE_WARNED = 0.5
 _CHANGED_SHARE_WARNED = 0.05
@@ -33,6 +34,10 @@ class Diagnosis:
         Pruned in total; with their cluster; as noise.
     pruned_weight_share : float
         Share of the pruned ones in the total weight.
+    heavy : tuple of int
+        The rows of `gspure.method.weights.heavy_rows`.
+    heavy_weight_share : float
+        Their share in the total weight.
     plain_share : float
         Pruned by the rule without clustering, ω_k < ω̄/τ_n.
     changed_share : float
@@ -52,6 +57,8 @@ class Diagnosis:
     pruned_as_cluster: float
     pruned_as_noise: float
     pruned_weight_share: float
+    heavy: tuple[int, ...]
+    heavy_weight_share: float
     plain_share: float
     changed_share: float
     changed_share_clustered: float
@@ -79,6 +86,11 @@ class Diagnosis:
                 f"{self.coincident} Gaussians have the same features as more than min_samples others: "
                 "such piles are infinitely dense, so each becomes a cluster"
             )
+        if self.heavy:
+            sentences.append(
+                f"{len(self.heavy)} of {self.gaussians} rows hold {self.heavy_weight_share:.0%} of all ω "
+                f"({listed(self.heavy)}): they raise the thresholds and compress the weights of all others"
+            )
         return tuple(sentences)
 
     def lines(self) -> list[str]:
@@ -95,8 +107,8 @@ class Diagnosis:
         return [f"{name:<16}  {text}" for name, text in table.items()] + [f"warning: {text}" for text in self.warnings]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the diagnosis as numbers and strings."""
-        return {**asdict(self), "warnings": list(self.warnings)}
+        """Return the diagnosis as numbers, strings and lists of them."""
+        return {**asdict(self), "heavy": list(self.heavy), "warnings": list(self.warnings)}
 
 
 def diagnose(
@@ -126,6 +138,7 @@ def diagnose(
     pruned = prune_mask(labels, weights, tau_c, tau_n)
     plain = plain_prune_mask(weights, tau_n)
     clustered = labels != NOISE_LABEL
+    heavy = heavy_rows(weights)
     sizes = np.bincount(labels[clustered])
     return Diagnosis(
         gaussians=len(labels),
@@ -138,6 +151,8 @@ def diagnose(
         pruned_as_cluster=_share((pruned & clustered).sum(), len(labels)),
         pruned_as_noise=_share((pruned & ~clustered).sum(), len(labels)),
         pruned_weight_share=_share(weights[pruned].sum(dtype=np.float64), weights.sum(dtype=np.float64)),
+        heavy=tuple(heavy.tolist()),
+        heavy_weight_share=_share(weights[heavy].sum(dtype=np.float64), weights.sum(dtype=np.float64)),
         plain_share=_share(plain.sum(), len(labels)),
         changed_share=_changed(pruned, plain),
         changed_share_clustered=_changed(pruned[clustered], plain[clustered]),
