@@ -155,7 +155,7 @@ def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path)
     assert rows["weaker", "score", ""]["difference_mean"] == "9.5"
     assert any(rival == "theirs" and damage for rival, _, damage in rows)
     matched = read_records(tmp_path / "matched.csv", Matched)
-    assert (matched[0].sweep, matched[0].strengths, len(matched)) == ("theirs", 2, 3 * len(MATCHED_DAMAGES))
+    assert (matched[0].sweep, matched[0].strengths, len(matched)) == ("theirs", 2, len(match(SCENES, SWEEPS)))
     expected = conditions_markdown(survival(SCENES), contest(SCENES, SWEEPS), match(SCENES, SWEEPS))
     assert (tmp_path / "contest.md").read_text() == expected
     for name in ("contest.csv", "survival.csv", "matched.csv"):

@@ -40,7 +40,7 @@ def cells(rows, sweep):
 
 def test_the_drop_is_interpolated_in_every_scene_and_then_averaged() -> None:
     found = cells(match(TWO, SWEEPS), "ours")
-    assert tuple(found) == MATCHED_DAMAGES
+    assert tuple(found) == MATCHED_DAMAGES[2:]  # at less, even the weakest does more to some scene
     assert found[1.5].drop.mean == pytest.approx((12.5 + 8.0) / 2)
     assert (found[1.5].strengths, found[1.5].gentle) == (2, 0)
 
@@ -55,18 +55,17 @@ def test_the_largest_drop_counts_where_no_strength_reaches_the_damage() -> None:
     assert (shown["ours"].best, shown["theirs"].best) == (True, False)
 
 
-def test_a_strength_above_the_damage_is_shown_with_its_damage_and_not_compared() -> None:
-    rows = match(outcomes(room={"gof": (3.0, 12.0), "weak": (1.0, 1.0)}), {"ours": ["weak"]})
-    at = cells(rows, "gof")[1.5]
-    assert (at.strengths, at.drop.mean, at.reached, at.gentle) == (1, 12.0, 3.0, 0)
-    shown = {str(row.cells[0]): row.cells[-1] for row in matched_table(rows).rows}
-    assert (str(shown["GOF"]), shown["GOF"].best, shown["ours"].best) == ("12.00 at 3.00 dB", False, True)
+def test_a_strength_above_the_damage_has_no_number() -> None:
+    rows = match(outcomes(room={"gof": (1.8, 12.0), "weak": (1.0, 1.0)}), {"ours": ["weak"]})
+    assert [*cells(rows, "gof")] == [2.0]
+    shown = {str(row.cells[0]): [*map(str, row.cells[-2:])] for row in matched_table(rows).rows}
+    assert shown == {"GOF": ["–", "≥ 12.00 at 1.80 dB"], "ours": ["≥ 1.00 at 1.00 dB", "≥ 1.00 at 1.00 dB"]}
 
 
 def test_drops_are_not_extrapolated_beyond_the_strongest_setting() -> None:
     rows = match(outcomes(room={"weak": (0.5, 9.0), "strong": (0.6, 4.0)}), {"ours": ["weak", "strong"]})
-    assert [row.drop.mean for row in rows] == [9.0, 9.0, 9.0, 9.0]
-    assert [row.gentle for row in rows] == [0, 1, 1, 1]
+    assert [row.drop.mean for row in rows] == [9.0, 9.0, 9.0]
+    assert [row.gentle for row in rows] == [1, 1, 1]
 
 
 AIMED = {"pruning": ["half", "pruning@1dB", "pruning@2dB"], "noise": ["noise@1dB", "noise@2dB"]}
@@ -83,11 +82,9 @@ def test_strengths_searched_for_a_damage_are_read_not_interpolated() -> None:
         ("pruning", 2.0): (7.0, 1, 0.7),
         ("noise", 1.0): (2.0, 0, 1.0),
         ("noise", 2.0): (3.0, 0, 2.6),
-        ("gof", 1.0): (8.0, 0, 4.0),
-        ("gof", 2.0): (8.0, 0, 4.0),
     }
     texts = {str(row.cells[0]): str(row.cells[-1]) for row in matched_table(rows).rows}
-    assert texts == {"pruning": "≥ 7.00 at 0.70 dB", "noise": "3.00 at 2.60 dB", "GOF": "8.00 at 4.00 dB"}
+    assert texts == {"pruning": "≥ 7.00 at 0.70 dB", "noise": "3.00 at 2.60 dB"}
 
 
 @pytest.mark.parametrize("damage", [0.3, 1, 2.0, 1e-05, 20])
@@ -105,7 +102,7 @@ def test_models_without_a_message_have_no_rows() -> None:
 
 def test_the_table_marks_the_largest_drop_at_each_damage_that_was_reached() -> None:
     table = matched_table(match(TWO, SWEEPS))
-    assert [column.title for column in table.columns[2:]] == ["0.3 dB", "0.7 dB", "1.5 dB", "2 dB"]
+    assert [column.title for column in table.columns[2:]] == ["1.5 dB", "2 dB"]
     assert {str(row.cells[0]): sum(cell.best for cell in row.cells) for row in table.rows} == {"ours": 2, "theirs": 0}
     assert conditions_markdown().startswith("No model with a message")
 

@@ -17,7 +17,7 @@ SWEEPS = {"gspure": ["gspure", "tau_2"], "pruning": ["weak", "strong"]}
 
 CELLS = {  # SHA-256 of all rows below the header: they change with the columns only
     "contest.csv": "8006cd6dc530819b",
-    "matched.csv": "88a3829e63cc3a4d",
+    "matched.csv": "a576643345c33f38",
     "results.csv": "e0cb91670d6bc931",
     "summary.csv": "95a3c3944d542be4",
     "survival.csv": "f981d9a1bed2c2bf",
@@ -31,7 +31,8 @@ def test_the_cells_of_all_tables_do_not_change(tmp_path: Path) -> None:
     outcomes = benchmark(drops, seeds=2)
     write_results(tmp_path / "results.csv", outcomes)
     write_records(tmp_path / "summary.csv", Summary, summarize(outcomes))
-    write_records(tmp_path / "matched.csv", Matched, match(outcomes, SWEEPS))
+    gentle = {scene: {name: (s / 10, m) for name, (s, m) in of.items()} for scene, of in drops.items()}
+    write_records(tmp_path / "matched.csv", Matched, match(benchmark(gentle, seeds=2), SWEEPS))
     write_records(tmp_path / "contest.csv", Contest, contest(outcomes, SWEEPS))
     write_records(tmp_path / "survival.csv", Survival, survival(outcomes))
     tables = {path.name: path.read_text().partition("\n")[2] for path in tmp_path.iterdir()}

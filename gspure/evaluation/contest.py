@@ -124,7 +124,7 @@ def _at_equal_damage(attacks: Sequence[Outcome], extraction: str, sweeps: Sweeps
     by_sweep = {name: curves([o for o in attacks if o.variant in of], extraction) for name, of in sweeps.items()}
     points = {name: {cell: Point.at(damage, c) for cell, c in known.items()} for name, known in by_sweep.items()}
     return {
-        name: {cell: point.message for cell, point in cells.items() if point.scene <= damage}
+        name: {cell: point.message for cell, point in cells.items() if point and point.scene <= damage}
         for name, cells in points.items()
     }
 

@@ -41,12 +41,12 @@ class Point(NamedTuple):
     """Drop of the scene's PSNR, dB: the permitted one, unless no strength comes near it."""
 
     @classmethod
-    def at(cls, damage: float, curve: Curve) -> Point:
+    def at(cls, damage: float, curve: Curve) -> Point | None:
         """Return the point of a sweep at a permitted drop of the scene, in dB.
 
         It is that of the variant whose strength was searched for this damage, or else interpolated between the tested
-        strengths. If all of them are gentler, the largest drop of the message counts; if all are harsher, that of the
-        gentlest.
+        strengths. If all of them are gentler, the largest drop of the message counts; if all are harsher, there is no
+        point.
         """
         for variant, (scene, message) in curve.items():
             if wanted_damage(variant) == damage:
@@ -55,9 +55,7 @@ class Point(NamedTuple):
         drop = matched_message_drop(scenes, messages, damage)
         if drop is not None:
             return cls(drop, damage)
-        if scenes.max() < damage:
-            return cls(float(messages.max()), float(scenes.max()))
-        return cls(float(messages[scenes.argmin()]), float(scenes.min()))
+        return cls(float(messages.max()), float(scenes.max())) if scenes.max() < damage else None
 
 
 class Matched(NamedTuple):
@@ -109,7 +107,7 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
         In any order; conditions keep it.
     sweeps : mapping
         Variants that a condition lacks, or that failed on its models, are skipped. An attack in none of the sweeps is
-        one of a single strength.
+        one of a single strength. A sweep has no row at a damage that all its strengths exceed on some model.
 
     """
     rows = []
@@ -120,11 +118,11 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
             for name, variants in sweeps.items():
                 drops = curves([o for o in alike if o.variant in variants], extraction)
                 strengths = max(map(len, drops.values()), default=0)
-                rows += [
-                    Matched(*condition, extraction, name, strengths, damage, *_mean_drop(drops, damage))
-                    for damage in at
-                    if drops
-                ]
+                for damage in at:
+                    points = {cell: point for cell, curve in drops.items() if (point := Point.at(damage, curve))}
+                    if points and len(points) == len(drops):
+                        known = (*condition, extraction, name, strengths, damage)
+                        rows.append(Matched(*known, *_mean_drop(points, damage)))
     return rows
 
 
@@ -144,9 +142,8 @@ def curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int]
     return by_cell
 
 
-def _mean_drop(drops: Mapping[tuple[str, int], Curve], damage: float) -> tuple[Interval, int, float]:
+def _mean_drop(points: Mapping[tuple[str, int], Point], damage: float) -> tuple[Interval, int, float]:
     """Return the mean drop of the message, the number of models that no strength damages this much, and the damage."""
-    points = {cell: Point.at(damage, curve) for cell, curve in drops.items()}
     mean = mean_interval(by_scene({cell: point.message for cell, point in points.items()}))
     scenes = [point.scene for point in points.values()]
     return mean, sum(scene < damage for scene in scenes), float(np.mean(scenes))

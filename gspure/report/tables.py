@@ -173,7 +173,7 @@ def equal_damage_table(contests: Sequence[Contest]) -> Table:
     ]
     title = f"GSPure minus other attacks at equal damage to the scene: {display_name(contests[0].extraction)}"
     note = say(NOTES, "equal_damage", _scenes(row.difference for row in contests))
-    return Table(title, [Column("rival"), *_permitted(contests)], rows, note)
+    return Table(title, [Column("rival"), *_permitted(damages)], rows, note)
 
 
 def matched_table(matched: Sequence[Matched]) -> Table:
@@ -182,23 +182,14 @@ def matched_table(matched: Sequence[Matched]) -> Table:
     for row in matched:
         if row.reached <= row.damage:
             most[row.damage] = max(row.drop.mean, most.get(row.damage, -inf))
-    rows = []
+    damages, rows = sorted({row.damage for row in matched}), []
     for sweep, group in groupby(matched, key=lambda row: row.sweep):
-        cells = list(group)
-        drops = [
-            _at_reached(interval(c.drop)._replace(best=c.reached <= c.damage and c.drop.mean == most[c.damage]), c)
-            for c in cells
-        ]
-        rows.append(Row([Cell(display_name(sweep)), Cell(f"{cells[0].strengths}"), *drops]))
+        at = {row.damage: row for row in group}
+        drops = [_drop_at(at[damage], most.get(damage)) if damage in at else Cell() for damage in damages]
+        rows.append(Row([Cell(display_name(sweep)), Cell(f"{next(iter(at.values())).strengths}"), *drops]))
     title = f"Drop of the {display_name(matched[0].extraction)} at equal damage to the scene"
-    note = say(
-        NOTES,
-        "matched",
-        _scenes(row.drop for row in matched),
-        any(row.gentle for row in matched),
-        any(row.reached > row.damage for row in matched),
-    )
-    return Table(title, [Column("attack"), Column("strengths", main=False), *_permitted(matched)], rows, note)
+    note = say(NOTES, "matched", _scenes(row.drop for row in matched), any(row.gentle for row in matched))
+    return Table(title, [Column("attack"), Column("strengths", main=False), *_permitted(damages)], rows, note)
 
 
 def summary_table(rows: Sequence[Summary]) -> Table:
@@ -260,16 +251,17 @@ def _detectability(row: Survival) -> Cell:
     return Cell(f"{auc.auc:.2f}", f"[{auc.low:.2f}, {auc.high:.2f}], {display_name(row.control)}") if auc else Cell()
 
 
-def _permitted(rows: Iterable[Contest | Matched]) -> list[Column]:
-    return [Column(f"{damage:g} dB", "scene drop of") for damage in dict.fromkeys(row.damage for row in rows)]
+def _permitted(damages: Iterable[float]) -> list[Column]:
+    return [Column(f"{damage:g} dB", "scene drop of") for damage in damages]
 
 
-def _at_reached(cell: Cell, matched: Matched) -> Cell:
-    """Add the damage that was reached, where it is not the permitted one."""
-    if matched.reached == matched.damage:
+def _drop_at(row: Matched, most: float | None) -> Cell:
+    """Return a drop, with the damage that was reached where it is not the permitted one."""
+    cell = interval(row.drop)._replace(best=row.reached <= row.damage and row.drop.mean == most)
+    if row.reached == row.damage:
         return cell
-    bound = "≥ " if matched.gentle else ""
-    return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {plain(matched.reached)} dB".lstrip())
+    bound = "≥ " if row.gentle else ""
+    return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {plain(row.reached)} dB".lstrip())
 
 
 def _scenes(intervals: Iterable[Interval | None]) -> int:
