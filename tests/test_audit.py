@@ -178,30 +178,30 @@ def test_the_audit_explains_a_high_auc_below_the_floor() -> None:
     assert "although" not in told(of_scenes(4, gspure=(0.5, 5.0)))[1]["GSPure"]
 
 
-def test_rivals_with_a_higher_score_are_named() -> None:
+def test_attacks_with_a_higher_score_are_named() -> None:
     drops = {f"s{i}": {"gspure": (0.5, 9.0), "plain": (0.5, 8.0 + 2 * i), "twin": (0.5, 9.0)} for i in range(3)}
-    rivals = audit_of(benchmark(drops)).rivals
-    assert ([c.rival for c in rivals.ahead], [c.rival for c in rivals.level]) == (["plain"], ["twin"])
+    others = audit_of(benchmark(drops)).other_attacks
+    assert ([c.attack for c in others.ahead], [c.attack for c in others.level]) == (["plain"], ["twin"])
     text = told(benchmark(drops))[1]["Compared with other attacks"]
-    assert "1 of 2 rivals has a higher mean Score" in text
+    assert "1 of 2 other attacks has a higher mean Score" in text
     assert "plain by 1.0 dB (−1.0 to 3.0), but not in every scene" in text
     everywhere = {f"s{i}": {"gspure": (0.5, 9.0), "plain": (0.5, 10.0 + 2 * i)} for i in range(3)}
     assert "3.0 dB (1.0 to 5.0) in every scene" in told(benchmark(everywhere))[1]["Compared with other attacks"]
 
 
-def test_the_audit_names_a_rival_that_is_stronger_at_equal_damage() -> None:
+def test_the_audit_names_an_attack_that_is_stronger_at_equal_damage() -> None:
     drops = {"gspure": (1.0, 20.0), "gspure@0.3dB": (0.3, 6.0), "gof@0.3dB": (0.3, 15.0)}
     outcomes, sweeps = of_scenes(2, **drops), {"gspure": ["gspure", "gspure@0.3dB"], "gof": ["gof@0.3dB"]}
     audit = audit_of(outcomes, sweeps)
-    assert not audit.rivals.ahead
-    assert [(c.rival, c.damage) for c in audit.rivals.ahead_at_equal_damage] == [("gof", 0.3)]
+    assert not audit.other_attacks.ahead
+    assert [(c.attack, c.damage) for c in audit.other_attacks.ahead_at_equal_damage] == [("gof", 0.3)]
     text = told(outcomes, sweeps)[1]["Compared with other attacks"]
-    assert re.search(r"No rival has a higher mean Score.*However.*GOF removes more", text)
+    assert re.search(r"No other attack has a higher mean Score.*However.*GOF removes more", text)
     untested = told(of_scenes(2, gspure=(3.0, 20.0), gof=(3.0, 15.0)))[1]["Compared with other attacks"]
     assert "equal damage" not in untested
     weaker = told(of_scenes(2, gspure=(1.0, 20.0), gof=(1.0, 15.0)))[1]["Compared with other attacks"]
     assert "However" not in weaker
-    assert re.search(r"\(1.5 to 2 dB\), no rival .*removes more", weaker)
+    assert re.search(r"\(1.5 to 2 dB\), no other attack .*removes more", weaker)
     once = told(of_scenes(2, gspure=(1.8, 20.0), gof=(1.8, 15.0)))[1]["Compared with other attacks"]
     assert "(2 dB)" in once
 
@@ -209,9 +209,9 @@ def test_the_audit_names_a_rival_that_is_stronger_at_equal_damage() -> None:
 @pytest.mark.parametrize(("scenes", "significant"), [(4, []), (8, ["gof"])])
 def test_significance_is_claimed_only_where_it_is_possible(scenes: int, significant: list[str]) -> None:
     outcomes = of_scenes(scenes, gspure=(0.5, 9.0), gof=(0.5, 4.0))
-    rivals = audit_of(outcomes).rivals
-    assert [c.rival for c in rivals.significant] == significant
-    assert ("can be significant" in told(outcomes)[1]["Evidence"]) is (rivals.p_attainable > SIGNIFICANT)
+    others = audit_of(outcomes).other_attacks
+    assert [c.attack for c in others.significant] == significant
+    assert ("can be significant" in told(outcomes)[1]["Evidence"]) is (others.p_attainable > SIGNIFICANT)
 
 
 def test_scenes_and_seeds_are_counted() -> None:

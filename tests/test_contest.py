@@ -18,7 +18,7 @@ from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.evaluation.survival import survival
-from gspure.report.tables import conditions_markdown, rivals_table, survival_table
+from gspure.report.tables import conditions_markdown, other_attacks_table, survival_table
 from tests.contest_cases import attacked, benchmark, outcome
 
 SCENES = benchmark(
@@ -32,27 +32,27 @@ SWEEPS = {"theirs": ["weaker", "better"]}
 DROPS = st.tuples(st.floats(0, 5), st.floats(0, 20))
 
 
-def by_rival(rows, quantity=SCORE):
-    return {row.rival: row for row in rows if row.quantity == quantity and math.isnan(row.damage)}
+def by_attack(rows, quantity=SCORE):
+    return {row.attack: row for row in rows if row.quantity == quantity and math.isnan(row.damage)}
 
 
-def test_each_rival_is_compared_in_score_message_and_scene() -> None:
+def test_each_attack_is_compared_in_score_message_and_scene() -> None:
     rows = contest(SCENES, {})
-    assert {row.rival for row in rows} == {"weaker", "twin", "better"}
-    assert by_rival(rows)["weaker"].difference.mean == pytest.approx(6.0 + 2.5 + 1.0)
-    assert by_rival(rows, MESSAGE_DROP)["weaker"].difference.mean == pytest.approx(8.5)
-    assert by_rival(rows, SCENE_DROP)["weaker"].difference.mean == pytest.approx(-1.0)
-    assert by_rival(rows)["better"].difference.mean == pytest.approx(-2.5)
+    assert {row.attack for row in rows} == {"weaker", "twin", "better"}
+    assert by_attack(rows)["weaker"].difference.mean == pytest.approx(6.0 + 2.5 + 1.0)
+    assert by_attack(rows, MESSAGE_DROP)["weaker"].difference.mean == pytest.approx(8.5)
+    assert by_attack(rows, SCENE_DROP)["weaker"].difference.mean == pytest.approx(-1.0)
+    assert by_attack(rows)["better"].difference.mean == pytest.approx(-2.5)
 
 
 def test_identical_attacks_have_no_difference_and_p_1() -> None:
-    twin = by_rival(contest(SCENES, {}))["twin"]
+    twin = by_attack(contest(SCENES, {}))["twin"]
     assert tuple(twin.difference[:3]) == (0.0, 0.0, 0.0)
     assert (twin.p, twin.p_adjusted) == (1.0, 1.0)
 
 
-def test_p_values_are_corrected_for_all_rivals_and_say_what_they_could_be() -> None:
-    rows = by_rival(contest(SCENES, {}))
+def test_p_values_are_corrected_for_all_attacks_and_come_with_the_smallest_possible() -> None:
+    rows = by_attack(contest(SCENES, {}))
     assert rows["better"].p == 2 / 2**6
     assert rows["better"].p_adjusted == pytest.approx(3 * 2 / 2**6)
     assert [row.p_attainable for row in rows.values()] == pytest.approx([3 * 2 / 2**6] * 3)
@@ -71,12 +71,12 @@ def test_the_order_of_outcomes_does_not_matter(drops, seeds, random) -> None:
     outcomes = benchmark(drops, seeds)
     rows, shuffled = (contest(o, {}) for o in (outcomes, random.sample(outcomes, len(outcomes))))
     assert sorted(map(repr, rows)) == sorted(map(repr, shuffled))
-    assert all(row.p_adjusted >= row.p and row.p_adjusted >= row.p_attainable for row in by_rival(rows).values())
+    assert all(row.p_adjusted >= row.p and row.p_adjusted >= row.p_attainable for row in by_attack(rows).values())
 
 
 def test_seeds_of_a_scene_belong_together_and_are_counted_as_cells() -> None:
     drops = {scene: {"gspure": (1.0, 10.0), "x": (1.0, 7.0)} for scene in "ab"}
-    once, often = (by_rival(contest(benchmark(drops, seeds), {}))["x"] for seeds in (1, 3))
+    once, often = (by_attack(contest(benchmark(drops, seeds), {}))["x"] for seeds in (1, 3))
     assert (once.cells, often.cells) == (2, 6)
     assert (once.difference.scenes, once.p) == (often.difference.scenes, often.p) == (2, 0.5)
 
@@ -84,11 +84,11 @@ def test_seeds_of_a_scene_belong_together_and_are_counted_as_cells() -> None:
 def test_only_scenes_and_seeds_that_both_have_are_compared() -> None:
     outcomes = benchmark({scene: {"gspure": (1.0, 10.0), "x": (1.0, 7.0)} for scene in "abc"})
     without = [o for o in outcomes if (o.scene, o.variant) != ("b", "x")] + [attacked("x", 0.0, 0.0, "b", 7)]
-    (row,) = by_rival(contest(without, {})).values()
+    (row,) = by_attack(contest(without, {})).values()
     assert (row.cells, row.difference.scenes, row.difference.mean) == (2, 2, 3.0)
 
 
-def test_controls_and_failed_variants_are_not_rivals() -> None:
+def test_controls_and_failed_variants_are_left_out() -> None:
     outcomes = [*benchmark({"a": {"gspure": (1.0, 10.0)}}), outcome("gof", "a", failure="no mesh")]
     assert contest(outcomes, {}) == []
     assert contest([o for o in SCENES if o.variant != "gspure"], {}) == []
@@ -100,7 +100,7 @@ def test_at_equal_damage_the_sweeps_are_compared_scene_by_scene() -> None:
     )
     rows = [row for row in contest(outcomes, {"theirs": ["weak", "strong", "absent"]}) if not math.isnan(row.damage)]
     # At 0.3 dB, neither was tested so gently.
-    assert [(row.rival, row.damage, row.cells) for row in rows] == [("theirs", at, 1) for at in MATCHED_DAMAGES[1:]]
+    assert [(row.attack, row.damage, row.cells) for row in rows] == [("theirs", at, 1) for at in MATCHED_DAMAGES[1:]]
     assert [row.difference.mean for row in rows] == pytest.approx([10 - 4.6, 10 - 7, 10 - 8.5])
 
 
@@ -110,9 +110,9 @@ def test_a_sweep_of_gspure_replaces_the_single_variant() -> None:
     assert at_2.difference.mean == pytest.approx(11.0)
 
 
-def test_gspure_at_other_strengths_is_not_a_rival() -> None:
+def test_gspure_at_other_strengths_is_left_out() -> None:
     rows = contest(SCENES, {"gspure": ["gspure", "twin"]})
-    assert {row.rival for row in rows if math.isnan(row.damage)} == {"weaker", "better"}
+    assert {row.attack for row in rows if math.isnan(row.damage)} == {"weaker", "better"}
 
 
 def test_every_extraction_is_a_family_of_its_own() -> None:
@@ -151,9 +151,9 @@ def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path)
     words = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
     assert main(["contest", *words, "--sweep", f"theirs={','.join(SWEEPS['theirs'])}"]) == 0
     with (tmp_path / "contest.csv").open(newline="") as stream:
-        rows = {(row["rival"], row["quantity"], row["damage"]): row for row in csv.DictReader(stream)}
+        rows = {(row["attack"], row["quantity"], row["damage"]): row for row in csv.DictReader(stream)}
     assert rows["weaker", "score", ""]["difference_mean"] == "9.5"
-    assert any(rival == "theirs" and damage for rival, _, damage in rows)
+    assert any(attack == "theirs" and damage for attack, _, damage in rows)
     matched = read_records(tmp_path / "matched.csv", Matched)
     assert (matched[0].sweep, matched[0].strengths, len(matched)) == ("theirs", 2, len(match(SCENES, SWEEPS)))
     expected = conditions_markdown(survival(SCENES), contest(SCENES, SWEEPS), match(SCENES, SWEEPS))
@@ -168,15 +168,15 @@ def test_the_tables_hold_survival_and_differences() -> None:
     left = {str(row.cells[0]): [str(cell) for cell in row.cells] for row in survival_table(survival(SCENES)).rows}
     assert left["better"][1].startswith("14.50 [")
     assert left["better"][4] == "6 of 6"
-    rivals = {
+    others = {
         str(row.cells[0]): row.cells
-        for row in rivals_table(
-            list(by_rival(contest(SCENES, {})).values())
+        for row in other_attacks_table(
+            list(by_attack(contest(SCENES, {})).values())
             + [row for row in contest(SCENES, {}) if row.quantity != SCORE and math.isnan(row.damage)]
         ).rows
     }
-    assert str(rivals["better"][1]).startswith("−2.50 [")
-    assert str(rivals["better"][-1]) == "0.094 (≥ 0.094)"
+    assert str(others["better"][1]).startswith("−2.50 [")
+    assert str(others["better"][-1]) == "0.094 (≥ 0.094)"
     assert conditions_markdown().startswith("No model with a message")
 
 

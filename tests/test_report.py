@@ -17,6 +17,7 @@ from gspure.artifacts import write_json, write_provenance
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH
+from gspure.evaluation.contest import contest
 from gspure.evaluation.matched import match
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.results import read_results, write_results
@@ -27,7 +28,7 @@ from gspure.images import write_image
 from gspure.model.suspicious import REASONS
 from gspure.report.findings import findings, limits
 from gspure.report.page import write_report
-from tests.contest_cases import measured
+from tests.contest_cases import measured, outcome
 from tests.test_viewer import evidence
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
@@ -220,6 +221,21 @@ def test_a_scheme_s_attacks_are_compared_over_its_scenes(tmp_path: Path, figures
     assert {name for name, row in rows.items() if "<b>" in row} == {"GSPure", "v0"}
     assert "<td>6.00" in rows["ours"]
     assert len(page.all("img")) == 3
+
+
+def test_notes_stand_once_in_a_section_and_explain_extractions_before_their_tables(tmp_path: Path) -> None:
+    drops = {"unattacked": (0, 0), "gspure": (1, 20), "gof": (1, 10), "clean": (0, 25), "black": (20, 25)}
+    outcomes = [
+        outcome(name, targets={"scene": 30.0 - a, "message": 28.0 - b, "message_oracle": 28.0 - b})
+        for name, (a, b) in drops.items()
+    ]
+    outcomes = [Outcome(**{**vars(o), "reached": {"message_oracle": o.variant != "gof"}}) for o in outcomes]
+    known = {"survivals": survival(outcomes), "contests": contest(outcomes, {}), "matched": match(outcomes, {})}
+    write_report(tmp_path / "report.html", "Title", outcomes, **known)
+    text = Page(tmp_path / "report.html").text
+    assert text.count("RMS ratio: root-mean-square") == text.count("Positive: GSPure has") == 1
+    assert text.index("Message (oracle): extracted") < text.index("Survival of the message (oracle)")
+    assert "Message (adaptive): extracted" not in text
 
 
 def test_a_figure_of_an_unknown_model_is_refused(tmp_path: Path, figures: list[Path]) -> None:

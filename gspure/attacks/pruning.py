@@ -1,4 +1,4 @@
-"""Attacks that remove rows: GSPure and its rivals, each with its own strength."""
+"""Attacks that remove rows: GSPure and others, each with its own strength."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ DropsByVariant = Mapping[str, Mapping[tuple[str, int], Drops]]
 
 
 class Contest(NamedTuple):
-    """GSPure minus one rival, in one quantity."""
+    """GSPure minus one other attack, in one quantity."""
 
     scheme: str
     protocol: str
@@ -46,7 +46,7 @@ class Contest(NamedTuple):
     extraction: str
     """The target that shows the message."""
 
-    rival: str
+    attack: str
     """A variant; where `damage` is known, a sweep."""
 
     quantity: Quantity
@@ -64,22 +64,22 @@ class Contest(NamedTuple):
     """Of the sign-flip test of the Score; NaN for other quantities."""
 
     p_adjusted: float = math.nan
-    """`p` after Holm's correction for all rivals on this condition and extraction."""
+    """`p` after Holm's correction for all attacks on this condition and extraction."""
 
     p_attainable: float = math.nan
-    """The smallest `p_adjusted` possible with this number of rivals and scenes."""
+    """The smallest `p_adjusted` possible with this number of attacks and scenes."""
 
 
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     """Compare GSPure with every other attack, for every condition and extraction of the message.
 
-    Controls, and GSPure itself at other strengths, are not rivals. Only the Score is tested: it is the measure that the
+    Controls, and GSPure itself at other strengths, are left out. Only the Score is tested: it is the measure that the
     paper names, and further tests would make the correction harsher. Other quantities have intervals alone.
 
     Parameters
     ----------
     outcomes : sequence of Outcome
-        In any order; conditions and rivals keep it.
+        In any order; conditions and attacks keep it.
     sweeps : mapping
         Variants that are one attack at several strengths; others are sweeps of one strength. The sweep named `GSPURE`
         is compared with the others at equal `gspure.evaluation.matched.damages`.
@@ -132,17 +132,17 @@ def _at_equal_damage(attacks: Sequence[Outcome], extraction: str, sweeps: Sweeps
 def _against(
     cells: Mapping[str, Cells], condition: Condition, extraction: str, quantity: Quantity, damage: float
 ) -> list[Contest]:
-    """Compare GSPure with every rival that shares a scene and seed with it."""
+    """Compare GSPure with every other attack that shares a scene and seed with it."""
     gspure = cells.get(GSPURE, {})
-    shared = {rival: differences(gspure, of_rival) for rival, of_rival in cells.items() if rival != GSPURE}
-    by_rival = {rival: scenes for rival, scenes in shared.items() if scenes}
+    shared = {attack: differences(gspure, known) for attack, known in cells.items() if attack != GSPURE}
+    by_attack = {attack: scenes for attack, scenes in shared.items() if scenes}
     rows = [
-        Contest(*condition, extraction, rival, quantity, damage, sum(map(len, scenes)), mean_interval(scenes))
-        for rival, scenes in by_rival.items()
+        Contest(*condition, extraction, attack, quantity, damage, sum(map(len, scenes)), mean_interval(scenes))
+        for attack, scenes in by_attack.items()
     ]
     if quantity != SCORE:
         return rows
-    tests = [paired_test(scenes) for scenes in by_rival.values()]
+    tests = [paired_test(scenes) for scenes in by_attack.values()]
     adjusted, attainable = holm([test.p for test in tests]), holm([test.smallest_p for test in tests])
     return [
         row._replace(p=test.p, p_adjusted=float(p), p_attainable=float(best))

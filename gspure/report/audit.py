@@ -39,10 +39,10 @@ EQUAL: Final = 0.05
 Verdict = Literal["judged", "failed", "no key", "no reference", "no controls", "not present", "not touched"]
 
 
-class Rivals(NamedTuple):
+class OtherAttacks(NamedTuple):
     """GSPure against all other attacks under one condition."""
 
-    others: int
+    attacks: int
     scenes: int
     """Number of scenes in the largest comparison."""
 
@@ -53,10 +53,10 @@ class Rivals(NamedTuple):
     """Those with the same Score."""
 
     ahead_at_equal_damage: list[Contest]
-    """By damage to the scene: the rival that removes the most, if that is more than GSPure removes in every scene."""
+    """By damage to the scene: the attack that removes the most, if that is more than GSPure removes in every scene."""
 
     damages: list[float]
-    """The damages at which GSPure and a rival were tested, dB."""
+    """The damages at which GSPure and another attack were tested, dB."""
 
     significant: list[Contest]
     p_attainable: float
@@ -110,7 +110,7 @@ class Audit:
     random: dict[str, Interval]
     """GSPure minus random pruning of as many rows, by quantity; empty if that was not run."""
 
-    rivals: Rivals | None
+    other_attacks: OtherAttacks | None
     failures: list[Failure]
 
     def where(self, survives: bool | None) -> list[Survival]:  # noqa: FBT001 (None: in some scenes only)
@@ -177,8 +177,8 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         scene_psnr=[] if by_variant else _scene_psnr(outcomes),
         against_photographs=all(o.against_truth for o in outcomes),
         off_path=_off_path([o for o in outcomes if o.variant == GSPURE]),
-        random={c.quantity: c.difference for c in as_run if c.rival == RANDOM},
-        rivals=_rivals(contests),
+        random={c.quantity: c.difference for c in as_run if c.attack == RANDOM},
+        other_attacks=_other_attacks(contests),
         failures=_failures(outcomes),
     )
 
@@ -197,7 +197,7 @@ def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Surviv
     return "not touched" if any(row.present for row in by_variant.values()) else "not present"
 
 
-def _rivals(contests: Sequence[Contest]) -> Rivals | None:
+def _other_attacks(contests: Sequence[Contest]) -> OtherAttacks | None:
     scores = [c for c in contests if c.quantity == SCORE and isnan(c.damage)]
     if not scores:
         return None
@@ -208,7 +208,7 @@ def _rivals(contests: Sequence[Contest]) -> Rivals | None:
         consistent = [c for c in ahead if c.difference.excludes_zero]
         if consistent:
             strongest.append(min(consistent, key=lambda c: c.difference.mean))
-    return Rivals(
+    return OtherAttacks(
         len(scores),
         max(c.difference.scenes for c in scores),
         sorted((c for c in scores if c.difference.mean <= -EQUAL), key=lambda c: c.difference.mean),

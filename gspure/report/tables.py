@@ -57,7 +57,7 @@ def condition_tables(
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
         (survival_table, survivals),
-        (rivals_table, [row for row in contests if isnan(row.damage)]),
+        (other_attacks_table, [row for row in contests if isnan(row.damage)]),
         (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
         (matched_table, matched),
     ]
@@ -135,45 +135,44 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
             cells += [interval(row.above_floor), interval(row.above_wrong_key)]
             cells += [_detectability(row)] * (scenes > 1)
         rows.append(Row(cells))
-    missed = any("†" in row.cells[0].text for row in rows)
-    note = say(NOTES, "survival", scenes, has_floor, MARGIN, missed)
+    note = say(NOTES, "survival", scenes, has_floor, MARGIN)
     return Table(f"Survival of the {display_name(attacks[0].extraction)}", columns, rows, note)
 
 
-def rivals_table(contests: Sequence[Contest]) -> Table:
-    """Return GSPure minus every rival as both were run."""
-    by_rival: dict[str, dict[str, Contest]] = {}
+def other_attacks_table(contests: Sequence[Contest]) -> Table:
+    """Return GSPure minus every other attack as both were run."""
+    by_attack: dict[str, dict[str, Contest]] = {}
     for row in contests:
-        by_rival.setdefault(row.rival, {})[row.quantity] = row
+        by_attack.setdefault(row.attack, {})[row.quantity] = row
     scenes = _scenes(row.difference for row in contests)
-    columns = [Column("rival"), Column("Score"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
+    columns = [Column("attack"), Column("Score"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
     columns += [Column("p")] * (scenes > 1)
     rows = []
-    for rival, quantities in by_rival.items():
+    for attack, quantities in by_attack.items():
         cells = [interval(quantities[name].difference) for name in (SCORE, MESSAGE_DROP, SCENE_DROP)]
         score = quantities[SCORE]
         cells += [Cell(f"{score.p_adjusted:.2g}", f"(≥ {score.p_attainable:.2g})")] * (scenes > 1)
-        rows.append(Row([Cell(display_name(rival)), *cells]))
+        rows.append(Row([Cell(display_name(attack)), *cells]))
     title = f"GSPure minus other attacks: {display_name(contests[0].extraction)}"
-    return Table(title, columns, rows, say(NOTES, "rivals", scenes))
+    return Table(title, columns, rows, say(NOTES, "other_attacks", scenes))
 
 
 def equal_damage_table(contests: Sequence[Contest]) -> Table:
-    """Return GSPure minus every rival at equal damage to the scene."""
-    rivals = {row.rival: {c.damage: c for c in contests if c.rival == row.rival} for row in contests}
+    """Return GSPure minus every other attack at equal damage to the scene."""
+    by_attack = {row.attack: {c.damage: c for c in contests if c.attack == row.attack} for row in contests}
     damages = dict.fromkeys(row.damage for row in contests)
     rows = [
         Row(
             [
-                Cell(display_name(rival)),
+                Cell(display_name(attack)),
                 *(interval(by_damage[d].difference) if d in by_damage else Cell() for d in damages),
             ]
         )
-        for rival, by_damage in rivals.items()
+        for attack, by_damage in by_attack.items()
     ]
     title = f"GSPure minus other attacks at equal damage to the scene: {display_name(contests[0].extraction)}"
     note = say(NOTES, "equal_damage", _scenes(row.difference for row in contests))
-    return Table(title, [Column("rival"), *_permitted(damages)], rows, note)
+    return Table(title, [Column("attack"), *_permitted(damages)], rows, note)
 
 
 def matched_table(matched: Sequence[Matched]) -> Table:
