@@ -320,7 +320,7 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
     assert len(read_model(public)) > 0
     assert public.with_name("point_cloud.ply.json").is_file()
     check = read_json(tmp_path / "marked" / "key" / "readability.json")
-    assert check["readable"] == (check["message"] >= max(check["floors"].values()) + 1)
+    assert check["readable"] == (check["message"] >= max(check["controls"].values()) + 1)
     assert f"message PSNR {check['message']:.1f} dB" in capsys.readouterr().err
     extract = ["extract", str(public), "--scheme", "splats_in_splats", "--key", str(tmp_path / "marked" / "key")]
     extract += ["--cameras", str(pair_folder / "cameras.json"), "--split", "test"]

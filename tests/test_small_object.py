@@ -52,7 +52,7 @@ def anchors(pair):
 def test_anchors_hide_it_readably(pair, anchors):
     check = readability(pair.message, *anchors)
     assert check.readable
-    assert check.message > check.floors["black"] + 5
+    assert check.message > check.controls["black"] + 5
 
 
 def test_splats_hide_it_readably(pair):

@@ -12,8 +12,8 @@ EXAMPLES = """\
   gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
   gspure embed planted pair --out marked                                   # a test fixture with known ground truth
 
-Writes public/, the public model, and key/, the owner's key, with the PSNR of the message and of its floors on a few
-training views in readability.json. A message that does not stand out from the floors is warned of.
+Writes public/, the public model, and key/, the owner's key, with readability.json: the PSNR of the message and of
+negative controls in a few training views. A warning is printed if the message does not stand out from them.
 planted is not trained and takes ray-traced pairs only. gs_hider and secure_gs need PyTorch: pip install gspure[torch].
 """
 

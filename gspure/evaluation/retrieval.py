@@ -15,7 +15,7 @@ from gspure.evaluation.statistics import detectability
 from gspure.images import Float32, read_image
 
 CHANCE: Final = 0.05
-"""Largest probability of as many views by chance at which the message counts as retrieved. Ours."""
+"""The message is retrieved if chance hits as many views with at most this probability. Ours."""
 
 FALSE_POSITIVES: Final = 0.01
 """Rate of false candidates above the threshold of `Retrieval.tpr`."""
@@ -39,7 +39,7 @@ class Retrieval(NamedTuple):
 
     @property
     def succeeds(self) -> bool:
-        """Whether so many views, or more, have a probability of at most `CHANCE` if candidates are drawn at random."""
+        """Whether candidates drawn at random hit as many views, or more, with a probability of at most `CHANCE`."""
         from scipy.stats import binom
 
         hits = round(self.top1 * self.views)
@@ -94,8 +94,8 @@ def false_candidates(pair: Pair, index: int, decoys: Sequence[Path]) -> list[Pat
 def compare_candidates(pair: Pair, files: Sequence[Path]) -> Float64:
     """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
 
-    The false ones are the message's photograph mirrored, upside down and turned by 180 degrees, and those of `files`
-    that have the same size.
+    The false ones are the message's photograph mirrored, upside down and turned by 180 degrees, and the pictures of
+    the same size among `files`.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from gspure.schemes.pair import Capture
 from gspure.schemes.scheme import MESSAGE, Key
 
 VIEWS: Final = 4
-"""Training views that are looked at: those whose photographs vary most, as a small object is not in all. Ours."""
+"""Number of training views: those whose photographs vary most, since a small object is not in all. Ours."""
 
 
 @dataclass(frozen=True)
@@ -28,23 +28,23 @@ class Readability:
     ----------
     message : float
         Of the owner's extraction.
-    floors : dict of str to float
+    controls : dict of str to float
         Of the controls: black, the photographs' mean colour, an extraction with a wrong key.
 
     """
 
     message: float
-    floors: dict[str, float]
+    controls: dict[str, float]
 
     @property
     def readable(self) -> bool:
-        """Whether the message stands out from all floors."""
-        return self.message >= max(self.floors.values()) + MARGIN
+        """Whether the message stands out from all controls."""
+        return self.message >= max(self.controls.values()) + MARGIN
 
     def report(self) -> None:
         """Print the numbers, as a warning if the message is not readable."""
-        best = max(self.floors, key=lambda name: self.floors[name])
-        numbers = f"message PSNR {self.message:.1f} dB; best of floors {self.floors[best]:.1f} dB ({best})"
+        best = max(self.controls, key=lambda name: self.controls[name])
+        numbers = f"message PSNR {self.message:.1f} dB; highest control {self.controls[best]:.1f} dB ({best})"
         if self.readable:
             say(numbers)
         else:
@@ -61,9 +61,9 @@ def readability(capture: Capture, public: PublicModel, key: Key, device: Device 
         images = [view(capture.views[i]).clip(0, 1).reshape(-1, 3) for i in chosen]
         return psnr(np.concatenate(images), truth)
 
-    floors = {
+    controls = {
         BLACK: psnr(np.zeros_like(truth), truth),
         MEAN_COLOUR: psnr(np.broadcast_to(truth.mean(axis=0), truth.shape), truth),
         WRONG_KEY: quality(key.wrong(np.random.default_rng(0))),
     }
-    return Readability(quality(key), floors)
+    return Readability(quality(key), controls)
