@@ -52,7 +52,7 @@ def test_scene_and_message_are_learned_from_one_map(hidden, pair):
     assert quality(stranger, pair, 1) < quality(key.message(public, "message"), pair, 1) - 3
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_does_not(pair):
+def test_equal_seeds_give_equal_bits_and_different_seeds_do_not(pair):
     def digests(seed):
         public, key = hide(SCHEME, pair, seed=seed, iterations=4)
         return digest(public.model.table, public.decoder.content, key.decoder.content)
@@ -62,7 +62,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not(pair):
     assert torch.equal(torch.get_rng_state(), state)
 
 
-def test_bits_do_not_depend_on_how_many_threads_pytorch_has(pair):
+def test_bits_do_not_depend_on_the_number_of_pytorch_threads(pair):
     def digests(threads):
         before = torch.get_num_threads()
         torch.set_num_threads(threads)
@@ -88,7 +88,7 @@ def test_settings_out_of_range_are_refused(pair, setting):
         hide(SCHEME, pair, **setting)
 
 
-def test_decoders_come_to_rest_at_the_end(pair):
+def test_decoders_change_little_at_the_end_of_training(pair):
     start = gaussians_at(*(part[:500] for part in pair.points))
     run = Training(pair, start, 40, message_weight=0.5, max_gaussians=500, seed=0, device=choose_device())
     weights = [weight for branch in run.branches for weight in branch.decoder.parameters()]
@@ -101,7 +101,7 @@ def test_decoders_come_to_rest_at_the_end(pair):
     assert steps[-1] < steps[0] / 5
 
 
-def test_features_follow_what_densification_does(pair):
+def test_features_stay_aligned_with_gaussians_during_densification(pair):
     run = Training(
         *(pair, gaussians_at(*(part[:500] for part in pair.points)), 12),
         message_weight=0.5,
@@ -157,7 +157,7 @@ def test_the_message_of_gs_hider_is_extracted_from_features_only(hidden):
         key.message(PublicModel(public.model), "message")
 
 
-def test_the_loss_is_the_one_that_the_device_computes():
+def test_the_loss_equals_that_of_the_device():
     image, photograph = np.random.default_rng(0).random((2, 30, 41, 3), dtype=np.float32)
     a, b = torch.from_numpy(image), torch.from_numpy(photograph)
     assert torch_ssim(a, b).item() == pytest.approx(ssim(image, photograph), abs=1e-6)
@@ -165,7 +165,7 @@ def test_the_loss_is_the_one_that_the_device_computes():
     assert photometric(a, b).item() == pytest.approx(expected, abs=1e-6)
 
 
-def test_a_step_goes_downhill_at_the_scheduled_rates(pair):
+def test_a_step_descends_at_the_scheduled_rates(pair):
     """A first step of Adam moves every parameter by its rate, against the gradient's sign."""
     field = Field(gaussians_at(*pair.points), choose_device())
     camera, rates = pair.scene.views[0], Schedule.scaled(10).rates(1, 1.0)

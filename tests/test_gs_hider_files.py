@@ -77,7 +77,7 @@ def test_the_authors_layout_is_read(torch, tmp_path):
     assert last_bias(SCHEME.read_key(cloud / "iteration_30").decoder) == 31
 
 
-def test_a_hand_made_decoder_computes_its_convolutions(torch, saved):
+def test_a_decoder_computes_its_convolutions(torch, saved):
     from scipy.signal import correlate
 
     tensors = state(torch)
@@ -131,7 +131,7 @@ def test_a_model_without_its_decoder_can_be_attacked_but_not_rendered(tmp_path):
 
 
 @pytest.mark.parametrize("columns", [COLUMNS[:-1], (*COLUMNS, "semantic_16")])
-def test_other_rows_are_refused(tmp_path, columns):
+def test_a_model_with_missing_or_additional_features_is_refused(tmp_path, columns):
     write_model(tmp_path / "model.ply", Gaussians(np.zeros(3, [(name, "<f4") for name in columns])))
     with pytest.raises(InputError, match="semantic_"):
         SCHEME.read_public(tmp_path / "model.ply")
@@ -195,7 +195,7 @@ def test_a_hostile_file_is_refused_and_not_run(torch, tmp_path, form):
 
 
 @pytest.mark.parametrize("value", [[1, 2], {1: 2}, {"conv1.weight": 3.0}, "text"])
-def test_other_objects_are_refused(saved, value):
+def test_a_file_of_other_objects_than_tensors_is_refused(saved, value):
     with pytest.raises(InputError):
         saved(value).network  # noqa: B018
 
@@ -230,7 +230,7 @@ def test_damaged_files_are_refused(torch, tmp_path, content):
         DecoderFile.read(tmp_path / NAME).network  # noqa: B018
 
 
-def test_without_torch_models_are_attacked_and_images_say_what_to_install(monkeypatch, tmp_path):
+def test_without_torch_models_can_be_attacked_and_rendering_names_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.delitem(sys.modules, "gspure.training.pytorch", raising=False)
     for name in ("decoder", "branch", "loss", "training"):

@@ -48,7 +48,7 @@ def test_a_key_is_read_back_exactly(tmp_path):
         ("opacity.2.weight", np.zeros(3, np.float32), r"opacity\.2\.weight: expected"),
     ],
 )
-def test_a_key_that_does_not_fit_itself_is_refused(tmp_path, parameter, array, message):
+def test_a_key_with_inconsistent_arrays_is_refused(tmp_path, parameter, array, message):
     key = random_key()
     arrays = {f"{name}.{p}": a for name, network in key.networks.items() for p, a in network.items()}
     save_arrays(tmp_path / HIDDEN, arrays | {parameter: array})
@@ -97,7 +97,7 @@ def test_a_wrong_key_has_the_same_form_and_shows_something_else():
     assert not np.allclose(wrong.message(public, "message")(VIEW), key.message(public, "message")(VIEW), atol=1e-2)
 
 
-def test_gradients_on_the_screen_are_those_of_the_renderer():
+def test_screen_space_gradients_equal_those_of_the_renderer():
     view = tilted_camera()
     model = blobs(60, 3, size=(0.01, 0.05))
     renderer = Renderer(model)
@@ -127,7 +127,7 @@ def cells_of(anchors: Anchors, side):
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 30))
-def test_no_two_anchors_grow_in_one_cell_and_no_more_than_there_is_room_for(seed, room):
+def test_at_most_one_anchor_grows_per_cell_and_growth_stops_at_the_limit(seed, room):
     rng = np.random.default_rng(seed)
     before = rng.uniform(-1, 1, (20, 3)).astype(np.float32)
     asking = candidates(rng.uniform(-1, 1, (60, 3)), rng.exponential(1e-3, 60))
@@ -155,7 +155,7 @@ def test_an_anchor_grows_where_gradients_reach_the_threshold():
     assert cells_of(denser, 0.16) == {(6, 0, 0), (-6, 0, 0)}
 
 
-def test_growth_in_limited_room_prefers_the_largest_gradients():
+def test_growth_near_the_limit_prefers_the_largest_gradients():
     places = [[1.0, 0, 0]] * 20 + [[-1.0, 0, 0]] * 20
     new = grown(
         np.full((1, 3), 9, np.float32),
@@ -168,7 +168,7 @@ def test_growth_in_limited_room_prefers_the_largest_gradients():
     assert cells_of(new, 0.16) == {(6, 0, 0)}
 
 
-def test_the_hidden_region_is_the_box_of_what_is_dense():
+def test_the_hidden_region_is_the_box_of_dense_points():
     rng = np.random.default_rng(0)
     dense = rng.uniform([1, 1, 1], [1.2, 1.3, 1.4], (200, 3)).astype(np.float32)
     stray = np.float32([[5, 5, 5], [-5, 0, 0]])
@@ -202,7 +202,7 @@ def test_statistics_follow_the_anchors():
 
 
 @pytest.mark.parametrize("at_most", [20, 100, 5000])
-def test_anchors_start_one_per_voxel_of_points(at_most):
+def test_each_voxel_with_points_starts_with_one_anchor(at_most):
     points = np.random.default_rng(0).uniform(-1, 1, (800, 3))
     anchors, voxel = first_anchors([points], at_most)
     assert 4 <= len(anchors.positions) <= at_most
@@ -210,13 +210,13 @@ def test_anchors_start_one_per_voxel_of_points(at_most):
     assert np.abs(points[:, None] - anchors.positions).max(axis=2).min(axis=1).max() <= voxel / 2 + 1e-6
 
 
-def test_coincident_points_are_one_anchor_each():
+def test_coincident_points_become_one_anchor():
     places = np.random.default_rng(0).uniform(-1, 1, (6, 3))
     anchors, _ = first_anchors([np.repeat(places, 10, axis=0)], 100)
     np.testing.assert_allclose(np.sort(anchors.positions, axis=0), np.sort(places, axis=0), atol=1e-6)
 
 
-def test_a_small_object_has_as_many_anchors_as_a_wide_scene():
+def test_a_small_object_gets_as_many_anchors_as_a_wide_scene():
     rng = np.random.default_rng(0)
     wide, small = rng.uniform(-3, 3, (600, 3)), rng.uniform(-0.1, 0.1, (400, 3))
     anchors, voxel = first_anchors([wide, small], 300)
@@ -226,7 +226,7 @@ def test_a_small_object_has_as_many_anchors_as_a_wide_scene():
     assert voxel < 0.1
 
 
-def test_a_short_run_has_the_schedule_of_a_long_one():
+def test_the_schedule_of_a_short_run_is_that_of_a_long_run_scaled():
     long, short = AnchorSchedule.scaled(30_000), AnchorSchedule.scaled(3_000)
     assert [i for i in range(1, 1800) if long.adjusts(i)] == [1600, 1700]
     assert not long.adjusts(15_000)
@@ -238,7 +238,7 @@ def test_a_short_run_has_the_schedule_of_a_long_one():
     assert long.rates(30_000, 2.0)["offsets"] == pytest.approx(2e-4)
 
 
-def test_the_scheme_has_the_settings_that_every_scheme_has():
+def test_the_scheme_has_the_settings_common_to_all_schemes():
     assert SCHEME.settings.keys() >= REQUIRED
 
 
@@ -251,7 +251,7 @@ def test_settings_out_of_range_are_refused(pair_folder, setting, value):
         hide(SCHEME, read_pair(pair_folder), **{setting: value})
 
 
-def test_without_torch_only_training_says_what_to_install(monkeypatch, pair_folder, tmp_path):
+def test_without_torch_training_names_what_to_install(monkeypatch, pair_folder, tmp_path):
     pair = read_pair(pair_folder)
     for name in [n for n in sys.modules if n.startswith(("gspure.training.torch_bridge", "gspure.training.pytorch"))]:
         monkeypatch.delitem(sys.modules, name)

@@ -49,7 +49,7 @@ def test_scene_and_message_are_learned_over_the_same_anchors(pair, embedded):
     assert quality(wrong, pair.message) < quality(message, pair.message) - 2
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_does_not(tmp_path, pair, embedded):
+def test_equal_seeds_give_equal_bits_and_different_seeds_do_not(tmp_path, pair, embedded):
     threads = torch.get_num_threads()
     torch.set_num_threads(3)
     again = hide(SCHEME, pair, seed=3, **SHORT)
@@ -75,7 +75,7 @@ def test_the_published_table_has_the_columns_of_scaffold_gs(pair, embedded):
     assert len(set(public.model.columns("opacity").ravel())) == 1
 
 
-def test_anchors_grow_within_their_limit_and_both_branches_ask_for_them(pair):
+def test_anchors_grow_up_to_the_limit_from_gradients_of_both_branches(pair):
     public, key = random_public(60), random_key()
     run = Training(
         *(pair, public.anchors, 0.05, [public.networks, key.networks], 400),
@@ -113,7 +113,7 @@ def test_learned_rows_and_their_moments_follow_the_anchors():
     assert learner.differentiate(0, camera(), np.arange(3), 0, 1.0)[0] < loss
 
 
-def test_a_view_without_gaussians_still_has_a_loss():
+def test_a_view_without_gaussians_has_a_loss():
     public = random_public()
     photograph = np.full((47, 65, 3), 0.5, np.float32)
     learner = Learner(public.anchors, [public.networks], [[photograph]], choose_device())

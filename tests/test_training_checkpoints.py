@@ -19,7 +19,7 @@ def snapshot():
     return Snapshot(42, state(11), (3, 1, 2), rng.bit_generator.state)
 
 
-def test_a_snapshot_survives_its_file_bit_for_bit(tmp_path, snapshot):
+def test_a_checkpoint_read_back_is_bit_identical(tmp_path, snapshot):
     write_checkpoint(tmp_path / "checkpoint.npz", snapshot, SETTINGS)
     found = read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS)
     assert (found.iteration, found.pending_views, found.rng) == (42, (3, 1, 2), snapshot.rng)

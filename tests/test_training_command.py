@@ -113,7 +113,7 @@ def test_a_killed_run_resumed_gives_the_same_file(project, trained, tmp_path, mo
     assert not (tmp_path / "checkpoint.npz").exists()
 
 
-def test_without_a_checkpoint_to_resume_a_run_begins(project, trained, tmp_path):
+def test_resuming_without_a_checkpoint_starts_a_new_run(project, trained, tmp_path):
     assert train(project, tmp_path, "--resume") == 0
     assert ply(tmp_path) == ply(trained)
 
@@ -135,7 +135,7 @@ def cut_outs(tmp_path_factory):
     return blender_scene(tmp_path_factory.mktemp("data") / "cut_outs", splits, model)
 
 
-def test_transparent_photographs_train_to_the_background_that_is_asked_for(cut_outs, tmp_path):
+def test_transparent_photographs_train_to_the_chosen_background(cut_outs, tmp_path):
     """Composited on black, as they once were whatever the background, they train to a flat grey of 10 dB or less."""
     assert train(cut_outs, tmp_path, "--background", "1", "1", "1") == 0
     rows = read_metrics(tmp_path / "metrics.csv")
@@ -161,7 +161,7 @@ def test_the_white_background_of_cfg_args_is_kept(cut_outs, tmp_path):
     assert [training_arguments(tmp_path / name)["white_background"] for name in ("known", "black")] == [True, False]
 
 
-def test_no_more_gaussians_grow_than_the_photographs_have_room_for(project, trained):
+def test_the_photographs_bound_the_number_of_gaussians(project, trained):
     settings = json.loads((trained / "point_cloud" / f"iteration_{ITERATIONS}" / "point_cloud.ply.json").read_text())
     assert settings["settings"]["max_gaussians"] == read_dataset(project, "320px").max_gaussians
     assert len(read_model(trained)) <= read_dataset(project, "320px").max_gaussians

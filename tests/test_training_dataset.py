@@ -74,18 +74,18 @@ def test_a_photograph_smaller_than_its_view_is_named(project):
     assert read_dataset(project, "16px").train[0].width == 16
 
 
-def test_views_that_all_look_away_from_the_points_are_refused(tmp_path):
+def test_views_that_see_no_points_are_refused(tmp_path):
     away = colmap_project(tmp_path / "away", [turned_away(view) for view in ring()], POINTS)
     assert refusal(away).endswith("training views: expected some that see points, found all look away from them")
 
 
-def test_views_without_points_that_share_no_place_are_refused(tmp_path):
+def test_views_without_points_are_refused_if_they_do_not_overlap(tmp_path):
     apart = colmap_project(tmp_path / "apart", [turned_away(view) for view in ring(3)], [])
     assert "training views: expected some that see the same place" in refusal(apart)
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_training_views_all_in_one_place_are_refused(tmp_path, count):
+def test_training_views_from_a_single_position_are_refused(tmp_path, count):
     assert "training views: expected several" in refusal(colmap_project(tmp_path / "few", ring(count), POINTS))
 
 
@@ -99,13 +99,13 @@ def test_too_few_points_are_replaced_by_random_ones_with_a_message(tmp_path, cap
     assert not np.array_equal(found.xyz, read_dataset(bare, "native", seed=6).xyz)
 
 
-def test_a_colmap_project_without_a_point_file_starts_at_random(project, capsys):
+def test_a_colmap_project_without_a_point_file_starts_from_random_points(project, capsys):
     (project / "sparse" / "0" / "points3D.txt").unlink()
     assert len(read_dataset(project, "native").xyz) == 10_000
     assert "has no points" in capsys.readouterr().err
 
 
-def test_photographs_of_another_folder_are_found_by_the_views_names(project, tmp_path):
+def test_photographs_in_another_folder_are_matched_by_view_name(project, tmp_path):
     other = tmp_path / "other"
     other.mkdir()
     for view in ring():
@@ -116,7 +116,7 @@ def test_photographs_of_another_folder_are_found_by_the_views_names(project, tmp
     assert "orbit_004" in refusal(project, photographs=other)
 
 
-def test_photographs_of_another_folder_are_named_as_views_are(project, tmp_path):
+def test_names_of_photographs_in_another_folder_are_normalized_like_view_names(project, tmp_path):
     other = tmp_path / "other" / "images"
     other.mkdir(parents=True)
     for view in ring():
@@ -145,7 +145,7 @@ def test_points_beside_a_transforms_file_are_read(tmp_path, name):
     assert (found.rgb == 7).all()
 
 
-def test_points_survive_their_file(tmp_path):
+def test_points_read_back_are_those_written(tmp_path):
     rgb = np.random.default_rng(1).integers(256, size=(20, 3), dtype=np.uint8)
     write_point_ply(tmp_path / "input.ply", POINTS, rgb)
     found = read_point_ply(tmp_path / "input.ply")
@@ -162,7 +162,7 @@ XYZ = ("float x", "float y", "float z")
 RGB = ("uchar red", "uchar green", "uchar blue")
 
 
-def test_signalling_coordinates_are_refused_without_a_warning(tmp_path):
+def test_signalling_nan_coordinates_are_refused_without_a_warning(tmp_path):
     text = header(*XYZ).replace("ascii", "binary_little_endian")
     (tmp_path / "a.ply").write_bytes(text.encode() + np.array([0, 0x7F800001, 0], "<u4").tobytes())
     with pytest.raises(InputError, match="point 0: expected finite coordinates"):
@@ -174,7 +174,7 @@ def test_points_without_colour_are_grey(tmp_path):
     assert read_point_ply(tmp_path / "a.ply")[1].tolist() == [[128, 128, 128]]
 
 
-def test_points_of_a_negative_number_are_refused(tmp_path):
+def test_a_negative_number_of_points_is_refused(tmp_path):
     write_point_ply(tmp_path / "a.ply", np.eye(3), np.zeros((3, 3), np.uint8))
     content = (tmp_path / "a.ply").read_bytes().replace(b"vertex 3", b"vertex -1")
     (tmp_path / "a.ply").write_bytes(content)
@@ -212,7 +212,7 @@ def test_a_missing_point_file_is_refused(tmp_path):
         read_point_ply(tmp_path / "none.ply")
 
 
-def test_the_fingerprint_tells_one_photograph_or_camera_from_another(project):
+def test_the_fingerprint_changes_with_any_photograph_or_camera(project):
     found = read_dataset(project, "native")
     images = read_photographs(found.train)
     changed = [*images[:-1], images[-1] + np.float32(1e-3)]
@@ -256,7 +256,7 @@ def test_a_training_split_alone_is_split_by_name(blender):
 
 
 @pytest.mark.parametrize("shade", [0.0, 0.4, 1.0])
-def test_transparent_photographs_stand_on_the_background(blender, shade):
+def test_transparent_photographs_are_composited_on_the_background(blender, shade):
     views = read_dataset(blender, "native").train
     for view, image in zip(views, read_photographs(views, (shade, 0, 1)), strict=True):
         red, _, blue, alpha = np.moveaxis(np.asarray(Image.open(view.image)) / 255, -1, 0)

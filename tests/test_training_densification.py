@@ -68,7 +68,7 @@ def test_a_large_gaussian_is_split_into_two_smaller_ones():
     assert not any(array.any() for part in (halves.first, halves.second) for array in vars(part).values())
 
 
-def test_halves_are_drawn_from_their_parent():
+def test_split_gaussians_are_sampled_from_their_parent():
     count, quat, scales = 20_000, np.array([0.7, -0.5, 0.9, 0.2]), np.array([0.5, 0.1, 0.03])
     parents = opaque(
         count,
@@ -83,7 +83,7 @@ def test_halves_are_drawn_from_their_parent():
     np.testing.assert_allclose(np.cov(drawn.T), rotation @ np.diag(scales**2) @ rotation.T, atol=0.005)
 
 
-def test_the_size_that_parts_clones_from_splits_is_relative_to_the_extent():
+def test_the_size_threshold_between_cloning_and_splitting_scales_with_the_extent():
     before = opaque(5, size=0.05)
     gradients = np.full(5, LARGE)
     clones, halves = (grow(before, gradients, extent=extent).parameters for extent in (100.0, 0.1))
@@ -99,7 +99,7 @@ def test_transparent_gaussians_are_pruned():
 
 
 @pytest.mark.parametrize(("prune_big", "kept"), [(False, [0, 1, 2]), (True, [0, 2])])
-def test_big_gaussians_are_pruned_when_asked(prune_big, kept):
+def test_big_gaussians_are_pruned_on_request(prune_big, kept):
     log_scales = np.log([[0.05, 0.05, 0.05], [0.05, 0.21, 0.05], [0.19, 0.05, 0.19]]).astype(np.float32)
     before = opaque(3, log_scales=log_scales)
     assert same_bits(grow(before, np.zeros(3), extent=2.0, prune_big=prune_big), rows_of(before, kept))
@@ -120,7 +120,7 @@ def test_growth_is_bounded_and_prefers_the_largest_gradients(count, bound, size,
     assert all(before.parameters.means[row].tobytes() in kept for row in others)
 
 
-def test_a_seed_decides_where_halves_lie():
+def test_the_seed_determines_the_positions_of_split_gaussians():
     before = opaque(10, size=0.5)
     first, again, other = (grow(before, np.full(10, LARGE), seed=seed) for seed in (1, 1, 2))
     assert same_bits(first, again)
@@ -134,7 +134,7 @@ def test_densification_does_not_change_its_input():
     assert same_bits(before, copy)
 
 
-def test_a_reset_lowers_opacities_and_forgets_their_moments_only():
+def test_a_reset_lowers_opacities_and_clears_only_their_moments():
     before = state(30)
     after = reset_opacities(before)
     old, new = (1 / (1 + np.exp(-s.parameters.opacity_logits.astype(float))) for s in (before, after))

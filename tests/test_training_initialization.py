@@ -27,7 +27,7 @@ def test_a_gaussian_is_initialized_with_the_distance_to_its_three_nearest_points
     np.testing.assert_allclose(scales, np.sqrt(np.maximum(squared, 1e-7))[:, None].repeat(3, axis=1), rtol=1e-5)
 
 
-def test_gaussians_show_the_colours_of_their_points():
+def test_gaussians_have_the_colours_of_their_points():
     rng = np.random.default_rng(0)
     rgb = rng.integers(256, size=(20, 3), dtype=np.uint8)
     found = gaussians_at(rng.normal(size=(20, 3)), rgb)
@@ -36,7 +36,7 @@ def test_gaussians_show_the_colours_of_their_points():
     assert not found.sh_coeffs[:, 1:].any()
 
 
-def test_gaussians_start_unturned_and_faint():
+def test_gaussians_start_without_rotation_at_low_opacity():
     points = np.random.default_rng(1).normal(size=(5, 3))
     found = gaussians_at(points, grey(points))
     np.testing.assert_array_equal(found.quats, [[1, 0, 0, 0]] * 5)
@@ -45,7 +45,7 @@ def test_gaussians_start_unturned_and_faint():
     assert {array.dtype for array in vars(found).values()} == {np.dtype(np.float32)}
 
 
-def test_random_points_lie_where_many_views_look():
+def test_random_points_lie_where_many_views_overlap():
     views = ring()
     points = random_points(views, extent(views), 500, np.random.default_rng(0))
     assert points.shape == (500, 3)
@@ -54,7 +54,7 @@ def test_random_points_lie_where_many_views_look():
     np.testing.assert_array_equal(points, cube)
 
 
-def test_there_are_no_random_points_where_views_share_nothing():
+def test_there_are_no_random_points_for_views_that_do_not_overlap():
     away = [turned_away(view) for view in ring(2)]
     assert len(random_points(away, extent(away), 100, np.random.default_rng(0))) == 0
 

@@ -32,7 +32,7 @@ def test_the_table_holds_raw_parameters_bit_for_bit():
     assert len(model.table.dtype.names) == 62
 
 
-def test_the_folder_is_read_as_one_of_3dgs(written):
+def test_the_folder_is_read_like_one_of_3dgs(written):
     folder, _, model = written
     assert point_cloud(folder) == model == folder / "point_cloud" / "iteration_70" / "point_cloud.ply"
     assert len(read_model(folder)) == 30

@@ -23,20 +23,20 @@ def test_thirty_thousand_iterations_are_scheduled_as_3dgs_does():
     assert schedule.prunes_big(3100)
 
 
-def test_a_short_run_keeps_its_distances():
+def test_a_short_run_scales_its_schedule():
     schedule = Schedule.scaled(3000)
     assert times(schedule, "densifies") == list(range(200, 1500, 50))
     assert times(schedule, "resets_opacities") == [600, 1200]
     assert [schedule.sh_degree(i) for i in (99, 100, 300)] == [0, 1, 3]
 
 
-def test_positions_slow_down_log_linearly_from_first_to_last_rate():
+def test_the_rate_of_positions_decays_log_linearly():
     schedule = Schedule.scaled(3000)
     first, middle, last = (schedule.rates(i, extent=2.0).means for i in (0, 1500, 3000))
     np.testing.assert_allclose([first, middle, last], [3.2e-4, 3.2e-5, 3.2e-6], rtol=1e-12)
 
 
-def test_only_positions_slow_down_or_depend_on_the_extent():
+def test_only_the_rate_of_positions_decays_and_depends_on_the_extent():
     early, late = (vars(Schedule.scaled(100).rates(i, extent)) for i, extent in ((1, 1.0), (99, 7.0)))
     assert {name for name in early if early[name] != late[name]} == {"means"}
 
@@ -52,14 +52,14 @@ def test_learning_rates_of_networks_fall_after_growth_but_stay_above_zero(length
 
 
 @given(lengths)
-def test_opacities_are_reset_only_with_densification_of_statistics_already_used(length):
+def test_opacities_are_reset_only_right_after_densification(length):
     schedule = Schedule.scaled(length)
     resets = range(schedule.reset_every, length + 1, schedule.reset_every)
     assert all(schedule.densifies(i) for i in resets if schedule.resets_opacities(i))
 
 
 @given(lengths, st.data())
-def test_checkpoints_are_possible_between_statistics(length, data):
+def test_checkpoints_are_possible_between_periods_of_statistics(length, data):
     schedule = Schedule.scaled(length)
     iteration = data.draw(st.integers(1, length))
     later = [i for i in range(iteration + 1, length + 1) if schedule.densifies(i)]

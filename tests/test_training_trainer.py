@@ -56,7 +56,7 @@ def test_every_view_is_taken_once_before_any_is_taken_again():
     assert len(set(rounds)) > 1
 
 
-def test_a_seed_decides_the_order_of_views():
+def test_the_seed_determines_the_order_of_views():
     orders = []
     for seed in (0, 0, 1):
         trainer, model = recorded(BRISK, seed=seed)
@@ -65,19 +65,19 @@ def test_a_seed_decides_the_order_of_views():
     assert orders[0] == orders[1] != orders[2]
 
 
-def test_bands_of_spherical_harmonics_join_one_by_one():
+def test_bands_of_spherical_harmonics_are_enabled_one_by_one():
     trainer, model = recorded(BRISK)
     list(trainer)
     assert model.degrees == [min(3, i // 10) for i in range(1, 61)]
 
 
-def test_opacities_are_reset_when_the_schedule_says():
+def test_opacities_are_reset_on_schedule():
     trainer, model = recorded(BRISK)
     lowered = [model.kept.parameters.opacity_logits.max() < 0 for _ in trainer]
     assert lowered.index(True) + 1 == 18
 
 
-def test_a_reset_of_opacities_is_known_until_images_have_recovered():
+def test_a_reset_of_opacities_is_reported_until_images_have_recovered():
     schedule = Schedule(
         iterations=1000, sh_every=10, densify_from=8, densify_until=700, densify_every=10, reset_every=300
     )
@@ -96,7 +96,7 @@ def test_a_run_without_remaining_gaussians_ends_with_an_error():
         list(trainer)
 
 
-def test_no_snapshot_is_taken_while_statistics_are_under_way():
+def test_no_snapshot_is_taken_while_statistics_accumulate():
     trainer, _ = recorded(BRISK)
     for _ in trainer:
         if trainer.rests:
@@ -135,7 +135,7 @@ def trained(scene, device, *, stop=None, resume=None):
 
 
 @pytest.mark.parametrize("stop", [18, 30, 52])
-def test_a_run_that_was_killed_and_resumed_ends_as_if_undisturbed(tmp_path, scene, device, stop):
+def test_a_killed_and_resumed_run_ends_like_an_uninterrupted_one(tmp_path, scene, device, stop):
     whole, losses = trained(scene, device)
     killed, before = trained(scene, device, stop=stop)
     write_checkpoint(tmp_path / "checkpoint.npz", killed.snapshot(), {})
@@ -150,7 +150,7 @@ def test_training_grows_gaussians_and_brings_the_images_closer(scene, device):
     assert np.mean(losses[-9:]) < 0.5 * np.mean(losses[:9])
 
 
-def test_watching_a_run_does_not_change_it(scene, device):
+def test_rendering_during_a_run_does_not_change_it(scene, device):
     whole, _ = trained(scene, device)
     watched, _ = trained(scene, device, stop=30)
     for _ in watched:
