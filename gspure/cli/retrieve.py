@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--decoys", type=Path, nargs="*", default=[], metavar="DIR", help="photographs of other scenes, as candidates"
     )
-    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per variant and target")
+    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per variant and extraction")
     add_quiet(parser)
 
 
