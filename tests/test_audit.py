@@ -284,6 +284,19 @@ def test_phrases_round_to_tenths_and_sizes_have_no_sign() -> None:
     assert listed(["a (1, 2)", "b"]) == "a (1, 2); and b"
 
 
+def test_tables_of_another_run_are_refused(tmp_path: Path, capsys) -> None:
+    for name, drop in (("a", 20.0), ("b", 10.0)):
+        write_results(tmp_path / f"{name}.csv", of_scenes(2, gspure=(0.5, drop)))
+    out = {"--out": "c.csv", "--survival": "s.csv", "--matched": "m.csv", "--markdown": "c.md"}
+    words = [word for option, file in out.items() for word in (option, str(tmp_path / file))]
+    assert main(["contest", "--table", str(tmp_path / "a.csv"), *words]) == 0
+    for option, file in (("--survival", "s.csv"), ("--contest", "c.csv"), ("--matched", "m.csv")):
+        command = ["report", option, str(tmp_path / file), "--out", str(tmp_path / "r.html"), "--table"]
+        assert main([*command, str(tmp_path / "b.csv")]) == 2
+        assert f"{file}: table: expected {tmp_path / 'b.csv'}" in capsys.readouterr().err
+        assert main([*command, str(tmp_path / "a.csv")]) == 0
+
+
 def test_the_page_opens_with_the_audit_and_names_the_files(tmp_path: Path) -> None:
     write_results(tmp_path / "results.csv", of_scenes(2, gspure=(0.5, 20.0), gof=(3.0, 4.0)))
     table = ["--table", str(tmp_path / "results.csv")]

@@ -98,6 +98,20 @@ def test_a_variant_measured_in_other_views_is_refused(tmp_path: Path, of_variant
         collect(sorted(tmp_path.rglob("metrics.csv")))
 
 
+@pytest.mark.parametrize("second", ["e2/planted/room", "e1/planted/room@0", "e1/planted/room"])
+def test_two_files_of_one_variant_are_refused(tmp_path: Path, second: str) -> None:
+    files = [tmp_path / folder / "gspure" / "metrics.csv" for folder in ("e1/planted/room", second)]
+    for file in files:
+        write_metrics(file, [measured("scene", 30.0, view="a")])
+    with pytest.raises(InputError, match="gspure: expected one file for every variant of a model"):
+        collect(files)
+
+
+def test_a_condition_of_no_model_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="condition: expected a model with metrics, found planted/rom"):
+        collect(results(tmp_path)[0], conditions={"planted/rom": ("own", "both")})
+
+
 def test_a_view_listed_twice_is_refused(tmp_path: Path) -> None:
     write_metrics(tmp_path / "metrics.csv", [measured("scene", psnr, view="a") for psnr in (20.0, 30.0)])
     with pytest.raises(InputError, match="rows: expected one per target and view, found 2 of scene/a"):

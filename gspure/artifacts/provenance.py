@@ -68,6 +68,14 @@ def require_made_from(geometry: str, *artifacts: Path) -> None:
             raise InputError(artifact, "model", expected=f"geometry {geometry}", found=origin, hint=hint)
 
 
+def require_input(artifact: Path, name: str, source: Path) -> None:
+    """Raise `InputError` if an artifact was made from another file than `source`; without a record, pass."""
+    inputs = (record_of(artifact) or {}).get("inputs")
+    known = inputs.get(name) if isinstance(inputs, dict) else None
+    if isinstance(known, dict) and known.get("digest") != (digest := _known_digest(source)):
+        raise InputError(artifact, name, expected=f"{source}, digest {digest}", found=f"digest {known.get('digest')}")
+
+
 def _geometry_of(artifact: Path) -> str:
     geometry = (record_of(artifact) or {}).get("geometry")
     return geometry if isinstance(geometry, str) else ""

@@ -39,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the page."""
+    from gspure.artifacts import require_input
     from gspure.evaluation.contest import Contest
     from gspure.evaluation.matched import Matched
     from gspure.evaluation.records import read_records
@@ -46,6 +47,9 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.survival import Survival
     from gspure.report.page import write_report
 
+    derived = [file for file in (args.survival, args.contest, args.matched) if file]
+    for file in derived:
+        require_input(file, "table", args.table)
     write_report(
         args.out,
         args.title,
@@ -56,7 +60,7 @@ def run(args: argparse.Namespace) -> None:
         survivals=read_records(args.survival, Survival) if args.survival else [],
         contests=read_records(args.contest, Contest) if args.contest else [],
         viewers=args.viewer,
-        links=[file for file in (args.table, args.survival, args.contest, args.matched, *args.link) if file],
+        links=[args.table, *derived, *args.link],
         provenance=args.provenance,
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, self-contained")

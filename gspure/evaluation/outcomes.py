@@ -198,7 +198,8 @@ def collect(
     ------
     InputError
         If a file cannot be read, two masks of one model have different lengths, a variant was measured in other views
-        than the unattacked model, or every variant failed.
+        than the unattacked model, a variant of a model occurs twice, a condition is of no model (unless
+        jobs failed), or every variant failed.
 
     """
     failed = _failed(failures)
@@ -206,10 +207,13 @@ def collect(
         reason = failed[0].failure if failed else "nothing"
         raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
     rows = {path: read_metrics(path) for path in metrics}
+    _require_distinct(metrics)
     _require_equal_views(rows)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     retrieved = {path.resolve().parts[-3:-1]: read_records(path, Retrieved) for path in retrievals}
     outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.asset), ()))) for o in outcomes]
+    for model in conditions.keys() - {f"{o.scheme}/{o.asset}" for o in outcomes} if not failures else ():
+        raise InputError("table", "condition", expected="a model with metrics", found=model)
     trained = [conditions.get(f"{o.scheme}/{o.asset}", ("", "")) for o in outcomes]
     outcomes = [replace(o, protocol=p, initialization=i) for o, (p, i) in zip(outcomes, trained, strict=True)]
     outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != UNATTACKED))
@@ -257,6 +261,16 @@ def _empty(path: Path) -> Outcome:
     scheme, asset, variant = path.resolve().parts[-4:-1]
     scene, _, seed = asset.partition("@")
     return Outcome(scheme, scene, variant, {}, {}, seed=int(seed) if seed.isdecimal() else 0)
+
+
+def _require_distinct(metrics: Sequence[Path]) -> None:
+    """Raise `InputError` if two files are of one variant of one model: differences could be between two runs."""
+    known: dict[tuple[str, str, int, str], Path] = {}
+    for path, o in zip(metrics, map(_empty, metrics), strict=True):
+        first = known.setdefault((o.scheme, o.scene, o.seed, o.variant), path)
+        if first is not path:
+            expected = "one file for every variant of a model"
+            raise InputError(path, o.variant, expected=expected, found=f"a second one beside {first}")
 
 
 def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
