@@ -99,7 +99,7 @@ def test_round_trips_are_exact(torch, saved, tmp_path):
     again = SCHEME.read_public(tmp_path / "public")
     np.testing.assert_array_equal(again.model.table, public.model.table)
     assert again.decoder.content == public.decoder.content
-    assert sorted(file.name for file in (tmp_path / "public").iterdir()) == [NAME, "point_cloud.ply"]
+    assert sorted(file.name for file in (tmp_path / "public").iterdir()) == [NAME, f"{NAME}.json", "point_cloud.ply"]
     written = DecoderFile.of(again.decoder.network, 7, SCENE_DECODER)
     assert written.source.name == NAME
     for name, tensor in torch.load(tmp_path / NAME, weights_only=True).items():
@@ -113,7 +113,8 @@ def test_a_key_is_written_and_read(torch, tmp_path):
 
     key = DecoderKey(DecoderFile.of(untrained(1, 0)[0], 3000, MESSAGE_DECODER))
     key.write(tmp_path / "key")
-    assert [file.name for file in (tmp_path / "key").iterdir()] == ["chkpnt3000_waternet.pth"]
+    names = sorted(file.name for file in (tmp_path / "key").iterdir())
+    assert names == ["chkpnt3000_waternet.pth", "chkpnt3000_waternet.pth.json"]
     assert SCHEME.read_key(tmp_path / "key").decoder.content == key.decoder.content
     wrong = key.wrong(np.random.default_rng(0)).decoder.network
     assert not torch.equal(wrong.conv1.weight, key.decoder.network.conv1.weight)
