@@ -67,3 +67,8 @@ def test_the_command_lists_failures_and_its_status_tells_whether_there_are_any(t
     failure(str(tmp_path / "attack.log")).write()
     assert main(["failures", str(tmp_path)]) == 1
     assert REFUSAL in capsys.readouterr().out
+
+
+def test_the_command_refuses_a_folder_that_does_not_exist(tmp_path, capsys):
+    assert main(["failures", str(tmp_path / "result")]) == 2
+    assert "result: folder: expected" in capsys.readouterr().err

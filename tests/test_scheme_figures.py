@@ -129,3 +129,11 @@ def test_the_dashed_line_is_the_floor_that_survival_is_judged_by(tmp_path: Path,
     assert gspure.above_floor.mean == BEFORE["message"] - 18.0 - dashed.get_ydata()[0]
     note = json.loads((tmp_path / "tradeoff.png.json").read_text())
     assert "floor" in note["settings"]["caption"]
+
+
+@pytest.mark.parametrize("factors", ["nan,4", "4,inf", "0,4", "4,-1", "4"])
+def test_pruning_factors_that_are_not_two_numbers_above_0_are_refused(factors: str, capsys) -> None:
+    words = ["--table", "t.csv", "--condition", "planted", "--point", f"gspure={factors}", "--out", "x.png"]
+    with pytest.raises(SystemExit, match="2"):
+        main(["figures", "sweep", *words])
+    assert f"found 'gspure={factors}'" in capsys.readouterr().err

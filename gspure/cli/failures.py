@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from gspure.errors import InputError
+
 HELP = "list the failed jobs of the workflow, with reasons and logs"
 EXAMPLES = """\
   gspure failures results      # exit status 1 if any job failed
@@ -20,6 +22,8 @@ def run(args: argparse.Namespace) -> int:
     """Print a line for each reason."""
     from gspure.failures import failures_below, summary
 
+    if not args.folder.is_dir():
+        raise InputError(args.folder, "folder", expected="a folder of results", found="no such folder")
     lines = summary(failures_below(args.folder))
     print(*lines, sep="\n", end="\n" if lines else "")
     return 1 if lines else 0

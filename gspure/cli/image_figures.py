@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_sweeps
+from gspure.cli.options import add_sweeps, require_least
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
@@ -62,6 +62,7 @@ def _draw_panels(args: argparse.Namespace) -> Drawn:
     from gspure.figures.panels import GAIN, write_panels
     from gspure.images import read_image
 
+    require_least(args, "figures panels", {"rows": 1})
     folders = dict(args.column)
     views = _common_views(folders.values())
     chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, args.rows).round().astype(int))]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,11 +45,13 @@ def _add_condition(parser: argparse.ArgumentParser) -> None:
 
 
 def _point(text: str) -> tuple[str, tuple[float, float]]:
+    variant, _, factors = text.rpartition("=")
     try:
-        variant, factors = text.rsplit("=", 1)
         tau_n, tau_c = map(float, factors.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"expected VARIANT=TAU_N,TAU_C, found {text!r}") from None
+        tau_n = tau_c = math.nan
+    if not (variant and 0 < tau_n < math.inf and 0 < tau_c < math.inf):
+        raise argparse.ArgumentTypeError(f"expected VARIANT=TAU_N,TAU_C above 0, found {text!r}")
     return variant, (tau_n, tau_c)
 
 
