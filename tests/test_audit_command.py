@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,7 @@ def words(monkeypatch):
     """The command line of Snakemake, which is not started."""
     started = []
     monkeypatch.setattr(os, "execv", lambda program, command: started.extend(command) or 0)
+    monkeypatch.setattr(subprocess, "call", lambda command: started.extend(command) or 0)
     return started
 
 
@@ -50,6 +52,32 @@ def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(fo
     assert "--dry-run" in words
     assert words[-3:] == ["--forcerun", "render_scene", "--cores"]
     assert not Path("results").exists()
+
+
+def test_a_dry_run_of_a_model_leaves_the_configuration_of_the_last_audit(folder, monkeypatch):
+    audit, configurations = ["audit", "my model.ply", "--cameras"], []
+
+    def start(command):
+        configurations.append(Path(command[command.index("--configfile") + 1]).read_text())
+        return 0
+
+    monkeypatch.setattr(os, "execv", lambda program, command: start(command))
+    monkeypatch.setattr(subprocess, "call", start)
+    assert main([*audit, "orbit", "--dry-run"]) == 0
+    assert not Path("results").exists()
+    assert main([*audit, "orbit"]) == main([*audit, "shells", "--dry-run"]) == 0
+    assert [yaml.safe_load(text)["assets"]["my_model"]["cameras"] for text in configurations] == [
+        "orbit",
+        "orbit",
+        "shells",
+    ]
+    assert "orbit" in Path("results/audit.yaml").read_text()
+
+
+def test_a_dry_run_names_the_configuration_of_an_equal_audit(folder, words):
+    audit = ["audit", "my model.ply", "--cameras", "orbit"]
+    assert main(audit) == main([*audit, "--dry-run"]) == 0
+    assert words.count("results/audit.yaml") == 2
 
 
 @pytest.mark.parametrize(

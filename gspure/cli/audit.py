@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import subprocess
 import sys
 from pathlib import Path
-from typing import Any, NoReturn
+from tempfile import TemporaryDirectory
+from typing import Any
 
 from gspure.cli.options import add_cameras, add_quiet
 from gspure.errors import InputError, reading
@@ -39,14 +41,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(passed_on=[])  # what follows `--`
 
 
-def run(args: argparse.Namespace) -> NoReturn:
-    """Write the configuration of a model, and become Snakemake."""
-    options = ["--snakefile", str(snakefile()), "--configfile", str(_configuration(args))]
+def run(args: argparse.Namespace) -> int:
+    """Write the configuration of a model, and become Snakemake; a dry run writes to a temporary folder only."""
+    if args.dry_run:
+        with TemporaryDirectory() as folder:
+            configuration = _configuration(args, Path(folder) / _CONFIGURATION.name)
+            return subprocess.call(_command(args, configuration))
+    return os.execv(sys.executable, _command(args, _configuration(args, _CONFIGURATION)))  # noqa: S606
+
+
+def _command(args: argparse.Namespace, configuration: Path) -> list[str]:
+    """Return the command line of Snakemake."""
+    options = ["--snakefile", str(snakefile()), "--configfile", str(configuration)]
     options += ["--dry-run"] if args.dry_run else []
     options += ["--cores", str(args.cores)] if args.cores else []
     options += ["--quiet", "all"] if args.quiet else []
     sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, "-m", "snakemake", *options, *args.passed_on])  # noqa: S606
+    return [sys.executable, "-m", "snakemake", *options, *args.passed_on]
 
 
 def snakefile() -> Path:
@@ -56,8 +67,8 @@ def snakefile() -> Path:
     return installed if installed.is_file() else package.parent / "Snakefile"
 
 
-def _configuration(args: argparse.Namespace) -> Path:
-    """Return the configuration file, after writing that of a model."""
+def _configuration(args: argparse.Namespace, target: Path) -> Path:
+    """Return the configuration file; write that of a model to `target`, unless the last audit had the same."""
     import yaml
 
     from gspure.artifacts import write_text
@@ -78,5 +89,8 @@ def _configuration(args: argparse.Namespace) -> Path:
     if args.up:
         asset["generated"] = {"up": args.up}
     scene = re.sub("[^A-Za-z0-9_-]+", "_", source.resolve().stem)[:100]
-    write_text(_CONFIGURATION, yaml.safe_dump({"assets": {scene: asset}}))
-    return _CONFIGURATION
+    text = yaml.safe_dump({"assets": {scene: asset}})
+    if _CONFIGURATION.is_file() and _CONFIGURATION.read_text(encoding="utf-8") == text:
+        return _CONFIGURATION
+    write_text(target, text)
+    return target
