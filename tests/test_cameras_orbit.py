@@ -141,3 +141,7 @@ def test_a_setting_out_of_range_is_refused_by_name(setting, field):
         with pytest.raises(InputError) as caught:
             generate(BALL, OPAQUE, **setting)
         assert caught.value.field == field
+
+
+def test_a_plane_that_is_as_upright_in_both_worlds_has_the_usual_up():
+    assert guessed_up(np.eye(3), np.ones(3)).tolist() == [0, -1, 0]

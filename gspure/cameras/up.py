@@ -12,6 +12,7 @@ Float64 = NDArray[np.float64]
 _COLMAP = np.array([0.0, -1.0, 0.0])  # y points down, and 3DGS models use COLMAP's world
 _FLAT = 0.8  # largest ratio of the smallest to the second deviation for which a model counts as flat. Ours
 _UPRIGHT = 0.94  # cosine of 20 degrees: nearer axes are taken as they are. Ours
+_NEUTRAL = 1e-6  # a normal with less of -y + z has no sense. Ours
 
 
 def guessed_up(points: Float64, weights: NDArray[Any]) -> Float64:
@@ -31,8 +32,10 @@ def guessed_up(points: Float64, weights: NDArray[Any]) -> Float64:
     weights = weights + np.finfo(np.float64).tiny  # some may be invisible, but not all
     offsets = points - np.average(points, axis=0, weights=weights)
     variances, axes = np.linalg.eigh((offsets * weights[:, None]).T @ offsets)
-    normal = axes[:, 0] * np.sign(axes[:, 0] @ (0, -1, 1))
-    if not variances[0] < _FLAT**2 * variances[1] or abs(normal[0]) > max(-normal[1], normal[2]):
+    sense = axes[:, 0] @ (0, -1, 1)
+    normal = axes[:, 0] * np.sign(sense)
+    is_flat, is_neutral = variances[0] < _FLAT**2 * variances[1], abs(sense) < _NEUTRAL
+    if not is_flat or is_neutral or abs(normal[0]) > max(-normal[1], normal[2]):
         return _COLMAP
     nearest = np.round(normal * (np.abs(normal) > _UPRIGHT))
     return np.asarray(nearest if nearest.any() else normal)
