@@ -101,6 +101,23 @@ def test_candidates_of_other_sizes_and_views_off_the_path_do_not_count(tmp_path:
     assert read_json(tmp_path / "r.csv.json")["inputs"].keys() == compared
 
 
+def test_a_decoy_that_is_the_message_is_refused(tmp_path: Path, capsys) -> None:
+    retrieved(tmp_path, lambda image: image)
+    copy = photographs(tmp_path / "copy", 0)
+    arguments = [tmp_path / "pair" / "message", "--extractions", tmp_path / "gspure" / "renders" / "message"]
+    arguments += ["--decoys", tmp_path / "decoy_2", copy, "--out", tmp_path / "r.csv"]
+    assert main(["retrieve", *map(str, arguments)]) == 2
+    assert f"{copy / 'view_0.png'}: decoy: expected" in capsys.readouterr().err
+    assert not (tmp_path / "r.csv").exists()
+
+
+def test_blank_decoys_of_a_blank_view_are_candidates(tmp_path: Path) -> None:
+    for folder in ("pair/scene", "pair/message", "gspure/renders/message", "decoy"):
+        write_image(tmp_path / folder / "view_0.png", np.zeros((8, 8, 3)))
+    arguments = [tmp_path / "pair" / "message", "--extractions", tmp_path / "gspure" / "renders" / "message"]
+    assert main(["retrieve", *map(str, [*arguments, "--decoys", tmp_path / "decoy", "--out", tmp_path / "r.csv"])]) == 0
+
+
 def test_equation_of_top_1_auc_and_tpr() -> None:
     views = [np.array(row) for row in ([0.9, 0.1, 0.2], [0.3, 0.3, 0.1], [0.25, 0.0, 0.1], [0.05, 0.2, 0.1])]
     false = np.concatenate([row[1:] for row in views])

@@ -95,7 +95,7 @@ def compare_candidates(pair: Pair, files: Sequence[Path]) -> Float64:
     """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
 
     The false ones are the message's photograph mirrored, upside down and turned by 180 degrees, and the pictures of
-    the same size among `files`.
+    the same size among `files`, the scene's photograph first.
 
     Parameters
     ----------
@@ -107,10 +107,14 @@ def compare_candidates(pair: Pair, files: Sequence[Path]) -> Float64:
     Raises
     ------
     InputError
-        If an image cannot be read, or the extraction has another size than the photograph.
+        If an image cannot be read, the extraction has another size than the photograph, or a decoy is the photograph.
 
     """
     truth, extraction = read_image(pair.reference), read_image(pair.image)
-    others = [picture for picture in map(read_image, files) if picture.shape == truth.shape]
+    pictures = [read_image(file) for file in files]
+    for file, picture in zip(files[1:], pictures[1:], strict=True):
+        if np.ptp(truth) and np.array_equal(picture, truth):  # views of nothing but background may be equal
+            raise InputError(file, "decoy", expected="a picture of another scene", found="the message's photograph")
+    others = [picture for picture in pictures if picture.shape == truth.shape]
     candidates: list[Float32] = [truth, truth[:, ::-1], truth[::-1], truth[::-1, ::-1], *others]
     return np.array([gradient_correlation(candidate, extraction) for candidate in candidates])
