@@ -5,18 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gspure.artifacts import save_array
 from gspure.attacks import Evidence, find_attack
 from gspure.cameras import read_cameras, split
+from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
 from gspure.images import read_image
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
+from gspure.model import write_model
 from gspure.model.signature import Signature
 from gspure.schemes.pair import message_folder, read_pair
 from gspure.schemes.scheme import hide
 from gspure.schemes.splats_in_splats import SCHEME
-from tests.models import without
+from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
+from tests.models import blobs, without
 
 SETTINGS = {"iterations": 300, "max_gaussians": 3000}
 LITERAL, ADAPTIVE, ORACLE = SCHEME.extractions
@@ -146,6 +151,22 @@ def test_the_adaptive_extraction_rotates_view_dependent_colours_with_the_model(p
 def test_the_adaptive_extraction_matches_no_row_of_a_clean_model(key, clean, attack):
     attacked = clean.with_model(find_attack(attack).apply(clean, Evidence()).model)
     assert not len(key.gaussians(attacked, None, ADAPTIVE)[0])
+
+
+def test_the_weight_of_a_message_that_no_row_shows_is_refused(tmp_path, capsys):
+    model, rng = blobs(20), np.random.default_rng(0)
+    SplatsInSplatsKey(model.means[:5], OpacityMapping.fresh(rng), 12, model).write(tmp_path / "key")
+    far = {axis: model.table[axis] + 100 for axis in "xyz"}
+    write_model(tmp_path / "moved.ply", model.with_columns(far))
+    write_model(tmp_path / "model.ply", model)
+    save_array(tmp_path / "weights.npy", np.ones(20, np.float32))
+    words = ["--scheme", SCHEME.name, "--cameras", "orbit", "--key", str(tmp_path / "key")]
+    words += ["--weights", str(tmp_path / "weights.npy"), "--out", str(tmp_path / "hidden.json")]
+    assert main(["hidden", "--model", str(tmp_path / "model.ply"), *words]) == 0
+    (tmp_path / "hidden.json").unlink()
+    assert main(["hidden", "--model", str(tmp_path / "moved.ply"), *words]) == 2
+    assert f"{tmp_path / 'key'}: key: expected" in capsys.readouterr().err
+    assert not (tmp_path / "hidden.json").exists()
 
 
 def test_truncated_colours_extract_as_zero(public, key, pair):

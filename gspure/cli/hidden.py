@@ -8,6 +8,7 @@ from pathlib import Path
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.outputs import Output
 from gspure.cli.weights import add_reduction
+from gspure.errors import InputError
 
 HELP = "measure the share of the message's weight on rows that plain_weight prunes"
 EXAMPLES = """\
@@ -57,6 +58,8 @@ def run(args: argparse.Namespace) -> None:
     require_made_from(geometry, args.weights)
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
+    if not hidden.any():
+        raise InputError(args.key, "key", expected="the key of the model", found="no row shows the message")
     share = share_on_low(weights, hidden, args.tau)
     inputs = {"model": args.model, "cameras": args.cameras, "weights": args.weights}
     settings = {"scheme": scheme.name, "tau": args.tau, "energy": args.energy, "reduction": args.reduction}

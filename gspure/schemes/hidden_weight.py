@@ -41,6 +41,6 @@ def hidden_weights(
 
 
 def share_on_low(weights: NDArray[Any], hidden: NDArray[Any], tau: float) -> float:
-    """Return the share of `hidden` weight [K] on rows with a public weight below the mean / `tau`; 0 without any."""
+    """Return the share of `hidden` weight [K] on rows with a public weight below the mean / `tau`."""
     total = float(np.sum(hidden, dtype=np.float64))
-    return float(np.sum(hidden[plain_prune_mask(weights, tau)], dtype=np.float64)) / total if total else 0.0
+    return float(np.sum(hidden[plain_prune_mask(weights, tau)], dtype=np.float64)) / total
