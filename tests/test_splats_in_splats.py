@@ -14,12 +14,13 @@ from gspure.evaluation.metrics import psnr
 from gspure.images import read_image
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
-from gspure.model import write_model
+from gspure.model import Gaussians, write_model
 from gspure.model.signature import Signature
 from gspure.schemes.pair import message_folder, read_pair
 from gspure.schemes.scheme import hide
 from gspure.schemes.splats_in_splats import SCHEME
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.matching import adaptive_matches
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from tests.models import blobs, without
 
@@ -151,6 +152,19 @@ def test_the_adaptive_extraction_rotates_view_dependent_colours_with_the_model(p
 def test_the_adaptive_extraction_matches_no_row_of_a_clean_model(key, clean, attack):
     attacked = clean.with_model(find_attack(attack).apply(clean, Evidence()).model)
     assert not len(key.gaussians(attacked, None, ADAPTIVE)[0])
+
+
+def test_injected_rows_do_not_hide_those_of_the_record():
+    record, foreign = blobs(100), blobs(300, seed=1)
+    far = foreign.with_columns({"x": foreign.table["x"] + 1000})
+    injected = Gaussians(np.concatenate([far.table, record.table]))
+    places, rotation = adaptive_matches(record, injected)
+    np.testing.assert_array_equal(places, np.r_[np.full(300, -1), np.arange(100)])
+    assert not rotation.any()
+
+
+def test_a_foreign_model_of_many_rows_does_not_match_the_record():
+    assert (adaptive_matches(blobs(100), blobs(10000, seed=1))[0] < 0).all()
 
 
 def test_the_weight_of_a_message_that_no_row_shows_is_refused(tmp_path, capsys):

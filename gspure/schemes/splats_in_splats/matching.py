@@ -27,7 +27,10 @@ Noise on centres spares scales, and fine-tuning hardly moves centres; in rows of
 """
 
 MOST: Final = 0.5
-"""Least share of the model's rows that match; fewer may be chance. Ours."""
+"""Least share of the rows of model or record, whichever has fewer, that match; fewer may be chance. Ours.
+
+Pruning leaves fewer rows than the record has, injection more.
+"""
 
 LANDMARKS: Final = 100
 """Number of rows of unusual shape that a registration is fitted to. Ours."""
@@ -57,7 +60,7 @@ def adaptive_matches(record: Gaussians, model: Gaussians) -> tuple[Places, Float
     if len(record) > 1:
         for motion in _motions(record, model):
             places = _matches(record, model, motion)
-            if (places >= 0).sum() >= MOST * len(model):
+            if (places >= 0).sum() >= MOST * min(len(record), len(model)):
                 return places, Rotation.from_matrix(motion.rotation.T).as_rotvec()
     return np.full(len(model), -1, np.intp), np.zeros(3)
 
