@@ -14,6 +14,7 @@ import pytest
 
 from gspure.errors import InputError
 from tests.hostile.contract import Watch, damaged, faults_of_line, outcome, prepared, torment
+from tests.hostile.journal import kept
 from tests.hostile.mutations import FORMS, bomb, mutate, zip_bomb, zipped
 from tests.hostile.readers import BY_NAME, READERS, Reader
 
@@ -36,6 +37,7 @@ def violations(tmp_path_factory):
         text=True,
         check=False,
     )
+    assert sum(record["cases"] for record in kept("readers")) > CASES * len(READERS), "the run replaced kept records"
     records = [json.loads(path.read_text()) for path in (folder / "readers").glob("*.json")]
     assert records, done.stderr
     assert all(record["cases"] == CASES for record in records)
