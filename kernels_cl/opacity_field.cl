@@ -15,25 +15,32 @@
 #define STORE_POINTS(value) values[item] = (value)
 #endif
 
-__kernel void blend_points(uint items,
-                           __global const float *points,      // [items,3,LANES]
-                           __global const uint *tiles,        // [items]
-                           __global const float *splats,      // [K,SPLAT]
-                           __global const uint *entries,      // [E]
-                           __global const uint *tile_starts,  // [tiles+1]
-                           __global float *values) {          // [items,LANES]: opacities
+// The lists of a kernel: splats [K,SPLAT] by entries [E] of the tiles [items] of its points [items,3,LANES].
+#define POINTS_OF_TILES                                                     \
+    uint items, __global const float *points, __global const uint *tiles,   \
+        __global const float *splats, __global const uint *entries,         \
+        __global const uint *tile_starts
+#define FIRST_ENTRY tile_starts[tiles[item]]
+#define END_OF_ENTRIES tile_starts[tiles[item] + 1]
+
+// The exponent of a Gaussian on the rays through (u, v), their norms, and the depths at which it is reached.
+inline V load_exponent(__global const float *splat, V u, V v, float *s, V *norm, V *peak) {
+    for (int i = 0; i < SPLAT_CHANNELS; i++) s[i] = splat[i];
+    V dx = u - s[SPLAT_U], terms[ROW_TERMS];
+    row_terms(v - s[SPLAT_V], s, terms);
+    return ray_exponent(s[SPLAT_A] * dx + terms[0], terms[1], s[SPLAT_LX] * dx + terms[2], s, norm, peak);
+}
+
+__kernel void blend_points(POINTS_OF_TILES,
+                           __global float *values) {  // [items,LANES]: opacities
     uint item = get_global_id(0);
     if (item >= items) return;
-    V u = LOAD_POINTS(0), v = LOAD_POINTS(1), depth = LOAD_POINTS(2), T = (V)1.0f;
-    uint end = tile_starts[tiles[item] + 1];
+    float s[SPLAT_CHANNELS];
+    V u = LOAD_POINTS(0), v = LOAD_POINTS(1), depth = LOAD_POINTS(2), T = (V)1.0f, norm, peak;
     // A point is finished when T < TRANSMITTANCE_MIN: the rest would change its opacity by less than that.
     I open = MASK(T >= (V)TRANSMITTANCE_MIN);
-    for (uint entry = tile_starts[tiles[item]]; entry < end && ANY(open); entry++) {
-        float s[SPLAT_CHANNELS];
-        for (int i = 0; i < SPLAT_CHANNELS; i++) s[i] = splats[(size_t)SPLAT * entries[entry] + i];
-        V dx = u - s[SPLAT_U], terms[ROW_TERMS], norm, peak;
-        row_terms(v - s[SPLAT_V], s, terms);
-        V exponent = ray_exponent(s[SPLAT_A] * dx + terms[0], terms[1], s[SPLAT_LX] * dx + terms[2], s, &norm, &peak);
+    for (uint entry = FIRST_ENTRY, end = END_OF_ENTRIES; entry < end && ANY(open); entry++) {
+        V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry], u, v, s, &norm, &peak);
         V before = MAX(peak - depth, (V)0.0f);
         V alpha = bounded_alpha(exponent - s[SPLAT_G] * (norm * (before * before)));
         alpha = AS_FLOAT(AS_INT(alpha) & MASK(peak > (V)NEAR_PLANE) & open);
@@ -45,26 +52,17 @@ __kernel void blend_points(uint items,
 
 // The contribution of each Gaussian on the ray through its centre: its alpha there, times what the Gaussians before it let
 // through. `owners` are the positions in storage of the Gaussians whose centres the points are.
-__kernel void blend_centres(uint items,
-                            __global const float *points,      // [items,3,LANES]
-                            __global const uint *tiles,        // [items]
-                            __global const float *splats,      // [K,SPLAT]
-                            __global const uint *entries,      // [E]
-                            __global const uint *tile_starts,  // [tiles+1]
-                            __global float *values,            // [items,LANES]: contributions
-                            __global const uint *owners) {     // [items,LANES]
+__kernel void blend_centres(POINTS_OF_TILES,
+                            __global float *values,         // [items,LANES]: contributions
+                            __global const uint *owners) {  // [items,LANES]
     uint item = get_global_id(0);
     if (item >= items) return;
-    V u = LOAD_POINTS(0), v = LOAD_POINTS(1), T = (V)1.0f, contribution = (V)0.0f;
+    float s[SPLAT_CHANNELS];
+    V u = LOAD_POINTS(0), v = LOAD_POINTS(1), T = (V)1.0f, contribution = (V)0.0f, norm, peak;
     U owner = LOAD_OWNERS;
-    uint end = tile_starts[tiles[item] + 1];
     I open = MASK(T > (V)0.0f);
-    for (uint entry = tile_starts[tiles[item]]; entry < end && ANY(open); entry++) {
-        float s[SPLAT_CHANNELS];
-        for (int i = 0; i < SPLAT_CHANNELS; i++) s[i] = splats[(size_t)SPLAT * entries[entry] + i];
-        V dx = u - s[SPLAT_U], terms[ROW_TERMS], norm, peak;
-        row_terms(v - s[SPLAT_V], s, terms);
-        V exponent = ray_exponent(s[SPLAT_A] * dx + terms[0], terms[1], s[SPLAT_LX] * dx + terms[2], s, &norm, &peak);
+    for (uint entry = FIRST_ENTRY, end = END_OF_ENTRIES; entry < end && ANY(open); entry++) {
+        V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry], u, v, s, &norm, &peak);
         V weight = blend(peak > (V)NEAR_PLANE ? exponent : (V)-1000.0f, &T);
         I own = MASK(owner == (U)entries[entry]);
         contribution = AS_FLOAT(AS_INT(contribution) | (AS_INT(weight) & own));
