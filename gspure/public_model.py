@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Final, Self
+from typing import Any, ClassVar, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,34 @@ ATTRIBUTES: Final = ("colour", "base_colour", "opacity", "scale", "rotation", "p
 
 Columns = Mapping[str, tuple[str, ...]]
 """The columns of a model by attribute."""
+
+
+class Lesson(NamedTuple):
+    """Images [H,W,3] of views to learn from, and what to learn: those of `attributes` that a model can learn."""
+
+    views: Sequence[Camera]
+    images: Sequence[Float32]
+    attributes: Collection[str]
+    """Of `ATTRIBUTES`."""
+
+    steps: int
+    """One view each."""
+
+    rng: np.random.Generator
+    """Of the order of views."""
+
+    rate_factor: float = 1.0
+    device: Device | None = None
+
+    def rates(self, rates: Mapping[str, float]) -> dict[str, float]:
+        """Return the learning rates of the attributes to learn."""
+        return {name: rate * self.rate_factor for name, rate in rates.items() if name in self.attributes}
+
+    def schedule(self) -> Iterator[tuple[int, float]]:
+        """Yield a view's number for each step, and the factor of the rates, which falls linearly to a tenth."""
+        views, steps = len(self.views), self.steps
+        order = np.concatenate([self.rng.permutation(views) for _ in range(-(-steps // views))])[:steps]
+        return track(list(zip(order.tolist(), np.linspace(1.0, 0.1, steps).tolist(), strict=True)), "learn")
 
 
 class PublicModel:
@@ -113,44 +141,20 @@ class PublicModel:
         renderer = Renderer(self.model, device, energy=energy)
         return lambda camera: renderer.image(camera, background)
 
-    def learned(
-        self,
-        views: Sequence[Camera],
-        images: Sequence[Float32],
-        attributes: Collection[str],
-        *,
-        steps: int,
-        rng: np.random.Generator,
-        rate_factor: float = 1.0,
-        device: Device | None = None,
-    ) -> Self:
-        """Return the model with the columns of some attributes learned from images of views, all else bit-identical.
-
-        Parameters
-        ----------
-        views, images : sequences of Camera and array [H,W,3]
-        attributes : collection of str
-            Of `ATTRIBUTES`; those that the model does not learn are ignored.
-        steps : int
-            One view each; the rates fall linearly to a tenth.
-        rng : Generator
-            Of the order of views.
-        rate_factor : float
-            Factor of the learning rates.
-
-        """
+    def learned(self, lesson: Lesson) -> Self:
+        """Return the model with the columns of some attributes learned, all else bit-identical."""
         model = self.model
         raw = (model.means, model.quats, model.columns(*(f"scale_{i}" for i in range(3))), model.table["opacity"])
-        trainable = TrainableModel(TrainState.fresh(Parameters(*raw, model.sh_coeffs)), device=device)
-        trainable.set_targets(images)
-        rates = {name: rate * rate_factor for name, rate in self.rates.items() if name in attributes}
-        reach = spread(views)
-        for view, factor in learning_steps(len(views), steps, rng):
+        trainable = TrainableModel(TrainState.fresh(Parameters(*raw, model.sh_coeffs)), device=lesson.device)
+        trainable.set_targets(lesson.images)
+        rates = lesson.rates(self.rates)
+        reach = spread(lesson.views)
+        for view, factor in lesson.schedule():
             means, quats, scales, opacities, colours = (
                 factor * rates.get(name, 0.0) for name in ("position", "rotation", "scale", "opacity", "colour")
             )
             step = LearningRates(means * reach, quats, scales, opacities, colours, colours / 20)
-            trainable.step(views[view], view, step)
+            trainable.step(lesson.views[view], view, step)
         p = trainable.state().parameters
         after = model.with_appearance(p.opacity_logits, p.sh_coeffs)
         parts = {"position": p.means, "rotation": p.quats, "scale": p.log_scales}
@@ -174,12 +178,6 @@ class PublicModel:
     def geometry_digest(self) -> str:
         """Return a digest of everything in the model that contributions depend on."""
         return self.model.geometry_digest()
-
-
-def learning_steps(views: int, steps: int, rng: np.random.Generator) -> Iterator[tuple[int, float]]:
-    """Yield a view's number and the factor of the learning rates for each step."""
-    order = np.concatenate([rng.permutation(views) for _ in range(-(-steps // views))])[:steps]
-    return track(list(zip(order.tolist(), np.linspace(1.0, 0.1, steps).tolist(), strict=True)), "learn")
 
 
 def merge_by_row(records: NDArray[Any], owners: Rows) -> NDArray[Any]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.lib.recfunctions import append_fields
 
 from gspure import plugins
 from gspure.attacks import Attack, Attacked, Evidence, attacks, compression, find_attack, learning, registry
@@ -36,14 +37,17 @@ HERE = sorted(attack.name for attack in registry.BUILT_IN if attack not in ELSEW
 
 def model(count: int = COUNT, seed: int = 0, extra: str | None = None) -> Gaussians:
     rng = np.random.default_rng(seed)
-    return Gaussians.from_parameters(
+    vanilla = Gaussians.from_parameters(
         means=rng.normal(size=(count, 3)),
         quats=rng.normal(size=(count, 4)),
         scales=rng.uniform(0.01, 1, (count, 3)),
         opacities=rng.uniform(0.01, 0.99, count),
         sh_coeffs=rng.normal(size=(count, 4, 3)),
-        extras={f"{extra}{i}": rng.normal(size=count) for i in range(2)} if extra else None,
     )
+    if extra is None:
+        return vanilla
+    further = rng.normal(size=(2, count)).astype(np.float32)
+    return Gaussians(append_fields(vanilla.table, [f"{extra}{i}" for i in range(2)], further, usemask=False))
 
 
 def evidence(count: int = COUNT) -> Evidence:

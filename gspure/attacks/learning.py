@@ -17,7 +17,7 @@ from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import TrainableModel
 from gspure.progress import track
-from gspure.public_model import PublicModel
+from gspure.public_model import Lesson, PublicModel
 from gspure.training.dataset import extent
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
 from gspure.training.output import as_gaussians
@@ -58,16 +58,8 @@ class Teacher:
         """Return the rows of `student` after training the attributes that `learn` names."""
         require(self.attack, "iterations", iterations, "at least 1", fits=iterations >= 1)
         require(self.attack, "learn", learn, f"one of {', '.join(LEARNED)}", fits=learn in LEARNED)
-        learned = student.learned(
-            self.cameras,
-            self.images,
-            LEARNED[learn],
-            steps=iterations,
-            rate_factor=rate_factor,
-            rng=rng,
-            device=self.device,
-        )
-        return learned.model
+        lesson = Lesson(self.cameras, self.images, LEARNED[learn], iterations, rng, rate_factor, self.device)
+        return student.learned(lesson).model
 
 
 def finetune(

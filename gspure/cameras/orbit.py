@@ -24,6 +24,12 @@ _FRAMED = 0.95
 MOST_VIEWS: Final = 10_000
 """Largest number of generated views. Ours."""
 
+_ELEVATIONS: Final = (15.0, 45.0, -20.0)
+"""Degrees above the horizon of the rings."""
+
+_RADII: Final = (0.6, 1.0, 1.6)
+"""Radii of the shells, as multiples of the distance at which the model fills a view."""
+
 _GOLDEN_ANGLE = 180 * (3 - math.sqrt(5))  # degrees
 
 
@@ -36,7 +42,6 @@ def orbit_cameras(
     height: int = 480,
     fov_degrees: float = 50.0,
     up: Sequence[float] | None = None,
-    elevations: Sequence[float] = (15.0, 45.0, -20.0),
 ) -> list[Camera]:
     """Return views on rings around a model, at the distance at which it fills them.
 
@@ -55,8 +60,6 @@ def orbit_cameras(
     up : sequence of 3 floats, optional
         The up direction of the world: (0, -1, 0) for models trained from COLMAP data, where y points down, (0, 0, 1)
         for those from nerfstudio, Blender and most scanners. By default it is guessed by `guessed_up`, and printed.
-    elevations : sequence of float
-        Degrees above the horizon, one per ring.
 
     Raises
     ------
@@ -65,7 +68,7 @@ def orbit_cameras(
 
     """
     _require_count("orbit", count)
-    placements = [(elevations[i % len(elevations)], 360.0 * i / count, 1.0) for i in range(count)]
+    placements = [(_ELEVATIONS[i % len(_ELEVATIONS)], 360.0 * i / count, 1.0) for i in range(count)]
     return _views("orbit", means, opacities, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
 
 
@@ -78,18 +81,16 @@ def shell_cameras(
     height: int = 480,
     fov_degrees: float = 50.0,
     up: Sequence[float] | None = None,
-    radii: Sequence[float] = (0.6, 1.0, 1.6),
 ) -> list[Camera]:
     """Return views from all directions, also from below, on spherical shells around a model.
 
     The directions are a Fibonacci spiral; consecutive views alternate between the shells. The parameters are those of
-    `orbit_cameras`, except for `radii`, the radii of the shells as multiples of the distance at which the model fills a
-    view.
+    `orbit_cameras`.
     """
     _require_count("shell", count)
     sines = ((2 * i + 1) / count - 1 for i in range(count))
     placements = [
-        (math.degrees(math.asin(sine)), i * _GOLDEN_ANGLE, radii[i % len(radii)]) for i, sine in enumerate(sines)
+        (math.degrees(math.asin(sine)), i * _GOLDEN_ANGLE, _RADII[i % len(_RADII)]) for i, sine in enumerate(sines)
     ]
     return _views("shell", means, opacities, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
 

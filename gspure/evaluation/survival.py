@@ -100,9 +100,9 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     return rows
 
 
-def floor(outcomes: Iterable[Outcome], extraction: str = MESSAGE) -> Cells:
+def floor(outcomes: Iterable[Outcome]) -> Cells:
     """Return the floor of every scene and seed: the highest PSNR among its controls that hold no message, dB."""
-    return _highest(_psnr(outcomes, extraction))
+    return _highest(_psnr(outcomes, MESSAGE))
 
 
 def _psnr(outcomes: Iterable[Outcome], extraction: str) -> dict[str, dict[tuple[str, int], float]]:

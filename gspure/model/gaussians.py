@@ -177,7 +177,6 @@ class Gaussians:
         scales: NDArray[Any],
         opacities: NDArray[Any],
         sh_coeffs: NDArray[Any],
-        extras: Mapping[str, NDArray[Any]] | None = None,
     ) -> Gaussians:
         """Build a vanilla table from activated parameters (the shapes and units of the properties above).
 
@@ -185,8 +184,6 @@ class Gaussians:
         ----------
         means, quats, scales, opacities, sh_coeffs : arrays [K,3], [K,4], [K,3], [K], [K,S,3]
             `scales` > 0, 0 < `opacities` < 1; S is 1, 4, 9 or 16.
-        extras : mapping of str to array [K], optional
-            Further columns, placed last.
 
         """
         sh_coeffs = np.asarray(sh_coeffs)
@@ -199,7 +196,6 @@ class Gaussians:
         named["opacity"] = logit(opacities)
         named |= {f"scale_{i}": np.log(np.asarray(scales)[:, i]) for i in range(3)}
         named |= {f"rot_{i}": np.asarray(quats)[:, i] for i in range(4)}
-        named |= dict(extras or {})
         table = np.empty(count, dtype=[(name, "<f4") for name in named])
         for name, column in named.items():
             table[name] = column

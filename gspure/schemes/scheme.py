@@ -18,7 +18,7 @@ from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
-from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
+from gspure.public_model import PublicModel, RenderView, Rows
 from gspure.schemes.pair import Pair
 from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
 
@@ -41,9 +41,7 @@ class Key(ABC):
         """Write the key's files."""
 
     @abstractmethod
-    def message(
-        self, public: PublicModel, extraction: str, device: Device | None = None, background: Background = BLACK
-    ) -> RenderView:
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         """Return the renderer of the message in a public or attacked model."""
 
     @abstractmethod

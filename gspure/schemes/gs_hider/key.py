@@ -11,7 +11,7 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
-from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
+from gspure.public_model import PublicModel, RenderView, Rows
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import MESSAGE_DECODER, decoder_name, find_decoder
 from gspure.schemes.gs_hider.public_model import FeatureModel
@@ -36,19 +36,13 @@ class DecoderKey(Key):
         """Write the decoder."""
         self.decoder.write(folder)
 
-    def message(
-        self,
-        public: PublicModel,
-        extraction: str,  # noqa: ARG002
-        device: Device | None = None,
-        background: Background = BLACK,
-    ) -> RenderView:
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:  # noqa: ARG002
         """Return the renderer of the private decoder's image."""
         from gspure.schemes.gs_hider.decoder import decoded
 
         if not isinstance(public, FeatureModel):
             raise InputError("model", "semantic_*", expected="the features of GS-Hider", found="none")
-        return decoded(public.feature_map(device, background), self.decoder.network)
+        return decoded(public.feature_map(device), self.decoder.network)
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians of the scene, which are also those of the message."""

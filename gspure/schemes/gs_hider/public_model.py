@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import ClassVar, Self
 
@@ -16,7 +16,7 @@ from gspure.model import Gaussians, model_file, write_model
 from gspure.model.activations import sigmoid
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
-from gspure.public_model import BLACK, Background, Columns, PublicModel, RenderView, learning_steps
+from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView
 from gspure.renderer import Renderer
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES, SCENE_DECODER, find_decoder, read_rows
@@ -86,17 +86,7 @@ class FeatureModel(PublicModel):
 
         return decoded(self.feature_map(device, background, energy), self.decoder.network)
 
-    def learned(
-        self,
-        views: Sequence[Camera],
-        images: Sequence[Float32],
-        attributes: Collection[str],
-        *,
-        steps: int,
-        rng: np.random.Generator,
-        rate_factor: float = 1.0,
-        device: Device | None = None,
-    ) -> Self:
+    def learned(self, lesson: Lesson) -> Self:
         """Return the model with features learned through the public decoder; the decoder and all else stay."""
         if self.decoder is None:
             raise InputError("model", "decoder", expected=f"chkpntN_{SCENE_DECODER}.pth with the .ply", found="none")
@@ -104,14 +94,14 @@ class FeatureModel(PublicModel):
         from gspure.training.pytorch import single_threaded
 
         decoder = self.decoder.network.requires_grad_(requires_grad=False)
-        raw, renderer = self.model.columns(*FEATURES).copy(), Renderer(self.model, device)
+        raw, renderer = self.model.columns(*FEATURES).copy(), Renderer(self.model, lesson.device)
         first, second = np.zeros_like(raw), np.zeros_like(raw)
-        rate = rate_factor * self.rates["colour"] if "colour" in attributes else 0.0
+        rate = lesson.rates(self.rates).get("colour", 0.0)
         with single_threaded():
-            for number, (view, factor) in enumerate(learning_steps(len(views), steps, rng), start=1):
+            for number, (view, factor) in enumerate(lesson.schedule(), start=1):
                 features = sigmoid(raw)
-                feature_map, pull_back = renderer.vjp(views[view], features)
-                _, gradient = differentiated(decoder, feature_map, images[view])
+                feature_map, pull_back = renderer.vjp(lesson.views[view], features)
+                _, gradient = differentiated(decoder, feature_map, lesson.images[view])
                 gradient = pull_back(gradient).channels * features * (1 - features)
                 adam_step(raw, first, second, gradient, factor * rate, number)
         return self.with_model(self.model.with_columns(dict(zip(FEATURES, raw.T, strict=True))))

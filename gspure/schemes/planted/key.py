@@ -22,7 +22,7 @@ from gspure.errors import InputError
 from gspure.evaluation.recall import CARRIERS
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
-from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
+from gspure.public_model import PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
 
@@ -58,16 +58,10 @@ class PlantedKey(Key):
     opacity: Float32
     f_dc: Float32
 
-    def message(
-        self,
-        public: PublicModel,
-        extraction: str,  # noqa: ARG002
-        device: Device | None = None,
-        background: Background = BLACK,
-    ) -> RenderView:
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:  # noqa: ARG002
         """Return the message's view."""
         renderer = Renderer(self._revealed(public)[0], device)
-        return lambda camera: renderer.image(camera, background)
+        return renderer.image
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the surviving carriers with their private opacity and colour, and their rows."""

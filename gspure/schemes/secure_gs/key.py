@@ -11,7 +11,7 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device, choose_device
-from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
+from gspure.public_model import PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
 from gspure.schemes.secure_gs.files import BANK, HIDDEN, PRIVATE, read_hidden, write_hidden
@@ -47,12 +47,10 @@ class HiddenKey(Key):
         """Write the networks."""
         write_hidden(folder, self.networks)
 
-    def message(
-        self, public: PublicModel, extraction: str, device: Device | None = None, background: Background = BLACK
-    ) -> RenderView:
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         """Return the renderer of the private networks' Gaussians."""
         device = device or choose_device()
-        return lambda camera: Renderer(self.gaussians(public, camera, extraction)[0], device).image(camera, background)
+        return lambda camera: Renderer(self.gaussians(public, camera, extraction)[0], device).image(camera)
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the hidden Gaussians of a camera, and the anchor of each."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -15,16 +15,7 @@ from gspure.cameras.camera import Camera
 from gspure.model import Gaussians, model_file, read_model, write_model
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
-from gspure.public_model import (
-    BLACK,
-    Background,
-    Columns,
-    PublicModel,
-    RenderView,
-    Rows,
-    learning_steps,
-    merge_by_row,
-)
+from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
 from gspure.renderer import Renderer
 from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors, table_of
 from gspure.schemes.secure_gs.files import read_networks, write_networks
@@ -109,29 +100,19 @@ class AnchorModel(PublicModel):
         device = device or choose_device()
         return lambda camera: Renderer(self.gaussians(camera)[0], device, energy=energy).image(camera, background)
 
-    def learned(
-        self,
-        views: Sequence[Camera],
-        images: Sequence[Float32],
-        attributes: Collection[str],
-        *,
-        steps: int,
-        rng: np.random.Generator,
-        rate_factor: float = 1.0,
-        device: Device | None = None,
-    ) -> Self:
+    def learned(self, lesson: Lesson) -> Self:
         """Return the model with features, scalings and offsets learned through the public networks, which stay."""
         from gspure.schemes.secure_gs.learner import Learner
         from gspure.training.pytorch import single_threaded
 
-        rates = {name: rate_factor * rate for name, rate in self.rates.items() if name in attributes}
+        rates = lesson.rates(self.rates)
         groups = {"features": "colour", "log_scalings": "scale", "offsets": "position"}
         with single_threaded():
-            learner = Learner(self.anchors, [self.networks], [images], device or choose_device())
-            for view, factor in learning_steps(len(views), steps, rng):
+            learner = Learner(self.anchors, [self.networks], [lesson.images], lesson.device or choose_device())
+            for view, factor in lesson.schedule():
                 scales = np.exp(learner.anchors.log_scalings[:, :3])
-                rows = visible_rows(views[view], self.model.means, self.model.quats, scales)
-                learner.differentiate(0, views[view], rows, view, 1.0)
+                rows = visible_rows(lesson.views[view], self.model.means, self.model.quats, scales)
+                learner.differentiate(0, lesson.views[view], rows, view, 1.0)
                 steps_of = {group: factor * rates.get(name, 0.0) for group, name in groups.items()}
                 learner.step(dict.fromkeys(self.networks, 0.0) | steps_of)
         return self._with_attributes(table_of(learner.anchors), rates)

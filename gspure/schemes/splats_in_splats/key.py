@@ -24,7 +24,7 @@ from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import CORE
 from gspure.model.sh_rotation import rotate_sh
 from gspure.opencl.device import Device
-from gspure.public_model import BLACK, Background, PublicModel, RenderView, Rows
+from gspure.public_model import PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import MESSAGE, Key
 from gspure.schemes.splats_in_splats import bits
@@ -62,12 +62,10 @@ class SplatsInSplatsKey(Key):
     shift: int
     hidden: Gaussians
 
-    def message(
-        self, public: PublicModel, extraction: str, device: Device | None = None, background: Background = BLACK
-    ) -> RenderView:
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         """Return the renderer of the message."""
         renderer = Renderer(self._revealed(public, extraction)[0], device)
-        return lambda camera: renderer.image(camera, background)
+        return renderer.image
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians that show the message, and the row of each.
