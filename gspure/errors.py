@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -61,6 +62,12 @@ class MissingFileError(InputError, FileNotFoundError):
 def printable(text: str) -> str:
     """Return `text` in one line, with every character that does not print replaced by its Python escape."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str | None:
+    """Return a hint at the known word that is most similar to a misspelt one; None if none is."""
+    near = get_close_matches(word, known, 1)
+    return f"did you mean {near[0]}?" if near else None
 
 
 def _short(text: str) -> str:

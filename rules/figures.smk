@@ -3,7 +3,6 @@ rule draw_model:
         model=get_public_model,
         weights="results/{scheme}/{scene}/weights.npy",
         clusters="results/{scheme}/{scene}/clusters.npz",
-        mask="results/{scheme}/{scene}/prune_mask.npy",
         cameras="results/{scheme}/{scene}/cameras.json",
         hidden=lambda wildcards: get_model(wildcards).hidden,
     output:
@@ -29,8 +28,7 @@ rule draw_model:
     shell:
         job(
             "figures model --model {input.model:q} --weights {input.weights:q} --clusters {input.clusters:q}"
-            " --prune-mask {input.mask:q} --cameras {input.cameras:q} {params.message} {params.factors}"
-            " --out {output.figures:q}"
+            " --cameras {input.cameras:q} {params.message} {params.factors} --out {output.figures:q}"
         )
 
 

@@ -138,7 +138,7 @@ def test_every_stage_continues_after_suspicious_rows(folder: Path, capsys) -> No
         name: str(folder / name) for name in ("i.tsv", "w.npy", "f.npy", "t.npy", "c.npz", "p.npy", "d.json", "out.ply")
     }
     weights = ["--weights", at["w.npy"]]
-    figures = ["--clusters", at["c.npz"], "--prune-mask", at["p.npy"], "--out", str(folder / "figures")]
+    figures = ["--clusters", at["c.npz"], "--out", str(folder / "figures")]
     for command in (
         ["contributions", "--model", model, *cameras, "--stages", str(folder / "stages"), "--index", at["i.tsv"]],
         ["weights", "--index", at["i.tsv"], "--model", model, "--out", at["w.npy"]],

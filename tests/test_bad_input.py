@@ -35,7 +35,7 @@ COMMANDS = {
     "attack": "attack plain_weight --model model.ply --weights weights.npy --out out --removed out.npy",
     "prune": "prune --clusters clusters.npz --weights weights.npy --out out",
     "metrics": "metrics a b --out out",
-    "figures": "figures model --model model.ply --weights weights.npy --clusters clusters.npz --prune-mask mask.npy "
+    "figures": "figures model --model model.ply --weights weights.npy --clusters clusters.npz "
     "--cameras cameras.json --out out",
 }
 OF_MODEL = [name for name, command in COMMANDS.items() if "model.ply" in command]

@@ -86,9 +86,13 @@ def test_the_table_command_takes_the_condition_of_each_model(tmp_path: Path, cap
         ("room", Condition("planted", "own", "scene")),
         ("vault", Condition("planted", "shared", "both")),
     }
-    with pytest.raises(SystemExit, match="2"):
-        main([*words, "--condition", "planted/room=own"])
-    assert "SCHEME/SCENE=PROTOCOL,INITIALIZATION" in capsys.readouterr().err
+    for conditions, reason in (
+        (["planted/room=own"], "expected SCHEME/SCENE=PROTOCOL,INITIALIZATION"),
+        (["planted/room=own,scene", "planted/room=shared,both"], "found planted/room again"),
+    ):
+        with pytest.raises(SystemExit, match="2"):
+            main([*words, *(word for condition in conditions for word in ("--condition", condition))])
+        assert reason in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -164,6 +164,26 @@ def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path)
         assert record["digest"] == file_digest(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("sweep", "reason"),
+    [
+        ("theirs=better,weeker", "results.csv: variant: expected an attack of the table, found weeker"),
+        ("theirs=better,black", "found black"),
+        ("theirs=better,unattacked", "found unattacked"),
+        ("better=weaker", "--sweep: better: expected better among its variants, found weaker"),
+    ],
+)
+def test_a_sweep_of_anything_but_attacks_of_the_table_is_refused(tmp_path: Path, capsys, sweep, reason) -> None:
+    write_results(tmp_path / "results.csv", SCENES)
+    files = {"--table": "results.csv", "--out": "contest.csv", "--survival": "survival.csv", "--matched": "matched.csv"}
+    words = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
+    assert main(["contest", *words, "--markdown", str(tmp_path / "contest.md"), "--sweep", sweep]) == 2
+    (error,) = capsys.readouterr().err.splitlines()
+    assert reason in error
+    assert ("did you mean weaker?" in error) == ("weeker" in sweep)
+    assert not (tmp_path / "contest.csv").exists()
+
+
 def test_the_tables_hold_survival_and_differences() -> None:
     left = {str(row.cells[0]): [str(cell) for cell in row.cells] for row in survival_table(survival(SCENES)).rows}
     assert left["better"][1].startswith("14.50 [")

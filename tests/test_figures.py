@@ -76,13 +76,12 @@ def test_figures_are_the_same_bytes_again(tmp_path: Path, evidence: gallery.Evid
 
 @pytest.fixture
 def inputs(tmp_path: Path, evidence: gallery.Evidence) -> list[str]:
-    files = {name: tmp_path / name for name in ("model.ply", "weights.npy", "clusters.npz", "mask.npy", "cameras.json")}
+    files = {name: tmp_path / name for name in ("model.ply", "weights.npy", "clusters.npz", "cameras.json")}
     write_model(files["model.ply"], gaussians(means=BALL, scales=0.1))
     save_array(files["weights.npy"], evidence.weights)
     write_clusters(files["clusters.npz"], Clusters(evidence.labels, 0), {})
-    save_array(files["mask.npy"], evidence.pruned)
     write_cameras(files["cameras.json"], orbit_cameras(BALL, np.ones(400), count=4, width=32, height=24))
-    options = ("--model", "--weights", "--clusters", "--prune-mask", "--cameras")
+    options = ("--model", "--weights", "--clusters", "--cameras")
     words = [word for pair in zip(options, map(str, files.values()), strict=True) for word in pair]
     return ["figures", "model", *words, "--out", str(tmp_path / "figures")]
 
@@ -92,19 +91,30 @@ def test_figures_of_a_model_have_their_captions_beside_them(tmp_path: Path, inpu
     assert (tmp_path / "figures" / "kept.gltf").exists()
     note = json.loads((tmp_path / "figures" / "kept.png.json").read_text())
     assert "Gaussians are pruned" in note["settings"]["caption"]
-    assert note["inputs"].keys() == {"model", "weights", "clusters", "prune_mask", "cameras"}
+    assert note["inputs"].keys() == {"model", "weights", "clusters", "cameras"}
+
+
+def test_the_figures_show_the_pruning_of_the_factors_in_their_captions(tmp_path: Path, inputs: list[str]) -> None:
+    pruned = {}
+    for tau in ("1", "100"):
+        assert main([*inputs[:-1], str(tmp_path / tau), "--tau-n", tau, "--tau-c", tau]) == 0
+        notes = [json.loads((tmp_path / tau / f"{name}.png.json").read_text()) for name in ("kept", "weights")]
+        kept, weights = (note["settings"]["caption"] for note in notes)
+        assert f"below ω̄/{tau}," in weights
+        pruned[tau] = int(kept.partition(" of ")[0])
+    assert pruned["1"] > pruned["100"]
 
 
 @pytest.mark.parametrize(
     ("change", "told"),
     [
         (["--view", "nowhere"], "cameras.json: view: expected a view named nowhere"),
-        (["--prune-mask", "{}/short.npy"], "short.npy: array: expected bool [400], found bool [3]"),
+        (["--weights", "{}/short.npy"], "short.npy: array: expected float32 [400], found float32 [3]"),
         (["--hidden", "{}/absent.npy"], "absent.npy: no such file"),
     ],
 )
 def test_files_that_do_not_fit_the_model_are_refused_in_one_line(tmp_path: Path, inputs, capsys, change, told) -> None:
-    save_array(tmp_path / "short.npy", np.zeros(3, bool))
+    save_array(tmp_path / "short.npy", np.zeros(3, np.float32))
     assert main([*inputs, *(word.format(tmp_path) for word in change)]) == 2
     error = capsys.readouterr().err
     assert told in error

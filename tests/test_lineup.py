@@ -116,3 +116,18 @@ def test_the_command_shows_what_is_in_the_table(results: Path) -> None:
 def test_without_the_unattacked_model_there_is_nothing_to_compare(results: Path, capsys) -> None:
     assert main(command(results, "truth", "noise")) == 2
     assert "expected unattacked of planted/room" in capsys.readouterr().err
+
+
+def test_unknown_and_repeated_columns_and_sweeps_are_refused(results: Path, capsys) -> None:
+    for words, reason in (
+        ([*command(results, "truth", "unattacked", "nose")], "expected a variant of planted/room, found nose"),
+        ([*command(results, "truth", "unattacked"), "--sweep", "noise=nose"], "expected an attack of the table"),
+    ):
+        assert main(words) == 2
+        (error,) = capsys.readouterr().err.splitlines()
+        assert reason in error
+        assert error.endswith("(did you mean noise?)")
+    with pytest.raises(SystemExit, match="2"):
+        main(command(results, "truth", "unattacked", "noise", "noise"))
+    assert "found noise again" in capsys.readouterr().err
+    assert not (results / "attacks.png").exists()

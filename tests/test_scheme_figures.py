@@ -102,8 +102,8 @@ def test_the_commands_write_a_figure_with_its_caption(table: Path) -> None:
     ("words", "told"),
     [
         (
-            ["sweep", "--condition", "sis", "--point", "gentle=4,4"],
-            "results.csv: variant: expected gentle, found no such",
+            ["sweep", "--condition", "sis", "--point", "gspurr=4,4"],
+            "results.csv: variant: expected a variant of sis, found gspurr (did you mean gspure?)",
         ),
         (
             ["sweep", "--condition", "other", "--point", "gspure=4,4"],
@@ -137,3 +137,10 @@ def test_pruning_factors_that_are_not_two_numbers_above_0_are_refused(factors: s
     with pytest.raises(SystemExit, match="2"):
         main(["figures", "sweep", *words])
     assert f"found 'gspure={factors}'" in capsys.readouterr().err
+
+
+def test_a_variant_with_two_pairs_of_factors_is_refused(table: Path, capsys) -> None:
+    words = ["--table", str(table), "--condition", "sis", "--point", "gspure=4,4", "--point", "gspure=1,4"]
+    with pytest.raises(SystemExit, match="2"):
+        main(["figures", "sweep", *words, "--out", str(table.parent / "sweep.png")])
+    assert "found gspure again" in capsys.readouterr().err

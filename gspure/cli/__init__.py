@@ -12,7 +12,6 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -21,7 +20,7 @@ from typing import Any, NoReturn
 from gspure import __version__, progress
 from gspure.cli.options import camera_source
 from gspure.cli.outputs import Output, require_distinct
-from gspure.errors import InputError, printable
+from gspure.errors import InputError, did_you_mean, printable
 
 USER_COMMANDS = (
     "audit",
@@ -126,8 +125,8 @@ class Parser(argparse.ArgumentParser):
 
 
 def _suggestion(word: str, known: Iterable[str]) -> str:
-    near = get_close_matches(word, known, 1)
-    return f", did you mean {near[0]}?" if near else ""
+    hint = did_you_mean(word, known)
+    return f", {hint}" if hint else ""
 
 
 def _filled(kind: Callable[[str], Any], text: str) -> Any:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gspure.cli.options import (
     SPLITS,
+    Assignments,
     add_cameras,
     add_device,
     add_scheme,
@@ -58,9 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for option, origin in _EVIDENCE.items():
         evidence.add_argument(option, type=Path, metavar="FILE", help=origin)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the attack; repeatable"
-    )
+    parser.add_argument("--set", action=Assignments, metavar="NAME=VALUE", help="a setting of the attack; repeatable")
     parser.add_argument("--out", type=Output, required=True, metavar="PLY", help="the attacked model to write")
     parser.add_argument(
         "--removed", type=Output, metavar="NPY", help="also write the mask of the removed rows: bool [K]"

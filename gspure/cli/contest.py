@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_sweeps
+from gspure.cli.options import add_sweeps, read_sweeps
 from gspure.cli.outputs import Output
 
 HELP = "measure the survival of the message, and compare GSPure with every other attack"
@@ -46,7 +46,8 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.survival import Survival, survival
     from gspure.report.tables import conditions_markdown
 
-    outcomes, sweeps = read_results(args.table), dict(args.sweep)
+    outcomes = read_results(args.table)
+    sweeps = read_sweeps(args, outcomes)
     contests, survivals, matched = contest(outcomes, sweeps), survival(outcomes), match(outcomes, sweeps)
     write_records(args.out, Contest, contests)
     write_records(args.survival, Survival, survivals)

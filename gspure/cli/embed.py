@@ -20,7 +20,7 @@ planted is not trained and takes ray-traced pairs only. gs_hider and secure_gs n
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    from gspure.cli.options import add_device, described
+    from gspure.cli.options import Assignments, add_device, described
     from gspure.cli.outputs import Output
     from gspure.schemes.pair import INITIALIZATIONS
     from gspure.schemes.registry import BUILT_IN
@@ -29,9 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scheme", metavar="SCHEME", help=f"one of {known}, or a plug-in")
     parser.add_argument("pair", type=Path, metavar="PAIR", help="output folder of `gspure pair`")
     parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for public/ and key/")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of the scheme; repeatable"
-    )
+    parser.add_argument("--set", action=Assignments, metavar="NAME=VALUE", help="a setting of the scheme; repeatable")
     parser.add_argument(
         "--initialization",
         choices=INITIALIZATIONS,

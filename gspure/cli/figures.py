@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 HELP = "draw figures: point clouds and weights, renderings side by side, outcomes, sweeps, trade-offs"
 EXAMPLES = """\
   gspure figures model --model point_cloud.ply --weights weights.npy --clusters clusters.npz \\
-      --prune-mask prune_mask.npy --cameras cameras.json --out figures
+      --cameras cameras.json --out figures
   gspure figures panels --column before=before --column after=after --difference --out figures/views.png
   gspure figures attacks --table results.csv --asset planted/room --column truth=truth \\
       --column unattacked=unattacked/renders --column gspure=gspure/renders --out attacks.png
@@ -41,7 +41,6 @@ def _add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", type=Path, required=True, metavar="PLY", help="the model that was purified")
     parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="from `gspure weights`")
     parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="from `gspure cluster`")
-    parser.add_argument("--prune-mask", type=Path, required=True, metavar="NPY", help="from `gspure prune`")
     add_factors(parser)
     parser.add_argument("--hidden", type=Path, metavar="NPY", help="weights of the message, from `gspure hidden`")
     add_cameras(parser, "views for up direction and viewpoint", required=False)
@@ -82,6 +81,7 @@ def _draw_model(args: argparse.Namespace) -> Drawn:
     from gspure.figures.viewer import write_viewer
     from gspure.figures.viewpoint import world_axes
     from gspure.method.clustering.store import read_clusters
+    from gspure.method.pruning import prune_mask
     from gspure.model import read_model
     from gspure.model.finite import drawable
     from gspure.model.gaussians import COLOUR
@@ -93,13 +93,13 @@ def _draw_model(args: argparse.Namespace) -> Drawn:
     labels = read_clusters(args.clusters).labels
     if labels.shape != shape:
         raise InputError(args.clusters, "labels", expected=f"{len(model)}, as in {args.model}", found=str(len(labels)))
-    measured = filter(None, (args.clusters, args.weights, args.prune_mask, args.hidden))
-    require_made_from(stored.geometry_digest(), *measured)
+    require_made_from(stored.geometry_digest(), *filter(None, (args.clusters, args.weights, args.hidden)))
+    weights = load_array(args.weights, dtype=np.float32, shape=shape, least=0)
     evidence = Evidence(
         model.means,
         labels,
-        load_array(args.weights, dtype=np.float32, shape=shape, least=0),
-        load_array(args.prune_mask, dtype=np.bool_, shape=shape),
+        weights,
+        prune_mask(labels, weights, args.tau_c, args.tau_n),
         hidden=load_array(args.hidden, dtype=np.float32, shape=shape, least=0) if args.hidden else None,
         tau_c=args.tau_c,
         tau_n=args.tau_n,
@@ -110,7 +110,7 @@ def _draw_model(args: argparse.Namespace) -> Drawn:
     sh_dc = model.columns(*COLOUR) if model.sh_degree >= 0 else None
     write_viewer(args.out / "viewer.json", evidence, world_axes(model.means, cameras), sh_dc)
     captions = draw(args.out, evidence, cameras, view)
-    names = ("model", "weights", "clusters", "prune_mask", "hidden", "cameras")
+    names = ("model", "weights", "clusters", "hidden", "cameras")
     inputs = {name: path for name in names if (path := getattr(args, name))}
     return captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n, "view": args.view}
 

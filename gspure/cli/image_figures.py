@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_sweeps, require_least
+from gspure.cli.options import Assignments, add_sweeps, read_sweeps, require_least, require_variants
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
@@ -45,14 +45,7 @@ def _add_attacks(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_columns(parser: argparse.ArgumentParser, meaning: str) -> None:
-    parser.add_argument("--column", type=_column, action="append", required=True, metavar="TITLE=DIR", help=meaning)
-
-
-def _column(text: str) -> tuple[str, Path]:
-    title, _, folder = text.rpartition("=")
-    if not (title and folder):
-        raise argparse.ArgumentTypeError(f"expected TITLE=DIR, found {text!r}")
-    return title, Path(folder)
+    parser.add_argument("--column", action=Assignments, parse=Path, required=True, metavar="TITLE=DIR", help=meaning)
 
 
 def _draw_panels(args: argparse.Namespace) -> Drawn:
@@ -63,7 +56,7 @@ def _draw_panels(args: argparse.Namespace) -> Drawn:
     from gspure.images import read_image
 
     require_least(args, "figures panels", {"rows": 1})
-    folders = dict(args.column)
+    folders = args.column
     views = _common_views(folders.values())
     chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, args.rows).round().astype(int))]
     images = {title: {view: read_image(folder / f"{view}.png") for view in chosen} for title, folder in folders.items()}
@@ -83,20 +76,22 @@ def _draw_attacks(args: argparse.Namespace) -> Drawn:
     from gspure.figures.lineup import chosen, typical, write_lineup
     from gspure.images import read_image
 
-    folders = dict(args.column)
-    outcomes = [o for o in read_results(args.table) if f"{o.scheme}/{o.asset}" == args.asset and o.variant in folders]
+    folders, results = args.column, read_results(args.table)
+    of_asset = [o for o in results if f"{o.scheme}/{o.asset}" == args.asset]
+    reference, *others = folders
+    require_variants(args.table, others, (o.variant for o in of_asset), f"a variant of {args.asset}")
+    outcomes = [o for o in of_asset if o.variant in folders]
     targets = ordered({target for outcome in outcomes for target in outcome.targets})
     if not targets or UNATTACKED not in folders:
         raise InputError(
             args.table, "variant", expected=f"{UNATTACKED} of {args.asset}, among the columns", found="none"
         )
     compared = MESSAGE if MESSAGE in targets else SCENE
-    reference = next(iter(folders))
     of_target = [_target_folder(folders[name], compared) for name in (reference, UNATTACKED)]
     views = _common_views(of_target)
     view = typical(*({name: read_image(folder / f"{name}.png") for name in views} for folder in of_target))
 
-    shown = chosen(outcomes, dict(args.sweep))
+    shown = chosen(outcomes, read_sweeps(args, results))
     columns: list[Column] = []
     files: dict[str, Path] = {}
     for title, outcome in [(reference, None), *((o.variant, o) for o in shown if o.variant != reference)]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_quiet
+from gspure.cli.options import Assignments, add_quiet
 from gspure.cli.outputs import Output
 
 HELP = "compare two folders of images: PSNR, SSIM and gradient correlation (GC), per view and mean"
@@ -34,9 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--against",
-        type=_assigned,
-        action="append",
-        default=[],
+        action=Assignments,
         metavar="TARGET=OTHER",
         help="compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A; repeatable",
     )
@@ -55,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.evaluation.comparison import as_text, compare, pair_images, write_metrics
     from gspure.progress import say, track
 
-    pairs, unused = pair_images(args.images, args.other, dict(args.against))
+    pairs, unused = pair_images(args.images, args.other, args.against)
     rows = [compare(pair, args.reference, args.baseline) for pair in track(pairs, "metrics")]
     if unused:
         say(f"metrics: {unused} images of {args.images} have no counterpart in {args.other}")
@@ -64,10 +62,3 @@ def run(args: argparse.Namespace) -> None:
         images = {path.as_posix(): path for pair in pairs for path in (pair.reference, pair.image)}
         write_provenance(args.out, inputs=images, settings={"reference": args.reference, "baseline": args.baseline})
     print("\n".join(as_text(rows)))
-
-
-def _assigned(text: str) -> tuple[str, str]:
-    target, _, counterpart = text.partition("=")
-    if not (target and counterpart):
-        raise argparse.ArgumentTypeError(f"expected TARGET=OTHER, found {text!r}")
-    return target, counterpart

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.errors import InputError
+from gspure.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
+    from gspure.evaluation.outcomes import Outcome
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
 
@@ -204,27 +205,63 @@ def add_files(parser: argparse.ArgumentParser, files: Mapping[str, tuple[str, st
         parser.add_argument(option, type=Path, nargs="*", default=[], metavar=metavar, help=meaning)
 
 
+class Assignments(argparse.Action):
+    """Collects options ``NAME=VALUE`` in a mapping; a name twice is refused, as one of its values would not count."""
+
+    def __init__(self, parse: Callable[[str], Any] = str, **settings: Any) -> None:
+        super().__init__(default={}, **settings)
+        self._parse = parse
+
+    def __call__(self, _parser: Any, namespace: argparse.Namespace, text: Any, _option: str | None = None) -> None:
+        """Add the value of one option."""
+        name, _, value = text.partition("=")
+        known = getattr(namespace, self.dest)
+        if name in known:
+            raise argparse.ArgumentError(self, f"expected every name once, found {name} again")
+        try:
+            parsed = self._parse(value) if name and value else None
+        except ValueError:
+            parsed = None
+        if parsed is None:
+            raise argparse.ArgumentError(self, f"expected {self.metavar}, found {text!r}")
+        setattr(namespace, self.dest, {**known, name: parsed})
+
+
 def add_sweeps(parser: argparse.ArgumentParser) -> None:
-    """Add ``--sweep``: a list of names, each with its variants."""
+    """Add ``--sweep``, for `read_sweeps`."""
     parser.add_argument(
         "--sweep",
-        type=_sweep,
-        action="append",
-        default=[],
+        action=Assignments,
+        parse=lambda variants: variants.split(","),
         metavar="NAME=VARIANT,...",
         help="variants of one attack at several strengths; repeatable",
     )
 
 
-def _sweep(text: str) -> tuple[str, list[str]]:
-    name, _, variants = text.partition("=")
-    if not (name and variants):
-        raise argparse.ArgumentTypeError(f"expected NAME=VARIANT,..., found {text!r}")
-    return name, variants.split(",")
+def read_sweeps(args: argparse.Namespace, outcomes: Sequence[Outcome]) -> dict[str, list[str]]:
+    """Return the variants of every ``--sweep``; refuse any that is no attack of the table, or another's name."""
+    from gspure.evaluation.outcomes import UNATTACKED
+
+    attacks = [o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control]
+    sweeps: dict[str, list[str]] = args.sweep
+    for name, variants in sweeps.items():
+        require_variants(args.table, variants, attacks, "an attack of the table")
+        if name in attacks and name not in variants:
+            raise InputError("--sweep", name, expected=f"{name} among its variants", found=",".join(variants))
+    return sweeps
 
 
-def parsed_settings(source: str, defaults: Mapping[str, Setting], texts: Sequence[str]) -> dict[str, Setting]:
-    """Return settings from ``NAME=VALUE``, each in the type of its default; unknown ones are strings.
+def require_variants(table: Path, variants: Iterable[str], known: Iterable[str], expected: str) -> None:
+    """Refuse variants that are not among the `known` ones of a table."""
+    known = set(known)
+    for variant in variants:
+        if variant not in known:
+            hint = did_you_mean(variant, known)
+            raise InputError(table, "variant", expected=expected, found=variant, hint=hint)
+
+
+def parsed_settings(source: str, defaults: Mapping[str, Setting], texts: Mapping[str, str]) -> dict[str, Setting]:
+    """Return settings, each in the type of its default; unknown ones are strings.
 
     Raises
     ------
@@ -233,8 +270,7 @@ def parsed_settings(source: str, defaults: Mapping[str, Setting], texts: Sequenc
 
     """
     settings = {}
-    for text in texts:
-        name, _, value = text.partition("=")
+    for name, value in texts.items():
         default = defaults.get(name, "")
         try:
             settings[name] = type(default)(value)

@@ -38,3 +38,5 @@ def _paths(values: Iterable[object]) -> Iterator[Path]:
             yield value
         elif isinstance(value, list | tuple):
             yield from _paths(value)
+        elif isinstance(value, dict):
+            yield from _paths(value.values())

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gspure.cli.image_figures import Drawn
+from gspure.cli.options import Assignments, require_variants
 from gspure.cli.outputs import Output
 from gspure.errors import InputError
 
@@ -19,11 +20,11 @@ def _add_sweep(parser: argparse.ArgumentParser) -> None:
     _add_condition(parser)
     parser.add_argument(
         "--point",
-        type=_point,
-        action="append",
+        action=Assignments,
+        parse=_factors,
         required=True,
         metavar="VARIANT=TAU_N,TAU_C",
-        help="a variant and its pruning factors, the method's first; repeatable",
+        help="a variant and its pruning factors, above 0, the method's first; repeatable",
     )
     parser.set_defaults(draw=_draw_sweep)
 
@@ -44,15 +45,11 @@ def _add_condition(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
 
 
-def _point(text: str) -> tuple[str, tuple[float, float]]:
-    variant, _, factors = text.rpartition("=")
-    try:
-        tau_n, tau_c = map(float, factors.split(","))
-    except ValueError:
-        tau_n = tau_c = math.nan
-    if not (variant and 0 < tau_n < math.inf and 0 < tau_c < math.inf):
-        raise argparse.ArgumentTypeError(f"expected VARIANT=TAU_N,TAU_C above 0, found {text!r}")
-    return variant, (tau_n, tau_c)
+def _factors(text: str) -> tuple[float, float]:
+    tau_n, tau_c = map(float, text.split(","))
+    if not (0 < tau_n < math.inf and 0 < tau_c < math.inf):
+        raise ValueError
+    return tau_n, tau_c
 
 
 def _outcomes(args: argparse.Namespace) -> list[Outcome]:
@@ -70,10 +67,9 @@ def _draw_sweep(args: argparse.Namespace) -> Drawn:
     from gspure.figures.factors import Point, write_factor_curves
 
     means = {row.variant: row for row in reversed(summarize(_outcomes(args)))}  # the first extraction
+    require_variants(args.table, args.point, means, f"a variant of {args.condition}")
     points = []
-    for variant, factors in args.point:
-        if variant not in means:
-            raise InputError(args.table, "variant", expected=variant, found="no such row")
+    for variant, factors in args.point.items():
         psnr = {name: value for name in ("scene", "message") if (value := getattr(means[variant], name))}
         points.append(Point(factors, psnr))
     method = points[0].factors
@@ -84,7 +80,7 @@ def _draw_sweep(args: argparse.Namespace) -> Drawn:
         f"τ_n = {method[0]:g} or τ_c = {method[1]:g} (ring: both). Mean over {scenes} scenes"
     )
     band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
-    settings = {"condition": args.condition, "points": {name: list(factors) for name, factors in args.point}}
+    settings = {"condition": args.condition, "points": {name: list(factors) for name, factors in args.point.items()}}
     return {args.out: caption + band + "."}, {"table": args.table}, settings
 
 

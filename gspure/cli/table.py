@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gspure.cli.options import add_files
+from gspure.cli.options import Assignments, add_files
 from gspure.cli.outputs import Output
 
 HELP = "collect the metrics of all variants in one table, with the Score"
@@ -35,9 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_files(parser, _FILES)
     parser.add_argument(
         "--condition",
-        type=_condition,
-        action="append",
-        default=[],
+        action=Assignments,
+        parse=_condition,
         metavar="SCHEME/SCENE=PROTOCOL,INITIALIZATION",
         help="how a model was trained: only equal conditions are averaged and compared; repeatable",
     )
@@ -47,12 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--latex", type=Output, metavar="TEX", help="the summary as a LaTeX table")
 
 
-def _condition(text: str) -> tuple[str, tuple[str, str]]:
-    model, _, condition = text.partition("=")
-    protocol, _, initialization = condition.partition(",")
-    if not initialization:
-        raise argparse.ArgumentTypeError(f"expected SCHEME/SCENE=PROTOCOL,INITIALIZATION, found {text!r}")
-    return model, (protocol, initialization)
+def _condition(text: str) -> tuple[str, str]:
+    protocol, initialization = text.split(",")
+    return protocol, initialization
 
 
 def run(args: argparse.Namespace) -> None:
@@ -72,10 +68,10 @@ def run(args: argparse.Namespace) -> None:
 
     truth = [mask for key in args.keys if (mask := key / CARRIERS).is_file()]
     files = (args.prune_masks, truth, args.verdicts, args.failures, args.retrievals)
-    outcomes = collect(args.metrics, *files, conditions=dict(args.condition))
+    outcomes = collect(args.metrics, *files, conditions=args.condition)
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
-    write_provenance(args.out, inputs=inputs, settings={"conditions": dict(args.condition)})
+    write_provenance(args.out, inputs=inputs, settings={"conditions": args.condition})
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
     for scheme, asset in not_embedded(outcomes):
         warn(

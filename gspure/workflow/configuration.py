@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from gspure.cameras import GENERATED
-from gspure.errors import InputError, reading
+from gspure.errors import InputError, did_you_mean, reading
 
 _EXPECTED = {
     "type": "type {}",
@@ -241,9 +240,7 @@ def _refusal(error: Any, source: str | Path) -> InputError:
     if error.validator == "additionalProperties":
         known = list(error.schema.get("properties", ()))
         unknown = next(key for key in error.instance if key not in known)
-        near = get_close_matches(str(unknown), known, 1)
-        hint = f"did you mean {near[0]}?" if near else None
-        field = ".".join([*path, str(unknown)])
+        field, hint = ".".join([*path, str(unknown)]), did_you_mean(str(unknown), known)
         return InputError(source, field, expected=f"one of {', '.join(known)}", found="an unknown key", hint=hint)
     if error.validator == "required":
         missing = next(name for name in error.validator_value if name not in error.instance)
