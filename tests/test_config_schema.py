@@ -23,7 +23,7 @@ from gspure.method.features import PARTS
 from gspure.method.weights import REDUCTIONS
 from gspure.opencl.frame import ENERGIES
 from gspure.scenes.placement import PLACEMENTS
-from gspure.scenes.staging import PROTOCOLS, scene_builder
+from gspure.scenes.staging import NAMES, PROTOCOLS, scene_builder
 from gspure.schemes.pair import INITIALIZATIONS
 from gspure.schemes.registry import schemes
 from gspure.workflow.configuration import resolved, validated
@@ -205,7 +205,7 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         ({"pairs": {"room": {}}}, "assets: expected at least one model, or a pair and a scheme, found none"),
         (
             {"pairs": {"room": {"message": "no"}}, "schemes": {"splats_in_splats": {}}},
-            "pairs.room: expected both of room, vault, interior-SEED, landscape-SEED, or both paths, found room and no",
+            f"pairs.room: expected both of {NAMES}, or both paths, found room and no",
         ),
         (
             {"pairs": {"room": {"scene": "no", "message": "no"}}, "schemes": {"splats_in_splats": {}}},

@@ -172,7 +172,7 @@ def test_a_coloured_wall_tints_the_floor_beside_it():
     assert near[0] / near[2] > 1.05 * far[0] / far[2]
 
 
-@pytest.mark.parametrize("name", ["room", "vault", "interior-1", "landscape-1"])
+@pytest.mark.parametrize("name", ["room", "vault", "interior-1", "landscape-1", "object-1"])
 def test_photographs_are_the_same_bits_again_and_for_any_batch_of_rays(coarse, monkeypatch, name):
     build = scene_builder(name)
     view = stage_cameras(3, 40, 30)[1]

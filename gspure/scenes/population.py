@@ -40,7 +40,7 @@ def populate(lit: LitScene, count: int, rng: np.random.Generator) -> tuple[Surfe
     parts = [
         (surface, rng.uniform(*SOLID, len(surface))),
         (_strewn(others, _INSIDE_SCALE, surface, few, rng), rng.uniform(*SOLID, few)),
-        (_strewn(rooms, _FLOATER_SCALE, surface, few, rng), log_even(FLOATING, few, rng)),
+        (_strewn(rooms or others, _FLOATER_SCALE, surface, few, rng), log_even(FLOATING, few, rng)),
         (_film(surface, few, rng), log_even(FAINT, few, rng)),
     ]
     return Surfels.joined(*(surfels for surfels, _ in parts)), np.concatenate([opacities for _, opacities in parts])

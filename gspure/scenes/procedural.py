@@ -1,8 +1,8 @@
-"""Random scenes by seed: furnished rooms, and landscapes under a sky. A seed is one scene; seeds are independent."""
+"""Random scenes by seed: furnished rooms, landscapes under a sky, objects over black. Seeds are independent."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,6 +20,9 @@ FRONT_HALF: Final = ((-2.0, 2.0), (-0.5, 2.2))
 
 GRID: Final = 10
 """A landscape has this many by this many steps of terrain."""
+
+PLINTH_SIZE: Final = (2.6, 1.2, 0.3)
+"""Width, depth and height of an object's plinth, metres."""
 
 SKY_HEIGHT: Final = 9.0
 """Height of the painted sky around a landscape, metres."""
@@ -81,6 +84,31 @@ class Landscape:
             lamp=Lamp((_within(rng, -2.5, 2.5), -2.5, 5.0), 1.6, _light(rng, 75.0)),
             sky=(0.6, 0.66, 0.75),
         )
+
+
+@dataclass(frozen=True)
+class Object:
+    """A tower, a shelf and balls on a plinth over a black background."""
+
+    seed: int
+
+    def __call__(self, placement: Placement) -> Scene:
+        """Return the object; of the placement only the height of the floor counts."""
+        rng = np.random.default_rng([2, self.seed])
+        top = placement.floor + PLINTH_SIZE[2]
+        plinth = Box((0.0, 0.5, placement.floor + PLINTH_SIZE[2] / 2), PLINTH_SIZE, (_pattern(rng, 0.15, 0.4),))
+        placed = zip((_tower, _shelf, _balls), rng.permutation([-0.75, 0.0, 0.75]), strict=True)
+        solids = [solid for build, x in placed for solid in build((x, 0.5, top), rng)]
+        lamp = Lamp((_within(rng, -1.6, 1.6), -2.0, 4.3), 1.1, _light(rng, 90.0))
+        return Scene(solids=(plinth, *solids), lamp=lamp, sky=_light(rng, 0.48))
+
+
+PROCEDURAL: Final[Mapping[str, Callable[[int], Callable[[Placement], Scene]]]] = {
+    "interior": Interior,
+    "landscape": Landscape,
+    "object": Object,
+}
+"""Classes of random scenes, by the first part of a scene's name."""
 
 
 def _places(rng: Random, count: int) -> list[tuple[float, float]]:

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from gspure.scenes.lighting import LitScene, bake
 from gspure.scenes.placement import PLACEMENTS, Placement
-from gspure.scenes.procedural import Interior, Landscape
+from gspure.scenes.procedural import PROCEDURAL
 from gspure.scenes.scene import Scene
 from gspure.scenes.stages import room, vault
 
 BuildScene = Callable[[Placement], Scene]
 
-NAMES: Final = "room, vault, interior-SEED, landscape-SEED"
+NAMES: Final = "room, vault, interior-SEED, landscape-SEED, object-SEED"
 """The names of ray-traced scenes; SEED is a whole number."""
 
 PROTOCOLS: Final = ("shared", "own")
@@ -31,8 +31,8 @@ of its surface points then lie outside all views of the scene. Ours."""
 def scene_builder(name: str) -> BuildScene | None:
     """Return the builder of a ray-traced scene; None if no such scene has this name."""
     kind, _, seed = name.partition("-")
-    if seed.isdecimal() and kind in ("interior", "landscape"):
-        return Interior(int(seed)) if kind == "interior" else Landscape(int(seed))
+    if seed.isdecimal() and kind in PROCEDURAL:
+        return PROCEDURAL[kind](int(seed))
     return {"room": room, "vault": vault}.get(name)
 
 
