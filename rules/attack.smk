@@ -23,11 +23,12 @@ rule attack_model:
         attack=lambda wildcards: get_variant(wildcards).attack.name,
         options=lambda wildcards: get_variant(wildcards).attack_options,
         content=get_model_content,
+        cost=lambda wildcards: get_variant(wildcards).cost_options,
     message:
         "Attacking {wildcards.scheme}/{wildcards.scene}: {wildcards.variant}"
     shell:
         job(
             "attack {params.attack:q} --model {input.model:q} {params.options}"
             " --out {output.model:q} --removed {output.removed:q} --transform {output.transform:q}"
-            " --verdict {output.verdict:q}"
+            " --verdict {output.verdict:q} {params.cost}"
         )

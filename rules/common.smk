@@ -5,6 +5,7 @@ import sys
 from gspure.artifacts import file_digest
 from gspure.attacks import find_attack
 from gspure.workflow.configuration import resolved, validated
+from gspure.cost import COSTS, LOG
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS
 from gspure.opencl.program import kernel_digest
@@ -58,7 +59,7 @@ shell.prefix(prefix)
 
 def job(command):
     """Return the shell command of a rule: a gspure command and its log, which ends with the exit status on failure."""
-    logged = f"POCL_MAX_PTHREAD_COUNT={{threads}} python -m gspure {command} > {{log:q}} 2>&1"
+    logged = f"POCL_MAX_PTHREAD_COUNT={{threads}} {LOG}={{log:q}} python -m gspure {command} > {{log:q}} 2>&1"
     return f"{logged} || {{{{ status=$?; echo exit status $status >> {{log:q}}; exit $status; }}}}"
 
 

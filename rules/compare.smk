@@ -9,6 +9,7 @@ rule compare_attacks:
         survival="results/tables/survival.csv",
         matched="results/tables/matched.csv",
         markdown=report("results/tables/contest.md"),
+        costs=f"{COSTS}/attacks.csv",
     log:
         "results/logs/contest.log",
     benchmark:
@@ -19,12 +20,14 @@ rule compare_attacks:
         code=code_digest("gspure.cli.contest"),
         templates=TEMPLATE_DIGESTS,
         sweeps=PLAN.sweep_options,
+        benchmarks=COSTS,
     message:
         "Comparing GSPure with every other attack"
     shell:
         job(
             "contest --table {input.table:q} {params.sweeps} --out {output.table:q} --survival {output.survival:q}"
             " --matched {output.matched:q} --markdown {output.markdown:q}"
+            " --benchmarks {params.benchmarks} --costs {output.costs:q}"
         )
 
 

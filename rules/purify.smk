@@ -105,9 +105,9 @@ rule decide_pruning:
         mask="results/{scheme}/{scene}{decision}/prune_mask.npy",
         diagnosis="results/{scheme}/{scene}{decision}/diagnosis.json",
     log:
-        "results/logs/{scheme}/{scene}{decision}/prune.log",
+        "results/logs/{scheme}/{scene}{decision}/prune_mask.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}{decision}/prune.tsv"
+        "results/benchmarks/{scheme}/{scene}{decision}/prune_mask.tsv"
     conda:
         "../envs/gspure.yaml"
     params:

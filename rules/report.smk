@@ -16,6 +16,7 @@ rule write_report:
         matched="results/tables/matched.csv",
         contest="results/tables/contest.csv",
         survival="results/tables/survival.csv",
+        costs=f"{COSTS}/attacks.csv",
         summary="results/tables/summary.csv",
         diagnoses=get_finished(expand("results/{model}/diagnosis.json", model=MODELS)),
         hidden=get_finished(f"{model.folder}/hidden.json" for model in PLAN.models if model.is_watermarked),
@@ -50,5 +51,6 @@ rule write_report:
         job(
             "report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q} {input.hidden:q}"
             " --viewer {params.viewers:q} --matched {input.matched:q} --contest {input.contest:q} --survival {input.survival:q}"
+            " --costs {input.costs:q}"
             " --provenance {params.provenance:q} --link {params.links:q} --out {output.page:q}"
         )

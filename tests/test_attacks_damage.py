@@ -174,4 +174,4 @@ def test_a_search_that_cannot_start_is_refused(folder: Path, tmp_path: Path, cap
 
 def test_an_attack_without_a_strength_has_no_damage_to_search() -> None:
     with pytest.raises(InputError, match="strength"):
-        find_attack("unattacked").with_damage(PublicModel(blobs(3)), Evidence(), 1.0, lambda _: 0.0)
+        find_attack("unattacked").matching(PublicModel(blobs(3)), Evidence(), 1.0, lambda _: 0.0)

@@ -356,9 +356,12 @@ def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(t
     assert all(float(row["recall"]) >= 0 for row in rows if row["variant"] in CONFIG["variants"])
     assert {row["reference"] for row in rows} == {"truth"}
     assert {(row["protocol"], row["initialization"]) for row in rows} == {("shared", "both")}
+    with (results / "benchmarks" / "attacks.csv").open() as costs:
+        assert {row["attack"] for row in csv.DictReader(costs) if float(row["cpu"]) > 0} == {*CONFIG["variants"]}
     page = (results / "report.html").read_text()
     for part in (
         'id="verdict/planted-shared-both"',
+        "CPU time [s]",
         'id="planted/room"',
         'class="lineup"',
         'class="viewer"',

@@ -131,6 +131,20 @@ def test_an_attack_takes_the_evidence_and_the_factor_of_its_decision(again):
     assert attack.attack_options == options
 
 
+def test_the_cost_of_an_attack_includes_the_jobs_that_measure_its_evidence(again):
+    def measured(name):
+        words = Variant(again, name).cost_options.split()
+        return [word.rpartition("/")[2].removesuffix(".cost.json") for word in words[3:]]
+
+    folder = "splats_in_splats/raised@1"
+    assert Variant(again, "noise").cost_options == f"--cost results/benchmarks/{folder}/noise/attack.cost.json"
+    assert measured("plain_weight") == ["1-of-1", "weights"]
+    clustered = ["1-of-1", "weights", "opacities", "features", "tree", "clusters", "prune_mask"]
+    assert measured("gspure") == clustered
+    assert f"results/logs/{folder}/decisions/leaf/clusters.cost.json" in Variant(again, "leaf").cost_options
+    assert f"results/logs/{folder}/tree.cost.json" in Variant(again, "leaf").cost_options
+
+
 def test_a_variant_with_a_damage_gets_views_and_photographs(again, monkeypatch):
     monkeypatch.chdir(ROOT)
     variants = {**CONFIG["variants"], "plain_weight": {"decision": "mild", "damage": [0.3, 1]}}

@@ -209,7 +209,7 @@ class Attack:
         self._check_numbers(attacked, model, listed)
         return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
 
-    def with_damage(
+    def matching(
         self,
         public: PublicModel,
         evidence: Evidence,
@@ -220,8 +220,8 @@ class Attack:
         cameras: Sequence[Camera] = (),
         device: Device | None = None,
         **settings: Setting,
-    ) -> tuple[Attacked, Match]:
-        """Attack with the strength that does a damage of `target` dB, or the nearest to it that `search` finds.
+    ) -> Match:
+        """Return the strength that does a damage of `target` dB, or the nearest to it that `search` finds.
 
         Parameters
         ----------
@@ -232,13 +232,6 @@ class Attack:
         damage_of : callable
             From `gspure.attacks.strength.scene_damage`.
 
-        Returns
-        -------
-        Attacked
-            A second comment line of the model names the damage.
-        Match
-            The strength and its damage.
-
         """
         strength = self.strength
         if strength is None:
@@ -248,14 +241,12 @@ class Attack:
                 f"attack {self.name}", strength.setting, expected="nothing beside a damage", found="a value"
             )
 
-        def attacked_at(value: float) -> Attacked:
-            setting = {strength.setting: value}
-            return self.apply(public, evidence, seed=seed, cameras=cameras, device=device, **settings, **setting)
+        def damage_at(value: float) -> float:
+            chosen = {**settings, strength.setting: value}
+            attacked = self.apply(public, evidence, seed=seed, cameras=cameras, device=device, **chosen)
+            return damage_of(public.with_model(attacked.model))
 
-        match = search(strength, lambda value: damage_of(public.with_model(attacked_at(value).model)), target)
-        attacked = attacked_at(match.value)
-        comment = f"gspure {__version__} damage {match.damage:.3f} dB of {target:g} dB"
-        return replace(attacked, model=attacked.model.with_comment(comment)), match
+        return search(strength, damage_at, target)
 
     def _check_rows(self, attacked: Attacked, count: int) -> None:
         """Refuse an attacked model whose `rows` do not fit."""

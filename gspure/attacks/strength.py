@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure import __version__
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.evaluation.comparison import finite_mean
@@ -66,6 +67,10 @@ class Match(NamedTuple):
     value: float
     damage: float
     """Drop of the scene's PSNR, dB."""
+
+    def comment(self, target: float) -> str:
+        """Return the comment line of a model attacked with it, for a search for a damage of `target` dB."""
+        return f"gspure {__version__} damage {self.damage:.3f} dB of {target:g} dB"
 
 
 def search(strength: Strength, damage_at: Callable[[float], float], target: float) -> Match:

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 from gspure import __version__, progress
 from gspure.cli.options import camera_source
 from gspure.cli.outputs import Output, require_distinct
+from gspure.cost import LOG, cost_of, spent
 from gspure.errors import InputError, did_you_mean, printable
 
 USER_COMMANDS = (
@@ -70,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         args = _parser(argv[0]).parse_args(argv[1:])
         progress.quiet = getattr(args, "quiet", False)
         require_distinct(args)
-        return int(args.run(args) or 0)
+        return _costed(args)
     except InputError as error:
         return _refuse(argv[0], str(error))
     except MemoryError as error:
@@ -86,6 +87,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"gspure {argv[0]}: interrupted", file=sys.stderr)
         return 130
+
+
+def _costed(args: argparse.Namespace) -> int:
+    """Run a command; beside the log of its job, write its cost."""
+    status = int(args.run(args) or 0)
+    if log := os.environ.get(LOG):
+        spent().write(cost_of(log))
+    return status
 
 
 def _refuse(command: str, reason: str) -> int:

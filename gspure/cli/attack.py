@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,6 +92,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="photographs VIEW.png of the scene, for --damage; without them, the drop is estimated for a model with "
         "30 dB in every view",
     )
+    parser.add_argument(
+        "--cost",
+        type=Output,
+        metavar="JSON",
+        help="also write CPU time and peak memory, without the search for --damage",
+    )
+    parser.add_argument(
+        "--measured", type=Path, nargs="*", default=[], metavar="JSON", help="add the costs of these measurements"
+    )
     add_device(parser)
 
 
@@ -102,6 +112,7 @@ def run(args: argparse.Namespace) -> None:
     from gspure.attacks import find_attack
     from gspure.attacks.carrier import reached
     from gspure.cli.options import parsed_settings
+    from gspure.cost import spent
     from gspure.evaluation.comparison import RENDER, TRUTH
     from gspure.progress import say
     from gspure.schemes.registry import find_scheme
@@ -113,19 +124,21 @@ def run(args: argparse.Namespace) -> None:
     views = _read_training_views(args) if "cameras" in attack.parameters else []
     device = read_device(args) if views else None
     sources = {"model": args.model, **files} | ({"cameras": args.cameras} if args.cameras else {})
+    known: dict[str, Any] = {"seed": args.seed, "cameras": views, "device": device}
+    search = None
+    begin = spent().cpu
+    if args.damage is not None:
+        search = attack.matching(public, evidence, args.damage, _read_damage(args, public), **known, **settings)
+        settings[search.setting] = search.value
+    searching = spent().cpu - begin
+    attacked = attack.apply(public, evidence, **known, **settings)
     record = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
-    if args.damage is None:
-        attacked = attack.apply(public, evidence, seed=args.seed, cameras=views, device=device, **settings)
-    else:
-        damage_of = _read_damage(args, public)
-        attacked, match = attack.with_damage(
-            public, evidence, args.damage, damage_of, seed=args.seed, cameras=views, device=device, **settings
-        )
+    if search:
+        attacked = replace(attacked, model=attacked.model.with_comment(search.comment(args.damage)))
         reference, estimated = (TRUTH, "") if args.photographs else (RENDER, "an estimated ")
-        record |= {match.setting: match.value, "damage": args.damage, "damage_reached": match.damage}
-        record |= {"damage_reference": reference}
-        drop = f"{estimated}{match.damage:.2f} dB"
-        say(f"{attack.name}: {match.setting}={match.value:.4g} lowers the scene's PSNR by {drop}")
+        record |= {"damage": args.damage, "damage_reached": search.damage, "damage_reference": reference}
+        drop = f"{estimated}{search.damage:.2f} dB"
+        say(f"{attack.name}: {search.setting}={search.value:.4g} lowers the scene's PSNR by {drop}")
     kept, count = int((~attacked.prune_mask).sum()), attacked.count
     if not len(attacked.model):
         hint = " ".join(f"{name}={value}" for name, value in record.items() if name != "attack")
@@ -142,7 +155,17 @@ def run(args: argparse.Namespace) -> None:
         write_json(args.verdict, {"reached": touched, "strength": strength or ""})
     for path in filter(None, (args.out, args.removed, args.transform, args.verdict)):
         write_provenance(path, inputs=sources, settings=record)
+    _write_cost(args, searching)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
+
+
+def _write_cost(args: argparse.Namespace, searching: float) -> None:
+    """Write what the attack and its measurements cost, without `searching` seconds; nothing if a cost is unknown."""
+    from gspure.cost import read_cost, spent, total
+
+    if args.cost and all(file.is_file() for file in args.measured):
+        used = spent()
+        total([used._replace(cpu=used.cpu - searching), *map(read_cost, args.measured)]).write(args.cost)
 
 
 def _read(args: argparse.Namespace, files: Mapping[str, Path]) -> tuple[PublicModel, Evidence]:

@@ -33,6 +33,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--matched", type=Output, required=True, metavar="CSV", help="the message's drop at equal damage to the scene"
     )
+    parser.add_argument(
+        "--benchmarks",
+        type=Path,
+        metavar="DIR",
+        help="folder with the costs SCHEME/SCENE/VARIANT/attack.cost.json",
+    )
+    parser.add_argument("--costs", type=Output, metavar="CSV", help="the cost of each attack, from --benchmarks")
     parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="all of these as readable tables")
 
 
@@ -40,6 +47,7 @@ def run(args: argparse.Namespace) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.contest import Contest, contest
+    from gspure.evaluation.costs import AttackCost, attack_costs
     from gspure.evaluation.matched import Matched, match
     from gspure.evaluation.records import write_records
     from gspure.evaluation.results import read_results
@@ -49,9 +57,12 @@ def run(args: argparse.Namespace) -> None:
     outcomes = read_results(args.table)
     sweeps = read_sweeps(args, outcomes)
     contests, survivals, matched = contest(outcomes, sweeps), survival(outcomes), match(outcomes, sweeps)
+    costs = attack_costs(outcomes, sweeps, args.benchmarks) if args.benchmarks else []
+    if args.costs:
+        write_records(args.costs, AttackCost, costs)
     write_records(args.out, Contest, contests)
     write_records(args.survival, Survival, survivals)
     write_records(args.matched, Matched, matched)
-    write_text(args.markdown, conditions_markdown(survivals, contests, matched))
+    write_text(args.markdown, conditions_markdown(survivals, contests, matched, costs))
     for path in (args.out, args.survival, args.matched, args.markdown):
         write_provenance(path, inputs={"table": args.table}, settings={"sweeps": sweeps})

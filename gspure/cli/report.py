@@ -30,7 +30,7 @@ _FILES = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
-    for option in ("--contest", "--survival", "--matched"):
+    for option in ("--contest", "--survival", "--matched", "--costs"):
         parser.add_argument(option, type=Path, metavar="CSV", help="from `gspure contest`")
     add_files(parser, _FILES)
     parser.add_argument("--title", default="How robust is the watermark?", help="heading (default: %(default)s)")
@@ -41,6 +41,7 @@ def run(args: argparse.Namespace) -> None:
     """Write the page."""
     from gspure.artifacts import require_input
     from gspure.evaluation.contest import Contest
+    from gspure.evaluation.costs import AttackCost
     from gspure.evaluation.matched import Matched
     from gspure.evaluation.records import read_records
     from gspure.evaluation.results import read_results
@@ -59,8 +60,9 @@ def run(args: argparse.Namespace) -> None:
         matched=read_records(args.matched, Matched) if args.matched else [],
         survivals=read_records(args.survival, Survival) if args.survival else [],
         contests=read_records(args.contest, Contest) if args.contest else [],
+        costs=read_records(args.costs, AttackCost) if args.costs else [],
         viewers=args.viewer,
-        links=[args.table, *derived, *args.link],
+        links=[args.table, *derived, *filter(None, [args.costs]), *args.link],
         provenance=args.provenance,
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, self-contained")

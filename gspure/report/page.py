@@ -13,6 +13,7 @@ from typing import Any, Final
 from gspure.artifacts import read_json, write_text
 from gspure.errors import InputError
 from gspure.evaluation.contest import Contest
+from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.matched import Matched
 from gspure.evaluation.outcomes import GSPURE, Outcome, by_model
 from gspure.evaluation.survival import MARGIN, Survival
@@ -84,6 +85,7 @@ def write_report(
     matched: Sequence[Matched] = (),
     survivals: Sequence[Survival] = (),
     contests: Sequence[Contest] = (),
+    costs: Sequence[AttackCost] = (),
     viewers: Sequence[Path] = (),
     links: Sequence[Path] = (),
     provenance: Sequence[Path] = (),
@@ -112,6 +114,8 @@ def write_report(
         What every attack leaves of the message.
     contests : sequence of Contest
         GSPure minus every other attack.
+    costs : sequence of AttackCost
+        CPU time and memory of every attack.
     viewers : sequence of Path
         ``viewer.json`` of `gspure figures model`.
     links : sequence of Path
@@ -137,7 +141,7 @@ def write_report(
         return Comparison(
             audit,
             [model(key, variants, audit) for key, variants in models if variants[0].condition == audit.condition],
-            condition_tables(audit.condition, survivals, contests, matched),
+            condition_tables(audit.condition, survivals, contests, matched, costs),
             pictures.pop(_TRADEOFF, None),
             list(pictures.values()),
         )

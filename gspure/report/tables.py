@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import groupby
 from math import inf, isfinite, isnan, nan
+from types import MappingProxyType
 from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
+from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.matched import Matched
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, model_name
@@ -34,6 +37,8 @@ from gspure.report.templates import say
 
 NOTES: Final = "notes.j2"
 SHARES: Final = ("pruned_share", "precision", "recall")
+NO_COSTS: Final[Mapping[str, AttackCost]] = MappingProxyType({})
+_COST: Final = [Column("CPU time [s]"), Column("peak memory [MiB]", main=False)]
 
 
 def results_markdown(outcomes: Sequence[Outcome]) -> str:
@@ -43,23 +48,32 @@ def results_markdown(outcomes: Sequence[Outcome]) -> str:
 
 
 def conditions_markdown(
-    survivals: Sequence[Survival] = (), contests: Sequence[Contest] = (), matched: Sequence[Matched] = ()
+    survivals: Sequence[Survival] = (),
+    contests: Sequence[Contest] = (),
+    matched: Sequence[Matched] = (),
+    costs: Sequence[AttackCost] = (),
 ) -> str:
     """Return the tables of every condition over all of its scenes."""
+    rows = (survivals, contests, matched, costs)
     conditions = dict.fromkeys([*(condition_of(row) for row in survivals), *(condition_of(row) for row in matched)])
-    tables = {condition_name(*known): condition_tables(known, survivals, contests, matched) for known in conditions}
+    tables = {condition_name(*known): condition_tables(known, *rows) for known in conditions}
     return markdown_document(tables) if tables else "No model with a message was attacked.\n"
 
 
 def condition_tables(
-    condition: Condition, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched] = ()
+    condition: Condition,
+    survivals: Sequence[Survival],
+    contests: Sequence[Contest],
+    matched: Sequence[Matched] = (),
+    costs: Sequence[AttackCost] = (),
 ) -> list[Table]:
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
+    cost = {row.attack: row for row in costs if condition_of(row) == condition}
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
-        (survival_table, survivals),
+        (partial(survival_table, cost=cost), survivals),
         (other_attacks_table, [row for row in contests if isnan(row.damage)]),
         (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
-        (matched_table, matched),
+        (partial(matched_table, cost=cost), matched),
     ]
     alike = [(kind, [row for row in rows if condition_of(row) == condition]) for kind, rows in kinds]
     extractions = ordered({row.extraction for _, rows in alike for row in rows})
@@ -111,12 +125,12 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     return Table("Metrics of every variant", columns, rows, note)
 
 
-def survival_table(attacks: Sequence[Survival]) -> Table:
-    """Return the survival of one extraction of the message after each attack."""
+def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] = NO_COSTS) -> Table:
+    """Return the survival of one extraction of the message after each attack, with the cost of each."""
     has_floor = any(row.above_floor for row in attacks)
     scenes = _scenes(row.message_drop for row in attacks)
     columns = [Column("attack"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
-    columns += [Column("RMS ratio", main=False)]
+    columns += [*_COST * bool(cost), Column("RMS ratio", main=False)]
     if has_floor:
         columns += [
             Column("survived"),
@@ -127,7 +141,8 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
     rows = []
     for row in attacks:
         name = display_name(row.variant) + (" †" if row.reached is False and row.variant != UNATTACKED else "")
-        cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop), Cell(plain(row.rms_ratio))]
+        cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop)]
+        cells += [*_cost(row.variant, cost), Cell(plain(row.rms_ratio))]
         if has_floor:
             retrieved = f"(+{row.only_retrieved})" if row.only_retrieved else ""
             cells.append(Cell(f"{row.survived} of {row.present}", retrieved) if row.present else Cell())
@@ -135,7 +150,7 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
             cells += [interval(row.above_floor), interval(row.above_wrong_key)]
             cells += [_detectability(row)] * (scenes > 1)
         rows.append(Row(cells))
-    note = say(NOTES, "survival", scenes, has_floor, MARGIN)
+    note = say(NOTES, "survival", scenes, has_floor, MARGIN, bool(cost))
     return Table(f"Survival of the {display_name(attacks[0].extraction)}", columns, rows, note)
 
 
@@ -175,7 +190,7 @@ def equal_damage_table(contests: Sequence[Contest]) -> Table:
     return Table(title, [Column("attack"), *_permitted(damages)], rows, note)
 
 
-def matched_table(matched: Sequence[Matched]) -> Table:
+def matched_table(matched: Sequence[Matched], cost: Mapping[str, AttackCost] = NO_COSTS) -> Table:
     """Return the drop of one extraction in each sweep at equal damage to the scene, the largest in bold."""
     most: dict[float, float] = {}
     for row in matched:
@@ -185,10 +200,12 @@ def matched_table(matched: Sequence[Matched]) -> Table:
     for sweep, group in groupby(matched, key=lambda row: row.sweep):
         at = {row.damage: row for row in group}
         drops = [_drop_at(at[damage], most.get(damage)) if damage in at else Cell() for damage in damages]
-        rows.append(Row([Cell(display_name(sweep)), Cell(f"{next(iter(at.values())).strengths}"), *drops]))
+        strengths = Cell(f"{next(iter(at.values())).strengths}")
+        rows.append(Row([Cell(display_name(sweep)), strengths, *_cost(sweep, cost), *drops]))
     title = f"Drop of the {display_name(matched[0].extraction)} at equal damage to the scene"
-    note = say(NOTES, "matched", _scenes(row.drop for row in matched), any(row.gentle for row in matched))
-    return Table(title, [Column("attack"), Column("strengths", main=False), *_permitted(damages)], rows, note)
+    note = say(NOTES, "matched", _scenes(row.drop for row in matched), any(row.gentle for row in matched), bool(cost))
+    columns = [Column("attack"), Column("strengths", main=False), *_COST * bool(cost), *_permitted(damages)]
+    return Table(title, columns, rows, note)
 
 
 def summary_table(rows: Sequence[Summary]) -> Table:
@@ -248,6 +265,14 @@ def _metrics(o: Outcome, target: str) -> Iterator[Cell]:
 def _detectability(row: Survival) -> Cell:
     auc = row.detectability
     return Cell(f"{auc.auc:.2f}", f"[{auc.low:.2f}, {auc.high:.2f}], {display_name(row.control)}") if auc else Cell()
+
+
+def _cost(attack: str, cost: Mapping[str, AttackCost]) -> list[Cell]:
+    """Return the cells of `_COST`; none if no cost is known."""
+    if attack not in cost:
+        return [Cell()] * len(_COST) * bool(cost)
+    cpu = cost[attack].cpu
+    return [Cell(f"{cpu:.0f}" if cpu >= 10 else f"{cpu:.1f}"), Cell(f"{cost[attack].memory:.0f}")]
 
 
 def _permitted(damages: Iterable[float]) -> list[Column]:

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
+from gspure.cost import COSTS, cost_of
 from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
-from gspure.workflow.decisions import DEFAULT, FACTORS, Settings, origin
+from gspure.workflow.decisions import DEFAULT, FACTORS, STAGES, Settings, origin
 from gspure.workflow.models import VANILLA, Model
 from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import repetition_of
 from gspure.workflow.sources import code_digest
+
+_CLUSTERED: Final = ("contributions", "weights.npy", "opacities.npy", "features.npy", "tree.npy", "clusters.npz")
+
+MEASURED: Final[Mapping[str, Sequence[str]]] = {
+    "weights": _CLUSTERED[:2],
+    "opacities": ("opacities.npy",),
+    "surface": ("surface.npy",),
+    "labels": _CLUSTERED,
+    "prune_mask": (*_CLUSTERED, "prune_mask.npy"),
+}
+"""All artifacts that a piece of evidence takes."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +49,13 @@ class Decision:
         first = origin(self.model.plan.decisions[self.model.scheme], self.name, artifact)
         folder = "" if first == DEFAULT else f"decisions/{first}/"
         return f"{self.model.folder}/{folder}{artifact}"
+
+    def logs(self, artifact: str) -> list[str]:
+        """Return the logs of the jobs that make an artifact."""
+        path = self.path(artifact) if artifact in STAGES else f"{self.model.folder}/{artifact}"
+        log = path.replace("results", "results/logs", 1)
+        parts = self.model.plan.config["views"]["parts"]
+        return [f"{log}/{n}-of-{parts}.log" for n in range(1, parts + 1)] if artifact == "contributions" else [log]
 
     @property
     def thresholded(self) -> str:
@@ -89,6 +110,14 @@ class Variant:
         if "labels" in self.attack.needs:
             files |= {"labels": self.decision.path("clusters.npz"), "weights": self.decision.thresholded}
         return {need: files[need] for need in sorted(self.attack.needs)}
+
+    @property
+    def cost_options(self) -> str:
+        """Where to write the cost of its attack, and the costs of the jobs that measure the evidence, as options."""
+        artifacts = dict.fromkeys(artifact for need in sorted(self.attack.needs) for artifact in MEASURED[need])
+        measured = [cost_of(log) for artifact in artifacts for log in self.decision.logs(artifact)]
+        files = {"cost": cost_of(f"{self.folder.replace('results', COSTS, 1)}/attack"), "measured": measured or None}
+        return options(files, *files)
 
     @property
     def render_files(self) -> dict[str, str]:

@@ -1,0 +1,40 @@
+"""The cost of attacks, averaged over scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gspure.cost import Cost, cost_of, read_cost
+from gspure.evaluation.matched import Sweeps
+from gspure.evaluation.outcomes import Outcome, by_condition
+
+
+class AttackCost(NamedTuple):
+    """The mean cost of one variant, or of all variants of a sweep, over the scenes and seeds of one condition."""
+
+    scheme: str
+    protocol: str
+    initialization: str
+    attack: str
+    cpu: float
+    """CPU time of the attack and of all measurements that it needs, s."""
+
+    memory: float
+    """Peak memory, MiB."""
+
+
+def attack_costs(outcomes: Sequence[Outcome], sweeps: Sweeps, folder: Path) -> list[AttackCost]:
+    """Return the costs that `gspure attack` has written to ``SCHEME/SCENE/VARIANT/attack.cost.json`` in a folder."""
+    rows = []
+    for condition, alike in by_condition(outcomes).items():
+        for name, variants in {**{o.variant: [o.variant] for o in alike}, **sweeps}.items():
+            files = (
+                cost_of(folder / o.scheme / o.asset / o.variant / "attack") for o in alike if o.variant in variants
+            )
+            if known := [read_cost(file) for file in files if file.is_file()]:
+                rows.append(AttackCost(*condition, name, *Cost(*map(float, np.mean(known, axis=0)))))
+    return rows
