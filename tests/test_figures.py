@@ -55,6 +55,8 @@ def test_captions_name_the_rows_and_the_weight_that_pruning_removes(tmp_path: Pa
     assert captions.keys() == {"clusters", "ranks", "kept", "hidden", "purification", "weights"}
     assert "Pruning removes 100.0% of the weight in the message" in captions["purification"]
     assert not any("Gaussians" in caption for caption in captions.values())
+    nowhere = gallery.draw(tmp_path, replace(evidence, hidden=np.zeros_like(hidden)))
+    assert "No row holds weight of the message" in nowhere[tmp_path / "purification.png"]
 
 
 def test_without_a_message_its_figures_are_left_out(tmp_path: Path, evidence) -> None:

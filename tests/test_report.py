@@ -184,14 +184,17 @@ def test_the_highest_score_is_marked(tmp_path: Path) -> None:
 
 def test_models_have_their_own_figures_and_diagnosis(tmp_path: Path, figures: list[Path]) -> None:
     diagnosis = tmp_path / "vanilla" / "chair" / "diagnosis.json"
-    write_json(diagnosis, {"clusters": 1234, "noise_share": 0.25, "warnings": ["the clustering has collapsed"]})
+    write_json(
+        diagnosis,
+        {"clusters": 1234, "noise_share": 0.25, "hidden_low_share": None, "warnings": ["the clustering has collapsed"]},
+    )
     write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=figures, diagnoses=[diagnosis])
     room, chair = Page(tmp_path / "report.html").source.split('id="vanilla/chair"')
     assert room.count("<figure") == 2
     assert room.count('<figure class="wide"') == 1
     assert "kept.gltf" in room
     assert "collapsed" not in room
-    for expected in ("The clustering has collapsed", "<dd>1,234</dd>", "<dd>25.0%</dd>"):
+    for expected in ("The clustering has collapsed", "<dd>1,234</dd>", "<dd>25.0%</dd>", "<dd>none in any row</dd>"):
         assert expected in chair
     assert "<figure" not in chair
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array
+from gspure.artifacts import read_json, save_array
 from gspure.attacks import Evidence, find_attack
 from gspure.cameras import read_cameras, split
 from gspure.cli import main
@@ -167,7 +167,7 @@ def test_a_foreign_model_of_many_rows_does_not_match_the_record():
     assert (adaptive_matches(blobs(100), blobs(10000, seed=1))[0] < 0).all()
 
 
-def test_the_weight_of_a_message_that_no_row_shows_is_refused(tmp_path, capsys):
+def test_a_key_that_fits_no_row_is_warned_of_and_its_weight_is_unknown(tmp_path, capsys):
     model, rng = blobs(20), np.random.default_rng(0)
     SplatsInSplatsKey(model.means[:5], OpacityMapping.fresh(rng), 12, model).write(tmp_path / "key")
     far = {axis: model.table[axis] + 100 for axis in "xyz"}
@@ -175,12 +175,18 @@ def test_the_weight_of_a_message_that_no_row_shows_is_refused(tmp_path, capsys):
     write_model(tmp_path / "model.ply", model)
     save_array(tmp_path / "weights.npy", np.ones(20, np.float32))
     words = ["--scheme", SCHEME.name, "--cameras", "orbit", "--key", str(tmp_path / "key")]
-    words += ["--weights", str(tmp_path / "weights.npy"), "--out", str(tmp_path / "hidden.json")]
-    assert main(["hidden", "--model", str(tmp_path / "model.ply"), *words]) == 0
-    (tmp_path / "hidden.json").unlink()
-    assert main(["hidden", "--model", str(tmp_path / "moved.ply"), *words]) == 2
-    assert f"{tmp_path / 'key'}: key: expected" in capsys.readouterr().err
-    assert not (tmp_path / "hidden.json").exists()
+    of_rows = ["--weights", str(tmp_path / "weights.npy"), "--hidden", str(tmp_path / "hidden.npy")]
+    for name, fits in (("model", True), ("moved", False)):
+        model, share = str(tmp_path / f"{name}.ply"), tmp_path / f"{name}.json"
+        capsys.readouterr()
+        assert main(["hidden", "--model", model, *words, *of_rows, "--out", str(share)]) == 0
+        assert ("no row holds weight of the message" in capsys.readouterr().err) != fits
+        assert (read_json(share)["hidden_low_share"] is None) != fits
+        assert np.load(tmp_path / "hidden.npy").any() == fits
+        assert main(["extract", model, *words, "--out", str(tmp_path / name)]) == 0
+        assert ("of one colour: the key does not fit" in capsys.readouterr().err) != fits
+    assert main(["extract", model, *words, "--wrong-key", "1", "--out", str(tmp_path / "control")]) == 0
+    assert "warning" not in capsys.readouterr().err
 
 
 def test_truncated_colours_extract_as_zero(public, key, pair):

@@ -1,6 +1,7 @@
 """Survival of the message: against the floor of the same scene, and against message-free models of all scenes."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,9 @@ from gspure.errors import InputError
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import detectability
-from gspure.evaluation.survival import MARGIN, Survival, floor, survival
-from tests.contest_cases import BEFORE, CONTROLS, attacked, benchmark, outcome
+from gspure.evaluation.survival import MARGIN, Survival, floor, not_embedded, survival
+from gspure.report.audit import audits
+from tests.contest_cases import BEFORE, CONTROLS, attacked, benchmark, measured, outcome
 
 FOUR = benchmark({f"s{i}": {"gone": (2.0, 20.0), "left": (1.0, 5.0), "half": (1.0, 5.0 * i)} for i in range(4)})
 DROPS = st.tuples(st.floats(0, 5), st.floats(0, 25))
@@ -80,6 +82,18 @@ def test_detectability_is_against_the_hardest_control_with_one_value_per_scene()
     row = by_variant(outcomes)["left"]
     assert row.control == "clean"
     assert row.detectability == detectability([23.0] * 4, [20.0, 21.0, 22.0, 23.0])
+
+
+def test_a_message_of_one_colour_is_not_embedded_even_without_controls() -> None:
+    def outcomes(structure: float):
+        message = measured("message", 12.0, structure)
+        names = ("unattacked", "gspure")
+        return [replace(outcome(name, targets={"message": 12.0}), targets={"message": message}) for name in names]
+
+    for structure, absent, verdict in ((0.0, [("sis", "room")], "not present"), (0.01, [], "no controls")):
+        assert not_embedded(outcomes(structure)) == absent
+        (audit,) = audits(outcomes(structure), survival(outcomes(structure)), ())
+        assert audit.verdict == verdict
 
 
 def test_without_controls_nothing_is_said_of_survival() -> None:

@@ -43,8 +43,8 @@ def run(args: argparse.Namespace) -> None:
     from gspure.cameras import write_cameras
     from gspure.cli.options import read_device, read_views
     from gspure.errors import InputError
-    from gspure.images import record_views, require_no_other_images, write_image
-    from gspure.progress import track
+    from gspure.images import levels, record_views, require_no_other_images, write_image
+    from gspure.progress import track, warn
     from gspure.schemes.registry import find_scheme
 
     scheme = find_scheme(args.scheme)
@@ -57,10 +57,14 @@ def run(args: argparse.Namespace) -> None:
         raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(extraction))
     if args.wrong_key is not None:
         key = key.wrong(np.random.default_rng(args.wrong_key))
-    view = key.message(public, extraction, read_device(args))
+    view, is_flat = key.message(public, extraction, read_device(args)), True
     with filling(args.out) as folder:
         for camera in track(views, "extract"):
-            write_image(folder / f"{camera.name}.png", view(camera))
+            image = view(camera)
+            write_image(folder / f"{camera.name}.png", image)
+            is_flat &= not np.ptp(levels(image), axis=(0, 1)).any()
         record_views(folder, (camera.name for camera in views))
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
+    if is_flat and args.wrong_key is None:
+        warn("every extracted image is of one colour: the key does not fit the model, or an attack removed the message")

@@ -8,7 +8,6 @@ from pathlib import Path
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.outputs import Output
 from gspure.cli.weights import add_reduction
-from gspure.errors import InputError
 
 HELP = "measure the share of the message's weight on rows that plain_weight prunes"
 EXAMPLES = """\
@@ -32,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=TAU_N,
         help="weights below the mean weight / TAU are low (default: %(default)s)",
     )
-    parser.add_argument("--out", type=Output, required=True, metavar="JSON", help="the share, 0 to 1")
+    parser.add_argument("--out", type=Output, required=True, metavar="JSON", help="the share, 0 to 1, or null")
     parser.add_argument(
         "--hidden", type=Output, metavar="NPY", help="also write the message's weight of every row: [K]"
     )
@@ -47,6 +46,7 @@ def run(args: argparse.Namespace) -> None:
 
     from gspure.artifacts import load_array, require_made_from, save_array, write_json, write_provenance
     from gspure.model import read_model
+    from gspure.progress import warn
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
     from gspure.schemes.registry import find_scheme
 
@@ -58,9 +58,7 @@ def run(args: argparse.Namespace) -> None:
     require_made_from(geometry, args.weights)
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
-    if not hidden.any():
-        raise InputError(args.key, "key", expected="the key of the model", found="no row shows the message")
-    share = share_on_low(weights, hidden, args.tau)
+    share = share_on_low(weights, hidden, args.tau) if hidden.any() else None
     inputs = {"model": args.model, "cameras": args.cameras, "weights": args.weights}
     settings = {"scheme": scheme.name, "tau": args.tau, "energy": args.energy, "reduction": args.reduction}
     write_json(args.out, {"hidden_low_share": share})
@@ -68,4 +66,7 @@ def run(args: argparse.Namespace) -> None:
     if args.hidden:
         save_array(args.hidden, hidden)
         write_provenance(args.hidden, inputs=inputs, settings=settings, geometry=geometry)
-    print(f"{share:.1%} of the message's weight is on rows that plain_weight prunes")
+    if share is None:
+        warn("no row holds weight of the message: nothing is embedded, or the key does not fit the model")
+    else:
+        print(f"{share:.1%} of the message's weight is on rows that plain_weight prunes")

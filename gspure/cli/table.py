@@ -75,8 +75,9 @@ def run(args: argparse.Namespace) -> None:
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
     for scheme, asset in not_embedded(outcomes):
         warn(
-            f"{model_name(scheme, asset)}: nothing is embedded: its message is not above all controls, or not "
-            "retrieved, even without an attack. No attack on it means anything; look at its extraction."
+            f"{model_name(scheme, asset)}: nothing is embedded, or the key does not fit: even without an "
+            "attack, its message is of one colour, not above all controls, or not retrieved. No attack on it means "
+            "anything; look at its extraction."
         )
     if args.summary:
         write_records(args.summary, Summary, summarize(outcomes))

@@ -130,6 +130,10 @@ class Outcome:
         """Whether it is a negative control (`gspure.evaluation.controls`)."""
         return self.variant in CONTROLS
 
+    def is_flat(self, target: str) -> bool:
+        """Return whether its images of the target are of one colour each: they correlate with no photograph."""
+        return target in self.targets and self.targets[target].values["structure"] == 0
+
     @property
     def messages(self) -> list[str]:
         """The targets that are extractions of the message, the scheme's own first."""

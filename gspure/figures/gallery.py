@@ -163,6 +163,8 @@ def _message_caption(evidence: Evidence, hidden: NDArray[np.float32]) -> str:
 
 
 def _pruned_weight(evidence: Evidence, hidden: NDArray[np.float32]) -> str:
+    if not hidden.any():
+        return "No row holds weight of the message."
     message, scene = (_share(values, evidence.pruned) for values in (hidden, evidence.weights))
     return f"Pruning removes {message:.1%} of the weight in the message and {scene:.1%} of that in the scene."
 

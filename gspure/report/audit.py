@@ -192,7 +192,8 @@ def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Surviv
         return "no controls"
     if UNATTACKED not in by_variant:
         return "no reference"
-    if not any(row.above_floor for row in by_variant.values()):
+    flat = all(o.is_flat(MESSAGE) for o in outcomes if o.variant == UNATTACKED and not o.failure)
+    if not flat and not any(row.above_floor for row in by_variant.values()):
         return "no controls"
     return "not touched" if any(row.present for row in by_variant.values()) else "not present"
 
