@@ -74,6 +74,32 @@ def test_a_dry_run_of_a_model_leaves_the_configuration_of_the_last_audit(folder,
     assert "orbit" in Path("results/audit.yaml").read_text()
 
 
+@pytest.mark.parametrize("option", ["--dry-run", "--dryrun", "-n", "-np"])
+def test_a_dry_run_that_snakemake_is_asked_for_writes_nothing(folder, words, option):
+    assert main(["audit", "my model.ply", "--cameras", "orbit", "--", option]) == 0
+    assert words[-1] == option
+    assert not Path("results").exists()
+
+
+def test_the_results_of_another_model_are_not_replaced(folder, words, capsys):
+    audit = ["audit", "my model.ply", "--cameras", "orbit"]
+    assert main(audit) == main(["audit", str(Path("my model.ply").resolve()), "--cameras", "shells"]) == 0
+    assert main(audit) == 0
+    first = Path("results/audit.yaml").read_text()
+    Path("other").mkdir()
+    write_model(Path("other/my model.ply"), blobs(20))
+    write_model(Path("other.ply"), blobs(20))
+    for model in ("other/my model.ply", "other.ply"):
+        assert main(["audit", model, "--cameras", "orbit"]) == 2
+        assert "audit in another folder" in capsys.readouterr().err
+        assert Path("results/audit.yaml").read_text() == first
+    for edited in (f"{first}variants: {{unattacked: {{}}}}\n", "assets: {}\n", "7\n", "["):
+        Path("results/audit.yaml").write_text(edited)
+        assert main(audit) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+        assert Path("results/audit.yaml").read_text() == edited
+
+
 def test_a_dry_run_names_the_configuration_of_an_equal_audit(folder, words):
     audit = ["audit", "my model.ply", "--cameras", "orbit"]
     assert main(audit) == main([*audit, "--dry-run"]) == 0

@@ -101,14 +101,16 @@ def test_candidates_of_other_sizes_and_views_off_the_path_do_not_count(tmp_path:
     assert read_json(tmp_path / "r.csv.json")["inputs"].keys() == compared
 
 
-def test_a_decoy_that_is_the_message_is_refused(tmp_path: Path, capsys) -> None:
-    retrieved(tmp_path, lambda image: image)
-    copy = photographs(tmp_path / "copy", 0)
+def test_copies_of_message_scene_and_decoys_are_no_further_candidates(tmp_path: Path) -> None:
+    alone = retrieved(tmp_path, noise)
+    copies = [photographs(tmp_path / f"copy_{seed}", seed) for seed in (0, 1, 2)]
+    (tmp_path / "link").symlink_to(tmp_path / "decoy_3")
+    decoys = [tmp_path / f"decoy_{seed}" for seed in range(2, 6)]
+    decoys += [*copies, tmp_path / "link", tmp_path / "decoy_2" / ".." / "decoy_4", tmp_path / "pair" / "message"]
     arguments = [tmp_path / "pair" / "message", "--extractions", tmp_path / "gspure" / "renders" / "message"]
-    arguments += ["--decoys", tmp_path / "decoy_2", copy, "--out", tmp_path / "r.csv"]
-    assert main(["retrieve", *map(str, arguments)]) == 2
-    assert f"{copy / 'view_0.png'}: decoy: expected" in capsys.readouterr().err
-    assert not (tmp_path / "r.csv").exists()
+    arguments += ["--decoys", *decoys, "--out", tmp_path / "r.csv"]
+    assert main(["retrieve", *map(str, arguments)]) == 0
+    assert read_records(tmp_path / "r.csv", Retrieved)[0].retrieval == alone
 
 
 def test_blank_decoys_of_a_blank_view_are_candidates(tmp_path: Path) -> None:

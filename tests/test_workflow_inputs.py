@@ -13,7 +13,7 @@ from gspure.workflow.configuration import resolved
 from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import (
     message_model,
-    other_pair,
+    other_pairs,
     pair_arguments,
     pair_files,
     pair_of,
@@ -149,5 +149,12 @@ def test_a_message_is_trained_once_for_all_pairs_with_the_same_settings():
 
 def test_another_scene_hides_another_message():
     pairs = {"a": TRACED, "b": TRACED, "c": PHOTOGRAPHED}
-    assert other_pair(pairs, "a") == "c"
-    assert other_pair({"a": TRACED, "b": TRACED}, "a") is None
+    assert other_pairs(pairs, "a") == ["c"]
+    assert other_pairs({"a": TRACED, "b": TRACED}, "a") == []
+
+
+def test_a_message_is_the_same_under_every_spelling_of_its_path(garden):
+    Path("link").symlink_to("playroom")
+    spelled = ("playroom", "playroom/", "garden/../playroom", "link")
+    pairs = {message: {**PHOTOGRAPHED, "message": message} for message in (*spelled, "garden")}
+    assert all(other_pairs(pairs, name) == ["garden"] for name in spelled)

@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,6 +24,7 @@ EXAMPLES = """\
 """
 
 _CONFIGURATION = Path("results/audit.yaml")
+_DRY_RUN = re.compile("--dry-?r.*|-[a-zA-Z]*n[a-zA-Z]*")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the configuration of a model, and become Snakemake; a dry run writes to a temporary folder only."""
-    if args.dry_run:
+    if args.dry_run or any(_DRY_RUN.fullmatch(word) for word in args.passed_on):
         with TemporaryDirectory() as folder:
             configuration = _configuration(args, Path(folder) / _CONFIGURATION.name)
             return subprocess.call(_command(args, configuration))
@@ -90,7 +92,24 @@ def _configuration(args: argparse.Namespace, target: Path) -> Path:
         asset["generated"] = {"up": args.up}
     scene = re.sub("[^A-Za-z0-9_-]+", "_", source.resolve().stem)[:100]
     text = yaml.safe_dump({"assets": {scene: asset}})
-    if _CONFIGURATION.is_file() and _CONFIGURATION.read_text(encoding="utf-8") == text:
-        return _CONFIGURATION
+    if _CONFIGURATION.is_file():
+        with reading(_CONFIGURATION, "a configuration, as YAML"):
+            last = _CONFIGURATION.read_text(encoding="utf-8")
+            if not _is_audit_of(scene, asset, yaml.safe_load(last)):
+                hint = f"audit in another folder, or delete {_CONFIGURATION} to replace the results"
+                found = "that of another model, or further settings"
+                raise InputError(_CONFIGURATION, "assets", expected=f"the audit of {model}", found=found, hint=hint)
+        if last == text:
+            return _CONFIGURATION
     write_text(target, text)
     return target
+
+
+def _is_audit_of(scene: str, asset: Mapping[str, Any], configuration: Any) -> bool:
+    """Return whether a configuration is an audit of the same model, with these or other views."""
+    match configuration:
+        case {"assets": {**assets}, **others} if not others and [*assets] == [scene]:
+            match assets[scene]:
+                case {"model": str(model), **views} if views.keys() <= {"cameras", "generated"}:
+                    return Path(model).resolve() == Path(asset["model"]).resolve()
+    return False

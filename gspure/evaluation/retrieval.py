@@ -95,7 +95,8 @@ def compare_candidates(pair: Pair, files: Sequence[Path]) -> Float64:
     """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
 
     The false ones are the message's photograph mirrored, upside down and turned by 180 degrees, and the pictures of
-    the same size among `files`, the scene's photograph first.
+    the same size among `files`, the scene's photograph first. A picture that is a candidate already, such as the
+    message itself under another name, is left out, unless it is of one colour, as views of different scenes may be.
 
     Parameters
     ----------
@@ -107,14 +108,13 @@ def compare_candidates(pair: Pair, files: Sequence[Path]) -> Float64:
     Raises
     ------
     InputError
-        If an image cannot be read, the extraction has another size than the photograph, or a decoy is the photograph.
+        If an image cannot be read, or the extraction has another size than the photograph.
 
     """
     truth, extraction = read_image(pair.reference), read_image(pair.image)
-    pictures = [read_image(file) for file in files]
-    for file, picture in zip(files[1:], pictures[1:], strict=True):
-        if np.ptp(truth) and np.array_equal(picture, truth):  # views of nothing but background may be equal
-            raise InputError(file, "decoy", expected="a picture of another scene", found="the message's photograph")
-    others = [picture for picture in pictures if picture.shape == truth.shape]
-    candidates: list[Float32] = [truth, truth[:, ::-1], truth[::-1], truth[::-1, ::-1], *others]
+    candidates: list[Float32] = [truth, truth[:, ::-1], truth[::-1], truth[::-1, ::-1]]
+    for picture in map(read_image, files):
+        is_known = np.ptp(picture) and any(np.array_equal(picture, candidate) for candidate in candidates)
+        if picture.shape == truth.shape and not is_known:
+            candidates.append(picture)
     return np.array([gradient_correlation(candidate, extraction) for candidate in candidates])

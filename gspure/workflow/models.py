@@ -15,7 +15,7 @@ from gspure.schemes.scheme import Scheme
 from gspure.workflow.captures import camera_files, content_digest, model_files
 from gspure.workflow.decisions import Decisions, Settings, decisions, factors_of, is_swept, sweeps
 from gspure.workflow.options import options, repeated
-from gspure.workflow.pairs import is_photographed, other_pair, pair_of, repetition_of, trained_message
+from gspure.workflow.pairs import is_photographed, other_pairs, pair_of, repetition_of, trained_message
 from gspure.workflow.sources import code_digest
 
 OWNER: Final = "message_"
@@ -139,7 +139,7 @@ class Model:
     @property
     def other_pair(self) -> str | None:
         """The first pair with another message, if there is one."""
-        return other_pair(self.plan.config["pairs"], pair_of(self.scene))
+        return next(iter(other_pairs(self.plan.config["pairs"], pair_of(self.scene))), None)
 
     @property
     def embedding_options(self) -> str:
@@ -212,8 +212,7 @@ class Model:
     @property
     def decoys(self) -> list[str]:
         """The folders of false candidates of its message: other messages, and random scenes of the same image size."""
-        pairs, settings = self.plan.config["pairs"], self.settings
-        others = [name for name, pair in pairs.items() if pair["message"] != settings["message"]]
+        settings, others = self.settings, other_pairs(self.plan.config["pairs"], pair_of(self.scene))
         decoys = [f"results/pairs/{name}/message" for name in others]
         if is_photographed(settings):
             return decoys

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
@@ -70,6 +71,11 @@ def pair_arguments(pair: Pair, off_path: int) -> str:
     return f"{sources} {options({**pair, 'off_path': off_path}, *settings)}"
 
 
-def other_pair(pairs: Mapping[str, Pair], name: str) -> str | None:
-    """Return the first pair with another message than pair `name`; None if there is no such pair."""
-    return next((other for other, pair in pairs.items() if pair["message"] != pairs[name]["message"]), None)
+def other_pairs(pairs: Mapping[str, Pair], name: str) -> list[str]:
+    """Return the pairs with another message than pair `name`, however the paths are spelled."""
+    return [other for other, pair in pairs.items() if _message(pair) != _message(pairs[name])]
+
+
+def _message(pair: Pair) -> str:
+    message = str(pair["message"])
+    return os.path.realpath(message) if is_photographed(pair) else message
