@@ -1,7 +1,8 @@
 """The command line: one module per subcommand.
 
 A command module holds ``HELP`` (one line), ``EXAMPLES`` (shown below the options), ``add_arguments(parser)`` and
-``run(args)``. It imports heavy packages inside ``run`` only, so that ``gspure --help`` stays quick.
+``run(args)``; `gspure.cli.parser` has the kinds of arguments. It imports heavy packages inside ``run`` only, so that
+``gspure --help`` stays quick.
 """
 
 from __future__ import annotations
@@ -9,19 +10,15 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
-import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Sequence
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from gspure import __version__, progress
-from gspure.cli.options import camera_source
-from gspure.cli.outputs import Output, require_distinct
+from gspure.cli.parser import Arguments, Parser, require_distinct, suggestion
 from gspure.cost import LOG, cost_of, spent
-from gspure.errors import InputError, did_you_mean, printable
+from gspure.errors import InputError, printable
 
 USER_COMMANDS = (
     "audit",
@@ -89,7 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _costed(args: argparse.Namespace) -> int:
+def _costed(args: Arguments) -> int:
     """Run a command; beside the log of its job, write its cost."""
     status = int(args.run(args) or 0)
     if log := os.environ.get(LOG):
@@ -100,48 +97,6 @@ def _costed(args: argparse.Namespace) -> int:
 def _refuse(command: str, reason: str) -> int:
     print(f"gspure {command}: {printable(reason)}", file=sys.stderr)
     return 2
-
-
-class Parser(argparse.ArgumentParser):
-    """A parser that refuses a wrong command line in one line, and empty texts: an empty path is the current folder."""
-
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings)
-        self._words: list[str] = []
-        for kind in (None, Path, Output, camera_source):
-            self.register("type", kind, partial(_filled, kind or str))
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse all words: those that a parser of figures does not know would be reported by the one around it."""
-        words = [*args]
-        end = words.index("--") if "--" in words and "passed_on" in self._defaults else len(words)
-        self._words = words[:end]
-        parsed, unknown = super().parse_known_args(self._words, namespace)
-        if end < len(words):
-            parsed.passed_on = words[end + 1 :]
-        if unknown:
-            self.error(f"unrecognized arguments: {' '.join(unknown)}")
-        return parsed, unknown
-
-    def error(self, message: str) -> NoReturn:
-        """Print the reason, and exit with status 2; a misspelt option is the reason why others are missing."""
-        known = self._option_string_actions
-        options = (word.partition("=")[0] for word in self._words if word.startswith("--"))
-        unknown = [option for option in options if not any(name.startswith(option) for name in known)]
-        if unknown and re.search("required|unrecognized", message):
-            message = f"no option {unknown[0]}{_suggestion(unknown[0], known)}"
-        self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
-
-
-def _suggestion(word: str, known: Iterable[str]) -> str:
-    hint = did_you_mean(word, known)
-    return f", {hint}" if hint else ""
-
-
-def _filled(kind: Callable[[str], Any], text: str) -> Any:
-    if not text:
-        raise argparse.ArgumentTypeError("expected a value, found an empty text")
-    return kind(text)
 
 
 def _parser(name: str) -> argparse.ArgumentParser:
@@ -170,7 +125,7 @@ def _overview(argv: Sequence[str]) -> NoReturn:
     )
     parser.add_argument("-V", "--version", action="version", version=f"gspure {__version__}")
     if argv and not argv[0].startswith("-"):
-        parser.error(f"no command {argv[0]!r}{_suggestion(argv[0], COMMANDS)}")
+        parser.error(f"no command {argv[0]!r}{suggestion(argv[0], COMMANDS)}")
     parser.parse_args(argv[:1] or ["--help"])
     parser.error("expected a command")
 

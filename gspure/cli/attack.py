@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from gspure.cli.options import (
     SPLITS,
-    Assignments,
     add_cameras,
     add_device,
     add_scheme,
@@ -20,7 +18,7 @@ from gspure.cli.options import (
     read_source,
     read_split,
 )
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,63 +46,45 @@ _EVIDENCE = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
+def add_arguments(parser: Parser) -> None:
     from gspure.attacks.registry import BUILT_IN
     from gspure.cli.options import described
 
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
-    parser.add_argument("name", metavar="NAME", help=f"one of {names}, or one of an installed plug-in")
-    parser.add_argument("--model", type=Path, required=True, help="the public model's .ply; its other files are copied")
+    parser.text("name", "NAME", f"one of {names}, or one of an installed plug-in")
+    parser.reads("--model", "MODEL", "the public model's .ply; its other files are copied")
     evidence = parser.add_argument_group("measurements, for attacks that need them")
     for option, origin in _EVIDENCE.items():
         evidence.add_argument(option, type=Path, metavar="FILE", help=origin)
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
-    parser.add_argument("--set", action=Assignments, metavar="NAME=VALUE", help="a setting of the attack; repeatable")
-    parser.add_argument("--out", type=Output, required=True, metavar="PLY", help="the attacked model to write")
-    parser.add_argument(
-        "--removed", type=Output, metavar="NPY", help="also write the mask of the removed rows: bool [K]"
-    )
+    parser.number("--seed", "N", "random seed", 0)
+    parser.pairs("--set", "NAME=VALUE", "a setting of the attack")
+    parser.writes("--out", "PLY", "the attacked model to write")
+    parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
     add_scheme(parser)
-    parser.add_argument(
-        "--verdict",
-        type=Output,
-        metavar="JSON",
-        help="also write whether the attack changed anything that each extraction reads",
+    parser.writes(
+        "--verdict", "JSON", "also write whether the attack changed anything that each extraction reads", required=False
     )
-    parser.add_argument(
-        "--transform", type=Output, metavar="NPY", help="also write the rigid transform applied: float64 [4,4]"
-    )
-    parser.add_argument(
-        "--damage",
-        type=float,
-        metavar="DB",
-        help="search for the strength that lowers the scene's PSNR by DB; needs --cameras",
+    parser.writes("--transform", "NPY", "also write the rigid transform applied: float64 [4,4]", required=False)
+    parser.number(
+        "--damage", "DB", "search for the strength that lowers the scene's PSNR by DB; needs --cameras", type=float
     )
     add_cameras(parser, "public views, for attacks that learn and for --damage", required=False)
-    parser.add_argument(
-        "--split", choices=SPLITS, default="test", help="views that --damage renders (default: %(default)s)"
-    )
-    parser.add_argument(
+    parser.choice("--split", SPLITS, "views that --damage renders", "test")
+    parser.reads(
         "--photographs",
-        type=Path,
-        metavar="DIR",
-        help="photographs VIEW.png of the scene, for --damage; without them, the drop is estimated for a model with "
+        "DIR",
+        "photographs VIEW.png of the scene, for --damage; without them, the drop is estimated for a model with "
         "30 dB in every view",
+        required=False,
     )
-    parser.add_argument(
-        "--cost",
-        type=Output,
-        metavar="JSON",
-        help="also write CPU time and peak memory, without the search for --damage",
+    parser.writes(
+        "--cost", "JSON", "also write CPU time and peak memory, without the search for --damage", required=False
     )
-    parser.add_argument(
-        "--measured", type=Path, nargs="*", default=[], metavar="JSON", help="add the costs of these measurements"
-    )
+    parser.reads("--measured", "JSON", "add the costs of these measurements", nargs="*", default=[])
     add_device(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Write the attacked model, and optionally removed rows, verdict and transform."""
     import numpy as np
 
@@ -159,7 +139,7 @@ def run(args: argparse.Namespace) -> None:
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 
 
-def _write_cost(args: argparse.Namespace, searching: float) -> None:
+def _write_cost(args: Arguments, searching: float) -> None:
     """Write what the attack and its measurements cost, without `searching` seconds; nothing if a cost is unknown."""
     from gspure.cost import read_cost, spent, total
 
@@ -168,7 +148,7 @@ def _write_cost(args: argparse.Namespace, searching: float) -> None:
         total([used._replace(cpu=used.cpu - searching), *map(read_cost, args.measured)]).write(args.cost)
 
 
-def _read(args: argparse.Namespace, files: Mapping[str, Path]) -> tuple[PublicModel, Evidence]:
+def _read(args: Arguments, files: Mapping[str, Path]) -> tuple[PublicModel, Evidence]:
     """Read the public model, and the evidence in `files`."""
     import numpy as np
 
@@ -189,7 +169,7 @@ def _read(args: argparse.Namespace, files: Mapping[str, Path]) -> tuple[PublicMo
     return public, Evidence(**evidence)
 
 
-def _read_training_views(args: argparse.Namespace) -> list[Camera]:
+def _read_training_views(args: Arguments) -> list[Camera]:
     """Read the training views of ``--cameras``, for attacks that render."""
     from gspure.cameras import split
 
@@ -199,7 +179,7 @@ def _read_training_views(args: argparse.Namespace) -> list[Camera]:
     return train or test
 
 
-def _read_damage(args: argparse.Namespace, public: PublicModel) -> Damage:
+def _read_damage(args: Arguments, public: PublicModel) -> Damage:
     """Return the function that measures the damage to the scene in the views of ``--cameras``."""
     from gspure.attacks.strength import scene_damage
     from gspure.images import read_image

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
@@ -13,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from gspure.cli.options import add_cameras, add_quiet
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
 
 HELP = "run the whole workflow in the current folder: attack a model in many ways and write a report"
@@ -27,23 +27,21 @@ _CONFIGURATION = Path("results/audit.yaml")
 _DRY_RUN = re.compile("--dry-?r.*|-[a-zA-Z]*n[a-zA-Z]*")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument(
+def add_arguments(parser: Parser) -> None:
+    parser.reads(
         "source",
-        type=Path,
-        metavar="MODEL|CONFIG",
-        help=f"3DGS .ply, or the output folder of a training run, for which {_CONFIGURATION} is written; or a "
+        "MODEL|CONFIG",
+        f"3DGS .ply, or the output folder of a training run, for which {_CONFIGURATION} is written; or a "
         "configuration of the workflow, .yaml",
     )
     add_cameras(parser, "views of MODEL", required=False)
-    parser.add_argument("-n", "--dry-run", action="store_true", help="list the jobs that would run, and why")
+    parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
     parser.add_argument("-c", "--cores", type=int, metavar="N", help="number of cores (default: all)")
     add_quiet(parser)
     parser.set_defaults(passed_on=[])  # what follows `--`
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Arguments) -> int:
     """Write the configuration of a model, and become Snakemake; a dry run writes to a temporary folder only."""
     if args.dry_run or any(_DRY_RUN.fullmatch(word) for word in args.passed_on):
         with TemporaryDirectory() as folder:
@@ -52,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     return os.execv(sys.executable, _command(args, _configuration(args, _CONFIGURATION)))  # noqa: S606
 
 
-def _command(args: argparse.Namespace, configuration: Path) -> list[str]:
+def _command(args: Arguments, configuration: Path) -> list[str]:
     """Return the command line of Snakemake."""
     options = ["--snakefile", str(snakefile()), "--configfile", str(configuration)]
     options += ["--dry-run"] if args.dry_run else []
@@ -69,7 +67,7 @@ def snakefile() -> Path:
     return installed if installed.is_file() else package.parent / "Snakefile"
 
 
-def _configuration(args: argparse.Namespace, target: Path) -> Path:
+def _configuration(args: Arguments, target: Path) -> Path:
     """Return the configuration file; write that of a model to `target`, unless the last audit had the same."""
     import yaml
 

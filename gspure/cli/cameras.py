@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Iterable, Sequence
 from itertools import groupby
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gspure.cli.options import add_quiet, add_up, camera_source, read_source
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,8 +28,7 @@ EXAMPLES = """\
 _SETTINGS = ("count", "width", "height", "fov_degrees", "up")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
+def add_arguments(parser: Parser) -> None:
     parser.add_argument(
         "source",
         type=camera_source,
@@ -38,17 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cameras.json, transforms.json (nerfstudio, Blender), or a folder with one of them or a COLMAP sparse "
         "model; or `orbit` or `shells` to generate views around --model",
     )
-    parser.add_argument("--out", type=Output, required=True, metavar="FILE", help="the cameras.json to write")
-    parser.add_argument(
+    parser.writes("--out", "FILE", "the cameras.json to write")
+    parser.text(
         "--scale",
-        metavar="RULE",
-        help="image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, as in 3DGS; generated "
+        "RULE",
+        "image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, as in 3DGS; generated "
         "views keep --width and --height)",
     )
-    parser.add_argument("--off-path", type=int, metavar="N", help="write N views off the camera path instead")
-    parser.add_argument(
-        "--require-images", action="store_true", help="refuse views without a photograph of at least their size"
-    )
+    parser.number("--off-path", "N", "write N views off the camera path instead")
+    parser.flag("--require-images", "refuse views without a photograph of at least their size")
     views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")
     views.add_argument("--model", type=Path, metavar="MODEL", help="the model to look at")
     views.add_argument("--count", type=int, metavar="N", help="number of views (default: orbit 24, shells 48)")
@@ -61,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_quiet(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Read or generate the views, scale and write them, print a table."""
     from gspure.artifacts import write_provenance
     from gspure.cameras import off_path_cameras, require_images, scaled, write_cameras

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 
 HELP = "select clusters from a spanning tree"
@@ -15,14 +12,13 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("--tree", type=Path, required=True, metavar="NPY", help="tree, from `gspure tree`")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--tree", "NPY", "tree, from `gspure tree`")
     add_selection(parser)
-    parser.add_argument("--out", type=Output, required=True, metavar="NPZ", help="labels: int32 [K], -1 is noise")
+    parser.writes("--out", "NPZ", "labels: int32 [K], -1 is noise")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Select and write the clusters."""
     from gspure.artifacts import write_provenance
     from gspure.method.clustering.selection import select
@@ -35,28 +31,21 @@ def run(args: argparse.Namespace) -> None:
     write_provenance(args.out, inputs={"tree": args.tree}, settings=settings)
 
 
-def add_selection(parser: argparse.ArgumentParser) -> None:
+def add_selection(parser: Parser) -> None:
     """Add ``--min-cluster-size``, ``--selection`` and ``--max-cluster-share``."""
     from gspure.method.clustering.selection import SELECTIONS
 
-    parser.add_argument(
-        "--min-cluster-size",
-        type=int,
-        default=MIN_CLUSTER_SIZE,
-        metavar="N",
-        help="HDBSCAN's min_cluster_size (default: %(default)s)",
-    )
-    parser.add_argument(
+    parser.number("--min-cluster-size", "N", "HDBSCAN's min_cluster_size", MIN_CLUSTER_SIZE)
+    parser.choice(
         "--selection",
-        choices=SELECTIONS,
-        default=SELECTIONS[0],
-        help="eom_capped, eom: HDBSCAN's excess of mass with and without --max-cluster-share; leaf: the leaves "
-        "of its hierarchy (default: %(default)s)",
+        SELECTIONS,
+        "eom_capped, eom: HDBSCAN's excess of mass with and without --max-cluster-share; leaf: the leaves "
+        "of its hierarchy",
+        SELECTIONS[0],
     )
-    parser.add_argument(
+    parser.number(
         "--max-cluster-share",
-        type=float,
-        default=MAX_CLUSTER_SHARE,
-        metavar="SHARE",
-        help="for eom_capped: largest share of the Gaussians in one cluster (default: %(default)s)",
+        "SHARE",
+        "for eom_capped: largest share of the Gaussians in one cluster",
+        MAX_CLUSTER_SHARE,
     )

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 from gspure.cli.options import add_sweeps, read_sweeps
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "measure the survival of the message, and compare GSPure with every other attack"
 EXAMPLES = """\
@@ -18,32 +15,18 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="results, from `gspure table`")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--table", "CSV", "results, from `gspure table`")
     add_sweeps(parser)
-    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="GSPure minus every other attack")
-    parser.add_argument(
-        "--survival",
-        type=Output,
-        required=True,
-        metavar="CSV",
-        help="the message after each attack, against controls",
-    )
-    parser.add_argument(
-        "--matched", type=Output, required=True, metavar="CSV", help="the message's drop at equal damage to the scene"
-    )
-    parser.add_argument(
-        "--benchmarks",
-        type=Path,
-        metavar="DIR",
-        help="folder with the costs SCHEME/SCENE/VARIANT/attack.cost.json",
-    )
-    parser.add_argument("--costs", type=Output, metavar="CSV", help="the cost of each attack, from --benchmarks")
-    parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="all of these as readable tables")
+    parser.writes("--out", "CSV", "GSPure minus every other attack")
+    parser.writes("--survival", "CSV", "the message after each attack, against controls")
+    parser.writes("--matched", "CSV", "the message's drop at equal damage to the scene")
+    parser.reads("--benchmarks", "DIR", "folder with the costs SCHEME/SCENE/VARIANT/attack.cost.json", required=False)
+    parser.writes("--costs", "CSV", "the cost of each attack, from --benchmarks", required=False)
+    parser.writes("--markdown", "MD", "all of these as readable tables")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.contest import Contest, contest

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "compute the contribution of every Gaussian to each view (stored per view)"
 EXAMPLES = """\
@@ -16,12 +15,11 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--model", "MODEL", "the model's .ply")
     add_scheme(parser)
     add_views(parser, split="train")
-    parser.add_argument("--stages", type=Path, required=True, metavar="DIR", help="folder of the stage files")
+    parser.reads("--stages", "DIR", "folder of the stage files")
     parser.add_argument(
         "--part",
         type=_part,
@@ -29,12 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="I/N",
         help="compute a part of the views, for parallel jobs: view I and every N-th after it, by name",
     )
-    parser.add_argument("--index", type=Output, required=True, metavar="TSV", help="index of the views and their files")
+    parser.writes("--index", "TSV", "index of the views and their files")
     add_energy(parser, "ray", "ewa", "center_ray")
     add_device(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Compute the missing views of this part, then write its index."""
     from gspure.artifacts import write_provenance
     from gspure.method.contributions import Measurement, contribute, write_index

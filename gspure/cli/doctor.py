@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
 import shlex
@@ -17,6 +16,7 @@ from typing import Final
 from packaging.requirements import Requirement
 
 import gspure
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "check OpenCL devices, OpenGL and packages, and print how to fix what is missing"
 EXAMPLES = """\
@@ -48,11 +48,11 @@ class Finding:
     fix: str | None = None
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: Parser) -> None:
     """Add the options of this command: none."""
 
 
-def run(args: argparse.Namespace) -> int:  # noqa: ARG001
+def run(args: Arguments) -> int:  # noqa: ARG001
     """Print the report; return 0 if gspure can run, else 1."""
     checks = {
         "OpenCL: a small frame rendered on each device": opencl,

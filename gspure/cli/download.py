@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from gspure.cli.options import add_quiet
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 HELP = "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending"
@@ -26,21 +25,16 @@ Unpacked files are checked against the checksums in the archive.
 ALL = "all"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
+def add_arguments(parser: Parser) -> None:
     from gspure.datasets import SCENES
 
-    parser.add_argument("scenes", nargs="+", metavar="SCENE", help=f"{ALL}, or some of {', '.join(SCENES)}")
-    parser.add_argument(
-        "--out", type=Output, default=Path("data"), metavar="DIR", help="folder for the scenes (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--accept-licence", action="store_true", help="you have read the publishers' terms and accept them"
-    )
+    parser.text("scenes", "SCENE", f"{ALL}, or some of {', '.join(SCENES)}", nargs="+")
+    parser.writes("--out", "DIR", "folder for the scenes", default=Path("data"))
+    parser.flag("--accept-licence", "you have read the publishers' terms and accept them")
     add_quiet(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Download the archives and unpack the missing scenes."""
     from gspure.datasets import SCENES, archive_of, extract, fetch
     from gspure.datasets.extraction import RECORD

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
+
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "train a watermarked model on a pair: the public model and the owner's key"
 EXAMPLES = """\
@@ -18,29 +19,24 @@ planted is not trained and takes ray-traced pairs only. gs_hider and secure_gs n
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    from gspure.cli.options import Assignments, add_device, described
-    from gspure.cli.outputs import Output
+def add_arguments(parser: Parser) -> None:
+    from gspure.cli.options import add_device, described
     from gspure.schemes.pair import INITIALIZATIONS
     from gspure.schemes.registry import BUILT_IN
 
     known = ", ".join(described(scheme.name, scheme.settings) for scheme in BUILT_IN)
-    parser.add_argument("scheme", metavar="SCHEME", help=f"one of {known}, or a plug-in")
-    parser.add_argument("pair", type=Path, metavar="PAIR", help="output folder of `gspure pair`")
-    parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for public/ and key/")
-    parser.add_argument("--set", action=Assignments, metavar="NAME=VALUE", help="a setting of the scheme; repeatable")
-    parser.add_argument(
-        "--initialization",
-        choices=INITIALIZATIONS,
-        default="both",
-        help="initial points: of scene and message, or of the scene alone (default: %(default)s)",
+    parser.text("scheme", "SCHEME", f"one of {known}, or a plug-in")
+    parser.reads("pair", "PAIR", "output folder of `gspure pair`")
+    parser.writes("--out", "DIR", "folder for public/ and key/")
+    parser.pairs("--set", "NAME=VALUE", "a setting of the scheme")
+    parser.choice(
+        "--initialization", INITIALIZATIONS, "initial points: of scene and message, or of the scene alone", "both"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
+    parser.number("--seed", "N", "random seed", 0)
     add_device(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Embed; write public model and key, both or neither."""
     import time
     from dataclasses import asdict

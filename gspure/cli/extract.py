@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "render the message of a public or attacked model with the owner's key"
 EXAMPLES = """\
@@ -15,27 +14,21 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
+def add_arguments(parser: Parser) -> None:
     from gspure.cli.options import add_device, add_off_path, add_views
-    from gspure.cli.outputs import Output
 
-    parser.add_argument("model", type=Path, metavar="MODEL", help="the model's .ply, or its folder")
-    parser.add_argument("--scheme", required=True, metavar="NAME", help="the watermarking scheme")
-    parser.add_argument("--key", type=Path, required=True, metavar="DIR", help="the owner's key, from `gspure embed`")
-    parser.add_argument("--extraction", metavar="NAME", help="an extraction of the scheme (default: `message`)")
-    parser.add_argument(
-        "--wrong-key", type=int, metavar="SEED", help="use an unrelated key of this random seed: a negative control"
-    )
+    parser.reads("model", "MODEL", "the model's .ply, or its folder")
+    parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
+    parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
+    parser.text("--extraction", "NAME", "an extraction of the scheme (default: `message`)")
+    parser.number("--wrong-key", "SEED", "use an unrelated key of this random seed: a negative control")
     add_views(parser, split="all")
     add_off_path(parser)
-    parser.add_argument(
-        "--out", type=Output, required=True, metavar="DIR", help="folder for VIEW.png; it must not hold other images"
-    )
+    parser.writes("--out", "DIR", "folder for VIEW.png; it must not hold other images")
     add_device(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Extract every view."""
     import numpy as np
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 HELP = "list the failed jobs of the workflow, with reasons and logs"
@@ -13,12 +11,11 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="results, or any folder in it")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("folder", "FOLDER", "results, or any folder in it")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Arguments) -> int:
     """Print a line for each reason."""
     from gspure.failures import failures_below, summary
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "standardize positions, opacities and weights: features F [K,5]"
 EXAMPLES = """\
@@ -14,17 +11,14 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("--model", type=Path, required=True, help="3DGS .ply")
-    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="weights, from `gspure weights`")
-    parser.add_argument(
-        "--opacities", type=Path, metavar="NPY", help="from `gspure opacities` (default: as stored in the model)"
-    )
-    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="features: float64 [K,5]")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--model", "MODEL", "3DGS .ply")
+    parser.reads("--weights", "NPY", "weights, from `gspure weights`")
+    parser.reads("--opacities", "NPY", "from `gspure opacities` (default: as stored in the model)", required=False)
+    parser.writes("--out", "NPY", "features: float64 [K,5]")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Compute and write the features."""
     import numpy as np
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ from gspure.cli import image_figures, scheme_figures
 from gspure.cli.image_figures import Drawn
 from gspure.cli.method_options import add_factors
 from gspure.cli.options import add_cameras, read_source
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,40 +29,38 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: Parser) -> None:
     """Add the kinds of figures, and the options of each."""
     kinds = parser.add_subparsers(title="figures", metavar="KIND", required=True)
     for name, (summary, add) in {**KINDS, **image_figures.KINDS, **scheme_figures.KINDS}.items():
         add(kinds.add_parser(name, help=summary))
 
 
-def _add_model(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", type=Path, required=True, metavar="PLY", help="the model that was purified")
-    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="from `gspure weights`")
-    parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="from `gspure cluster`")
+def _add_model(parser: Parser) -> None:
+    parser.reads("--model", "PLY", "the model that was purified")
+    parser.reads("--weights", "NPY", "from `gspure weights`")
+    parser.reads("--clusters", "NPZ", "from `gspure cluster`")
     add_factors(parser)
-    parser.add_argument("--hidden", type=Path, metavar="NPY", help="weights of the message, from `gspure hidden`")
+    parser.reads("--hidden", "NPY", "weights of the message, from `gspure hidden`", required=False)
     add_cameras(parser, "views for up direction and viewpoint", required=False)
-    parser.add_argument("--view", metavar="NAME", help="viewpoint (default: outside the model, or inside a room)")
-    parser.add_argument(
+    parser.text("--view", "NAME", "viewpoint (default: outside the model, or inside a room)")
+    parser.writes(
         "--out",
-        type=Output,
-        required=True,
-        metavar="DIR",
-        help="folder for clusters, ranks, kept (and hidden) as .png, .gltf and .vtp, weights.png (and "
+        "DIR",
+        "folder for clusters, ranks, kept (and hidden) as .png, .gltf and .vtp, weights.png (and "
         "purification.png), viewer.json for the report; each .png has its caption in .png.json",
     )
     parser.set_defaults(draw=_draw_model)
 
 
-def _add_outcomes(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
-    parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
-    parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
+def _add_outcomes(parser: Parser) -> None:
+    parser.reads("--table", "CSV", "from `gspure table`")
+    parser.text("--asset", "SCHEME/SCENE", "the model whose variants to show", required=True)
+    parser.writes("--out", "PNG", "the figure")
     parser.set_defaults(draw=_draw_outcomes)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Draw the figures; write the caption, inputs and settings of each beside it, and print its path."""
     from gspure.artifacts import write_provenance
 
@@ -73,7 +70,7 @@ def run(args: argparse.Namespace) -> None:
     print("\n".join(f"{path}: {caption}" for path, caption in captions.items()))
 
 
-def _draw_model(args: argparse.Namespace) -> Drawn:
+def _draw_model(args: Arguments) -> Drawn:
     import numpy as np
 
     from gspure.artifacts import load_array, require_made_from
@@ -123,7 +120,7 @@ def _named(cameras: list[Camera], name: str, source: Path | None) -> Camera:
     raise InputError(source or "--cameras", "view", expected=f"a view named {name}", found=found)
 
 
-def _draw_outcomes(args: argparse.Namespace) -> Drawn:
+def _draw_outcomes(args: Arguments) -> Drawn:
     from gspure.evaluation.results import read_results
     from gspure.figures.plots import write_outcomes
 

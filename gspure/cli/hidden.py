@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
 
 HELP = "measure the share of the message's weight on rows that plain_weight prunes"
@@ -16,31 +13,23 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
+def add_arguments(parser: Parser) -> None:
     from gspure.constants import TAU_N
 
-    parser.add_argument("--model", type=Path, required=True, help="the watermarked model's .ply")
-    parser.add_argument("--scheme", required=True, metavar="NAME", help="the watermarking scheme")
-    parser.add_argument("--key", type=Path, required=True, metavar="DIR", help="the owner's key")
+    parser.reads("--model", "MODEL", "the watermarked model's .ply")
+    parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
+    parser.reads("--key", "DIR", "the owner's key")
     add_views(parser, split="train")
-    parser.add_argument("--weights", type=Path, required=True, metavar="NPY", help="weights, from `gspure weights`")
-    parser.add_argument(
-        "--tau",
-        type=float,
-        default=TAU_N,
-        help="weights below the mean weight / TAU are low (default: %(default)s)",
-    )
-    parser.add_argument("--out", type=Output, required=True, metavar="JSON", help="the share, 0 to 1, or null")
-    parser.add_argument(
-        "--hidden", type=Output, metavar="NPY", help="also write the message's weight of every row: [K]"
-    )
+    parser.reads("--weights", "NPY", "weights, from `gspure weights`")
+    parser.number("--tau", "TAU", "weights below the mean weight / TAU are low", TAU_N)
+    parser.writes("--out", "JSON", "the share, 0 to 1, or null")
+    parser.writes("--hidden", "NPY", "also write the message's weight of every row: [K]", required=False)
     add_reduction(parser)
     add_energy(parser, "ray", "ewa", "center_ray")
     add_device(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Measure, print and write."""
     import numpy as np
 

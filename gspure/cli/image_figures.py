@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import Assignments, add_sweeps, read_sweeps, require_least, require_variants
-from gspure.cli.outputs import Output
+from gspure.cli.options import add_sweeps, read_sweeps, require_least, require_variants
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,35 +19,26 @@ Drawn = tuple[dict[Path, str], dict[str, Path], dict[str, Any]]
 """Captions by figure, the inputs of all, and their settings."""
 
 
-def _add_panels(parser: argparse.ArgumentParser) -> None:
-    _add_columns(parser, "a column and its folder of VIEW.png, the reference first; repeatable")
-    parser.add_argument(
-        "--rows", type=int, default=3, metavar="N", help="how many views to show (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--difference", action="store_true", help="add the difference between the last column and the first"
-    )
-    parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
+def _add_panels(parser: Parser) -> None:
+    meaning = "a column and its folder of VIEW.png, the reference first"
+    parser.pairs("--column", "TITLE=DIR", meaning, Path, required=True)
+    parser.number("--rows", "N", "how many views to show", 3)
+    parser.flag("--difference", "add the difference between the last column and the first")
+    parser.writes("--out", "PNG", "the figure")
     parser.set_defaults(draw=_draw_panels)
 
 
-def _add_attacks(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
-    parser.add_argument("--asset", required=True, metavar="SCHEME/SCENE", help="the model whose variants to show")
-    _add_columns(
-        parser,
-        "a variant and its folder of TARGET/VIEW.png, the reference first; repeatable",
-    )
+def _add_attacks(parser: Parser) -> None:
+    parser.reads("--table", "CSV", "from `gspure table`")
+    parser.text("--asset", "SCHEME/SCENE", "the model whose variants to show", required=True)
+    meaning = "a variant and its folder of TARGET/VIEW.png, the reference first"
+    parser.pairs("--column", "TITLE=DIR", meaning, Path, required=True)
     add_sweeps(parser)
-    parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
+    parser.writes("--out", "PNG", "the figure")
     parser.set_defaults(draw=_draw_attacks)
 
 
-def _add_columns(parser: argparse.ArgumentParser, meaning: str) -> None:
-    parser.add_argument("--column", action=Assignments, parse=Path, required=True, metavar="TITLE=DIR", help=meaning)
-
-
-def _draw_panels(args: argparse.Namespace) -> Drawn:
+def _draw_panels(args: Arguments) -> Drawn:
     import numpy as np
 
     from gspure.evaluation.names import display_name
@@ -70,7 +60,7 @@ def _draw_panels(args: argparse.Namespace) -> Drawn:
     return {args.out: caption}, files, {}
 
 
-def _draw_attacks(args: argparse.Namespace) -> Drawn:
+def _draw_attacks(args: Arguments) -> Drawn:
     from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, ordered
     from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, typical, write_lineup

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from gspure.cli.parser import Arguments, Parser
 
 if TYPE_CHECKING:
     from gspure.model.summary import Summary
@@ -22,13 +23,12 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("model", type=Path, metavar="MODEL", help="3DGS .ply, or the output folder of a training run")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("model", "MODEL", "3DGS .ply, or the output folder of a training run")
+    parser.flag("--json", "print JSON")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Print the summary of one model."""
     from gspure.errors import printable
     from gspure.model.inria import point_cloud, training_arguments

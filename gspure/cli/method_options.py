@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
-
+from gspure.cli.parser import Parser
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MIN_SAMPLES, TAU_C, TAU_N
 
 
-def add_min_samples(parser: argparse.ArgumentParser) -> None:
+def add_min_samples(parser: Parser) -> None:
     """Add ``--min-samples``."""
-    parser.add_argument(
-        "--min-samples", type=int, default=MIN_SAMPLES, metavar="N", help="HDBSCAN's min_samples (default: %(default)s)"
-    )
+    parser.number("--min-samples", "N", "HDBSCAN's min_samples", MIN_SAMPLES)
 
 
-def add_factors(parser: argparse.ArgumentParser, *, by_scheme: bool = False) -> None:
+def add_factors(parser: Parser, *, by_scheme: bool = False) -> None:
     """Add ``--tau-c`` and ``--tau-n``; with `by_scheme`, the default depends on the model and is None here."""
     for name, value, anchors, pruned in (
         ("--tau-c", TAU_C, ANCHOR_TAU_C, "clusters whose mean weight"),

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
-from gspure.cli.options import Assignments, add_quiet
-from gspure.cli.outputs import Output
+from gspure.cli.options import add_quiet
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "compare two folders of images: PSNR, SSIM and gradient correlation (GC), per view and mean"
 EXAMPLES = """\
@@ -17,37 +14,27 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
+def add_arguments(parser: Parser) -> None:
     from gspure.evaluation.comparison import REFERENCES, RENDER
     from gspure.evaluation.controls import BASELINES
 
-    parser.add_argument("images", type=Path, metavar="DIR_A", help="reference images; may hold more views than DIR_B")
-    parser.add_argument(
-        "other", type=Path, metavar="DIR_B", help="images to compare, with the same names, sizes and subfolders"
-    )
-    parser.add_argument(
+    parser.reads("images", "DIR_A", "reference images; may hold more views than DIR_B")
+    parser.reads("other", "DIR_B", "images to compare, with the same names, sizes and subfolders")
+    parser.choice(
         "--reference",
-        choices=REFERENCES,
-        default=RENDER,
-        help="kind of images in DIR_A: photographs (truth) or renders of the unattacked model (default: %(default)s)",
+        REFERENCES,
+        "kind of images in DIR_A: photographs (truth) or renders of the unattacked model",
+        RENDER,
     )
-    parser.add_argument(
-        "--against",
-        action=Assignments,
-        metavar="TARGET=OTHER",
-        help="compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A; repeatable",
+    parser.pairs("--against", "TARGET=OTHER", "compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A")
+    parser.choice(
+        "--baseline", BASELINES, "compare DIR_A with images of one colour instead of DIR_B: black, or the mean of DIR_A"
     )
-    parser.add_argument(
-        "--baseline",
-        choices=BASELINES,
-        help="compare DIR_A with images of one colour instead of DIR_B: black, or the mean of DIR_A",
-    )
-    parser.add_argument("--out", type=Output, metavar="CSV", help="also write the metrics of every view to this table")
+    parser.writes("--out", "CSV", "also write the metrics of every view to this table", required=False)
     add_quiet(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Compare, write the table, and print it."""
     from gspure.artifacts import write_provenance
     from gspure.evaluation.comparison import as_text, compare, pair_images, write_metrics

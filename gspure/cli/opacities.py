@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 from gspure.cli.options import add_scheme, add_views, read_public, read_views
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "write the opacity of every row (for an anchor, the mean over its Gaussians and the views)"
 EXAMPLES = """\
@@ -14,15 +11,14 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--model", "MODEL", "the model's .ply")
     add_scheme(parser)
     add_views(parser, split="train")
-    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="opacities: float32 [K]")
+    parser.writes("--out", "NPY", "opacities: float32 [K]")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Compute and write the opacities."""
     from gspure.artifacts import save_array, write_provenance
     from gspure.model import read_model

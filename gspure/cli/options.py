@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gspure.cli.parser import Arguments, Parser, filled
 from gspure.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -19,23 +20,23 @@ Setting = float | int | str
 SPLITS = ("train", "test", "all")
 
 
-def add_device(parser: argparse.ArgumentParser) -> None:
+def add_device(parser: Parser) -> None:
     """Add ``--device``, and ``--quiet``, since work on a device shows its progress."""
     add_quiet(parser)
-    parser.add_argument(
+    parser.text(
         "--device",
-        metavar="NAME|INDEX",
-        help="OpenCL device, by part of its name or its index in `gspure doctor` (default: $GSPURE_DEVICE, or the "
+        "NAME|INDEX",
+        "OpenCL device, by part of its name or its index in `gspure doctor` (default: $GSPURE_DEVICE, or the "
         "first working device, GPUs before CPUs)",
     )
 
 
-def add_quiet(parser: argparse.ArgumentParser) -> None:
+def add_quiet(parser: Parser) -> None:
     """Add ``--quiet``."""
-    parser.add_argument("-q", "--quiet", action="store_true", help="print no progress, only results and warnings")
+    parser.flag("-q", "--quiet", "print no progress, only results and warnings")
 
 
-def read_device(args: argparse.Namespace) -> Device:
+def read_device(args: Arguments) -> Device:
     """Return the device that ``--device`` selects; log its name."""
     from gspure.opencl.device import choose_device
     from gspure.progress import say
@@ -45,21 +46,19 @@ def read_device(args: argparse.Namespace) -> Device:
     return device
 
 
-def add_scheme(parser: argparse.ArgumentParser) -> None:
+def add_scheme(parser: Parser) -> None:
     """Add ``--scheme``, for `read_public`."""
-    parser.add_argument(
-        "--scheme", metavar="NAME", help="the model's watermarking scheme (default: recognized by the model's columns)"
-    )
+    parser.text("--scheme", "NAME", "the model's watermarking scheme (default: recognized by the model's columns)")
 
 
-def read_public(args: argparse.Namespace) -> PublicModel:
+def read_public(args: Arguments) -> PublicModel:
     """Read the public model of ``model`` and ``--scheme``; rows that cannot be drawn become invisible."""
     from gspure.schemes.registry import read_public_model
 
     return read_public_model(args.model, args.scheme).drawable(args.model)
 
 
-def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> None:
+def add_background(parser: Parser, behind: str, known: str) -> None:
     """Add ``--background``, the colour `behind` the model; `known` is the argument that may name the default."""
     parser.add_argument(
         "--background",
@@ -70,7 +69,7 @@ def add_background(parser: argparse.ArgumentParser, behind: str, known: str) -> 
     )
 
 
-def read_background(args: argparse.Namespace, command: str, default: tuple[float, ...]) -> tuple[float, ...]:
+def read_background(args: Arguments, command: str, default: tuple[float, ...]) -> tuple[float, ...]:
     """Return the colour of ``--background``, or the default."""
     if args.background is None:
         return default
@@ -80,7 +79,7 @@ def read_background(args: argparse.Namespace, command: str, default: tuple[float
     return tuple(args.background)
 
 
-def add_energy(parser: argparse.ArgumentParser, *energies: str) -> None:
+def add_energy(parser: Parser, *energies: str) -> None:
     """Add ``--energy``; the first one is the default."""
     described = {
         "ewa": "2-D splats, as in vanilla 3DGS",
@@ -88,17 +87,17 @@ def add_energy(parser: argparse.ArgumentParser, *energies: str) -> None:
         "center_ray": "as ray, but only on the ray through the Gaussian's centre",
     }
     meanings = "; ".join(f"{energy}: {described[energy]}" for energy in energies)
-    parser.add_argument("--energy", choices=energies, default=energies[0], help=f"{meanings} (default: %(default)s)")
+    parser.choice("--energy", energies, meanings, energies[0])
 
 
 def camera_source(text: str) -> Path | str:
     """Return a path, or the name of a way to generate views; an argument type."""
     from gspure.cameras import GENERATED
 
-    return text if text in GENERATED else Path(text)
+    return text if text in GENERATED else filled(Path, text)
 
 
-def add_cameras(parser: argparse.ArgumentParser, purpose: str = "views", *, required: bool = True) -> None:
+def add_cameras(parser: Parser, purpose: str = "views", *, required: bool = True) -> None:
     """Add ``--cameras`` and ``--up``, for `read_source`."""
     parser.add_argument(
         "--cameras",
@@ -139,31 +138,21 @@ def read_source(source: Path | str, model: Path | None, **settings: Any) -> list
     return GENERATED[source](rows.means, rows.opacities, **settings)
 
 
-def add_views(parser: argparse.ArgumentParser, split: str) -> None:
+def add_views(parser: Parser, split: str) -> None:
     """Add ``--cameras``, ``--split`` and ``--transform``, for `read_views`."""
     add_cameras(parser)
-    parser.add_argument(
-        "--split",
-        choices=SPLITS,
-        default=split,
-        help="which views; by name, every eighth is a test view (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--transform",
-        type=Path,
-        metavar="NPY",
-        help="rigid transform from `gspure attack --transform`, applied to the views",
+    parser.choice("--split", SPLITS, "which views; by name, every eighth is a test view", split)
+    parser.reads(
+        "--transform", "NPY", "rigid transform from `gspure attack --transform`, applied to the views", required=False
     )
 
 
-def add_off_path(parser: argparse.ArgumentParser) -> None:
+def add_off_path(parser: Parser) -> None:
     """Add ``--off-path``, for `read_views`."""
-    parser.add_argument(
-        "--off-path", type=Path, metavar="FILE", help="additional views, from `gspure cameras --off-path`"
-    )
+    parser.reads("--off-path", "FILE", "additional views, from `gspure cameras --off-path`", required=False)
 
 
-def read_split(args: argparse.Namespace) -> list[Camera]:
+def read_split(args: Arguments) -> list[Camera]:
     """Read the views that ``--cameras`` and ``--split`` name."""
     from gspure.cameras import split
 
@@ -175,7 +164,7 @@ def read_split(args: argparse.Namespace) -> list[Camera]:
     return views
 
 
-def read_views(args: argparse.Namespace) -> list[Camera]:
+def read_views(args: Arguments) -> list[Camera]:
     """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--transform``."""
     from gspure.cameras import read_cameras
     from gspure.cameras.reading import read_transform
@@ -192,53 +181,26 @@ def read_views(args: argparse.Namespace) -> list[Camera]:
     return views
 
 
-def require_least(args: argparse.Namespace, command: str, least: Mapping[str, int]) -> None:
+def require_least(args: Arguments, command: str, least: Mapping[str, int]) -> None:
     """Refuse numbers below their least value; those that are not set pass."""
     for name, bound in least.items():
         if (value := getattr(args, name)) is not None and value < bound:
             raise InputError(command, f"--{name.replace('_', '-')}", expected=f"at least {bound}", found=str(value))
 
 
-def add_files(parser: argparse.ArgumentParser, files: Mapping[str, tuple[str, str]]) -> None:
+def add_files(parser: Parser, files: Mapping[str, tuple[str, str]]) -> None:
     """Add options that take any number of files, each with its metavar and help."""
     for option, (metavar, meaning) in files.items():
-        parser.add_argument(option, type=Path, nargs="*", default=[], metavar=metavar, help=meaning)
+        parser.reads(option, metavar, meaning, nargs="*", default=[])
 
 
-class Assignments(argparse.Action):
-    """Collects options ``NAME=VALUE`` in a mapping; a name twice is refused, as one of its values would not count."""
-
-    def __init__(self, parse: Callable[[str], Any] = str, **settings: Any) -> None:
-        super().__init__(default={}, **settings)
-        self._parse = parse
-
-    def __call__(self, _parser: Any, namespace: argparse.Namespace, text: Any, _option: str | None = None) -> None:
-        """Add the value of one option."""
-        name, _, value = text.partition("=")
-        known = getattr(namespace, self.dest)
-        if name in known:
-            raise argparse.ArgumentError(self, f"expected every name once, found {name} again")
-        try:
-            parsed = self._parse(value) if name and value else None
-        except ValueError:
-            parsed = None
-        if parsed is None:
-            raise argparse.ArgumentError(self, f"expected {self.metavar}, found {text!r}")
-        setattr(namespace, self.dest, {**known, name: parsed})
-
-
-def add_sweeps(parser: argparse.ArgumentParser) -> None:
+def add_sweeps(parser: Parser) -> None:
     """Add ``--sweep``, for `read_sweeps`."""
-    parser.add_argument(
-        "--sweep",
-        action=Assignments,
-        parse=lambda variants: variants.split(","),
-        metavar="NAME=VARIANT,...",
-        help="variants of one attack at several strengths; repeatable",
-    )
+    meaning = "variants of one attack at several strengths"
+    parser.pairs("--sweep", "NAME=VARIANT,...", meaning, lambda variants: variants.split(","))
 
 
-def read_sweeps(args: argparse.Namespace, outcomes: Sequence[Outcome]) -> dict[str, list[str]]:
+def read_sweeps(args: Arguments, outcomes: Sequence[Outcome]) -> dict[str, list[str]]:
     """Return the variants of every ``--sweep``; refuse any that is no attack of the table, or another's name."""
     from gspure.evaluation.outcomes import UNATTACKED
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gspure.cli.options import add_device, read_device, require_least
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,58 +40,39 @@ OPAQUE = 0.5
 _LEAST = {"seed": 0, "views": 3, "width": 16, "height": 16, "off_path": 0}
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
+def add_arguments(parser: Parser) -> None:
     from gspure.scenes.placement import PLACEMENTS
     from gspure.scenes.staging import NAMES, PROTOCOLS
 
-    parser.add_argument("scene", metavar="SCENE", help=f"the visible scene: photographs as for `train`, or {NAMES}")
-    parser.add_argument(
+    parser.text("scene", "SCENE", f"the visible scene: photographs as for `train`, or {NAMES}")
+    parser.text(
         "message",
-        metavar="MESSAGE",
-        help=f"the hidden scene: a trained model or its folder (photographs with --protocol own), or {NAMES}",
+        "MESSAGE",
+        f"the hidden scene: a trained model or its folder (photographs with --protocol own), or {NAMES}",
     )
-    parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder of the pair")
-    parser.add_argument(
-        "--protocol",
-        choices=PROTOCOLS,
-        default="shared",
-        help="poses of the message's views: the scene's, or its own (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--resolution", default="320px", metavar="RULE", help="photographs' size, as for `train` (default: %(default)s)"
-    )
-    parser.add_argument(
+    parser.writes("--out", "DIR", "folder of the pair")
+    parser.choice("--protocol", PROTOCOLS, "poses of the message's views: the scene's, or its own", "shared")
+    parser.text("--resolution", "RULE", "photographs' size, as for `train`", "320px")
+    parser.choice(
         "--placement",
-        choices=PLACEMENTS,
-        default="raised",
-        help="ray-traced only: position of the message's surfaces relative to the scene's (default: %(default)s)",
+        PLACEMENTS,
+        "ray-traced only: position of the message's surfaces relative to the scene's",
+        "raised",
     )
-    parser.add_argument(
-        "--views",
-        type=int,
-        default=32,
-        metavar="N",
-        help="ray-traced only: number of views, at least 3; every eighth is a test view (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--width", type=int, default=160, metavar="PX", help="ray-traced only: image width (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--height", type=int, default=120, metavar="PX", help="ray-traced only: image height (default: %(default)s)"
-    )
-    parser.add_argument(
+    parser.number("--views", "N", "ray-traced only: number of views, at least 3; every eighth is a test view", 32)
+    parser.number("--width", "PX", "ray-traced only: image width", 160)
+    parser.number("--height", "PX", "ray-traced only: image height", 120)
+    parser.number(
         "--off-path",
-        type=int,
-        default=0,
-        metavar="N",
-        help="ray-traced only: also photograph N views off the camera path, as `gspure cameras --off-path` does",
+        "N",
+        "ray-traced only: also photograph N views off the camera path, as `gspure cameras --off-path` does",
+        0,
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
+    parser.number("--seed", "N", "random seed", 0)
     add_device(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Write the pair, all of it or nothing."""
     from gspure.artifacts import filling, write_provenance
     from gspure.images import record_views
@@ -114,7 +94,7 @@ def run(args: argparse.Namespace) -> None:
             record_views(images, (image.stem for image in images.glob("*.png")))
 
 
-def _traced(args: argparse.Namespace) -> dict[str, Any]:
+def _traced(args: Arguments) -> dict[str, Any]:
     import numpy as np
 
     from gspure.cameras import off_path_cameras
@@ -135,7 +115,7 @@ def _traced(args: argparse.Namespace) -> dict[str, Any]:
     return {name: getattr(args, name) for name in ("placement", "views", "width", "height", "off_path")}
 
 
-def _photographed(args: argparse.Namespace) -> dict[str, Any]:
+def _photographed(args: Arguments) -> dict[str, Any]:
     """Photographs of the scene, and a trained model of the message rendered at their poses."""
     from gspure.images import write_image
     from gspure.model import read_model, require_finite
@@ -154,7 +134,7 @@ def _photographed(args: argparse.Namespace) -> dict[str, Any]:
     return {"resolution": args.resolution}
 
 
-def _photographed_apart(args: argparse.Namespace) -> dict[str, Any]:
+def _photographed_apart(args: Arguments) -> dict[str, Any]:
     """Photographs of both, each at its own poses, with the message aligned with the scene."""
     from gspure.scenes.alignment import aligning
 
@@ -164,7 +144,7 @@ def _photographed_apart(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _write_photographs(
-    args: argparse.Namespace, kind: str, source: str, align: Callable[[list[Camera]], Similarity] | None = None
+    args: Arguments, kind: str, source: str, align: Callable[[list[Camera]], Similarity] | None = None
 ) -> list[Camera]:
     """Write the photographs, cameras and points of a capture, in the world that `align` gives; return the cameras."""
     from gspure.images import write_image

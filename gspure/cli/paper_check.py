@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,17 +22,14 @@ EXAMPLES = """\
 TEXTS = ("attack", "follows")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument(
-        "--survival", type=Path, metavar="CSV", help="from `gspure contest`: our results beside the paper's"
-    )
-    parser.add_argument("--beside", type=Output, metavar="CSV", help="also write Table 1 beside our results")
-    parser.add_argument("--markdown", type=Output, metavar="MD", help="the same as a readable table")
-    parser.add_argument("--out", type=Output, metavar="CSV", help="also write all checks to this table")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--survival", "CSV", "from `gspure contest`: our results beside the paper's", required=False)
+    parser.writes("--beside", "CSV", "also write Table 1 beside our results", required=False)
+    parser.writes("--markdown", "MD", "the same as a readable table", required=False)
+    parser.writes("--out", "CSV", "also write all checks to this table", required=False)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Write and print every check, then print the other inconsistencies."""
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.paper import Beside, beside, check_claims, find_inconsistencies, read_cells

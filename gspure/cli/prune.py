@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 from gspure.cli.method_options import add_factors
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "decide which Gaussians to prune, and diagnose the clustering"
 EXAMPLES = """\
@@ -16,23 +13,18 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("--clusters", type=Path, required=True, metavar="NPZ", help="clusters, from `gspure cluster`")
-    parser.add_argument(
-        "--weights",
-        type=Path,
-        required=True,
-        metavar="NPY",
-        help="weights, from `gspure weights`; or opacities, from `gspure opacities`, to prune by opacity",
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--clusters", "NPZ", "clusters, from `gspure cluster`")
+    parser.reads(
+        "--weights", "NPY", "weights, from `gspure weights`; or opacities, from `gspure opacities`, to prune by opacity"
     )
     add_factors(parser)
-    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="bool [K], true where pruned")
-    parser.add_argument("--diagnosis", type=Output, metavar="JSON", help="also write the diagnosis here")
-    parser.add_argument("--model", type=Path, metavar="PLY", help="list its suspicious rows in the diagnosis")
+    parser.writes("--out", "NPY", "bool [K], true where pruned")
+    parser.writes("--diagnosis", "JSON", "also write the diagnosis here", required=False)
+    parser.reads("--model", "PLY", "list its suspicious rows in the diagnosis", required=False)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Write the mask, and optionally the diagnosis; print the diagnosis."""
     import numpy as np
 

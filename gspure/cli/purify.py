@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
 from gspure.cli.options import add_cameras, add_device, add_energy, read_source, require_least
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
 from gspure.errors import InputError
 
@@ -52,11 +51,10 @@ _SHOWN = 3
 """Number of views in the before/after figure."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("model", type=Path, metavar="MODEL", help="3DGS .ply, or the output folder of a training run")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("model", "MODEL", "3DGS .ply, or the output folder of a training run")
     add_cameras(parser, "views (at most 1600 px wide; every eighth by name is held out for the metrics)")
-    parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for the results")
+    parser.writes("--out", "DIR", "folder for the results")
     add_energy(parser, "ray", "ewa", "center_ray")
     add_reduction(parser)
     add_min_samples(parser)
@@ -66,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_device(parser)
 
 
-def _add_repair(parser: argparse.ArgumentParser) -> None:
+def _add_repair(parser: Parser) -> None:
     from gspure.attacks.learning import ITERATIONS
 
     parser.add_argument(
@@ -80,7 +78,7 @@ def _add_repair(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
     from gspure.artifacts import filling, write_json, write_provenance
     from gspure.cameras import scaled, split, write_cameras
@@ -139,7 +137,7 @@ def run(args: argparse.Namespace) -> None:
     print("\n".join([*_repair_lines(diagnosis), f"results in {args.out}", *(as_text(rows) if rows else []), *captions]))
 
 
-def _writes_views(args: argparse.Namespace) -> bool:
+def _writes_views(args: Arguments) -> bool:
     """Return whether to write the views: not over their source, nor over a file that is no result."""
     from gspure.artifacts.checksums import record_of
 
@@ -151,7 +149,7 @@ def _writes_views(args: argparse.Namespace) -> bool:
     return True
 
 
-def _choose_factors(args: argparse.Namespace, model: Gaussians) -> None:
+def _choose_factors(args: Arguments, model: Gaussians) -> None:
     """Set missing pruning factors to the paper's for the scheme of the model's columns."""
     from gspure.constants import TAU_C, TAU_N
     from gspure.schemes.registry import recognized
@@ -172,7 +170,7 @@ def _write(folder: Path, purified: PublicModel, purification: Purification) -> N
     save_array(folder / "prune_mask.npy", purification.prune_mask)
 
 
-def _require_repairable(args: argparse.Namespace, public: PublicModel) -> None:
+def _require_repairable(args: Arguments, public: PublicModel) -> None:
     """Refuse ``--repair`` without iterations, or of a model without colours."""
     require_least(args, "purify", {"repair": 1})
     if args.repair and not public.visible:
@@ -277,9 +275,7 @@ def _draw_views(folder: Path, titles: Collection[str], views: Sequence[Camera]) 
     return captions
 
 
-def _draw_model(
-    args: argparse.Namespace, model: Gaussians, purification: Purification, cameras: Sequence[Camera]
-) -> list[str]:
+def _draw_model(args: Arguments, model: Gaussians, purification: Purification, cameras: Sequence[Camera]) -> list[str]:
     """Draw the model, and return a line per figure."""
     from gspure.figures.gallery import Evidence, drawings
     from gspure.figures.optional import optional

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 from gspure.cli.options import (
     add_background,
     add_device,
@@ -17,7 +14,7 @@ from gspure.cli.options import (
     read_public,
     read_views,
 )
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "render a model's views to images"
 EXAMPLES = """\
@@ -27,24 +24,19 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument(
-        "model", type=Path, metavar="MODEL", help="the model's .ply, or the output folder of a training run"
-    )
+def add_arguments(parser: Parser) -> None:
+    parser.reads("model", "MODEL", "the model's .ply, or the output folder of a training run")
     add_scheme(parser)
     add_views(parser, split="all")
     add_off_path(parser)
-    parser.add_argument(
-        "--out", type=Output, required=True, metavar="DIR", help="folder for VIEW.png; it must not hold other images"
-    )
-    parser.add_argument("--npy", action="store_true", help="also write VIEW.npy: float32 [H,W,3], not clipped")
+    parser.writes("--out", "DIR", "folder for VIEW.png; it must not hold other images")
+    parser.flag("--npy", "also write VIEW.npy: float32 [H,W,3], not clipped")
     add_background(parser, "the model", "MODEL")
     add_energy(parser, "ewa", "ray")
     add_device(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Render every view."""
     from gspure.artifacts import filling, save_array
     from gspure.cameras import write_cameras

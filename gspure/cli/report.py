@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 from gspure.cli.options import add_files
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "write a self-contained HTML page with audit, tables, figures and provenance"
 EXAMPLES = """\
@@ -27,17 +24,16 @@ _FILES = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--table", "CSV", "from `gspure table`")
     for option in ("--contest", "--survival", "--matched", "--costs"):
-        parser.add_argument(option, type=Path, metavar="CSV", help="from `gspure contest`")
+        parser.reads(option, "CSV", "from `gspure contest`", required=False)
     add_files(parser, _FILES)
-    parser.add_argument("--title", default="How robust is the watermark?", help="heading (default: %(default)s)")
-    parser.add_argument("--out", type=Output, required=True, metavar="HTML", help="the page")
+    parser.text("--title", "TITLE", "heading", "How robust is the watermark?")
+    parser.writes("--out", "HTML", "the page")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Write the page."""
     from gspure.artifacts import require_input
     from gspure.evaluation.contest import Contest

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 from gspure.cli.options import add_quiet
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "test whether extractions retrieve the message among candidates"
 EXAMPLES = """\
@@ -16,27 +13,15 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument(
-        "message", type=Path, metavar="DIR", help="photographs of the message; those of the scene are in ../scene"
-    )
-    parser.add_argument(
-        "--extractions",
-        type=Path,
-        nargs="+",
-        required=True,
-        metavar="DIR",
-        help="extracted images, in folders VARIANT/renders/TARGET",
-    )
-    parser.add_argument(
-        "--decoys", type=Path, nargs="*", default=[], metavar="DIR", help="photographs of other scenes, as candidates"
-    )
-    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per variant and extraction")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("message", "DIR", "photographs of the message; those of the scene are in ../scene")
+    parser.reads("--extractions", "DIR", "extracted images, in folders VARIANT/renders/TARGET", nargs="+")
+    parser.reads("--decoys", "DIR", "photographs of other scenes, as candidates", nargs="*", default=[])
+    parser.writes("--out", "CSV", "one row per variant and extraction")
     add_quiet(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Write the table."""
     from gspure.artifacts import write_provenance
     from gspure.cameras.off_path import PREFIX

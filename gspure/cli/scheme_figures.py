@@ -2,47 +2,39 @@
 
 from __future__ import annotations
 
-import argparse
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gspure.cli.image_figures import Drawn
-from gspure.cli.options import Assignments, require_variants
-from gspure.cli.outputs import Output
+from gspure.cli.options import require_variants
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
     from gspure.evaluation.outcomes import Outcome
 
 
-def _add_sweep(parser: argparse.ArgumentParser) -> None:
+def _add_sweep(parser: Parser) -> None:
     _add_condition(parser)
-    parser.add_argument(
-        "--point",
-        action=Assignments,
-        parse=_factors,
-        required=True,
-        metavar="VARIANT=TAU_N,TAU_C",
-        help="a variant and its pruning factors, above 0, the method's first; repeatable",
-    )
+    meaning = "a variant and its pruning factors, above 0, the method's first"
+    parser.pairs("--point", "VARIANT=TAU_N,TAU_C", meaning, _factors, required=True)
     parser.set_defaults(draw=_draw_sweep)
 
 
-def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
+def _add_tradeoff(parser: Parser) -> None:
     _add_condition(parser)
     parser.set_defaults(draw=_draw_tradeoff)
 
 
-def _add_condition(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--table", type=Path, required=True, metavar="CSV", help="from `gspure table`")
-    parser.add_argument(
+def _add_condition(parser: Parser) -> None:
+    parser.reads("--table", "CSV", "from `gspure table`")
+    parser.text(
         "--condition",
+        "SCHEME-PROTOCOL-INITIALIZATION",
+        "whose variants to compare; the scheme alone if the table names neither protocol nor initialization",
         required=True,
-        metavar="SCHEME-PROTOCOL-INITIALIZATION",
-        help="whose variants to compare; the scheme alone if the table names neither protocol nor initialization",
     )
-    parser.add_argument("--out", type=Output, required=True, metavar="PNG", help="the figure")
+    parser.writes("--out", "PNG", "the figure")
 
 
 def _factors(text: str) -> tuple[float, float]:
@@ -52,7 +44,7 @@ def _factors(text: str) -> tuple[float, float]:
     return tau_n, tau_c
 
 
-def _outcomes(args: argparse.Namespace) -> list[Outcome]:
+def _outcomes(args: Arguments) -> list[Outcome]:
     from gspure.evaluation.outcomes import by_condition
     from gspure.evaluation.results import read_results
 
@@ -62,7 +54,7 @@ def _outcomes(args: argparse.Namespace) -> list[Outcome]:
     return known[args.condition]
 
 
-def _draw_sweep(args: argparse.Namespace) -> Drawn:
+def _draw_sweep(args: Arguments) -> Drawn:
     from gspure.evaluation.summary import summarize
     from gspure.figures.factors import Point, write_factor_curves
 
@@ -84,7 +76,7 @@ def _draw_sweep(args: argparse.Namespace) -> Drawn:
     return {args.out: caption + band + "."}, {"table": args.table}, settings
 
 
-def _draw_tradeoff(args: argparse.Namespace) -> Drawn:
+def _draw_tradeoff(args: Arguments) -> Drawn:
     from gspure.evaluation.statistics import known_interval
     from gspure.evaluation.survival import floor
     from gspure.figures.tradeoff import LINEAR, places, write_tradeoff

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 HELP = "delete unused stage files (contributions per view), or verify files by their checksums"
@@ -16,8 +16,7 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
+def add_arguments(parser: Parser) -> None:
     action = parser.add_mutually_exclusive_group(required=True)
     action.add_argument(
         "action", nargs="?", choices=["prune"], help="prune: delete every stage file that no index lists"
@@ -30,19 +29,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="list the files that do not agree with their checksums (default: of both folders below)",
     )
-    parser.add_argument(
-        "--stages", type=Path, default=Path("stages"), metavar="DIR", help="folder of stages (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--results",
-        type=Path,
-        default=Path("results"),
-        metavar="DIR",
-        help="folder searched for indices (default: %(default)s)",
-    )
+    parser.reads("--stages", "DIR", "folder of stages", default=Path("stages"))
+    parser.reads("--results", "DIR", "folder searched for indices", default=Path("results"))
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Arguments) -> int:
     """Verify, or delete unlisted stages and print the freed space; not while a workflow runs."""
     if args.verify is not None:
         return _verify([args.stages, args.results] if args.verify == Path() else [args.verify])

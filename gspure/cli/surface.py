@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gspure.cli.options import add_device, add_scheme, add_views, read_device, read_public, read_views
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,23 +30,22 @@ MOST_OPAQUE = 250_000
 """Most opaque Gaussians for which a mesh is the default; tetrahedra then take a few minutes and gigabytes. Ours."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("--model", type=Path, required=True, help="the model's .ply")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--model", "MODEL", "the model's .ply")
     add_scheme(parser)
     add_views(parser, split="train")
-    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="distances in scales: float32 [K]")
-    parser.add_argument(
+    parser.writes("--out", "NPY", "distances in scales: float32 [K]")
+    parser.choice(
         "--method",
-        choices=METHODS,
-        help="mesh: from the level set of the opacity field; depth: from the views' median depths (default: mesh; "
+        METHODS,
+        "mesh: from the level set of the opacity field; depth: from the views' median depths (default: mesh; "
         f"depth of anchors, and of models with more than {MOST_OPAQUE} opaque Gaussians)",
     )
-    parser.add_argument("--mesh", type=Output, metavar="PLY", help="also write the mesh")
+    parser.writes("--mesh", "PLY", "also write the mesh", required=False)
     add_device(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Measure and write the distances."""
     from gspure.artifacts import save_array, write_provenance
     from gspure.attacks.pruning import TOLERANCE
@@ -76,7 +73,7 @@ def _default_method(public: PublicModel) -> str:
     return "mesh" if public.rows_are_gaussians and opaque(public.model).sum() <= MOST_OPAQUE else "depth"
 
 
-def _from_mesh(args: argparse.Namespace, public: PublicModel, views: Sequence[Camera], device: Device) -> Float32:
+def _from_mesh(args: Arguments, public: PublicModel, views: Sequence[Camera], device: Device) -> Float32:
     """Return the distances from the mesh, and write it if ``--mesh`` is set."""
     from gspure.errors import InputError
     from gspure.model.points import write_mesh_ply

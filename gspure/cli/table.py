@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
-from gspure.cli.options import Assignments, add_files
-from gspure.cli.outputs import Output
+from gspure.cli.options import add_files
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "collect the metrics of all variants in one table, with the Score"
 EXAMPLES = """\
@@ -27,23 +24,15 @@ _FILES = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument(
-        "--metrics", type=Path, nargs="*", required=True, metavar="CSV", help="files SCHEME/SCENE/VARIANT/metrics.csv"
-    )
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--metrics", "CSV", "files SCHEME/SCENE/VARIANT/metrics.csv", nargs="*")
     add_files(parser, _FILES)
-    parser.add_argument(
-        "--condition",
-        action=Assignments,
-        parse=_condition,
-        metavar="SCHEME/SCENE=PROTOCOL,INITIALIZATION",
-        help="how a model was trained: only equal conditions are averaged and compared; repeatable",
-    )
-    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per variant and target")
-    parser.add_argument("--markdown", type=Output, required=True, metavar="MD", help="the same as readable tables")
-    parser.add_argument("--summary", type=Output, metavar="CSV", help="means over scenes, with intervals")
-    parser.add_argument("--latex", type=Output, metavar="TEX", help="the summary as a LaTeX table")
+    meaning = "how a model was trained: only equal conditions are averaged and compared"
+    parser.pairs("--condition", "SCHEME/SCENE=PROTOCOL,INITIALIZATION", meaning, _condition)
+    parser.writes("--out", "CSV", "one row per variant and target")
+    parser.writes("--markdown", "MD", "the same as readable tables")
+    parser.writes("--summary", "CSV", "means over scenes, with intervals", required=False)
+    parser.writes("--latex", "TEX", "the summary as a LaTeX table", required=False)
 
 
 def _condition(text: str) -> tuple[str, str]:
@@ -51,7 +40,7 @@ def _condition(text: str) -> tuple[str, str]:
     return protocol, initialization
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Write the tables."""
     from itertools import chain
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import time
 from collections.abc import Sequence
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gspure.cli.options import add_background, add_device, read_background, read_device, require_least
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
@@ -43,46 +42,34 @@ _WATCHED = 3
 """Number of held-out views over which progress reports average the PSNR."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument(
+def add_arguments(parser: Parser) -> None:
+    parser.reads(
         "data",
-        type=Path,
-        metavar="DATA",
-        help="COLMAP project, transforms.json (nerfstudio, Blender), cameras.json, or a folder with one of them; with "
+        "DATA",
+        "COLMAP project, transforms.json (nerfstudio, Blender), cameras.json, or a folder with one of them; with "
         "transforms_train.json, the views of transforms_test.json (or _val) are held out",
     )
-    parser.add_argument("--out", type=Output, required=True, metavar="DIR", help="folder for the model")
-    parser.add_argument("--model", type=Output, metavar="PLY", help="also copy the model there")
-    parser.add_argument("--iterations", type=int, default=3000, metavar="N", help="steps (default: %(default)s)")
-    parser.add_argument(
+    parser.writes("--out", "DIR", "folder for the model")
+    parser.writes("--model", "PLY", "also copy the model there", required=False)
+    parser.number("--iterations", "N", "steps", 3000)
+    parser.text(
         "--resolution",
-        default="320px",
-        metavar="RULE",
-        help="image size: Wpx, at most W pixels wide; 1/N; native; or photographs, if those are smaller (default: "
-        "%(default)s)",
+        "RULE",
+        "image size: Wpx, at most W pixels wide; 1/N; native; or photographs, if those are smaller",
+        "320px",
     )
-    parser.add_argument(
-        "--images", type=Path, metavar="DIR", help="photographs, named as the views, instead of those that DATA names"
-    )
+    parser.reads("--images", "DIR", "photographs, named as the views, instead of those that DATA names", required=False)
     add_background(parser, "the model and transparent photographs", "DATA")
-    parser.add_argument(
-        "--max-gaussians",
-        type=int,
-        metavar="N",
-        help="upper bound of growth (default: one per point of DATA and one per pixel of a view)",
+    parser.number(
+        "--max-gaussians", "N", "upper bound of growth (default: one per point of DATA and one per pixel of a view)"
     )
-    parser.add_argument(
-        "--skip-missing", action="store_true", help="leave out views whose photograph is missing, instead of refusing"
-    )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: %(default)s)")
-    parser.add_argument(
-        "--resume", action="store_true", help="continue from the checkpoint of an interrupted run in DIR, if any"
-    )
+    parser.flag("--skip-missing", "leave out views whose photograph is missing, instead of refusing")
+    parser.number("--seed", "N", "random seed", 0)
+    parser.flag("--resume", "continue from the checkpoint of an interrupted run in DIR, if any")
     add_device(parser)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
     from gspure.artifacts import filling, replacing, write_provenance
     from gspure.evaluation.comparison import as_text
@@ -120,7 +107,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _train(
-    args: argparse.Namespace, dataset: Dataset, images: Sequence[Float32], settings: dict[str, Any], device: Device
+    args: Arguments, dataset: Dataset, images: Sequence[Float32], settings: dict[str, Any], device: Device
 ) -> Trainer:
     """Train to the end, and write checkpoints."""
     from gspure.evaluation.metrics import psnr
@@ -157,7 +144,7 @@ def _train(
     return trainer
 
 
-def _start(args: argparse.Namespace, dataset: Dataset, settings: dict[str, Any]) -> Snapshot:
+def _start(args: Arguments, dataset: Dataset, settings: dict[str, Any]) -> Snapshot:
     """Return the checkpoint of an interrupted run, or the beginning."""
     from gspure.progress import say
     from gspure.training.checkpoints import read_checkpoint
@@ -171,7 +158,7 @@ def _start(args: argparse.Namespace, dataset: Dataset, settings: dict[str, Any])
     return beginning(gaussians_at(*thinned(dataset.xyz, dataset.rgb, args.max_gaussians, args.seed)), args.seed)
 
 
-def _checkpoint(args: argparse.Namespace) -> Path:
+def _checkpoint(args: Arguments) -> Path:
     return Path(args.out) / "checkpoint.npz"
 
 
@@ -186,7 +173,7 @@ def _watched(dataset: Dataset, background: Sequence[float]) -> tuple[list[Camera
 
 def _write(
     folder: Path,
-    args: argparse.Namespace,
+    args: Arguments,
     dataset: Dataset,
     parameters: Parameters,
     settings: dict[str, Any],
@@ -208,9 +195,7 @@ def _write(
     return rows
 
 
-def _compare(
-    folder: Path, args: argparse.Namespace, dataset: Dataset, model: Path, device: Device
-) -> list[ViewMetrics]:
+def _compare(folder: Path, args: Arguments, dataset: Dataset, model: Path, device: Device) -> list[ViewMetrics]:
     """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
     from gspure.evaluation.comparison import Pair, compare
     from gspure.images import record_views, write_image

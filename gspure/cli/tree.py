@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 from gspure.cli.method_options import add_min_samples
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "compute HDBSCAN's minimum spanning tree from features and min_samples"
 EXAMPLES = """\
@@ -16,11 +13,10 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
+def add_arguments(parser: Parser) -> None:
     from gspure.method.features import PARTS
 
-    parser.add_argument("--features", type=Path, required=True, metavar="NPY", help="of `gspure features`")
+    parser.reads("--features", "NPY", "of `gspure features`")
     parser.add_argument(
         "--cluster-on",
         nargs="+",
@@ -30,10 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the features of the clustering: position, opacity, weight (default: all)",
     )
     add_min_samples(parser)
-    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="edges: float64 [K-1,3], by distance")
+    parser.writes("--out", "NPY", "edges: float64 [K-1,3], by distance")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Compute and write the tree."""
     import numpy as np
 

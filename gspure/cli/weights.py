@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "average the contributions over the views: weights omega [K]"
 EXAMPLES = """\
@@ -15,20 +12,15 @@ EXAMPLES = """\
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument(
-        "--index", type=Path, nargs="+", required=True, metavar="TSV", help="indices, from `gspure contributions`"
-    )
-    parser.add_argument("--model", type=Path, required=True, help="the model of these contributions")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("--index", "TSV", "indices, from `gspure contributions`", nargs="+")
+    parser.reads("--model", "MODEL", "the model of these contributions")
     add_reduction(parser)
-    parser.add_argument(
-        "--views", type=int, metavar="N", help="average over N views only, evenly spread by name (default: all)"
-    )
-    parser.add_argument("--out", type=Output, required=True, metavar="NPY", help="weights: float32 [K]")
+    parser.number("--views", "N", "average over N views only, evenly spread by name (default: all)")
+    parser.writes("--out", "NPY", "weights: float32 [K]")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Read the stages of all parts in the order of their views, and average them."""
     import numpy as np
 
@@ -54,13 +46,8 @@ def run(args: argparse.Namespace) -> None:
         warn(f"{sentence}")
 
 
-def add_reduction(parser: argparse.ArgumentParser) -> None:
+def add_reduction(parser: Parser) -> None:
     """Add ``--reduction``."""
     from gspure.method.weights import REDUCTIONS
 
-    parser.add_argument(
-        "--reduction",
-        choices=REDUCTIONS,
-        default="sum",
-        help="how the pixels of a view become one contribution (default: %(default)s)",
-    )
+    parser.choice("--reduction", REDUCTIONS, "how the pixels of a view become one contribution", "sum")

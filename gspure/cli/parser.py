@@ -1,0 +1,153 @@
+"""The parser of commands: their kinds of arguments, the files that they name, and refusals in one line."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path, PosixPath
+from typing import Any, NoReturn
+
+from gspure.errors import InputError, did_you_mean, printable
+
+Arguments = argparse.Namespace
+_DEFAULT = " (default: %(default)s)"
+
+
+class Output(PosixPath):
+    """The type of arguments that name a file or folder to write, never an input."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that refuses a wrong command line in one line, and empty texts: an empty path is the current folder."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self._words: list[str] = []
+        for kind in (None, Path, Output):
+            self.register("type", kind, partial(filled, kind or str))
+
+    def reads(self, name: str, metavar: str, meaning: str, **settings: Any) -> None:
+        """Add a file or folder to read; an option without a default is required unless `required` is false."""
+        self._add_path(name, meaning, type=Path, metavar=metavar, **settings)
+
+    def writes(self, name: str, metavar: str, meaning: str, **settings: Any) -> None:
+        """Add a file or folder to write; an option without a default is required unless `required` is false."""
+        self._add_path(name, meaning, type=Output, metavar=metavar, **settings)
+
+    def _add_path(self, name: str, meaning: str, **settings: Any) -> None:
+        if name.startswith("-") and "default" not in settings:
+            settings = {"required": True, **settings}
+        self.add_argument(name, help=meaning + _DEFAULT * bool(settings.get("default")), **settings)
+
+    def text(self, name: str, metavar: str, meaning: str, default: str | None = None, **settings: Any) -> None:
+        """Add a text."""
+        self.add_argument(name, metavar=metavar, help=meaning + _DEFAULT * bool(default), default=default, **settings)
+
+    def number(self, name: str, metavar: str, meaning: str, default: float | None = None, **settings: Any) -> None:
+        """Add a number of the type of its default; a whole one by default."""
+        kind, known = (int, "") if default is None else (type(default), _DEFAULT)
+        self.add_argument(
+            name, **{"type": kind, "metavar": metavar, "help": meaning + known, "default": default, **settings}
+        )
+
+    def choice(self, name: str, choices: Iterable[str], meaning: str, default: str | None = None) -> None:
+        """Add one of some texts."""
+        known = _DEFAULT * bool(default)
+        self.add_argument(name, choices=tuple(choices), help=meaning + known, default=default)
+
+    def flag(self, *names_and_meaning: str) -> None:
+        """Add a switch: its names, and its meaning."""
+        *names, meaning = names_and_meaning
+        self.add_argument(*names, action="store_true", help=meaning)
+
+    def pairs(self, name: str, metavar: str, meaning: str, parse: Callable[[str], Any] = str, **settings: Any) -> None:
+        """Add an option ``NAME=VALUE`` for a mapping of names to values; `parse` converts a value or raises."""
+        meaning += "; repeatable"
+        self.add_argument(name, action=_Assignments, parse=parse, metavar=metavar, help=meaning, **settings)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse all words: those that a parser of figures does not know would be reported by the one around it."""
+        words = [*args]
+        end = words.index("--") if "--" in words and "passed_on" in self._defaults else len(words)
+        self._words = words[:end]
+        parsed, unknown = super().parse_known_args(self._words, namespace)
+        if end < len(words):
+            parsed.passed_on = words[end + 1 :]
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return parsed, unknown
+
+    def error(self, message: str) -> NoReturn:
+        """Print the reason, and exit with status 2; a misspelt option is the reason why others are missing."""
+        known = self._option_string_actions
+        options = (word.partition("=")[0] for word in self._words if word.startswith("--"))
+        unknown = [option for option in options if not any(name.startswith(option) for name in known)]
+        if unknown and re.search("required|unrecognized", message):
+            message = f"no option {unknown[0]}{suggestion(unknown[0], known)}"
+        self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
+
+
+class _Assignments(argparse.Action):
+    """Collects options ``NAME=VALUE`` in a mapping; a name twice is refused, as one of its values would not count."""
+
+    def __init__(self, parse: Callable[[str], Any] = str, **settings: Any) -> None:
+        super().__init__(default={}, **settings)
+        self._parse = parse
+
+    def __call__(self, _parser: Any, namespace: Arguments, text: Any, _option: str | None = None) -> None:
+        """Add the value of one option."""
+        name, _, value = text.partition("=")
+        known = getattr(namespace, self.dest)
+        if name in known:
+            raise argparse.ArgumentError(self, f"expected every name once, found {name} again")
+        try:
+            parsed = self._parse(value) if name and value else None
+        except ValueError:
+            parsed = None
+        if parsed is None:
+            raise argparse.ArgumentError(self, f"expected {self.metavar}, found {text!r}")
+        setattr(namespace, self.dest, {**known, name: parsed})
+
+
+def filled(kind: Callable[[str], Any], text: str) -> Any:
+    """Return a text as another type, or refuse an empty one."""
+    if not text:
+        raise argparse.ArgumentTypeError("expected a value, found an empty text")
+    return kind(text)
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return the end of a refusal of `word`: the most similar known one, if any is similar."""
+    hint = did_you_mean(word, known)
+    return f", {hint}" if hint else ""
+
+
+def require_distinct(args: Arguments) -> None:
+    """Refuse outputs that would overwrite an input, a file in an input folder, or each other.
+
+    A file in an input folder may be replaced if its record says that it is a result.
+    """
+    from gspure.artifacts.checksums import record_of
+
+    paths = [*_paths(vars(args).values())]
+    outputs = [path for path in paths if isinstance(path, Output)]
+    inputs = {path.resolve() for path in paths if not isinstance(path, Output)}
+    taken = set(inputs)
+    for path in outputs:
+        file = path.resolve()
+        is_read = file.is_file() and not inputs.isdisjoint(file.parents) and record_of(path) is None
+        if file in taken or is_read:
+            raise InputError(path, "output", expected="a separate file", found="an input or another output")
+        taken.add(file)
+
+
+def _paths(values: Iterable[object]) -> Iterator[Path]:
+    for value in values:
+        if isinstance(value, Path):
+            yield value
+        elif isinstance(value, list | tuple):
+            yield from _paths(value)
+        elif isinstance(value, dict):
+            yield from _paths(value.values())
