@@ -43,7 +43,7 @@ OWNERS = {
     "matplotlib": ("figures",),
     "argparse": ("cli",),
     "plyfile": ("model",),
-    "gsply": ("attacks/compression.py",),
+    "gsply": ("model/compressed/writing.py",),
     "hdbscan": ("method/clustering",),
     "snakemake": (),
     "pooch": ("datasets",),
@@ -51,7 +51,7 @@ OWNERS = {
     "torch": ("training/pytorch.py",),
     "pickle": (),
 }
-HEAVY = {"gsply", "hdbscan", "jinja2", "matplotlib", "pooch", "pyvista", "requests"}
+HEAVY = {"gsply", "zstandard", "hdbscan", "jinja2", "matplotlib", "pooch", "pyvista", "requests"}
 HEAVY |= {"rich", "scipy", "sklearn", "vtk", "vtkmodules"}
 
 

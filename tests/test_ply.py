@@ -286,32 +286,6 @@ def test_a_ply_without_vertices_is_refused(tmp_path):
     assert (error.field, error.found) == ("element vertex", "face")
 
 
-def test_a_compressed_ply_is_refused_with_the_way_to_convert_it(tmp_path):
-    lines = ["element chunk 1", "property float min_x"]
-    dtype = np.dtype([(f"packed_{name}", "<i4") for name in ("position", "rotation", "scale", "color")])
-    error = refusal(save(tmp_path / "m.compressed.ply", header(dtype, 1, lines=lines) + bytes(20)))
-    assert error.found == "a compressed .ply"
-    assert "splat-transform" in error.hint
-
-
-@pytest.mark.parametrize("suffix", [".spz", ".sog", ".splat", ".ksplat", ".SPZ"])
-def test_another_splat_format_is_refused_with_the_way_to_convert_it(tmp_path, suffix):
-    error = refusal(save(tmp_path / f"m{suffix}", b"\x1f\x8b"))
-    assert error.field == "format"
-    assert "splat-transform" in error.hint
-
-
-@pytest.mark.parametrize(
-    ("index", "found"), [("meta.json", "an unpacked SOG model"), ("lod-meta.json", "a streamed SOG model")]
-)
-@pytest.mark.parametrize("by_folder", [True, False])
-def test_an_unpacked_sog_model_is_refused_with_the_way_to_convert_it(tmp_path, index, found, by_folder):
-    save(tmp_path / index, b"{}")
-    error = refusal(tmp_path if by_folder else tmp_path / index)
-    assert error.found == found
-    assert "splat-transform" in error.hint
-
-
 def test_a_missing_file_is_refused(tmp_path):
     assert refusal(tmp_path / "absent.ply").found == "no such file"
 

@@ -31,7 +31,7 @@ def add_arguments(parser: Parser) -> None:
     parser.reads(
         "source",
         "MODEL|CONFIG",
-        f"3DGS .ply, or the output folder of a training run, for which {_CONFIGURATION} is written; or a "
+        f"file of a 3DGS model, or folder of a training run, for which {_CONFIGURATION} is written; or a "
         "configuration of the workflow, .yaml",
     )
     add_cameras(parser, "views of MODEL", required=False)
@@ -75,7 +75,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
     from gspure.model import model_file
 
     source: Path = args.source
-    if not source.is_dir() and source.suffix != ".ply":
+    if source.suffix in {".yaml", ".yml"}:
         if args.cameras or args.up:
             raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views")
         with reading(source, "a configuration, as YAML"):
@@ -83,7 +83,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
         return source
     if not args.cameras:
         raise InputError("audit", "--cameras", expected="views of the model, or orbit", found="nothing")
-    with reading(model := model_file(source), "a 3DGS .ply"):
+    with reading(model := model_file(source), "a model"):
         model.stat()
     asset: dict[str, Any] = {"model": str(model), "cameras": str(args.cameras)}
     if args.up:

@@ -12,7 +12,7 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("--model", "MODEL", "3DGS .ply")
+    parser.reads("--model", "MODEL", "file of a 3DGS model")
     parser.reads("--weights", "NPY", "weights, from `gspure weights`")
     parser.reads("--opacities", "NPY", "from `gspure opacities` (default: as stored in the model)", required=False)
     parser.writes("--out", "NPY", "features: float64 [K,5]")
@@ -24,10 +24,10 @@ def run(args: Arguments) -> None:
 
     from gspure.artifacts import load_array, require_made_from, save_array, write_provenance
     from gspure.method.features import features
+    from gspure.model import read_model
     from gspure.model.finite import drawable
-    from gspure.model.ply import read_ply
 
-    stored = read_ply(args.model)
+    stored = read_model(args.model)
     model, geometry = drawable(stored, args.model), stored.geometry_digest()
     weights = load_array(args.weights, dtype=np.float32, shape=(len(model),), least=0)
     evidence = {"weights": args.weights}

@@ -24,21 +24,20 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("model", "MODEL", "3DGS .ply, or the output folder of a training run")
+    parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
     parser.flag("--json", "print JSON")
 
 
 def run(args: Arguments) -> None:
     """Print the summary of one model."""
     from gspure.errors import printable
-    from gspure.model.inria import point_cloud, training_arguments
-    from gspure.model.ply import read_ply
+    from gspure.model import model_file, read_model
+    from gspure.model.inria import training_arguments
     from gspure.model.summary import summarize
 
-    folder = args.model.is_dir()
-    file = point_cloud(args.model) if folder else args.model
-    training = training_arguments(args.model) if folder else {}
-    model = read_ply(file)
+    file = model_file(args.model)
+    training = training_arguments(args.model) if args.model.is_dir() else {}
+    model = read_model(file)
     summary = summarize(model)
     if args.json:
         print(json.dumps(as_json(file, summary, model.comments, training), indent=2))

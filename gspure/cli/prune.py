@@ -32,10 +32,10 @@ def run(args: Arguments) -> None:
     from gspure.method.clustering.diagnosis import diagnose
     from gspure.method.clustering.store import read_clusters
     from gspure.method.pruning import prune_mask
-    from gspure.model.ply import read_ply
+    from gspure.model import read_model
     from gspure.model.suspicious import suspicious_rows, to_json
 
-    model = read_ply(args.model) if args.model else None
+    model = read_model(args.model) if args.model else None
     geometry = model.geometry_digest() if model else ""
     require_made_from(geometry, args.clusters, args.weights)
     labels, coincident = read_clusters(args.clusters)

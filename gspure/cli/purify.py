@@ -52,7 +52,7 @@ _SHOWN = 3
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("model", "MODEL", "3DGS .ply, or the output folder of a training run")
+    parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
     add_cameras(parser, "views (at most 1600 px wide; every eighth by name is held out for the metrics)")
     parser.writes("--out", "DIR", "folder for the results")
     add_energy(parser, "ray", "ewa", "center_ray")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gspure.model.compressed import is_compressed, read_compressed
+from gspure.model.compressed.writing import PACKED_PLY, write_compressed
 from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.model.inria import point_cloud, trained_background
@@ -13,19 +15,29 @@ __all__ = ["Gaussians", "model_file", "read_model", "require_finite", "write_mod
 
 
 def read_model(path: str | Path) -> Gaussians:
-    """Read a model from a 3DGS ``.ply``, or from an INRIA output folder (its newest iteration).
+    """Read a model from a file, or from an INRIA output folder (its newest iteration).
 
-    Raise `InputError` if there is no such file, or if it does not hold a 3DGS model.
+    The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.ksplat``, ``.spz``, ``.sog``, or the ``meta.json`` of an
+    unpacked SOG model. Raise `InputError` if there is no such file, or if it does not hold a 3DGS model.
     """
     file = model_file(Path(path))
-    return read_ply(file).with_background(trained_background(file))
+    model = read_compressed(file) if is_compressed(file) else read_ply(file)
+    return model.with_background(trained_background(file))
 
 
 def model_file(path: Path) -> Path:
-    """Return the ``.ply`` of a model: the file itself, or that of an INRIA output folder's newest iteration."""
+    """Return the file of a model: the path itself, or in an INRIA output folder that of the newest iteration."""
     return point_cloud(path) if path.is_dir() else path
 
 
 def write_model(path: str | Path, model: Gaussians) -> None:
-    """Write a model as a binary little-endian 3DGS ``.ply``, whole or not at all."""
-    write_ply(Path(path), model)
+    """Write a model as a binary little-endian 3DGS ``.ply``, whole or not at all.
+
+    A name that ends with ``.compressed.ply`` or ``.spz`` selects that format, which rounds all values. Raise
+    `InputError` for the name of a format that is only read.
+    """
+    path = Path(path)
+    if is_compressed(path) or path.name.endswith(PACKED_PLY):
+        write_compressed(path, model)
+    else:
+        write_ply(path, model)

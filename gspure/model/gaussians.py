@@ -186,6 +186,24 @@ class Gaussians:
             `scales` > 0, 0 < `opacities` < 1; S is 1, 4, 9 or 16.
 
         """
+        return Gaussians.from_stored(
+            means=means,
+            quats=quats,
+            log_scales=np.log(np.asarray(scales)),
+            opacity_logits=logit(opacities),
+            sh_coeffs=sh_coeffs,
+        )
+
+    @staticmethod
+    def from_stored(
+        *,
+        means: NDArray[Any],
+        quats: NDArray[Any],
+        log_scales: NDArray[Any],
+        opacity_logits: NDArray[Any],
+        sh_coeffs: NDArray[Any],
+    ) -> Gaussians:
+        """Build a vanilla table like `from_parameters`, but from raw scales and opacities."""
         sh_coeffs = np.asarray(sh_coeffs)
         count, bands = sh_coeffs.shape[:2]
         rest = sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(count, 3 * (bands - 1))
@@ -193,8 +211,8 @@ class Gaussians:
         named |= {name: np.zeros(count) for name in ("nx", "ny", "nz")}
         named |= {f"f_dc_{i}": sh_coeffs[:, 0, i] for i in range(3)}
         named |= {f"f_rest_{i}": rest[:, i] for i in range(3 * (bands - 1))}
-        named["opacity"] = logit(opacities)
-        named |= {f"scale_{i}": np.log(np.asarray(scales)[:, i]) for i in range(3)}
+        named["opacity"] = opacity_logits
+        named |= {f"scale_{i}": log_scales[:, i] for i in range(3)}
         named |= {f"rot_{i}": np.asarray(quats)[:, i] for i in range(4)}
         table = np.empty(count, dtype=[(name, "<f4") for name in named])
         for name, column in named.items():

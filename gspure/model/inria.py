@@ -14,7 +14,8 @@ from pathlib import Path
 
 from gspure.artifacts.checksums import record_of
 from gspure.errors import InputError, reading
-from gspure.model.vertices import refuse_compressed
+from gspure.model.compressed import STREAMED
+from gspure.model.compressed.sog import INDEX
 
 Argument = str | float | bool | int | None
 
@@ -22,7 +23,7 @@ _POINT_CLOUD = "point_cloud.ply"
 
 
 def point_cloud(folder: Path) -> Path:
-    """Return the model file of the newest iteration in an INRIA output folder.
+    """Return the model file of the newest iteration in an INRIA output folder, or of an unpacked SOG model.
 
     For an earlier iteration, pass its folder, ``<model>/point_cloud/iteration_7000``.
     """
@@ -31,9 +32,9 @@ def point_cloud(folder: Path) -> Path:
     if saved:
         _require_recorded(folder, max(saved))
         return saved[max(saved)]
-    if (folder / _POINT_CLOUD).is_file():
-        return folder / _POINT_CLOUD
-    refuse_compressed(folder)
+    for name in (_POINT_CLOUD, INDEX, STREAMED):
+        if (folder / name).is_file():
+            return folder / name
     raise InputError(
         folder,
         "point_cloud",

@@ -1,7 +1,8 @@
 """3DGS models as PLY files.
 
 A model is the element ``vertex`` of a PLY: one row per Gaussian, raw values (opacity as logit, scale as logarithm). Any
-property order, any byte order and further scalar properties are read. Elements after ``vertex`` are not kept.
+property order, any byte order and further scalar properties are read. Elements after ``vertex`` are not kept. A
+compressed PLY is read, too.
 """
 
 from __future__ import annotations
@@ -15,15 +16,16 @@ from plyfile import PlyData, PlyElement
 from gspure.artifacts import replacing
 from gspure.constants import MAX_SH_DEGREE
 from gspure.errors import InputError
+from gspure.model.compressed.packed_ply import is_packed, read_packed
 from gspure.model.gaussians import COLOUR, CORE, Gaussians, columns_named, sh_columns
-from gspure.model.vertices import Vertices, refuse_compressed
+from gspure.model.vertices import Vertices, read_header
 
 
 def read_ply(path: Path) -> Gaussians:
     """Read a 3DGS PLY: binary of either byte order or ASCII, spherical harmonics of degree 0 to 3 or no colour at all.
 
     A little-endian binary file is mapped: its table is read-only and takes memory only where it is used. Values are not
-    checked; see `gspure.model.finite`.
+    checked; see `gspure.model.finite`. A compressed PLY is unpacked in memory.
 
     Parameters
     ----------
@@ -43,8 +45,10 @@ def read_ply(path: Path) -> Gaussians:
 
     """
     path = Path(path)
-    refuse_compressed(path)
-    vertices = Vertices.of(path, "a 3DGS .ply")
+    header, offset = read_header(path, "a 3DGS .ply")
+    if is_packed(header):
+        return read_packed(path, header, offset)
+    vertices = Vertices.below(path, header, offset)
     _check_properties(vertices)
     return Gaussians(vertices.rows(), vertices.comments)
 

@@ -1,7 +1,4 @@
-"""The element ``vertex`` of a PLY, with one row per Gaussian or point; its header is checked before it is read.
-
-Models in compressed formats are recognized, but not read.
-"""
+"""The element ``vertex`` of a PLY, with one row per Gaussian or point; its header is checked before it is read."""
 
 from __future__ import annotations
 
@@ -20,11 +17,6 @@ from gspure.errors import InputError, reading
 _HEADER_LIMIT: Final = 1 << 20
 """Largest header in bytes; the search for its end stops there."""
 
-_CONVERT: Final = "convert it to a plain 3DGS .ply first, for example with PlayCanvas' splat-transform"
-
-_SUFFIXES: Final = (".spz", ".sog", ".splat", ".ksplat")
-_SOG_INDICES: Final = {"meta.json": "an unpacked SOG model", "lod-meta.json": "a streamed SOG model"}
-
 
 @dataclass(frozen=True)
 class Vertices:
@@ -39,19 +31,16 @@ class Vertices:
 
     @staticmethod
     def of(path: Path, content: str) -> Vertices:
-        """Read the header of a file that should hold `content`.
+        """Read the header of a file that should hold `content`; raise `InputError` as `read_header` and `below` do."""
+        return Vertices.below(path, *read_header(path, content))
 
-        Raise `InputError` if the file differs from its checksum or is no PLY, another element comes first, or a
-        property is a list or has a name that does not print.
+    @staticmethod
+    def below(path: Path, header: PlyData, offset: int) -> Vertices:
+        """Return the vertices of a header.
+
+        Raise `InputError` if another element comes first, or a property is a list or has a name that does not print.
         """
-        verify(path)
-        with reading(path, content), path.open("rb") as stream:
-            head = io.BytesIO(stream.read(_HEADER_LIMIT))
-            # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
-            header = PlyData._parse_header(head)  # noqa: SLF001
         names = [element.name for element in header.elements]
-        if "vertex" in names and "packed_position" in header["vertex"]:
-            raise InputError(path, "format", expected=content, found="a compressed .ply", hint=_CONVERT)
         if names[:1] != ["vertex"]:
             raise InputError(path, "element vertex", expected="to come first", found=", ".join(names) or "no element")
         if header["vertex"].count < 0:
@@ -61,7 +50,7 @@ class Vertices:
                 raise InputError(path, stored.name, expected="one value per row", found="a list property")
             if not stored.name.isprintable():
                 raise InputError(path, "property", expected="a printable name", found=repr(stored.name))
-        return Vertices(path, header, head.tell())
+        return Vertices(path, header, offset)
 
     @property
     def _element(self) -> PlyElement:
@@ -129,18 +118,13 @@ class Vertices:
             raise InputError(self.path, "file", expected=f"{expected} bytes", found=f"{size} bytes")
 
 
-def refuse_compressed(path: Path) -> None:
-    """Refuse a file or folder whose name is that of a model in a compressed format.
+def read_header(path: Path, content: str) -> tuple[PlyData, int]:
+    """Return the header of a PLY that should hold `content`, and its size in bytes.
 
-    Raises
-    ------
-    InputError
-        With the format and how to convert it.
-
+    Raise `InputError` if the file differs from its checksum or is no PLY.
     """
-    compressed = f"a {path.suffix} file" if path.suffix.lower() in _SUFFIXES else None
-    for index, title in _SOG_INDICES.items():
-        if path.name == index or (path / index).is_file():
-            compressed = title
-    if compressed:
-        raise InputError(path, "format", expected="a 3DGS .ply", found=compressed, hint=_CONVERT)
+    verify(path)
+    with reading(path, content), path.open("rb") as stream:
+        head = io.BytesIO(stream.read(_HEADER_LIMIT))
+        # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
+        return PlyData._parse_header(head), head.tell()  # noqa: SLF001

@@ -11,6 +11,7 @@ from gspure.artifacts import digest
 from gspure.artifacts.checksums import file_checksum
 from gspure.damage import RESULTS
 from gspure.model import model_file
+from gspure.model.compressed.sog import INDEX
 from gspure.schemes.registry import schemes
 from gspure.training.dataset import POINT_FILES
 from gspure.training.views import BLENDER_HELD_OUT
@@ -40,16 +41,17 @@ def capture_files(source: str, photographs: Sequence[str]) -> list[str]:
 
 
 def model_files(source: str) -> list[str]:
-    """Return the .ply of a model, a file or a training run's folder, and all that may be read with it.
+    """Return the file of a model, a file or a training run's folder, and all that may be read with it.
 
-    That is cfg_args and the networks of schemes, beside the .ply or, for a model in ``point_cloud/iteration_N``, in the
-    run's folder.
+    That is cfg_args and the networks of schemes, beside the file or, for a model in ``point_cloud/iteration_N``, in the
+    run's folder; and the images beside the index of an unpacked SOG model.
     """
-    ply = model_file(Path(source))
-    folders = [ply.parent, *([ply.parents[2]] if ply.parent.match("point_cloud/iteration_*") else [])]
-    patterns = ["cfg_args", *(pattern for scheme in schemes().values() for pattern in scheme.beside)]
+    model = model_file(Path(source))
+    folders = [model.parent, *([model.parents[2]] if model.parent.match("point_cloud/iteration_*") else [])]
+    images = ["*.webp"] if model.name == INDEX else []
+    patterns = ["cfg_args", *images, *(pattern for scheme in schemes().values() for pattern in scheme.beside)]
     beside = {str(file) for folder in folders for pattern in patterns for file in folder.glob(pattern)}
-    return [str(ply), *sorted(beside)]
+    return [str(model), *sorted(beside)]
 
 
 def content_digest(files: Iterable[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import gzip
 import io
 import json
 import re
@@ -534,6 +535,14 @@ def pickled(content: bytes, rng: Rng) -> bytes:
     return content[:place] + choose(rng, _PICKLED) + content[place:]
 
 
+def gzip_content(content: bytes, rng: Rng) -> bytes:
+    """Damage what is compressed, with the right checksum."""
+    try:
+        return gzip.compress(choose(rng, BYTES)(gzip.decompress(content), rng))
+    except (OSError, EOFError, zlib.error):
+        return flip(content, rng)
+
+
 def npy_any(content: bytes, rng: Rng) -> bytes:
     return choose(rng, (npy_header, npy_body, *BYTES))(content, rng)
 
@@ -546,6 +555,7 @@ FORMS: dict[str, tuple[Mutator, ...]] = {
     "npy": (npy_header, npy_header, npy_body, *BYTES),
     "npz": (*[zip_member(npy_any)] * 6, *[zip_names] * 2, *[zip_directory] * 2, *BYTES),
     "pth": (*[zip_member(pickled)] * 6, *[zip_names] * 2, *[zip_directory] * 2, *BYTES),
+    "gzip": (*[gzip_content] * 6, *BYTES),
     "zip": (*[zip_names] * 6, *[zip_directory] * 3, *BYTES),
 }
 """By format, what may happen to a file of it; what stands twice happens twice as often."""

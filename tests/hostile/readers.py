@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import yaml
 from PIL import Image
 from scipy.sparse import coo_array
@@ -45,6 +44,7 @@ from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
 from gspure.workflow.configuration import resolved, validated
 from tests.anchor_cases import random_key, random_public
+from tests.compressed_cases import files, model, sog_of_version_1, unpacked_sog
 from tests.contest_cases import attacked, measured
 from tests.hostile.mutations import Rng, choose, zipped
 from tests.models import blobs, camera
@@ -134,16 +134,11 @@ def _read_inria_folder(folder: Path) -> None:
     _read_model(folder / "point_cloud" / "iteration_200" / "point_cloud.ply", lambda path: read_model(folder))
 
 
-def _compressed(folder: Path) -> None:
-    (folder / "meta.json").write_text(json.dumps({"version": 2, "count": 4, "means": {"files": ["means_l.webp"]}}))
-    (folder / "model.sog").write_bytes(zipped([("meta.json", b"{}"), ("means_l.webp", b"RIFF")]))
-    (folder / "model.spz").write_bytes(b"\x1f\x8b\x08" + bytes(60))
+def _compressed(name: str, form: str, *, available: bool = True) -> Reader:
+    def read(folder: Path) -> None:
+        _read_model(folder / name)
 
-
-def _read_compressed(folder: Path) -> None:
-    for path in (folder, *(folder / name for name in ("meta.json", "model.sog", "model.spz"))):
-        with pytest.raises(InputError, match="PlayCanvas"):
-            read_model(path)
+    return Reader(f"model, {name}", partial(_write, files={name: files()[name]}), read, {name: form}, available)
 
 
 # Cameras
@@ -161,7 +156,7 @@ def _transforms(folder: Path) -> None:
     (folder / "transforms.json").write_text(json.dumps({**shared, "frames": frames}))
 
 
-def _colmap(folder: Path, files: Mapping[str, bytes]) -> None:
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
     for name, content in files.items():
         (folder / name).write_bytes(content)
 
@@ -450,11 +445,21 @@ READERS = (
         _read_inria_folder,
         {"cfg_args": "text", "point_cloud/iteration_200/point_cloud.ply": "ply"},
     ),
-    Reader(
-        "compressed model",
-        _compressed,
-        _read_compressed,
-        {"meta.json": "json", "model.sog": "zip", "model.spz": "bytes"},
+    _compressed("model.compressed.ply", "ply"),
+    _compressed("model.splat", "bytes"),
+    *(_compressed(f"level {level}.ksplat", "bytes") for level in range(3)),
+    _compressed("version 2.spz", "gzip"),
+    _compressed("v3.spz", "gzip"),
+    _compressed("v4.spz", "bytes", available=importlib.util.find_spec("zstandard") is not None),
+    _compressed("model.sog", "zip"),
+    *(
+        Reader(
+            f"SOG, version {version}",
+            partial(_write, files=unpacked),
+            lambda f: _read_model(f / "meta.json"),
+            {"meta.json": "json", "means_l.webp": "bytes", "shN_centroids.webp": "bytes"},
+        )
+        for version, unpacked in ((1, sog_of_version_1(model())), (2, unpacked_sog()))
     ),
     Reader("cameras.json", _camera_file, lambda f: _read_views(f / "cameras.json", f), {"cameras.json": "json"}),
     Reader(
@@ -462,25 +467,25 @@ READERS = (
     ),
     Reader(
         "COLMAP, text",
-        lambda f: _colmap(f, text()),
+        lambda f: _write(f, text()),
         lambda f: _read_views(f, f),
         {"cameras.txt": "text", "images.txt": "text"},
     ),
     Reader(
         "COLMAP, binary",
-        lambda f: _colmap(f, binary()),
+        lambda f: _write(f, binary()),
         lambda f: _read_views(f, f),
         {"cameras.bin": "bytes", "images.bin": "bytes"},
     ),
     Reader(
         "COLMAP points, text",
-        lambda f: _colmap(f, text()),
+        lambda f: _write(f, text()),
         lambda f: _read_points(read_points(f)),
         {"points3D.txt": "text"},
     ),
     Reader(
         "COLMAP points, binary",
-        lambda f: _colmap(f, binary()),
+        lambda f: _write(f, binary()),
         lambda f: _read_points(read_points(f)),
         {"points3D.bin": "bytes"},
     ),

@@ -1,0 +1,41 @@
+"""Models in the compressed formats of converters and viewers: all are read, two are written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from gspure.artifacts import verify
+from gspure.errors import InputError
+from gspure.model.compressed.ksplat import read_ksplat
+from gspure.model.compressed.sog import INDEX, read_sog
+from gspure.model.compressed.splat import read_splat
+from gspure.model.compressed.spz import read_spz
+from gspure.model.gaussians import Gaussians
+
+READERS: Final[dict[str, Callable[[Path], Gaussians]]] = {
+    ".ksplat": read_ksplat,
+    ".sog": read_sog,
+    ".splat": read_splat,
+    ".spz": read_spz,
+    INDEX: read_sog,
+}
+"""By suffix, or by name. A compressed ``.ply`` is known by its header: see `gspure.model.ply`."""
+
+STREAMED: Final = "lod-meta.json"
+"""The index of a model in levels of detail, each a model of its own."""
+
+
+def is_compressed(path: Path) -> bool:
+    """Return whether the name is that of a model in one of these formats, or of a streamed one."""
+    return bool({path.name, path.suffix.lower()} & {STREAMED, *READERS})
+
+
+def read_compressed(path: Path) -> Gaussians:
+    """Read a model whose name `is_compressed`; raise `InputError` if it is damaged or streamed."""
+    if path.name == STREAMED:
+        hint = "name the meta.json of one level of detail"
+        raise InputError(path, "format", expected="a model", found="several, a streamed SOG model", hint=hint)
+    verify(path)
+    return READERS[INDEX if path.name == INDEX else path.suffix.lower()](path)

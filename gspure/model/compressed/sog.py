@@ -1,0 +1,134 @@
+"""SOG, versions 1 and 2: numbers of 8 bits in the pixels of WebP images, in an archive or beside their ``meta.json``.
+
+Version 2 looks them up in a table of 256 values; version 1 scales them to a range. Positions have two images, of their
+lower and upper 8 bits; spherical harmonics are looked up in an image of those of up to 65 536 Gaussians.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts.arrays import UNPACKED_RATIO, UNPACKED_ROOM
+from gspure.errors import InputError, reading
+from gspure.model.compressed.quantization import COEFFICIENTS, Float32, byte_logits, require_room, smallest_three
+from gspure.model.gaussians import Gaussians
+
+Bytes = NDArray[np.uint8]
+Member = Callable[[str], bytes]
+
+INDEX: Final = "meta.json"
+_PARTS: Final = ("means", "quats", "scales", "sh0", "shN")
+
+_PER_ROW: Final = 64
+"""Entries in each row of the image of spherical harmonics."""
+
+_LONGEST_NAME: Final = 255
+_MOST_ENTRIES: Final = 1 << 16
+_BORDER: Final = 1 << 12
+"""An image of one pixel per Gaussian may have this many more, and twice as many anyway."""
+
+_LARGEST_IS_W: Final = 252
+"""The fourth channel of a rotation; the next three numbers stand for x, y and z as the largest component."""
+
+
+def read_sog(path: Path) -> Gaussians:
+    """Read a ``.sog`` archive, or the ``meta.json`` of an unpacked one and the images that it names beside it."""
+    with reading(path, "a SOG model"):
+        if path.name == INDEX:
+            return _model(path, partial(_beside, path.parent))
+        with zipfile.ZipFile(path) as archive:
+            return _model(path, partial(_member, archive, max(UNPACKED_ROOM, UNPACKED_RATIO * path.stat().st_size)))
+
+
+def _beside(folder: Path, name: str) -> bytes:
+    if Path(name).name != name or len(name) > _LONGEST_NAME:
+        raise ValueError(f"a file elsewhere, {name}")
+    with reading(folder / name, "a file of a SOG model"):
+        return (folder / name).read_bytes()
+
+
+def _member(archive: zipfile.ZipFile, most: int, name: str) -> bytes:
+    if (size := archive.getinfo(name).file_size) > most:
+        raise ValueError(f"{size} bytes unpacked, at most {most} are read")
+    with archive.open(name) as stream:
+        return stream.read(size)  # no more, whatever it unpacks to
+
+
+def _model(path: Path, member: Member) -> Gaussians:
+    meta = json.loads(member(INDEX))
+    if (version := meta.get("version", 1)) not in (1, 2):
+        raise InputError(path, "version", expected="1 or 2", found=str(version))
+    rows = meta["count"] if version == 2 else meta["means"]["shape"][0]
+    files = {part: [member(name) for name in meta[part]["files"]] for part in _PARTS if part in meta}
+    size = sum(len(data) for part in files.values() for data in part)
+    require_room(path, size, rows, COEFFICIENTS[-1] if "shN" in meta else 0)
+
+    def pixels(part: str) -> list[Bytes]:
+        """Return the first pixel of each row in the images of a part."""
+        return [_pixels(data, 2 * rows + _BORDER).reshape(-1, 4)[:rows] for data in files[part]]
+
+    (quats,), (scales,), (colours,) = pixels("quats"), pixels("scales"), pixels("sh0")
+    sh = np.zeros((rows, 0, 3), np.float32)
+    if "shN" in meta:
+        entries = _entries(meta["shN"], files["shN"].pop(0))
+        low, high = pixels("shN")[0][:, :2].astype(np.intp).T
+        sh = entries[low | high << 8]
+    rgba = _values(meta["sh0"], colours)
+    return Gaussians.from_stored(
+        means=_means(meta["means"], *pixels("means")),
+        quats=_quats(quats),
+        log_scales=_values(meta["scales"], scales[:, :3]),
+        opacity_logits=rgba[:, 3] if version == 1 else byte_logits(colours[:, 3]),
+        sh_coeffs=np.concatenate([rgba[:, None, :3], sh], 1),
+    )
+
+
+def _pixels(data: bytes, most: int) -> Bytes:
+    """Return an image [H,W,4]."""
+    from PIL import Image
+
+    with Image.open(io.BytesIO(data), formats=("WEBP",)) as image:
+        if image.width * image.height > most:
+            raise ValueError(f"an image of {image.width}x{image.height}, with more than {most} pixels")
+        return np.asarray(image.convert("RGBA"))
+
+
+def _values(settings: Any, stored: Bytes) -> Float32:
+    """Return the values that bytes stand for: those of a table, or linear in a range by column."""
+    if "codebook" in settings:
+        return np.asarray(settings["codebook"], np.float32)[stored]
+    least, largest = (np.asarray(settings[name], np.float32) for name in ("mins", "maxs"))
+    return np.asarray(least + (largest - least) * (stored / np.float32(255)), np.float32)
+
+
+def _means(settings: Any, low: Bytes, high: Bytes) -> Float32:
+    """Return positions; their logarithms are stored, of distances plus 1, and their signs."""
+    least, largest = (np.asarray(settings[name], np.float64) for name in ("mins", "maxs"))
+    stored = low[:, :3].astype(np.uint16) | high[:, :3].astype(np.uint16) << 8
+    logs = least + (largest - least) * (stored / 65535)
+    return np.asarray(np.sign(logs) * np.expm1(np.abs(logs)), np.float32)
+
+
+def _quats(stored: Bytes) -> Float32:
+    if (stored[:, 3] < _LARGEST_IS_W).any():
+        raise ValueError("rotations without their largest component")
+    three = (stored[:, :3] / np.float32(127.5) - 1) / np.float32(np.sqrt(2))
+    return smallest_three(three, stored[:, 3].astype(np.intp) - _LARGEST_IS_W)
+
+
+def _entries(settings: Any, data: bytes) -> Float32:
+    """Return the spherical harmonics [N,S,3] that Gaussians refer to by number."""
+    image = _pixels(data, _MOST_ENTRIES * COEFFICIENTS[-1])
+    coefficients = image.shape[1] // _PER_ROW
+    if coefficients not in COEFFICIENTS[1:]:
+        raise ValueError(f"an image of {image.shape[1]} columns, not 192, 512 or 960")
+    return _values(settings, image.reshape(-1, coefficients, 4)[..., :3])

@@ -1,0 +1,140 @@
+"""``.spz``, versions 2 to 4: all positions, then all opacities, colours, scales, rotations and spherical harmonics.
+
+A header of 16 bytes and these streams are compressed by gzip as one; in version 4 the header, 32 bytes then, is plain,
+followed by a table of sizes, and each stream is compressed by Zstandard.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.errors import InputError, reading
+from gspure.model.compressed.quantization import (
+    COEFFICIENTS,
+    Float32,
+    byte_logits,
+    require_room,
+    smallest_three,
+)
+from gspure.model.gaussians import Gaussians
+
+TURNED: Final = np.array([1, -1, -1], np.float32)
+"""SPZ has y up and z backwards, models have them down and forwards: half a turn about x."""
+
+TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)
+TURNED_HARMONICS: Final = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.float32)[:, None]
+"""The signs that this half turn gives to rotations (w, x, y, z), and to harmonics of degree 1 to 3."""
+
+_GZIP: Final = b"\x1f\x8b"
+_HEADER: Final = struct.Struct("<4sIIBBBB")
+_PLAIN_HEADER: Final = 32
+_EXTENDED: Final = 2
+"""Flag of a file with more streams, which are not read."""
+
+_COLOUR_SCALE: Final = 0.15
+_STEPS: Final = 511
+"""Of a rotation's component: 9 bits and a sign."""
+
+
+class _Header(NamedTuple):
+    magic: bytes
+    version: int
+    rows: int
+    degree: int
+    fraction_bits: int
+    flags: int
+    streams: int
+
+    def sizes(self) -> list[int]:
+        """Return the bytes of each stream."""
+        rotation = 4 if self.version > 2 else 3
+        return [self.rows * width for width in (9, 1, 3, 3, rotation, 3 * COEFFICIENTS[self.degree]) if width]
+
+
+def read_spz(path: Path) -> Gaussians:
+    """Read an ``.spz`` file; one of version 4 needs the package zstandard."""
+    with reading(path, "an SPZ model"):
+        data = path.read_bytes()
+        gzipped = data[:2] == _GZIP
+        unpack = zlib.decompressobj(31)
+        head = unpack.decompress(data, _HEADER.size) if gzipped else data[: _HEADER.size]
+        header = _Header(*_HEADER.unpack(head))
+        if header.magic != b"NGSP" or header.version not in ((2, 3) if gzipped else (4,)):
+            found = f"{header.magic!r}, version {header.version}"
+            raise InputError(path, "version", expected="NGSP, version 2 to 4", found=found)
+        if header.degree >= len(COEFFICIENTS) or header.fraction_bits > 24:
+            found = f"degree {header.degree}, {header.fraction_bits} bits"
+            raise InputError(path, "header", expected="degree 0 to 3, at most 24 fractional bits", found=found)
+        require_room(path, len(data), header.rows, COEFFICIENTS[header.degree])
+        body = _unzipped(unpack, header) if gzipped else _unpacked(path, data, header)
+        return _model(header, np.frombuffer(body, np.uint8))
+
+
+def _unzipped(unpack: zlib._Decompress, header: _Header) -> bytes:
+    size = sum(header.sizes())
+    body = unpack.decompress(unpack.unconsumed_tail, size + 1)
+    if len(body) < size or not ((unpack.eof and len(body) == size) or header.flags & _EXTENDED):
+        raise ValueError(f"streams of other sizes than its {header.rows} rows")
+    return body[:size]
+
+
+def _unpacked(path: Path, data: bytes, header: _Header) -> bytes:
+    try:
+        import zstandard
+    except ImportError as error:
+        hint = "pip install gspure[compression]"
+        raise InputError(path, "zstandard", expected="the package zstandard", found=str(error), hint=hint) from None
+    table = int.from_bytes(data[_HEADER.size : _HEADER.size + 4], "little")
+    pairs = np.frombuffer(data, "<u8", 2 * header.streams, max(table, _PLAIN_HEADER)).reshape(-1, 2).tolist()
+    sizes = header.sizes()
+    if [size for _, size in pairs[: len(sizes)]] != sizes:
+        raise ValueError(f"streams of other sizes than its {header.rows} rows")
+    at, streams = table + 16 * header.streams, []
+    for packed, size in pairs[: len(sizes)]:
+        stream = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(data[at : at + packed])
+        streams.append(stream.read(size))
+        if len(streams[-1]) < size:
+            raise ValueError("a stream that ends early")
+        at += packed
+    return b"".join(streams)
+
+
+def _model(header: _Header, body: NDArray[np.uint8]) -> Gaussians:
+    means, alphas, colours, scales, rotations, *harmonics = (
+        part.reshape(header.rows, -1) for part in np.split(body, np.cumsum(header.sizes())[:-1])
+    )
+    sh = np.zeros((header.rows, COEFFICIENTS[header.degree], 3), np.float32)
+    if harmonics:
+        sh[:] = (harmonics[0].reshape(sh.shape) - np.float32(128)) / 128
+    rgb = (colours / 255 - 0.5) / _COLOUR_SCALE
+    return Gaussians.from_stored(
+        means=_fixed_point(means, header.fraction_bits) * TURNED,
+        quats=_quats(rotations) * TURNED_QUATS,
+        log_scales=scales / 16 - 10,
+        opacity_logits=byte_logits(alphas[:, 0]),
+        sh_coeffs=np.concatenate([rgb[:, None], sh * TURNED_HARMONICS[: sh.shape[1]]], 1),
+    )
+
+
+def _fixed_point(stored: NDArray[np.uint8], fraction_bits: int) -> Float32:
+    """Return numbers of 24 bits, the highest of them the sign."""
+    low, middle, high = stored.reshape(len(stored), 3, 3).astype(np.int32).transpose(2, 0, 1)
+    values = (low | middle << 8 | high << 16) << 8 >> 8
+    return np.asarray(values / (1 << fraction_bits), np.float32)
+
+
+def _quats(stored: NDArray[np.uint8]) -> Float32:
+    """Return quaternions (w, x, y, z) of version 2, [K,3], or later, [K,4]; both are stored as (x, y, z, w)."""
+    if stored.shape[1] == 3:
+        return smallest_three(stored / np.float32(127.5) - 1, np.zeros(len(stored), np.intp))
+    bits = np.ascontiguousarray(stored).view("<u4")[:, 0]
+    components = np.stack([bits >> shift & 1023 for shift in (20, 10, 0)], 1)
+    magnitudes = (components & _STEPS) / np.float32(_STEPS * np.sqrt(2))
+    three = np.where(components > _STEPS, -magnitudes, magnitudes)
+    return np.roll(smallest_three(three, (bits >> 30).astype(np.intp)), 1, 1)

@@ -1,0 +1,69 @@
+"""Compressed models by gsply (MIT), an optional package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from gspure.artifacts import replacing
+from gspure.errors import InputError
+from gspure.model.compressed.spz import TURNED, TURNED_HARMONICS, TURNED_QUATS
+from gspure.model.gaussians import Gaussians
+
+PACKAGES: Final = {"gsply": "gspure[compression]"}
+PACKED_PLY: Final = ".compressed.ply"
+SPZ: Final = ".spz"
+
+
+def write_compressed(path: Path, model: Gaussians) -> None:
+    """Write a model with colours as compressed ``.ply`` or as SPZ 3, whole or not at all.
+
+    A chunk of 256 rows of a compressed ``.ply`` shares one range of values: sort neighbours together first.
+
+    Raises
+    ------
+    InputError
+        If the name is that of another format, the model has no colours, or gsply is not installed.
+
+    """
+    write = _WRITERS.get(PACKED_PLY if path.name.endswith(PACKED_PLY) else path.suffix.lower())
+    if write is None:
+        raise InputError(path, "format", expected=f".ply, {PACKED_PLY} or {SPZ}", found=path.suffix)
+    if model.sh_degree < 0:
+        raise InputError(path, "colour", expected="columns f_dc_*", found="features")
+    try:
+        import gsply
+    except ImportError as error:
+        hint = f"pip install {PACKAGES['gsply']}"
+        raise InputError(path, "gsply", expected="the package gsply", found=str(error), hint=hint) from None
+    with replacing(path) as temporary:
+        write(gsply, temporary, model)
+
+
+def _write_packed_ply(gsply: Any, path: Path, model: Gaussians) -> None:
+    path.write_bytes(gsply.compress_to_bytes(_parts(gsply, model.means, model.quats, model.sh_coeffs, model)))
+
+
+def _write_spz(gsply: Any, path: Path, model: Gaussians) -> None:
+    coeffs = model.sh_coeffs.copy()
+    coeffs[:, 1:] *= TURNED_HARMONICS[: coeffs.shape[1] - 1]
+    gsply.write_spz(path, _parts(gsply, model.means * TURNED, model.quats * TURNED_QUATS, coeffs, model))
+
+
+def _parts(gsply: Any, means: Any, quats: Any, coeffs: Any, model: Gaussians) -> Any:
+    norms = np.linalg.norm(quats, axis=1, keepdims=True)
+    return gsply.GSData.from_arrays(
+        means,
+        model.columns("scale_0", "scale_1", "scale_2"),
+        quats / np.maximum(norms, np.finfo(np.float32).tiny),
+        model.table["opacity"].copy(),
+        coeffs[:, 0],
+        coeffs[:, 1:],
+        format="ply",
+    )
+
+
+_WRITERS: Final[dict[str, Callable[[Any, Path, Gaussians], None]]] = {PACKED_PLY: _write_packed_ply, SPZ: _write_spz}

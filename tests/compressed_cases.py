@@ -1,0 +1,156 @@
+"""Models in compressed formats: files of splat-transform 2.7.1, and writers of other formats.
+
+All hold `blobs(12, sh_degree=2)`, the files in `SPLAT_TRANSFORM` in another order.
+"""
+
+import gzip
+import io
+import json
+import struct
+import zipfile
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from gspure.constants import SH_DC
+from gspure.model import Gaussians
+from gspure.model.compressed.quantization import COEFFICIENTS
+from tests.models import blobs
+
+SPLAT_TRANSFORM = Path(__file__).with_name("splat_transform")
+ROWS = 12
+
+
+def model() -> Gaussians:
+    return blobs(ROWS, sh_degree=2)
+
+
+def unit_quats(of: Gaussians) -> np.ndarray:
+    """Quaternions (w, x, y, z) whose w is not negative."""
+    return of.quats / np.linalg.norm(of.quats, axis=1, keepdims=True) * np.where(of.quats[:, :1] < 0, -1, 1)
+
+
+def to_bytes(values) -> np.ndarray:
+    return np.clip(np.round(values), 0, 255).astype(np.uint8)
+
+
+def rgba(of: Gaussians) -> np.ndarray:
+    return to_bytes(255 * np.column_stack([0.5 + SH_DC * of.sh_coeffs[:, 0], of.opacities]))
+
+
+def splat(of: Gaussians) -> bytes:
+    rows = np.empty(len(of), [("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("quat", "u1", 4)])
+    rows["mean"], rows["scale"], rows["rgba"] = of.means, of.scales, rgba(of)
+    rows["quat"] = to_bytes(unit_quats(of) * 128 + 128)
+    return rows.tobytes()
+
+
+def ksplat(of: Gaussians, level: int, capacity: int = 5) -> bytes:
+    """Two sections, of degree 2 and 0; in each, one full bucket of `capacity` rows and a partly filled one."""
+    sections = [of.subset(np.arange(len(of)) < 7), of.subset(np.arange(len(of)) >= 7)]
+    headers, bodies = b"", b""
+    for part, degree in zip(sections, (2, 0), strict=True):
+        full = len(part) // capacity
+        lengths = np.array([len(part) - full * capacity] * (len(part) > full * capacity), "<u4")
+        bucket = np.arange(len(part)) // capacity
+        middles = np.stack([part.means[bucket == i].mean(0) for i in range(full + len(lengths))]).astype("<f4")
+        width = 2.1 * np.abs(part.means - middles[bucket]).max()
+        types = (("<f4", "<f4", "<f4"), ("<u2", "<f2", "<f2"), ("<u2", "<f2", "u1"))[level]
+        columns = [("mean", types[0], 3), ("scale", types[1], 3), ("quat", types[1], 4), ("rgba", "u1", 4)]
+        rows = np.zeros(len(part) + 1, [*columns, ("sh", types[2], 3 * COEFFICIENTS[degree])])[: len(part)]
+        offsets = (part.means - middles[bucket]) / (width / 2) * 32767 + 32767
+        rows["mean"] = np.round(offsets) if level else part.means
+        rows["scale"], rows["quat"], rows["rgba"] = part.scales, part.quats, rgba(part)
+        bands = [part.sh_coeffs[:, 1:][:, a:b] for a, b in pairwise(COEFFICIENTS[: degree + 1])]
+        sh = np.concatenate(
+            [np.empty((len(part), 0)), *(b.transpose(0, 2, 1).reshape(len(part), -1) for b in bands)], 1
+        )
+        rows["sh"] = to_bytes((sh + 2) / 4 * 255) if level == 2 else sh
+        stored = (len(part), len(part), capacity, len(middles), width, 12, 0, 0, full, len(lengths), degree)
+        headers += struct.pack("<IIIIfHxxIIIIH", *stored).ljust(1024, b"\0")
+        bodies += lengths.tobytes() + middles.tobytes() + rows.tobytes()
+    head = struct.pack("<BBxxIIIIHxx3fff", 0, 1, 2, 2, len(of), len(of), level, 0, 0, 0, -2, 2)
+    return head.ljust(4096, b"\0") + headers + bodies
+
+
+def spz_of_version_2(of: Gaussians) -> bytes:
+    turned = of.means * [1, -1, -1]
+    fixed = np.round(turned * 4096).astype("<i4").reshape(-1, 3, 1).view(np.uint8)[..., :3]
+    signs = np.array([-1, -1, 1, -1, 1, 1, -1, 1])[:, None]
+    streams = [
+        fixed,
+        to_bytes(255 * of.opacities),
+        to_bytes(255 * (0.15 * of.sh_coeffs[:, 0] + 0.5)),
+        to_bytes((np.log(of.scales) + 10) * 16),
+        to_bytes(127.5 * (unit_quats(of)[:, 1:] * [1, -1, -1] + 1)),
+        to_bytes(of.sh_coeffs[:, 1:] * signs * 128 + 128),
+    ]
+    head = struct.pack("<4sIIBBBB", b"NGSP", 2, len(of), 2, 12, 0, 0)
+    return gzip.compress(head + b"".join(np.ascontiguousarray(stream).tobytes() for stream in streams))
+
+
+def webp(pixels: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "WEBP", lossless=True, exact=True)
+    return stream.getvalue()
+
+
+def sog_of_version_1(of: Gaussians) -> dict[str, bytes]:
+    """The files of an unpacked model: 4 rows of 4 pixels, and each row's own harmonics."""
+    files, count = {}, len(of)
+
+    def stored(name: str, values: np.ndarray, levels: int = 255):
+        least, largest = values.min(0), values.max(0)
+        files[name] = np.round((values - least) / (largest - least) * levels).astype(np.uint16)
+        return {"shape": [count, values.shape[1]], "mins": least.tolist(), "maxs": largest.tolist()}
+
+    logs = np.sign(of.means) * np.log1p(np.abs(of.means))
+    meta = {"means": stored("means", logs, 65535), "scales": stored("scales", np.log(of.scales))}
+    meta["sh0"] = stored("sh0", np.column_stack([of.sh_coeffs[:, 0], of.table["opacity"]]))
+    quats = unit_quats(of)
+    largest = np.abs(quats).argmax(1)
+    quats *= np.sign(quats[np.arange(count), largest])[:, None]
+    three = np.stack([np.delete(quat, at) for quat, at in zip(quats, largest, strict=True)])
+    files["quats"] = np.column_stack([to_bytes(127.5 * (three * np.sqrt(2) + 1)), 252 + largest])
+    entries = np.zeros((64, 8, 3))
+    entries[:count] = of.sh_coeffs[:, 1:]
+    meta["shN"] = stored("shN_centroids", entries.reshape(-1, 1)) | {"mins": entries.min(), "maxs": entries.max()}
+    files["shN_labels"] = np.arange(count)[:, None]
+    files["means_l"], files["means_u"] = files["means"] & 255, files.pop("means") >> 8
+    names = {"means": ["means_l", "means_u"], "shN": ["shN_centroids", "shN_labels"]}
+    for part in (*meta, "quats"):
+        meta.setdefault(part, {})["files"] = [f"{name}.webp" for name in names.get(part, [part])]
+    images = {}
+    for name, values in files.items():
+        flat = np.zeros((512 if name == "shN_centroids" else 16, 4), np.uint8)
+        shaped = values.reshape(len(flat), 3) if name == "shN_centroids" else values
+        flat[: len(shaped), : shaped.shape[1]] = shaped
+        images[f"{name}.webp"] = webp(flat.reshape(-1, 512 if len(flat) == 512 else 4, 4))
+    return {"meta.json": json.dumps(meta).encode(), **images}
+
+
+def unpacked_sog() -> dict[str, bytes]:
+    with zipfile.ZipFile(SPLAT_TRANSFORM / "model.sog") as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def files() -> dict[str, bytes]:
+    """Return the content of a model's files in every format and version, by path."""
+    return {
+        "model.splat": splat(model()),
+        **{f"level {level}.ksplat": ksplat(model(), level) for level in range(3)},
+        "version 2.spz": spz_of_version_2(model()),
+        **{path.name: path.read_bytes() for path in SPLAT_TRANSFORM.iterdir()},
+        **{f"version 1/{name}": data for name, data in sog_of_version_1(model()).items()},
+        **{f"version 2/{name}": data for name, data in unpacked_sog().items()},
+    }
+
+
+def write_all(folder: Path) -> dict[str, Path]:
+    """Write a model in every format and version; return the paths of all but images."""
+    for name, data in files().items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(data)
+    return {name: folder / name for name in files() if not name.endswith(".webp")}

@@ -1,0 +1,188 @@
+"""Models in the compressed formats of converters and viewers."""
+
+import gzip
+import json
+import sys
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+from gspure.errors import InputError
+from gspure.model import model_file, read_model, write_model
+from gspure.model.rotations import rotation_matrices
+from gspure.model.sh_rotation import rotate_sh
+from tests.compressed_cases import ROWS, SPLAT_TRANSFORM, ksplat, model, sog_of_version_1, unpacked_sog, webp, write_all
+from tests.models import blobs
+
+NAMES = ["model.splat", *(f"level {level}.ksplat" for level in range(3))]
+NAMES += ["version 2.spz", "v3.spz", "v4.spz", "model.compressed.ply"]
+NAMES += ["version 1/meta.json", "version 2/meta.json", "model.sog"]
+
+# Of log scales, opacities, covariances relative to the largest, and coefficients.
+PRECISION = {".splat": (0, 0.01, 0.03, None), ".ksplat": (1e-3, 0.01, 2e-3, 0.01), ".spz": (0.04, 0.01, 0.07, 0.07)}
+PRECISION |= {".ply": (0.01, 0.01, 0.02, 0.02), ".sog": (0.03, 0.04, 0.05, 0.4), ".json": (0.03, 0.04, 0.05, 0.4)}
+
+
+def covariances(of):
+    turns = rotation_matrices(of.quats)
+    return np.einsum("kij,kj,klj->kil", turns, of.scales**2, turns)
+
+
+def in_order(of, other):
+    """The rows of a model in the order of those of another that they are nearest to."""
+    nearest = np.linalg.norm(other.means[:, None] - of.means, axis=2).argmin(1)
+    assert len({*nearest.tolist()}) == len(other)
+    return type(of)(of.table[nearest])
+
+
+def needs_zstandard(name):
+    if name == "v4.spz":
+        pytest.importorskip("zstandard", reason="gspure[compression] is not installed")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_model_in_every_format_is_read_nearly_as_it_was(tmp_path, name):
+    needs_zstandard(name)
+    path = write_all(tmp_path)[name]
+    before, after = model(), in_order(read_model(path), model())
+    scales, opacities, shapes, coeffs = PRECISION[path.suffix]
+    np.testing.assert_allclose(after.means, before.means, atol=4e-3)
+    np.testing.assert_allclose(np.log(after.scales), np.log(before.scales), atol=scales)
+    np.testing.assert_allclose(after.opacities, before.opacities, atol=opacities)
+    assert np.abs(covariances(after) - covariances(before)).max() < shapes * covariances(before).max()
+    if coeffs:
+        rows = slice(7 if path.suffix == ".ksplat" else ROWS)  # the rows behind are of degree 0
+        assert after.sh_degree == 2
+        np.testing.assert_allclose(after.sh_coeffs[rows, 1:], before.sh_coeffs[rows, 1:], atol=coeffs)
+    visible = np.abs(before.sh_coeffs[:, 0]) < 1.7  # other colours are beyond 0 to 1
+    np.testing.assert_allclose(after.sh_coeffs[:, 0][visible], before.sh_coeffs[:, 0][visible], atol=0.05)
+
+
+@pytest.mark.parametrize("name", ["version 1", "version 2"])
+def test_the_folder_of_an_unpacked_sog_model_is_its_index(tmp_path, name):
+    write_all(tmp_path)
+    assert model_file(tmp_path / name) == tmp_path / name / "meta.json"
+    assert read_model(tmp_path / name).table.tobytes() == read_model(tmp_path / name / "meta.json").table.tobytes()
+
+
+def test_an_archive_holds_what_its_unpacked_files_do(tmp_path):
+    write_all(tmp_path)
+    assert read_model(tmp_path / "model.sog").table.tobytes() == read_model(tmp_path / "version 2").table.tobytes()
+
+
+@pytest.mark.parametrize("suffix", [".compressed.ply", ".spz"])
+@pytest.mark.parametrize("degree", range(4))
+def test_a_written_model_is_read_nearly_as_it_was(tmp_path, suffix, degree):
+    pytest.importorskip("gsply", reason="gspure[compression] is not installed")
+    before = blobs(300, sh_degree=degree)
+    write_model(tmp_path / f"m{suffix}", before)
+    after = read_model(tmp_path / f"m{suffix}")
+    np.testing.assert_allclose(after.means, before.means, atol=5e-3)
+    np.testing.assert_allclose(np.log(after.scales), np.log(before.scales), atol=0.04)
+    np.testing.assert_allclose(after.opacities, before.opacities, atol=0.003)
+    assert np.abs(covariances(after) - covariances(before)).max() < 0.1 * covariances(before).max()
+    np.testing.assert_allclose(after.sh_coeffs[:, 1:], before.sh_coeffs[:, 1:], atol=0.07)
+    assert (tmp_path / f"m{suffix}").stat().st_size < 300 * 4 * len(before.table.dtype) / 3
+
+
+def test_spz_turns_a_model_by_half_a_turn_about_x(tmp_path, monkeypatch):
+    """As converters do: SPZ has y up, 3DGS has it down."""
+    gsply = pytest.importorskip("gsply", reason="gspure[compression] is not installed")
+    before = blobs(50)
+    stored = []
+    monkeypatch.setattr(gsply, "write_spz", lambda path, parts: (stored.append(parts), path.touch()))
+    write_model(tmp_path / "turned.spz", before)
+    (parts,) = stored
+    np.testing.assert_allclose(parts.means, before.means * [1, -1, -1])
+    turned = rotate_sh(before.sh_coeffs.astype(np.float64), np.array([np.pi, 0, 0]))
+    np.testing.assert_allclose(parts.shN, turned[:, 1:], atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", [".sog", ".splat", ".ksplat"])
+def test_a_format_that_is_only_read_is_not_written(tmp_path, suffix):
+    with pytest.raises(InputError, match=r"format: expected \.ply, \.compressed\.ply or \.spz"):
+        write_model(tmp_path / f"m{suffix}", blobs(3))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("name", "package"), [("v4.spz", "zstandard"), ("new.spz", "gsply")])
+def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch, name, package):
+    monkeypatch.setitem(sys.modules, package, None)
+    write_all(tmp_path)
+    with pytest.raises(InputError, match=rf"the package {package}.*pip install gspure\[compression\]"):
+        read_model(tmp_path / name) if (tmp_path / name).exists() else write_model(tmp_path / name, blobs(3))
+
+
+# --- files that claim more than they hold -----------------------------------------------------------------------------
+
+
+def refused(path, match):
+    with pytest.raises(InputError, match=match):
+        read_model(path)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_cut_or_continued_file_is_refused(tmp_path, name):
+    needs_zstandard(name)
+    path = write_all(tmp_path)[name]
+    data = path.read_bytes()
+    continued = [data + b"\0"] if path.suffix in {".splat", ".ply"} else []
+    for damaged in (b"", data[:-1], data[: len(data) // 2 - 1], *continued):
+        path.write_bytes(damaged)
+        refused(path, path.name)
+
+
+def test_rows_that_would_unpack_to_too_much_are_refused_unread(tmp_path):
+    paths = write_all(tmp_path)
+    head = gzip.decompress(paths["v3.spz"].read_bytes())
+    paths["v3.spz"].write_bytes(gzip.compress(head[:8] + (1 << 28).to_bytes(4, "little") + head[12:]))
+    refused(paths["v3.spz"], "size: expected at most .* bytes unpacked")
+    meta = json.loads(paths["version 2/meta.json"].read_bytes())
+    paths["version 2/meta.json"].write_text(json.dumps(meta | {"count": 1 << 28}))
+    refused(paths["version 2/meta.json"], "size: expected at most .* bytes unpacked")
+
+
+def test_zeros_behind_the_streams_of_spz_are_not_unpacked(tmp_path):
+    data = gzip.decompress((SPLAT_TRANSFORM / "v3.spz").read_bytes())
+    (tmp_path / "m.spz").write_bytes(gzip.compress(data + bytes(1 << 27)))
+    tracemalloc.start()
+    refused(tmp_path / "m.spz", "streams of other sizes")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1 << 24
+
+
+def test_images_larger_than_their_rows_need_are_refused(tmp_path):
+    files = sog_of_version_1(model())
+    files["scales.webp"] = webp(np.zeros((200, 200, 4), np.uint8))
+    _zip(tmp_path / "m.sog", files)
+    refused(tmp_path / "m.sog", "an image of 200x200")
+
+
+def _zip(path, files):
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+
+
+@pytest.mark.parametrize("name", ["../means_l.webp", "/etc/passwd"])
+def test_images_elsewhere_are_not_read(tmp_path, name):
+    files = unpacked_sog()
+    for each, data in files.items():
+        (tmp_path / each).write_bytes(data.replace(b'"means_l.webp"', json.dumps(name).encode()))
+    refused(tmp_path, "a file elsewhere")
+
+
+def test_buckets_that_do_not_hold_all_rows_are_refused(tmp_path):
+    data = bytearray(ksplat(model(), 1))
+    data[4096 + 32 : 4096 + 36] = bytes(4)
+    (tmp_path / "m.ksplat").write_bytes(data)
+    refused(tmp_path / "m.ksplat", "rows without a bucket")
+
+
+@pytest.mark.parametrize("by_folder", [True, False])
+def test_a_streamed_sog_model_is_refused_with_the_way_on(tmp_path, by_folder):
+    (tmp_path / "lod-meta.json").write_text("{}")
+    refused(tmp_path if by_folder else tmp_path / "lod-meta.json", "a streamed SOG model.*meta.json")
