@@ -50,21 +50,10 @@ def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape, least: float = -math.inf) -> NDArray[Any]:
-    """Read one .npy array.
+    """Read one .npy array of the `Kind` that `dtype` and `shape` make, whose smallest number may be `least`.
 
-    Parameters
-    ----------
-    dtype, shape
-        What it should be: see `Kind`.
-    least : float
-        The smallest number it may hold.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, its size differs from what its header says, the array is of another kind, or a number
-        in it is not finite or below `least`.
-
+    Raise `InputError` if the file is damaged, its size differs from what its header says, the array is of another kind,
+    or a number in it is not finite or below `least`.
     """
     verify(path)
     with reading(path, "a .npy array"), Path(path).open("rb") as stream:
@@ -72,21 +61,10 @@ def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape, least: 
 
 
 def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str, NDArray[Any]]:
-    """Read some arrays of an .npz archive.
+    """Read some arrays of an .npz archive, which should hold `content`.
 
-    Parameters
-    ----------
-    kinds : mapping of str to Kind
-        The names of the arrays, and what each should be.
-    content : str
-        What the archive should hold.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, an array is missing, unpacks to too much or is of another kind, or a number in it is not
-        finite.
-
+    Raise `InputError` if the file is damaged, an array is missing, unpacks to too much or is of another kind, or a
+    number in it is not finite.
     """
     verify(path)
     with reading(path, content), Path(path).open("rb") as stream, zipfile.ZipFile(stream) as archive:

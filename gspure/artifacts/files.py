@@ -58,14 +58,8 @@ def _blaming(path: Path, temporary: Path) -> Iterator[None]:
 def filling(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder inside `folder`; on success its files move into `folder`, on failure they are removed.
 
-    So files that belong together appear together or not at all. A folder that cannot be written to is refused before
-    any work is done.
-
-    Raises
-    ------
-    OSError
-        If `folder` is a file, or cannot be made or written to.
-
+    So files that belong together appear together or not at all. A folder that cannot be written to is refused by an
+    OSError before any work is done.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     temporary = folder / f".{os.getpid()}"

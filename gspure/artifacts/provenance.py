@@ -19,14 +19,8 @@ def write_provenance(
     The digest of an input that has provenance is taken from there, as the input was verified when it was read. Inputs
     that are folders are left out.
 
-    Parameters
-    ----------
-    path : Path
-        The artifact.
-    geometry : str
-        Digest of the model that it was made from (`gspure.model.Gaussians.geometry_digest`). If `inputs` has no model,
-        that of all inputs, if they have the same.
-
+    `geometry` is the digest of the model that it was made from (`gspure.model.Gaussians.geometry_digest`). If `inputs`
+    has no model, it is that of all inputs, if they have the same.
     """
     from gspure import __version__
 
@@ -49,16 +43,8 @@ def write_provenance(
 def require_made_from(geometry: str, *artifacts: Path) -> None:
     """Check artifacts whose records name the geometry that they were made from; others pass.
 
-    Parameters
-    ----------
-    geometry : str
-        Digest of a model (`gspure.model.Gaussians.geometry_digest`); if empty, all artifacts should be of one model.
-
-    Raises
-    ------
-    InputError
-        Naming the first that was made from another model.
-
+    If `geometry`, the digest of a model (`gspure.model.Gaussians.geometry_digest`), is empty, all should be of one
+    model. Raise `InputError` naming the first that was made from another.
     """
     for artifact in artifacts:
         origin = _geometry_of(artifact)

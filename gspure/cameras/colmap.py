@@ -31,13 +31,8 @@ def read_colmap(folder: Path) -> list[Camera]:
     """Read the cameras of a sparse model, in the order of its images file.
 
     `folder` is the project's root, its ``sparse/0``, or the folder of the files. Photographs are in the nearest
-    ``images`` folder beside or above the files.
-
-    Raises
-    ------
-    InputError
-        A file is missing, truncated or malformed, or a camera is distorted.
-
+    ``images`` folder beside or above the files. Raise `InputError` if a file is missing, truncated or malformed, or a
+    camera is distorted.
     """
     cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
     lenses = {lens.camera_id: lens for lens in _FORMATS[cameras_file.suffix].lenses(cameras_file)}

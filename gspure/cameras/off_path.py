@@ -25,18 +25,8 @@ _STEPS: Final = np.array([(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (1.0, 1.0)]) /
 def off_path_cameras(cameras: Sequence[Camera], count: int) -> list[Camera]:
     """Return views above or below training views, nearer or farther, that look at the same point.
 
-    Parameters
-    ----------
-    cameras : sequence of Camera
-        All views of the path.
-    count : int
-        Number of views, spread evenly over the path.
-
-    Raises
-    ------
-    InputError
-        If views are already named `PREFIX`, or all training views have the same position.
-
+    `count` of them are spread evenly over the path of all `cameras`. Raise `InputError` if views are already named
+    `PREFIX`, or all training views have the same position.
     """
     train, _ = split(cameras)
     spread = _spread(train)

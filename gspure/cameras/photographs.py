@@ -41,27 +41,16 @@ def missing_photographs(cameras: Sequence[Camera]) -> list[str]:
 
 
 def require_present(cameras: Sequence[Camera], source: Path | str, hint: str | None = None) -> None:
-    """Require a photograph of every view; `source` is the origin of the views.
-
-    Raises
-    ------
-    InputError
-        With all missing photographs.
-
-    """
+    """Require a photograph of every view of `source`, or raise `InputError` with all missing ones."""
     if missing := missing_photographs(cameras):
         found = f"{len(missing)} missing: {', '.join(missing)}"
         raise InputError(source, "photographs", expected=f"one of each of {len(cameras)} views", found=found, hint=hint)
 
 
 def require_images(cameras: Sequence[Camera], source: Path | str) -> None:
-    """Require a photograph of every view, at least as large as the view; `source` is the origin of the views.
+    """Require a photograph of every view of `source`, at least as large as the view.
 
-    Raises
-    ------
-    InputError
-        With all missing photographs, or the first one that is unreadable or smaller than its view.
-
+    Raise `InputError` with all missing photographs, or the first one that is unreadable or smaller than its view.
     """
     require_present(cameras, source)
     for camera in cameras:

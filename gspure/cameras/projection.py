@@ -14,22 +14,10 @@ from gspure.constants import NEAR_PLANE
 def points_shown(
     camera: Camera, points: NDArray[Any], margin: float = 0.0
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the rows [S] of the `points` [P,3] in the image and behind the near plane, and their positions.
+    """Return the rows [S] of world `points` [P,3] in the image and behind the near plane, and their positions [S,3].
 
-    Parameters
-    ----------
-    points : array [P,3]
-        In world coordinates; a point that is not finite is not shown.
-    margin : float
-        Extension of the image on every side, as a share of its size.
-
-    Returns
-    -------
-    rows : array [S]
-        Ascending.
-    positions : array [S,3]
-        Column and row in pixels, and depth along the view axis.
-
+    Positions are column and row in pixels, and depth along the view axis. `margin` extends the image on every side, as
+    a share of its size. A point that is not finite is not shown.
     """
     with np.errstate(invalid="ignore"):
         view = points @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]

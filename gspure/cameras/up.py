@@ -19,15 +19,8 @@ def guessed_up(points: Float64, weights: NDArray[Any]) -> Float64:
     """Return the unit vector [3] normal to the plane in which a model extends: its ground, or that of a flat object.
 
     Its sense is that of the usual worlds, -y or +z up. A direction near an axis is that axis. It is -y, as from COLMAP,
-    if the model is not flat or its plane is upright in both worlds.
-
-    Parameters
-    ----------
-    points : array [K,3]
-        Finite.
-    weights : array [K]
-        Such as opacities.
-
+    if the model is not flat or its plane is upright in both worlds. Points [K,3] are finite; their weights [K] may be
+    opacities.
     """
     weights = weights + np.finfo(np.float64).tiny  # some may be invisible, but not all
     offsets = points - np.average(points, axis=0, weights=weights)

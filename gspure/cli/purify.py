@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,13 +46,19 @@ The model and each array have their provenance beside them, in FILE.json.
 """
 
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
-_RENDERS = ("unattacked", "pruned", "purified")
+_ARRAYS = ("weights", "labels", "prune_mask")
+_RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
+"""Folders of renders, with the target of their metrics."""
+
 _FIGURES = ("before_after", "clusters", "ranks", "kept", "weights")
+_SUFFIXES = (".png", ".gltf", ".gltf.json", ".vtp", ".vtp.json")
 _SHOWN = 3
 """Number of views in the before/after figure."""
 
 
 def add_arguments(parser: Parser) -> None:
+    from gspure.attacks.learning import ITERATIONS
+
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
     add_cameras(parser, "views (at most 1600 px wide; every eighth by name is held out for the metrics)")
     parser.writes("--out", "DIR", "folder for the results")
@@ -60,13 +67,6 @@ def add_arguments(parser: Parser) -> None:
     add_min_samples(parser)
     add_selection(parser)
     add_factors(parser, by_scheme=True)
-    _add_repair(parser)
-    add_device(parser)
-
-
-def _add_repair(parser: Parser) -> None:
-    from gspure.attacks.learning import ITERATIONS
-
     parser.add_argument(
         "--repair",
         type=int,
@@ -76,64 +76,63 @@ def _add_repair(parser: Parser) -> None:
         help="after pruning, train the rest on renders of MODEL at the views of the weights, as the attack "
         "`prune_repair` (without a number: %(const)s iterations)",
     )
+    add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
-    from gspure.artifacts import filling, write_json, write_provenance
+    from gspure.artifacts import filling, save_array, write_json, write_provenance
     from gspure.cameras import scaled, split, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
     from gspure.evaluation.comparison import as_text
     from gspure.images import require_no_other_images
     from gspure.method.purify import purify
     from gspure.method.subpixel import subpixel_rows
-    from gspure.model import model_file, read_model, suspicious
-    from gspure.model.signature import Signature
+    from gspure.model import model_file, suspicious
     from gspure.opencl.device import choose_device
     from gspure.progress import say
     from gspure.schemes.registry import read_public_model
 
-    public = read_public_model(args.model)
-    stored = read_model(args.model)
-    suspects = suspicious.suspicious_rows(stored)
-    public = public.drawable(args.model)
-    model = public.model
-    _choose_factors(args, model)
-    _require_repairable(args, public)
+    stored = read_public_model(args.model)
+    suspects = suspicious.suspicious_rows(stored.model)
+    public = stored.drawable(args.model)
+    _choose_factors(args, public.model)
+    require_least(args, "purify", {"repair": 1})
+    if args.repair and not public.visible:
+        raise InputError(args.model, "--repair", expected="a model with colours", found="none")
     cameras = scaled(read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
     train, test = split(cameras)
     writes_views = _writes_views(args)
-    for renders in _renders(args.out).values():
-        require_no_other_images(renders, (camera.name for camera in test))
+    for title in _RENDERS:
+        require_no_other_images(args.out / "renders" / title, (camera.name for camera in test))
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
     with filling(args.out) as folder:
         purification = purify(public, train or test, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train or test, args.repair, device)
-        _write(folder, models["purified"], purification)
-        inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.geometry_digest()
-        names = ["purified.ply", "weights.npy", "labels.npy", "prune_mask.npy"]
+        files = [folder / "purified.ply", *(folder / f"{name}.npy" for name in _ARRAYS)]
+        models["purified"].write(files[0])
+        for name, path in zip(_ARRAYS, files[1:], strict=True):
+            save_array(path, getattr(purification, name))
         if writes_views:
-            write_cameras(folder / "cameras.json", [replace(camera, image=None) for camera in cameras])
-            names.append("cameras.json")
-        for name in names:
-            record = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
-            write_provenance(folder / name, inputs=inputs, settings=record, geometry=geometry)
-        rows = _compare(folder, models, test, device, model.background) if public.visible else []
-        diagnosis = _with_psnr(
-            purification.diagnosis.to_json() | {"suspicious": suspicious.to_json(suspects)},
-            rows,
-        )
+            files.append(folder / "cameras.json")
+            write_cameras(files[-1], [replace(camera, image=None) for camera in cameras])
+        inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.model.geometry_digest()
+        record = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
+        for path in files:
+            write_provenance(path, inputs=inputs, settings=record, geometry=geometry)
+        rows = _compare(folder, models, test, device) if public.visible else []
+        suspicions = {"suspicious": suspicious.to_json(suspects)}
+        diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
         write_json(folder / "diagnosis.json", diagnosis)
         _remove_older(args.out)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
-    captions = _draw_views(args.out, models, test) if public.visible else []
-    captions += _draw_model(args, model, purification, cameras)
-    print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(model))]))
-    gaussian_rays = args.energy == "ray" and Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
-    if gaussian_rays and (small := subpixel_rows(model, purification.weights, train or test)):
-        print(small.line(len(model), cameras[0].width))
+    captions = _draw(args, public, purification, cameras, [camera.name for camera in test], models)
+    print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(public.model))]))
+    measures_rays = args.energy == "ray" and public.rows_are_gaussians
+    if measures_rays and (small := subpixel_rows(public.model, purification.weights, train or test)):
+        print(small.line(len(public.model), cameras[0].width))
     print("\n".join([*_repair_lines(diagnosis), f"results in {args.out}", *(as_text(rows) if rows else []), *captions]))
 
 
@@ -161,22 +160,6 @@ def _choose_factors(args: Arguments, model: Gaussians) -> None:
             setattr(args, name, value)
 
 
-def _write(folder: Path, purified: PublicModel, purification: Purification) -> None:
-    from gspure.artifacts import save_array
-
-    purified.write(folder / "purified.ply")
-    save_array(folder / "weights.npy", purification.weights)
-    save_array(folder / "labels.npy", purification.labels)
-    save_array(folder / "prune_mask.npy", purification.prune_mask)
-
-
-def _require_repairable(args: Arguments, public: PublicModel) -> None:
-    """Refuse ``--repair`` without iterations, or of a model without colours."""
-    require_least(args, "purify", {"repair": 1})
-    if args.repair and not public.visible:
-        raise InputError(args.model, "--repair", expected="a model with colours", found="none")
-
-
 def _models(
     public: PublicModel, purification: Purification, views: Sequence[Camera], repair: int | None, device: Device
 ) -> dict[str, PublicModel]:
@@ -196,30 +179,23 @@ def _models(
 
 
 def _compare(
-    folder: Path,
-    models: Mapping[str, PublicModel],
-    views: Sequence[Camera],
-    device: Device,
-    background: Sequence[float],
+    folder: Path, models: Mapping[str, PublicModel], views: Sequence[Camera], device: Device
 ) -> list[ViewMetrics]:
     """Render the views of each model, and compare the images as written with those of the unattacked one."""
-    from gspure.evaluation.comparison import Pair, compare, write_metrics
+    from gspure.evaluation.comparison import compare, pair_images, write_metrics
     from gspure.images import record_views, write_image
     from gspure.progress import track
 
-    files = _renders(folder)
+    renders, background = folder / "renders", models["unattacked"].model.background
     for title, public in models.items():
         scene = public.scene(device, background)
         for camera in track(views, f"render {title}"):
-            write_image(files[title] / f"{camera.name}.png", scene(camera))
-        record_views(files[title], (camera.name for camera in views))
-    names = [f"{camera.name}.png" for camera in views]
-    targets = {"purified": "scene", "pruned": "pruned"}
+            write_image(renders / title / f"{camera.name}.png", scene(camera))
+        record_views(renders / title, (camera.name for camera in views))
     pairs = [
-        Pair(targets[title], Path(name).stem, files["unattacked"] / name, files[title] / name)
-        for title in targets
-        if title in models
-        for name in names
+        pair._replace(target=_RENDERS[title])
+        for title in reversed([*models][1:])
+        for pair in pair_images(renders / "unattacked", renders / title)[0]
     ]
     rows = [compare(pair) for pair in track(pairs, "metrics")]
     write_metrics(folder / "metrics.csv", rows)
@@ -244,49 +220,56 @@ def _repair_lines(diagnosis: Mapping[str, Any]) -> list[str]:
     return [f"repair: mean PSNR {before:.2f} dB before, {after:.2f} dB after"]
 
 
-def _renders(folder: Path) -> dict[str, Path]:
-    return {title: folder / "renders" / title for title in _RENDERS}
-
-
 def _remove_older(folder: Path) -> None:
     """Remove what the next run may lack: without colour, without a figure, or killed while it draws."""
     from gspure.images import RENDERED
 
-    shown = [path for renders in _renders(folder).values() for path in (*renders.glob("*.png"), renders / RENDERED)]
-    suffixes = (".png", ".gltf", ".gltf.json", ".vtp", ".vtp.json")
-    drawn = [folder / "figures" / f"{name}{suffix}" for name in _FIGURES for suffix in suffixes]
-    for path in (*shown, *drawn, folder / "metrics.csv"):
+    older = [folder / "figures" / f"{name}{suffix}" for name in _FIGURES for suffix in _SUFFIXES]
+    for renders in (folder / "renders" / title for title in _RENDERS):
+        older += [*renders.glob("*.png"), renders / RENDERED]
+    for path in (*older, folder / "metrics.csv"):
         path.unlink(missing_ok=True)
 
 
-def _draw_views(folder: Path, titles: Collection[str], views: Sequence[Camera]) -> list[str]:
-    """Draw a few of the rendered views before and after, and return a line about the figure."""
-    from gspure.figures.optional import optional
-    from gspure.figures.panels import write_panels
-    from gspure.images import read_image
-
-    captions, path = [], folder / "figures" / "before_after.png"
-    with optional(path):
-        shown = [camera.name for camera in views[:: -(-len(views) // _SHOWN)]]
-        files = [(title, renders) for title, renders in _renders(folder).items() if title in titles]
-        images = {title: {view: read_image(renders / f"{view}.png") for view in shown} for title, renders in files}
-        write_panels(path, images, shown, difference=True)
-        captions.append(f"{path}: {len(shown)} of {len(views)} held-out views before and after, and the difference.")
-    return captions
-
-
-def _draw_model(args: Arguments, model: Gaussians, purification: Purification, cameras: Sequence[Camera]) -> list[str]:
-    """Draw the model, and return a line per figure."""
-    from gspure.figures.gallery import Evidence, drawings
-    from gspure.figures.optional import optional
+def _draw(
+    args: Arguments,
+    public: PublicModel,
+    purification: Purification,
+    cameras: Sequence[Camera],
+    views: Sequence[str],
+    titles: Collection[str],
+) -> list[str]:
+    """Draw some held-out `views` before and after, and the model; return a line for each that succeeds."""
+    from gspure.figures.gallery import Drawing, Evidence, drawings
     from gspure.model.signature import Signature
+    from gspure.progress import warn
 
+    folder, model = args.out / "figures", public.model
     rows = Signature.of(model.table.dtype.names or ()).rows
     arrays = (model.means, purification.labels, purification.weights, purification.prune_mask)
     evidence = Evidence(*arrays, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
+    figures = [*drawings(folder, evidence, cameras)]
+    if public.visible:
+        shown = views[:: -(-len(views) // _SHOWN)]
+        caption = f"{len(shown)} of {len(views)} held-out views before and after, and the difference."
+        before_after = folder / "before_after.png"
+        draw_views = partial(_draw_views, before_after, args.out / "renders", titles, shown)
+        figures.insert(0, Drawing(before_after, caption, draw_views))
     captions = []
-    for path, caption, draw in drawings(args.out / "figures", evidence, cameras):
-        with optional(path):
+    for path, caption, draw in figures:
+        try:
             draw()
             captions.append(f"{path}: {caption}")
+        except Exception as error:  # noqa: BLE001 - plotting libraries raise many types
+            path.unlink(missing_ok=True)
+            warn(f"{path}: not drawn: {' '.join(str(error).split()) or type(error).__name__}")
     return captions
+
+
+def _draw_views(path: Path, renders: Path, titles: Collection[str], views: Sequence[str]) -> None:
+    """Draw views of the rendered models side by side."""
+    from gspure.figures.panels import write_panels
+    from gspure.images import read_image
+
+    images = {title: {view: read_image(renders / title / f"{view}.png") for view in views} for title in titles}
+    write_panels(path, images, views, difference=True)

@@ -26,29 +26,12 @@ _PIECE: Final = 1 << 20
 
 
 def extract(file: Path, archive: Archive, scene: str, folder: Path, *, sha256: str) -> None:
-    """Unpack one scene as a COLMAP project, ``images/`` and ``sparse/``, all of it or nothing.
+    """Unpack one scene of an archive's `file` as a COLMAP project, ``images/`` and ``sparse/``, all of it or nothing.
 
-    Parameters
-    ----------
-    file : Path
-        The archive.
-    archive : Archive
-        What it should hold.
-    scene : str
-        Which of its scenes.
-    folder : Path
-        Where to; its other files stay.
-    sha256 : str
-        The archive's digest, for the record.
+    Other files of `folder` stay; `sha256` is the archive's digest, for the record.
 
-    Raises
-    ------
-    InputError
-        The archive is damaged or encrypted, lacks the scene, unpacks to more than `UNPACKED_RATIO` times its size, or
-        has an entry that would lie outside the scene's folder or whose name does not print.
-    OSError
-        If `folder` cannot be written to.
-
+    Raise `InputError` if the archive is damaged or encrypted, lacks the scene, unpacks to more than `UNPACKED_RATIO`
+    times its size, or has an entry that would lie outside the scene's folder or whose name does not print.
     """
     kept = {archive.photographs[scene]: "images", "sparse": "sparse"}
     wanted = {entry: place for entry, place in _members(file, archive, scene).items() if place.parts[0] in kept}

@@ -25,30 +25,14 @@ _SECONDS_BETWEEN_LINES: Final = 10.0
 
 
 def fetch(url: str, folder: Path) -> tuple[Path, str]:
-    """Download a file into a folder unless it is there, and check it.
+    """Download a file into a folder unless it is there, and check it; return its path and SHA-256.
 
     The digest of the first download is recorded beside the file, as ``NAME.sha256`` in the format of ``sha256sum``, and
     holds from then on: it tells a file that was changed later, not one that was wrong to begin with. If you know the
     right digest, write it there before.
 
-    Parameters
-    ----------
-    url : str
-        What to download.
-    folder : Path
-        Where to.
-
-    Returns
-    -------
-    (Path, str)
-        The file and its SHA-256.
-
-    Raises
-    ------
-    InputError
-        The server does not have it, the connection breaks again and again, or the digest is another. A part that has
-        arrived is kept, and the next call goes on from there.
-
+    Raise `InputError` if the server does not have it, the connection breaks again and again, or the digest is another.
+    A part that has arrived is kept, and the next call goes on from there.
     """
     import pooch
     import requests

@@ -55,28 +55,13 @@ class Pair(NamedTuple):
 
 
 def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None = None) -> tuple[list[Pair], int]:
-    """Pair the PNG files below two folders by their relative paths.
+    """Pair the PNG files below two folders by their relative paths, sorted by target and view.
 
-    Parameters
-    ----------
-    reference, images : Path
-        Folders.
-    against : mapping, optional
-        Targets (subfolders) of `images` that are compared with a differently named target of `reference`.
+    Targets (subfolders) of `images` in `against` are compared with a differently named target of `reference`. Also
+    return the number of images of `reference` without a counterpart: a reference may cover more views.
 
-    Returns
-    -------
-    pairs : list of Pair
-        One per image of `images`, sorted by target and view.
-    unused : int
-        Number of images of `reference` without a counterpart: a reference may cover more views.
-
-    Raises
-    ------
-    InputError
-        If a folder holds no PNG file or lacks one of its record, or `images` has one that `reference` lacks,
-        or no target of `against`.
-
+    Raise `InputError` if a folder holds no PNG file or lacks one of its record, or `images` has one that `reference`
+    lacks, or no target of `against`.
     """
     available, compared = _png_files(reference), _png_files(images)
     renamed, targets = against or {}, {path.parent.as_posix() for path in compared}
@@ -92,20 +77,9 @@ def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None
 
 
 def compare(pair: Pair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
-    """Compare two images.
+    """Compare two images; one of `gspure.evaluation.controls.BASELINES` replaces the second one if `baseline` names it.
 
-    Parameters
-    ----------
-    reference : str
-        Which of `REFERENCES` the first image is.
-    baseline : str, optional
-        A content-free image, one of `gspure.evaluation.controls.BASELINES`, that replaces the second.
-
-    Raises
-    ------
-    InputError
-        If an image cannot be read, or their sizes differ.
-
+    Raise `InputError` if an image cannot be read, or their sizes differ.
     """
     a, b = read_image(pair.reference), read_image(pair.image)
     if a.shape != b.shape:

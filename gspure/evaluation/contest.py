@@ -56,19 +56,13 @@ class Contest(NamedTuple):
 
 
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
-    """Compare GSPure with every other attack, for every condition and extraction of the message.
+    """Compare GSPure with every other attack, for every condition and extraction of the message, in their order.
 
     Controls, and GSPure itself at other strengths, are left out. Only the Score is tested: it is the measure that the
     paper names, and further tests would make the correction harsher. Other quantities have intervals alone.
 
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        In any order; conditions and attacks keep it.
-    sweeps : mapping
-        Variants that are one attack at several strengths; others are sweeps of one strength. The sweep named `GSPURE`
-        is compared with the others at equal `gspure.evaluation.matched.damages`.
-
+    `sweeps` name variants that are one attack at several strengths; others are sweeps of one strength. The sweep named
+    `GSPURE` is compared with the others at equal `gspure.evaluation.matched.damages`.
     """
     rows: list[Contest] = []
     other_strengths = {*sweeps.get(GSPURE, ())} - {GSPURE}

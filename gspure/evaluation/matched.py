@@ -99,16 +99,10 @@ def damages(variants: Iterable[str]) -> Sequence[float]:
 
 
 def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
-    """Compare sweeps at equal `damages`, for every condition and extraction of the message.
+    """Compare sweeps at equal `damages`, for every condition and extraction of the message, in their order.
 
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        In any order; conditions keep it.
-    sweeps : mapping
-        Variants that a condition lacks, or that failed on its models, are skipped. An attack in none of the sweeps is
-        one of a single strength. A sweep has no row at a damage that all its strengths exceed on some model.
-
+    Variants that a condition lacks, or that failed on its models, are skipped. An attack in none of the sweeps is one
+    of a single strength. A sweep has no row at a damage that all its strengths exceed on some model.
     """
     rows = []
     at = damages(o.variant for o in outcomes)

@@ -172,31 +172,13 @@ def collect(
     retrievals: Sequence[Path] = (),
     conditions: Mapping[str, tuple[str, str]] = MappingProxyType({}),
 ) -> list[Outcome]:
-    """Gather the outcomes of all variants.
+    """Gather the outcomes of all variants, sorted by scheme and scene; within each, `UNATTACKED` first.
 
-    Parameters
-    ----------
-    metrics : sequence of Path
-        Files ``.../{scheme}/{scene}/{variant}/metrics.csv``. Scenes that end in ``@1``, ``@2``, ... are repetitions
-        with other random seeds.
-    prune_masks : sequence of Path
-        Masks ``.npy`` bool [K], true where a variant removed the row, anywhere below the variant's folder.
-    truth : sequence of Path
-        Masks ``.npy`` bool [K], true where a row carries the message, anywhere below ``{scheme}/{scene}``.
-    verdicts : sequence of Path
-        Files ``verdict.json`` of `gspure attack`, anywhere below the variant's folder.
-    failures : sequence of Path
-        Statuses of failed jobs (`gspure.failures`): a variant whose ``metrics.csv`` is missing because of one has
-        failed for its reason.
-    retrievals : sequence of Path
-        Files ``.../{scheme}/{scene}/retrieval.csv`` of `gspure retrieve`.
-    conditions : mapping
-        By ``{scheme}/{scene}``, protocol and initialization.
-
-    Returns
-    -------
-    list of Outcome
-        Sorted by scheme and scene; within each, the variant `UNATTACKED` first, then the order given.
+    `metrics` are files ``.../{scheme}/{scene}/{variant}/metrics.csv``; scenes that end in ``@1``, ``@2``, ... are
+    repetitions with other random seeds. The others are optional, and belong to the model or variant below whose folder
+    they lie: `prune_masks` and `truth` (rows that carry the message) are bool [K], `verdicts` of `gspure attack`,
+    `retrievals` of `gspure retrieve`. A variant whose metrics are missing because of one of `failures` has failed for
+    its reason. `conditions` are protocol and initialization by ``{scheme}/{scene}``.
 
     Raises
     ------
@@ -204,7 +186,6 @@ def collect(
         If a file cannot be read, two masks of one model have different lengths, a variant was measured in other views
         than the unattacked model, a variant of a model occurs twice, a condition is of no model (unless
         jobs failed), or every variant failed.
-
     """
     failed = _failed(failures)
     if not metrics:

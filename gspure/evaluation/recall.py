@@ -22,16 +22,7 @@ class Recall(NamedTuple):
 
 
 def recall(pruned: NDArray[np.bool_], truth: NDArray[np.bool_]) -> Recall:
-    """Return precision and recall of a pruning.
-
-    Parameters
-    ----------
-    pruned : array [K], bool
-        True where a row is removed.
-    truth : array [K], bool
-        True where a row carries the message.
-
-    """
+    """Return precision and recall of a pruning; `pruned` and `truth`, the rows that carry the message, are bool [K]."""
     hits = int(np.count_nonzero(pruned & truth))
     return Recall(_ratio(hits, int(pruned.sum())), _ratio(hits, int(truth.sum())))
 

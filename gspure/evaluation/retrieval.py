@@ -74,13 +74,8 @@ def retrieval(similarities: Sequence[Float64]) -> Retrieval:
 def false_candidates(pair: Pair, index: int, decoys: Sequence[Path]) -> list[Path]:
     """Return the scene's photograph of a pair's view, and a picture of every folder of decoys.
 
-    `index` is the number of the view: it selects the picture of a decoy without a view of this name.
-
-    Raises
-    ------
-    InputError
-        If a folder holds no picture.
-
+    `index` is the number of the view: it selects the picture of a decoy without a view of this name. Raise `InputError`
+    if a folder holds no picture.
     """
     pictures = [pair.reference.parents[1] / "scene" / pair.reference.name]
     for folder in decoys:
@@ -94,22 +89,11 @@ def false_candidates(pair: Pair, index: int, decoys: Sequence[Path]) -> list[Pat
 def compare_candidates(pair: Pair, files: Sequence[Path]) -> Float64:
     """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
 
-    The false ones are the message's photograph mirrored, upside down and turned by 180 degrees, and the pictures of
-    the same size among `files`, the scene's photograph first. A picture that is a candidate already, such as the
-    message itself under another name, is left out, unless it is of one colour, as views of different scenes may be.
+    `pair` holds photograph and extraction of the message. The false candidates are the photograph mirrored, upside down
+    and turned by 180 degrees, and the pictures of the same size among `files`, those of `false_candidates`.
 
-    Parameters
-    ----------
-    pair : Pair
-        Photograph and extraction of the message in one view.
-    files : sequence of Path
-        See `false_candidates`.
-
-    Raises
-    ------
-    InputError
-        If an image cannot be read, or the extraction has another size than the photograph.
-
+    Raise `InputError` if an image cannot be read, the extraction has another size than the photograph, or a decoy is
+    the photograph.
     """
     truth, extraction = read_image(pair.reference), read_image(pair.image)
     candidates: list[Float32] = [truth, truth[:, ::-1], truth[::-1], truth[::-1, ::-1]]

@@ -83,15 +83,7 @@ def weight_cloud(means: NDArray[np.float32], weights: NDArray[np.float32]) -> Cl
 
 
 def cluster_cloud(means: NDArray[np.float32], labels: NDArray[np.int32]) -> Cloud:
-    """Colour each Gaussian by its cluster: one colour for each of the largest, shared tints for others, grey for noise.
-
-    Parameters
-    ----------
-    means : float32 array [K,3]
-    labels : int32 array [K]
-        Cluster of each Gaussian, -1 for noise.
-
-    """
+    """Colour each Gaussian by its cluster: a colour for each of the largest, tints for others, grey for noise."""
     coloured = len(style.CLUSTERS)
     palette = [style.rgb(c) for c in (*style.CLUSTERS, *(style.tint(c, _TINT) for c in style.CLUSTERS), style.NOISE)]
     sizes = np.bincount(labels[labels != NOISE_LABEL])
@@ -118,14 +110,6 @@ def rank_cloud(means: NDArray[np.float32], labels: NDArray[np.int32], weights: N
     """Colour each Gaussian by the rank of the weight that decides about it (`gspure.method.pruning.deciding_weights`).
 
     The rank is the share of Gaussians with a lower deciding weight, from 0 to 1; equal weights share their mean rank.
-
-    Parameters
-    ----------
-    means : float32 array [K,3]
-    labels : int32 array [K]
-    weights : float32 array [K]
-        Weights ω_k.
-
     """
     deciding = deciding_weights(labels, weights)
     _, tie, count = np.unique(deciding, return_inverse=True, return_counts=True)
@@ -154,14 +138,8 @@ def kept_cloud(means: NDArray[np.float32], pruned: NDArray[np.bool_]) -> Cloud:
 def share_cloud(means: NDArray[np.float32], weights: NDArray[np.float32], hidden: NDArray[np.float32]) -> Cloud:
     """Colour each Gaussian by the message's share of its weight, h / (h + ω); grey if both are 0.
 
-    h is its weight in views of the message, ω in views of the scene.
-
-    Parameters
-    ----------
-    means : float32 array [K,3]
-    weights, hidden : float32 array [K]
-        Weights, in the scene and in the message (`gspure.schemes.hidden_weight.hidden_weights`).
-
+    `hidden` holds its weight h in views of the message (`gspure.schemes.hidden_weight.hidden_weights`), `weights` ω in
+    views of the scene.
     """
     total = weights.astype(np.float64) + hidden
     share = np.divide(hidden, total, where=total > 0, out=np.full(len(total), np.nan))

@@ -36,18 +36,13 @@ def write_vtp(path: Path, cloud: Cloud) -> None:
 
 
 def write_gltf(path: Path, cloud: Cloud, axes: NDArray[np.floating]) -> None:
-    """Write a cloud as one self-contained glTF 2.0 file of unlit points.
+    """Write a cloud of one or more points as one self-contained glTF 2.0 file of unlit points.
 
     Scalars become application-specific attributes (``_RANK``, ...). VTK's exporter needs OpenGL and stores neither
     vertex colours nor scalars of points.
 
-    Parameters
-    ----------
-    cloud : Cloud
-        At least one point.
-    axes : array [3,3]
-        The world's right, up and front, as rows; glTF's are x, y and z, so the node that holds the points is rotated.
-
+    The rows of `axes` [3,3] are the world's right, up and front; glTF's are x, y and z, so the node that holds the
+    points is rotated.
     """
     points = cloud.points.astype("<f4")
     attributes: dict[str, NDArray[Any]] = {"POSITION": points, "COLOR_0": _linear_rgba(cloud.colours)}

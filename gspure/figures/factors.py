@@ -36,15 +36,9 @@ def curve(points: Sequence[Point], axis: int, method: tuple[float, float]) -> li
 
 
 def write_factor_curves(path: Path, points: Sequence[Point], method: tuple[float, float]) -> None:
-    """Write a panel for each factor and target as a PNG; a ring marks the factors of the method.
+    """Write a panel for each factor and target as a PNG; a ring marks `method`, the tau_n and tau_c of the method.
 
-    Parameters
-    ----------
-    points : sequence of Point
-        All with the same targets.
-    method : tuple of float
-        tau_n and tau_c of the method.
-
+    All points have the same targets.
     """
     targets = [target for target in (SCENE, MESSAGE) if all(target in point.psnr for point in points)]
     with style.page(path, style.COLUMN, 0.45 + 1.05 * len(targets)) as figure:

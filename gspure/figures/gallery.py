@@ -91,15 +91,8 @@ def drawings(
     .vtp, and ``weights.png``. ``purification.png`` follows the paper's Fig. 6: the message before pruning, the ranks,
     and the message after pruning. Without OpenGL, numpy draws the clouds, and their captions say so.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the files; created if it does not exist.
-    cameras : sequence of Camera
-        The model's views, which determine the up direction and whether to look from outside or from within.
-    view : Camera, optional
-        The viewpoint; by default chosen from `cameras`.
-
+    The model's views, `cameras`, determine the up direction and whether to look from outside or from within, unless
+    `view` is the viewpoint.
     """
     means = evidence.means
     problem = gl_problem()

@@ -84,16 +84,8 @@ def typical(truth: Mapping[str, Image], shown: Mapping[str, Image]) -> str:
 def write_lineup(path: Path, targets: Sequence[str], columns: Sequence[Column]) -> None:
     """Write a column of images for every variant and a row for every target as a PNG, as wide as a page.
 
+    The first column is the reference: it has an image of every target; the PSNR of the others is measured against it.
     More than `COLUMNS` columns are split into blocks of about equal size, one below the other.
-
-    Parameters
-    ----------
-    targets : sequence of str
-        The rows.
-    columns : sequence of Column
-        At least one. The first is the reference: it has an image of every target; the PSNR of the others is measured
-        against it.
-
     """
     count = ceil(len(columns) / COLUMNS)
     breadth = ceil(len(columns) / count)

@@ -27,15 +27,8 @@ def write_panels(
 ) -> None:
     """Write rows of views and columns of renderings as a PNG, as wide as a page.
 
-    Parameters
-    ----------
-    columns : mapping of title to (mapping of view to float32 array [H,W,3])
-        At least one. The first is the reference of the PSNR.
-    views : sequence of str
-        Views to show, one row each; every column has them.
-    difference : bool
-        Whether to add a column with `GAIN` times the absolute difference between the last column and the first.
-
+    Every column has all `views`; the first is the reference of the PSNR. `difference` adds a column with `GAIN` times
+    the absolute difference between the last column and the first.
     """
     titles, renderings = list(columns), list(columns.values())
     reference, last = renderings[0], renderings[-1]

@@ -32,21 +32,10 @@ def write_weight_histogram(
     tau_n: float,
     rows: str = "Gaussians",
 ) -> None:
-    """Write a histogram of the weights, with a separate bar for zero.
+    """Write a histogram of the weights [K], with a separate bar for zero and thresholds at mean / tau.
 
-    The number of negative and non-finite weights is a label.
-
-    Parameters
-    ----------
-    weights : float32 array [K]
-        Weights ω_k.
-    pruned : bool array [K]
-        True where a Gaussian is pruned; its share of every bar is coloured.
-    tau_c, tau_n : float
-        Pruning factors: the thresholds are mean / tau.
-    rows : str
-        Gaussians or anchors.
-
+    The share of the `pruned` rows, bool [K], in every bar is coloured. The number of negative and non-finite weights is
+    a label. `rows` are Gaussians or anchors.
     """
     zero, shown = weights == 0, np.isfinite(weights) & (weights > 0)
     decades = np.log10(weights, where=shown, out=np.zeros(len(weights)))

@@ -26,14 +26,8 @@ _DIRECTIONS: Final = 8
 def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> NDArray[np.uint8]:
     """Return a picture of a cloud, uint8 [H,W,3] on white.
 
-    Parameters
-    ----------
-    camera : Camera
-        With square pixels (see `gspure.figures.viewpoint.fitted`); its size is the picture's.
-    opengl : bool
-        Whether to draw with pyvista, which ends the process if OpenGL does not work (see
-        `gspure.figures.probe.gl_problem`).
-
+    The size is that of `camera`, which has square pixels (see `gspure.figures.viewpoint.fitted`). With `opengl`,
+    pyvista draws, which ends the process if OpenGL does not work (see `gspure.figures.probe.gl_problem`).
     """
     cloud = cloud.subset(in_view(cloud.points, camera))
     if len(cloud) == 0:
@@ -98,14 +92,8 @@ def eye_dome(image: NDArray[np.uint8], depth: NDArray[np.float32], radius: int) 
     It shows edges and depth of point clouds, which have no normals. VTK's filter has a fixed strength, at which the
     outlines of small dots hide their colours.
 
-    Parameters
-    ----------
-    image : uint8 array [H,W,3]
-    depth : float32 array [H,W]
-        Distance along the view; inf in the background, which is left unchanged.
-    radius : int
-        Distance to the neighbours in pixels.
-
+    Neighbours are `radius` pixels away. `depth` [H,W] is the distance along the view; inf in the background, which is
+    left unchanged.
     """
     octaves = np.log2(depth)
     height, width = depth.shape

@@ -53,13 +53,8 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
 def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None = None) -> list[Place]:
     """Write the variants of one scheme as named points of a PNG; return those on the front, by damage.
 
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        All variants of one scheme.
-    floor : float, optional
-        Mean over the scenes of the highest control (`gspure.evaluation.survival.floor`), dB; drawn as a line.
-
+    `floor`, the mean over the scenes of the highest control in dB (`gspure.evaluation.survival.floor`), is drawn as a
+    line.
     """
     listed = places(outcomes)
     damage, residual = [place.damage for place in listed], [place.residual for place in listed]

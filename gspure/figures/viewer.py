@@ -39,13 +39,8 @@ def write_viewer(
 ) -> None:
     """Write the data of the viewer as JSON with base64 arrays, little-endian.
 
-    Parameters
-    ----------
-    axes : array [3,3]
-        The world's right, up and front, as rows (`gspure.figures.viewpoint.world_axes`).
-    sh_dc : float32 array [K,3], optional
-        Coefficients of degree 0 of the colour; none where rows have no colour.
-
+    The rows of `axes` [3,3] are the world's right, up and front (`gspure.figures.viewpoint.world_axes`). `sh_dc` [K,3]
+    are the coefficients of degree 0 of the colour; None where rows have no colour.
     """
     count = len(evidence.means)
     shown = np.sort(np.random.default_rng(0).permutation(count)[:MAX_POINTS])

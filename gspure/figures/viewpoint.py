@@ -37,14 +37,6 @@ def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float6
 
     Up is the mean up direction of the cameras; if they do not agree, it is guessed. The front is the side with most
     cameras; without a preferred side or cameras, it is -z, or -y if z is up.
-
-    Parameters
-    ----------
-    means : array [K,3]
-        At least one row.
-    cameras : sequence of Camera
-        The model's views; none is fine.
-
     """
     points = np.asarray(means, np.float64)[_without_floaters(means)]
     flat_side = guessed_up(points, np.ones(len(points)))
@@ -68,14 +60,6 @@ def choose(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
 
     If most cameras are inside the cloud (a room, an open landscape), it is the one that sees the most points, the first
     by name if there are several.
-
-    Parameters
-    ----------
-    means : array [K,3]
-        At least one row.
-    cameras : sequence of Camera
-        The model's views; none is fine.
-
     """
     centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
     low, high = np.quantile(means, _BULK, axis=0)
@@ -86,16 +70,7 @@ def choose(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
 
 
 def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
-    """Return a camera outside the cloud that frames it without floaters, from above and from one side.
-
-    Parameters
-    ----------
-    means : array [K,3]
-        At least one row.
-    axes : array [3,3]
-        See `world_axes`.
-
-    """
+    """Return a camera outside the cloud that frames it without floaters, from above and one side of its axes."""
     right, up, front = axes
     side = np.cos(_AZIMUTH) * front + np.sin(_AZIMUTH) * right
     towards_eye = np.cos(_ELEVATION) * side + np.sin(_ELEVATION) * up

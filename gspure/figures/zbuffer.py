@@ -17,16 +17,8 @@ _PIXELS_AT_ONCE: Final = 4_000_000
 def draw(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """Draw a cloud as dots with a diameter of `size` pixels on white; the nearest dot is visible.
 
-    Parameters
-    ----------
-    cloud : Cloud
-        All points are in view (see `gspure.figures.viewpoint.in_view`).
-
-    Returns
-    -------
-    uint8 array [H,W,3], float32 array [H,W]
-        Colour, and depth along the view (inf in the background).
-
+    All points are in view (see `gspure.figures.viewpoint.in_view`). Return colour [H,W,3], and depth [H,W] along the
+    view, inf in the background.
     """
     pixels, depth = project(cloud.points, camera)
     shape = (camera.height + 2 * size, camera.width + 2 * size)  # dots may cross the border

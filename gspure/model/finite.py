@@ -66,11 +66,8 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
 def require_finite(model: Gaussians, source: str | Path) -> None:
     """Check that geometry, opacity and colour are finite, as stored.
 
-    Raises
-    ------
-    InputError
-        With the first property that is not finite, its number of such rows, and the first of them (from 0).
-
+    Raise `InputError` with the first property that is not finite, its number of such rows, and the first of them (from
+    0).
     """
     for name, rows in non_finite_rows(model, _drawn_columns(model)).items():
         _refuse(model, source, name, rows)

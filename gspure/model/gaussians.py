@@ -178,13 +178,9 @@ class Gaussians:
         opacities: NDArray[Any],
         sh_coeffs: NDArray[Any],
     ) -> Gaussians:
-        """Build a vanilla table from activated parameters (the shapes and units of the properties above).
+        """Build a vanilla table from activated parameters [K,...] (the shapes and units of the properties above).
 
-        Parameters
-        ----------
-        means, quats, scales, opacities, sh_coeffs : arrays [K,3], [K,4], [K,3], [K], [K,S,3]
-            `scales` > 0, 0 < `opacities` < 1; S is 1, 4, 9 or 16.
-
+        `scales` are above 0, `opacities` between 0 and 1; `sh_coeffs` [K,S,3] have 1, 4, 9 or 16 bands S.
         """
         return Gaussians.from_stored(
             means=means,

@@ -24,25 +24,12 @@ from gspure.model.vertices import Vertices, read_header
 def read_ply(path: Path) -> Gaussians:
     """Read a 3DGS PLY: binary of either byte order or ASCII, spherical harmonics of degree 0 to 3 or no colour at all.
 
-    A little-endian binary file is mapped: its table is read-only and takes memory only where it is used. Values are not
-    checked; see `gspure.model.finite`. A compressed PLY is unpacked in memory.
+    Return the rows of ``element vertex``, little-endian, with the file's columns and the header's comments. A
+    little-endian binary file is mapped: its table is read-only and takes memory only where it is used. A compressed PLY
+    is unpacked in memory. Values are not checked; see `gspure.model.finite`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Gaussians
-        The rows of ``element vertex``, little-endian, columns in the file's order, and the header's comments.
-
-    Raises
-    ------
-    InputError
-        If the file is no PLY or no 3DGS model: a property is missing or is not float32, the number of ``f_rest_*`` fits
-        no degree, a property is a list, there is no row, or there are fewer rows than the header says.
-
+    Raise `InputError` if the file is no PLY or no 3DGS model: a property is missing or is not float32, the number of
+    ``f_rest_*`` fits no degree, a property is a list, there is no row, or there are fewer rows than the header says.
     """
     path = Path(path)
     header, offset = read_header(path, "a 3DGS .ply")

@@ -134,18 +134,7 @@ class Audit:
 
 
 def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests: Sequence[Contest]) -> list[Audit]:
-    """Return the audit of every condition.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        All variants of all models; conditions keep their order.
-    survivals : sequence of Survival
-        Of `gspure.evaluation.survival.survival`.
-    contests : sequence of Contest
-        Of `gspure.evaluation.contest.contest`.
-
-    """
+    """Return the audit of every condition, in the order of the outcomes of all variants of all models."""
     return [
         _audit(
             alike,

@@ -92,42 +92,14 @@ def write_report(
 ) -> None:
     """Write the page, whole or not at all. It loads nothing from outside itself, and links the files of the run.
 
-    Figures, viewers and diagnoses belong to the model whose scheme and scene are consecutive folders of their path;
-    figures in ``figures/SCHEME-PROTOCOL-INITIALIZATION`` belong to all models of the condition.
+    `outcomes` are all variants of all models. Figures (PNG, in display order, with captions in the ``.png.json`` beside
+    them), `viewers` (``viewer.json`` of `gspure figures model`) and `diagnoses` (``diagnosis.json`` of `gspure prune`,
+    ``hidden.json`` of `gspure hidden`) belong to the model whose scheme and scene are consecutive folders of their
+    path; figures in ``figures/SCHEME-PROTOCOL-INITIALIZATION`` belong to all models of the condition. Where the renders
+    of an ``attacks.png`` lie beside its folder, the page shows these instead. `links` are files to link, `provenance`
+    those of `gspure.artifacts.write_provenance` to list.
 
-    Parameters
-    ----------
-    path : Path
-        HTML file to write.
-    title : str
-        Heading of the page.
-    outcomes : sequence of Outcome
-        All variants of all models.
-    figures : sequence of Path
-        PNG files, in display order; captions are in the ``.png.json`` beside them. Where the renders of an
-        ``attacks.png`` lie beside its folder, the page shows these instead.
-    diagnoses : sequence of Path
-        ``diagnosis.json`` of `gspure prune`, ``hidden.json`` of `gspure hidden`.
-    matched : sequence of Matched
-        Attacks at equal damage to the scene.
-    survivals : sequence of Survival
-        What every attack leaves of the message.
-    contests : sequence of Contest
-        GSPure minus every other attack.
-    costs : sequence of AttackCost
-        CPU time and memory of every attack.
-    viewers : sequence of Path
-        ``viewer.json`` of `gspure figures model`.
-    links : sequence of Path
-        Files to link: tables, configuration, logs.
-    provenance : sequence of Path
-        JSON files of `gspure.artifacts.write_provenance`, to be listed.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or a figure or diagnosis belongs to none of the models.
-
+    Raise `InputError` if a file cannot be read, or a figure or diagnosis belongs to none of the models.
     """
     from gspure import __version__
 

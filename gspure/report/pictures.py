@@ -78,15 +78,8 @@ def picture(file: Path, page: Path) -> Picture:
 def lineup(figure: Path, outcomes: Sequence[Outcome], further: str = "") -> Lineup | None:
     """Return the renders that a figure of ``gspure figures attacks`` shows; None if they are not beside it.
 
-    Parameters
-    ----------
-    figure : Path
-        ``SCHEME/SCENE/figures/attacks.png``; its record names view and variants.
-    outcomes : sequence of Outcome
-        All variants of the model.
-    further : str
-        A variant to include in any case.
-
+    The record of `figure`, ``SCHEME/SCENE/figures/attacks.png``, names view and variants; `further` is a variant to
+    include in any case.
     """
     match record_of(figure):
         case {"inputs": {"unattacked scene": {"file": str(view)}, **titles}}:

@@ -20,23 +20,11 @@ _RAYS_AT_ONCE = 1 << 17
 
 
 def trace(scene: LitScene, camera: Camera, *, samples: int = 3) -> tuple[Float32, Float32]:
-    """Photograph a scene.
+    """Photograph a scene (see `gspure.scenes.lighting.bake`).
 
-    Parameters
-    ----------
-    scene : LitScene
-        See `gspure.scenes.lighting.bake`.
-    samples : int
-        Odd. A pixel at an edge is the mean of this many by this many rays, through the centres of its equal squares;
-        any other is its centre's ray.
-
-    Returns
-    -------
-    image : float32 [H,W,3]
-        Display values in 0..1.
-    depth : float32 [H,W]
-        View-space z along the ray through the pixel's centre, metres; inf where it leaves the scene.
-
+    Return the image [H,W,3] in 0..1 and the depth [H,W], the view-space z along the ray through the pixel's centre in
+    metres; inf where it leaves the scene. A pixel at an edge is the mean of `samples` by `samples` rays, an odd number,
+    through the centres of its equal squares; any other is its centre's ray.
     """
     if samples < 1 or samples % 2 == 0:
         raise ValueError(f"samples must be odd, so that one ray is the pixel centre's; not {samples}")

@@ -56,16 +56,7 @@ class Scene:
 
 
 def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float64, NDArray[np.intp]]:
-    """Return what rays [N,3] meet first.
-
-    Returns
-    -------
-    distances : array [N]
-        Ray parameters; inf where a ray leaves the scene.
-    solids : array [N]
-        Indices into the scene's solids; -1 where a ray leaves the scene.
-
-    """
+    """Return distances and numbers [N] of the solids that rays [N,3] meet first; inf and -1 if there is none."""
     distances = np.full(len(origins), np.inf)
     solids = np.full(len(origins), -1, np.intp)
     for start in range(0, len(origins), _RAYS_AT_ONCE):

@@ -38,13 +38,8 @@ def opaque(model: Gaussians) -> NDArray[np.bool_]:
 def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | None = None) -> Mesh:
     """Return the surface O(x) = 1/2 in the views of `cameras`.
 
-    The model has its 3-D filter applied (`gspure.surface.filter.filtered`).
-
-    Raises
-    ------
-    InputError
-        The views show too few Gaussians for a tetrahedron, or none that is half opaque.
-
+    The model has its 3-D filter applied (`gspure.surface.filter.filtered`). Raise `InputError` if the views show too
+    few Gaussians for a tetrahedron, or none that is half opaque.
     """
     points = box_points(model.subset(opaque(model)))
     points = points[shown(points, cameras)]
@@ -71,14 +66,8 @@ def opacity_field(
 ) -> NDArray[np.float32]:
     """Return O [P], the minimum over the views of the opacity of the world `points` [P,3]; 1 if no view shows them.
 
-    Parameters
-    ----------
-    renderer : Renderer
-        Of the model, energy "ray".
-    points : array [P,3]
-    outside : float
-        Points below this are not evaluated in further views, so values below it are upper bounds.
-
+    The renderer has the energy "ray". Points below `outside` are not evaluated in further views, so values below it are
+    upper bounds.
     """
     field = np.ones(len(points), np.float32)
     for camera in cameras:

@@ -66,22 +66,11 @@ _TRIANGLES: Final = {case: np.array(_triangles(case)) for case in range(1, 15)}
 
 
 def march(points: NDArray[np.float64], tetrahedra: Indices, inside: NDArray[np.bool_]) -> tuple[Indices, Indices]:
-    """Return the edges that the surface crosses, and its triangles.
+    """Return the edges [V,2] that the surface crosses, and its triangles [F,3].
 
-    Parameters
-    ----------
-    points : array [P,3]
-    tetrahedra : array [T,4]
-        A partition of a convex region, of either orientation.
-    inside : array [P]
-
-    Returns
-    -------
-    edges : array [V,2]
-        Pairs of a point inside and one outside. The mesh has a vertex on each edge.
-    faces : array [F,3]
-        Anticlockwise as seen from outside. Within the region, every edge of a face belongs to exactly two.
-
+    The tetrahedra [T,4], of either orientation, partition a convex region of the points [P,3], of which some are
+    `inside`. Edges are pairs of a point inside and one outside; the mesh has a vertex on each. Faces are anticlockwise
+    as seen from outside. Within the region, every edge of a face belongs to exactly two.
     """
     cases = inside[tetrahedra] @ (1 << np.arange(4))
     crossed = np.flatnonzero((cases > 0) & (cases < 15))

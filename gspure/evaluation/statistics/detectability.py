@@ -34,6 +34,9 @@ class Detectability(NamedTuple):
 def detectability(assets: ArrayLike, controls: ArrayLike) -> Detectability:
     r"""Return how well a statistic separates attacked models from negative controls.
 
+    `assets` [m] and `controls` [n] hold one value each; they must be independent, so not one per view. Infinities are
+    permitted.
+
     The interval holds every :math:`\theta` that the data does not reject, by the variance of Hanley and McNeil with
     both counts replaced by their mean,
 
@@ -43,14 +46,6 @@ def detectability(assets: ArrayLike, controls: ArrayLike) -> Detectability:
 
     (Newcombe 2006, method 5). Unlike a Wald interval, it does not shrink to a point if every model exceeds every
     control: for three against three it is 0.50 to 1.
-
-    Parameters
-    ----------
-    assets : array [m]
-        One value per attacked model; values must be independent, so not one per view.
-    controls : array [n]
-        One value per control. Infinities are permitted.
-
     """
     x, y = np.ravel(assets), np.ravel(controls)
     wins = np.count_nonzero(x[:, None] > y)

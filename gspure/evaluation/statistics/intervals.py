@@ -56,24 +56,12 @@ class Interval(NamedTuple):
 
 
 def mean_interval(values: Sequence[ArrayLike]) -> Interval:
-    """Return the mean over scenes with its interval.
+    """Return the mean over scenes with its interval; `values` are those of the seeds of every scene.
 
-    Parameters
-    ----------
-    values : sequence of array [seeds]
-        The values of the seeds of every scene; scenes may have different numbers of seeds.
+    From six scenes on, it is the expanded percentile interval at `LEVEL`. With fewer, it is the range of the scenes'
+    means, with the probability that it encloses the median scene: 75 % for three, 94 % for five.
 
-    Returns
-    -------
-    Interval
-        From six scenes on, the expanded percentile interval at `LEVEL`. With fewer, the range of the scenes' means,
-        with the probability that it encloses the median scene: 75 % for three, 94 % for five.
-
-    Raises
-    ------
-    InputError
-        If there is no value, or one is not finite.
-
+    Raise `InputError` if there is no value, or one is not finite.
     """
     groups = checked(values)
     means = np.array([group.mean() for group in groups])

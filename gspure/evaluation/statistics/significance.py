@@ -37,24 +37,10 @@ class PairedTest(NamedTuple):
 
 
 def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
-    """Test whether paired differences are centred at 0, by flipping the signs of scenes.
+    """Test whether the differences of the seeds of every scene are centred at 0, by flipping the signs of scenes.
 
-    Parameters
-    ----------
-    differences : sequence of array [seeds]
-        One attack minus the other, in the same seeds of every scene (`gspure.evaluation.statistics.differences`).
-
-    Returns
-    -------
-    PairedTest
-        `p` is exact up to 16 scenes. For more it is estimated; the observed signs count as one of the draws, so `p` is
-        never 0 (Phipson and Smyth 2010).
-
-    Raises
-    ------
-    InputError
-        If there is no value, or one is not finite.
-
+    `p` is exact up to 16 scenes. For more it is estimated; the observed signs count as one of the draws, so `p` is
+    never 0 (Phipson and Smyth 2010). Raise `InputError` if there is no value, or one is not finite.
     """
     means = np.array([group.mean() for group in checked(differences)])
     scenes = len(means)

@@ -19,20 +19,10 @@ DAMAGE_TOLERANCE: Final = 0.04
 
 
 def pareto_front(scene_drops: ArrayLike, message_residuals: ArrayLike) -> NDArray[np.bool_]:
-    """Return the points that no other point dominates, that is, equals or undercuts in both and undercuts in one.
+    """Return which points no other one dominates, that is, equals or undercuts in both and undercuts in one: bool [n].
 
-    Parameters
-    ----------
-    scene_drops : array [n]
-        Damage to the scene, dB.
-    message_residuals : array [n]
-        Quality of the message, such as its PSNR; an attacker minimizes both.
-
-    Returns
-    -------
-    array [n], bool
-        Coincident points are on the front together.
-
+    An attacker minimizes both the damage to the scene and what remains of the message, such as its PSNR. Coincident
+    points are on the front together.
     """
     points = np.column_stack([scene_drops, message_residuals])
     no_worse = (points[:, None] <= points).all(axis=2)
@@ -41,23 +31,11 @@ def pareto_front(scene_drops: ArrayLike, message_residuals: ArrayLike) -> NDArra
 
 
 def matched_message_drop(scene_drops: ArrayLike, message_drops: ArrayLike, at: float) -> float | None:
-    """Return the drop of the message at a fixed drop of the scene.
+    """Return the drop of the message at a fixed drop of the scene, `at`, dB; None outside the scene drops of the sweep.
 
-    Linear between neighbouring points of the sweep's Pareto front. A setting that damages the scene more and removes
-    less than another one is skipped, since an attacker would not choose it.
-
-    Parameters
-    ----------
-    scene_drops, message_drops : array [n]
-        One point per strength, dB, of one model or averaged over models.
-    at : float
-        Drop of the scene, dB.
-
-    Returns
-    -------
-    float or None
-        dB; None if `at` lies outside the scene drops of the sweep. Nothing is extrapolated.
-
+    Drops [n] are those of one point per strength. The result is linear between neighbouring points of the sweep's
+    Pareto front. A setting that damages the scene more and removes less than another one is skipped, since an attacker
+    would not choose it.
     """
     points = np.column_stack([scene_drops, message_drops])
     if not points[:, 0].min() <= at <= points[:, 0].max():
