@@ -223,15 +223,8 @@ class Attack:
     ) -> Match:
         """Return the strength that does a damage of `target` dB, or the nearest to it that `search` finds.
 
-        Parameters
-        ----------
-        public, evidence, seed, cameras, device, **settings
-            As for `apply`; the settings without the strength.
-        target : float
-            Drop of the scene's PSNR, dB.
-        damage_of : callable
-            From `gspure.attacks.strength.scene_damage`.
-
+        `damage_of` is from `gspure.attacks.strength.scene_damage`; the others are those of `apply`, the settings
+        without the strength.
         """
         strength = self.strength
         if strength is None:

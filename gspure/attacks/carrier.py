@@ -16,24 +16,12 @@ from gspure.model.gaussians import Gaussians
 def reached(before: Gaussians, after: Attacked, carrier: Sequence[str]) -> bool:
     """Return whether an attack removed a row of the public model or changed a bit of the carrier.
 
-    Order does not count. Added rows count where they differ from the row they were copied from: an extraction that
-    blends all rows has their positions in its carrier; one that finds its rows by position ignores others.
+    The carrier are the columns that the message is read from: names, or patterns such as ``f_rest_*``; if empty, only
+    removed rows count. Order does not count. Added rows count where they differ from the row they were copied from: an
+    extraction that blends all rows has their positions in its carrier; one that finds its rows by position ignores
+    others.
 
-    Parameters
-    ----------
-    before : Gaussians
-        The public model.
-    after : Attacked
-        The attacked model.
-    carrier : sequence of str
-        The columns that the message is read from: names, or patterns such as ``f_rest_*``. Empty: only removed rows
-        count.
-
-    Raises
-    ------
-    InputError
-        A pattern matches no column of the public model.
-
+    Raise `InputError` if a pattern matches no column of the public model.
     """
     columns = before.table.dtype.names or ()
     for pattern in carrier:

@@ -76,16 +76,9 @@ class Match(NamedTuple):
 def search(strength: Strength, damage_at: Callable[[float], float], target: float) -> Match:
     """Return the value whose damage is nearest to `target` dB, by bisection.
 
-    A damage of at most `target` + `DAMAGE_TOLERANCE` is preferred over a larger one. If the strong end does less than
+    `damage_at` maps a value of the setting to the drop of the scene's PSNR; it is called at most `EVALUATIONS` times. A
+    damage of at most `target` + `DAMAGE_TOLERANCE` is preferred over a larger one. If the strong end does less than
     `target`, it is returned.
-
-    Parameters
-    ----------
-    damage_at : callable
-        From a value of the setting to the damage, dB; called at most `EVALUATIONS` times.
-    target : float
-        Drop of the scene's PSNR, dB.
-
     """
     matches: list[Match] = []
     low, high, position = 0.0, 1.0, 1.0

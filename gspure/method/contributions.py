@@ -84,29 +84,8 @@ def contribute(
 ) -> list[Stage]:
     """Compute the contributions of `public` to every view, except those stored intact in `folder`.
 
-    The model is uploaded and the kernels are built once, and only if a view is computed.
-
-    Parameters
-    ----------
-    cameras : sequence of Camera
-        Views with unique names.
-    folder : Path
-        Of the stage files.
-    device : Device, optional
-        Default: the first that works.
-    energy : {"ray", "ewa"}
-        How a Gaussian is evaluated at a pixel; "ray" is the paper's equation.
-
-    Returns
-    -------
-    list of Stage
-        One per camera, in the order of `cameras`.
-
-    Raises
-    ------
-    InputError
-        If the model holds a number that is not finite.
-
+    Views have unique names; return one stage per view. The model is uploaded and the kernels are built once, and only
+    if a view is computed. Raise `InputError` if the model holds a number that is not finite.
     """
     require_finite(public.model, "model")
     device = device or choose_device()
@@ -129,13 +108,8 @@ def contribute(
 def contribution_key(geometry: str, camera: Camera, energy: str, device: str) -> str:
     """Return the key of one view's contributions, a digest of everything that they depend on.
 
-    Parameters
-    ----------
-    geometry, device : str
-        Digest of the model (`PublicModel.geometry_digest`), and the device (`gspure.opencl.engine.device_identity`).
-    camera : Camera
-        Its numbers count, not its name.
-
+    `geometry` is the digest of the model (`PublicModel.geometry_digest`), `device` its name
+    (`gspure.opencl.engine.device_identity`). The camera's numbers count, not its name.
     """
     return digest(geometry, camera.numbers, energy, rendering_digest(), device)
 
@@ -163,15 +137,10 @@ def read_stage(path: Path, count: int | None = None) -> NDArray[Any]:
 def require_valid(source: str | Path, stage: NDArray[Any]) -> None:
     """Check the contributions [T] of one view, given as `CONTRIBUTION` of finite numbers.
 
-    Indices ascend, every row is touched by a pixel, and as a pixel gives a row between 0 and 1:
-    0 <= max <= sum <= pixels, max <= 1. The kernels for GPUs round each pixel's share of the
-    sum to a multiple of 2^-23, by at most 2^-24.
+    Indices ascend, every row is touched by a pixel, and as a pixel gives a row between 0 and 1: 0 <= max <= sum <=
+    pixels, max <= 1. The kernels for GPUs round each pixel's share of the sum to a multiple of 2^-23, by at most 2^-24.
 
-    Raises
-    ------
-    InputError
-        Of `source`, naming the first row of the model at fault and its values.
-
+    Raise `InputError` of `source` with the first row of the model at fault and its values.
     """
     ascending = np.append(True, stage["index"][1:] > stage["index"][:-1])
     total, largest, pixels = (stage[name].astype(np.float32) for name in ("sum", "max", "pixels"))
@@ -217,12 +186,8 @@ def read_index(*paths: Path) -> list[Stage]:
 def require_result_of(model: str, paths: Sequence[Path]) -> None:
     """Check that indices are of a model, by its digest, and list all views of one measurement.
 
-    Raises
-    ------
-    InputError
-        Naming the first index of another model, of other settings or of another device than the first index, or of
-        another number of views than all indices list together.
-
+    Raise `InputError` naming the first index of another model, of other settings or of another device than the first
+    index, or of another number of views than all indices list together.
     """
     rows = [(path, row) for path in paths for row in _rows(path)]
     for path, (*_, digest_of_model, settings, device, views) in rows:

@@ -31,19 +31,12 @@ LARGEST: Final = 1e6
 
 
 def standardize(columns: NDArray[Any], counted: NDArray[np.bool_] | slice = slice(None)) -> NDArray[np.float64]:
-    r"""Return each column with mean 0 and standard deviation 1; a constant column becomes 0.
+    r"""Return each column [K,C] with mean 0 and standard deviation 1; a constant column becomes 0.
 
     .. math:: (x - \mu) / \sigma
 
-    The result of a row does not depend on the order of the rows.
-
-    Parameters
-    ----------
-    columns : array [K,C]
-        Finite values in the range of float32.
-    counted : array [K], bool, optional
-        The rows that mean and standard deviation are taken over; the result of others is clipped to `LARGEST`.
-
+    Mean and standard deviation are those of the `counted` rows; the result of others is clipped to `LARGEST`. The
+    result of a row does not depend on the order of the rows.
     """
     columns = np.asarray(columns, np.float64)
     if not len(columns):
@@ -56,34 +49,17 @@ def standardize(columns: NDArray[Any], counted: NDArray[np.bool_] | slice = slic
 
 
 def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:
-    r"""Return the joint features F_k of position, opacity and weight.
+    r"""Return the joint features F_k of position, opacity and weight: float64 [K,5].
 
     .. math::
         F_k = \mathrm{Concat}\left(\frac{p_k - \mu_p}{\sigma_p}, \frac{\alpha_k - \mu_\alpha}{\sigma_\alpha},
         \frac{\omega_k - \mu_\omega}{\sigma_\omega}\right)
 
-    (paper, §Geometrically Accurate Feature Clustering.) Positions are standardized per coordinate. `OUTLYING` rows that
-    `STRETCH` the positions are left out of means and standard deviations, with a warning: one of them can make all
-    other positions equal.
+    (paper, §Geometrically Accurate Feature Clustering.) Positions, in world units, are standardized per coordinate.
+    `OUTLYING` rows that `STRETCH` the positions are left out of means and standard deviations, with a warning: one of
+    them can make all other positions equal.
 
-    Parameters
-    ----------
-    means : array [K,3]
-        Centres, world units.
-    opacities : array [K]
-        Activated opacities, 0 to 1.
-    weights : array [K]
-        Weights ω_k.
-
-    Returns
-    -------
-    array [K,5], float64
-
-    Raises
-    ------
-    InputError
-        If any value is not finite, with the number of such rows and the first of them.
-
+    Raise `InputError` if any value is not finite, with the number of such rows and the first of them.
     """
     raw = np.column_stack([means, opacities, weights]).astype(np.float64)
     bad = ~np.isfinite(raw)

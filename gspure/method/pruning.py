@@ -26,23 +26,12 @@ def mean_weight(weights: NDArray[Any]) -> float:
 
 
 def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:
-    r"""Return the mean weight of every cluster.
+    r"""Return the mean weight of every cluster: float64 [M].
 
     .. math:: \tilde\Omega(C_i) = \frac{1}{|C_i|} \sum_{k \in C_i} \omega_k
 
-    (paper, §Geometrically Accurate Feature Clustering.)
-
-    Parameters
-    ----------
-    labels : array [K], int
-        Clusters 0 .. M-1, none of them empty; -1 is noise.
-    weights : array [K]
-        Weights ω_k.
-
-    Returns
-    -------
-    array [M], float64
-
+    (paper, §Geometrically Accurate Feature Clustering.) Labels [K] are clusters 0 .. M-1, none of them empty; -1 is
+    noise.
     """
     ascending = np.argsort(weights)
     clustered = ascending[labels[ascending] != NOISE_LABEL]
@@ -59,7 +48,7 @@ def deciding_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.
 
 
 def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C, tau_n: float = TAU_N) -> Mask:
-    r"""Return the prune mask of adaptive pruning.
+    r"""Return the prune mask [K] of adaptive pruning, for labels and weights [K].
 
     .. math::
         \mathrm{Prune}(G_k) = \begin{cases}
@@ -67,22 +56,7 @@ def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C
         \mathbb{I}(\omega_k < \bar\omega / \tau_n) & G_k \in \mathcal{N}
         \end{cases}
 
-    (paper, §Adaptive Pruning.)
-
-    Parameters
-    ----------
-    labels : array [K], int
-        Clusters 0 .. M-1; -1 is noise.
-    weights : array [K]
-        Weights ω_k.
-    tau_c, tau_n : float
-        Cluster and noise pruning factors, > 0; larger ones prune less.
-
-    Returns
-    -------
-    array [K], bool
-        True where the Gaussian is pruned.
-
+    (paper, §Adaptive Pruning.) The cluster and noise pruning factors are above 0; larger ones prune less.
     """
     mean = mean_weight(np.asarray(weights, np.float64))
     thresholds = mean / _factor("tau_c", tau_c), mean / _factor("tau_n", tau_n)
@@ -90,22 +64,9 @@ def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C
 
 
 def plain_prune_mask(weights: NDArray[Any], tau: float = TAU_N) -> Mask:
-    r"""Return the prune mask without clustering, the baseline of comparisons.
+    r"""Return the prune mask [K] without clustering, the baseline of comparisons, for weights [K] and a factor above 0.
 
     .. math:: \mathbb{I}(\omega_k < \bar\omega / \tau)
-
-    Parameters
-    ----------
-    weights : array [K]
-        Weights ω_k.
-    tau : float
-        Pruning factor, > 0.
-
-    Returns
-    -------
-    array [K], bool
-        True where the Gaussian is pruned.
-
     """
     return np.asarray(weights, np.float64) < mean_weight(weights) / _factor("tau", tau)
 

@@ -42,16 +42,8 @@ class Subpixel:
 def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> Subpixel | None:
     """Return the rows of weight 0 whose footprint, alpha >= 1/255, is smaller than a pixel in every view; else None.
 
-    The footprint of the energy "ray", which has no dilation, may fall between pixel centres. Its area is that of the
-    linearized projection, which is exact for small Gaussians.
-
-    Parameters
-    ----------
-    weights : array [K]
-        Measured with the energy "ray".
-    cameras : sequence of Camera
-        The views of the weights.
-
+    The weights are of these views and the energy "ray", whose footprint has no dilation and may fall between pixel
+    centres. Its area is that of the linearized projection, which is exact for small Gaussians.
     """
     rows = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN))
     weightless = Gaussians(model.table[rows])

@@ -22,21 +22,13 @@ HEAVY_SHARE: Final = 0.1
 
 
 def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[np.float64]:
-    r"""Return ω_{k,v} of the Gaussians touched in one view.
+    r"""Return ω_{k,v} of the Gaussians touched in one view, from its `gspure.renderer.CONTRIBUTION` records [T].
 
     .. math:: \omega_{k,v} = \alpha_k E(G_k, o_v, r_v) \prod_{j<k} (1 - \alpha_j E(G_j, o_v, r_v))
 
     (paper, §View-Aware Gaussian Weight Accumulation.) The equation is that of one ray. The paper does not define the
     reduction over the pixels of a view, so it is a setting. `sum` is the result of an atomic addition in a rasterizer;
     `max` is the largest pixel; `mean_touched` is the sum divided by the number of touched pixels.
-
-    Parameters
-    ----------
-    stage : structured array [T]
-        The view's contributions: ``index`` u4, ``sum`` f4, ``max`` f4, ``pixels`` u4, one row per touched Gaussian.
-    reduction : {"sum", "max", "mean_touched"}
-        How the pixels become one number.
-
     """
     if reduction == "sum":
         return np.asarray(stage["sum"], np.float64)
@@ -60,32 +52,13 @@ def evenly_spread(stages: Sequence[Stage], views: int) -> list[Stage]:
 
 
 def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction = "sum") -> NDArray[np.float32]:
-    r"""Return the weights ω_k.
+    r"""Return the weights ω_k of `count` Gaussians: float32 [K].
 
     .. math:: \omega_k = \frac{1}{N} \sum_{v=1}^{N} \omega_{k,v}
 
-    (paper, §View-Aware Gaussian Weight Accumulation.) N counts every view, including those that do not show a
-    Gaussian. Views are summed in float64 in the order of `stages`, so the result is bit-identical however they were
-    divided into parts.
-
-    Parameters
-    ----------
-    stages : iterable of structured arrays
-        One array of contributions per view (see `view_weights`); read one at a time.
-    count : int
-        Number K of Gaussians.
-    reduction : {"sum", "max", "mean_touched"}
-        How the pixels of a view become one number.
-
-    Returns
-    -------
-    array [K], float32
-
-    Raises
-    ------
-    InputError
-        If there is no view.
-
+    (paper, §View-Aware Gaussian Weight Accumulation.) N counts every view, including those that do not show a Gaussian.
+    Views are read one at a time and summed in float64 in the order of `stages`, so the result is bit-identical however
+    they were divided into parts. Raise `InputError` if there is no view.
     """
     total = np.zeros(count, np.float64)
     views = 0

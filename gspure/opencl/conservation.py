@@ -15,23 +15,11 @@ _HINT = "the OpenCL driver computes wrongly; choose another device: `gspure doct
 
 
 def require_conservation(view: str, contributions: NDArray[np.void], transmittance: NDArray[np.float32]) -> None:
-    """Check that contributions and transmittance are shares of the light and add up to all of it.
+    """Check that contributions and transmittance [H,W] of a view are shares of the light and add up to all of it.
 
-    Parameters
-    ----------
-    view : str
-        Name of the view, for error messages.
-    contributions : array [n] of `gspure.renderer.CONTRIBUTION`
-    transmittance : array [H,W]
-        Share of the background in each pixel.
-
-    Raises
-    ------
-    InputError
-        With view, row (or pixel) and value, if a sum or maximum of a row is negative, infinite or not a number, a
-        maximum exceeds `ALPHA_MAX`, a transmittance lies outside 0 to 1, or the sums do not add up to the light that
-        the transmittance lacks.
-
+    Raise `InputError` with view, row (or pixel) and value, if a sum or maximum of a row is negative, infinite or not a
+    number, a maximum exceeds `ALPHA_MAX`, a transmittance lies outside 0 to 1, or the sums do not add up to the light
+    that the transmittance lacks.
     """
     largest = {"sum": np.finfo(np.float32).max, "max": np.float32(ALPHA_MAX)}
     for name, most in largest.items():

@@ -78,13 +78,8 @@ def list_devices() -> tuple[Device, ...]:
 def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
     """Return the devices that match `spec`, or else the environment variable GSPURE_DEVICE, or else all.
 
-    `spec` is an index, or a part of the name of the device or platform, or of its version ("pocl"), in any case.
-
-    Raises
-    ------
-    InputError
-        If no device matches.
-
+    `spec` is an index, or a part of the name of the device or platform, or of its version ("pocl"), in any case. Raise
+    `InputError` if no device matches.
     """
     devices = list_devices()
     spec = spec or os.environ.get(DEVICE_VARIABLE)
@@ -126,11 +121,8 @@ def fault(device: Device, factor: int = 3) -> str | None:
 def built(context: cl.Context, source: str, options: Sequence[str], **settings: Any) -> cl.Program:
     """Build a program; warnings of the driver's compiler are discarded, since some drivers always have some.
 
-    Raises
-    ------
-    MemoryError
-        If the driver runs out of memory; a process that then releases the program would hang in PoCL, so it is kept.
-
+    Raise MemoryError if the driver runs out of memory; a process that then releases the program would hang in PoCL, so
+    it is kept.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)
@@ -147,17 +139,10 @@ def works(device: Device) -> bool:
 
 
 def choose_device(spec: str | None = None) -> Device:
-    """Return the first matching device that works, GPUs before CPUs.
+    """Return the first device of `matching_devices` that works, GPUs before CPUs.
 
-    If devices are named, no other one replaces them.
-
-    `spec` is that of `matching_devices`.
-
-    Raises
-    ------
-    InputError
-        If no device matches, or none that matches works.
-
+    If devices are named, no other one replaces them. Raise `InputError` if no device matches, or none that matches
+    works.
     """
     matching = matching_devices(spec)
     for device in matching:

@@ -28,17 +28,10 @@ class Condensed(NamedTuple):
 
 
 def condense(engine: Engine, edges: NDArray[Any], level_starts: NDArray[Any], min_cluster_size: int) -> Condensed:
-    """Return the hierarchy of all components of at least `min_cluster_size` points.
+    """Return the hierarchy of all components of at least `min_cluster_size` points, 2 or more.
 
-    Parameters
-    ----------
-    edges : array [K-1,2], int
-        A spanning tree of K points, K >= `min_cluster_size`.
-    level_starts : array [L+1], int
-        The first edge of each level, and K - 1.
-    min_cluster_size : int
-        At least 2.
-
+    `edges` [K-1,2] are a spanning tree of at least as many points; `level_starts` [L+1] are the first edge of each
+    level, and K - 1.
     """
     count = len(edges) + 1
     most = 2 * (count // min_cluster_size)

@@ -41,15 +41,9 @@ class Rendered:
 
 
 def forward(frame: Frame, background: Sequence[float] = (0.0,), entry_budget: int = ENTRY_BUDGET) -> Rendered:
-    """Render a frame.
+    """Render a frame, with at most `entry_budget` tile entries at a time.
 
-    Parameters
-    ----------
-    background : sequence of C floats
-        One value where the frame has no channels.
-    entry_budget : int
-        Most tile entries held at a time.
-
+    `background` has one value per channel, and one where the frame has no channels.
     """
     if len(background) != max(frame.traversal.channels, 1):
         raise ValueError(f"background has {len(background)} values for {frame.traversal.channels} channels")

@@ -108,23 +108,9 @@ def minimum_spanning_tree(
 ) -> tuple[NDArray[np.intp], Floats, Floats]:
     """Return the minimum spanning tree of distinct points under the mutual reachability distance.
 
-    Parameters
-    ----------
-    points : array [U,C]
-        At least two, all different.
-    copies : array [U], int
-        Number of points that each of them stands for.
-    min_samples : int
-        Counts other points; below the sum of `copies`.
-
-    Returns
-    -------
-    ends : array [U-1,2], int
-        The lower and the higher point of each edge.
-    distances : array [U-1]
-        Lengths of the edges.
-    core_distances : array [U]
-
+    There are two or more `points` [U,C], each of which stands for `copies` [U] points; `min_samples` counts other
+    points, and is below the sum of `copies`. Return the lower and the higher point of each edge [U-1,2], the lengths of
+    the edges [U-1], and the core distances [U].
     """
     search = _Search(engine, points, copies, min_samples)
     component, components = np.arange(search.count, dtype=np.uint32), search.count
@@ -145,17 +131,8 @@ def _join(targets: Indices, lengths: Floats) -> tuple[NDArray[np.intp], int, NDA
     """Join each component to its target, without cycles.
 
     Two components that are each other's target need one edge. Longer cycles have edges of equal length; one of them is
-    left out.
-
-    Returns
-    -------
-    kept : array, int
-        Components whose edges join the tree.
-    joined : int
-        Number of new components.
-    labels : array, int
-        The new component of each old one.
-
+    left out. Return the components whose edges join the tree, the number of new components, and the new component of
+    each old one.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components

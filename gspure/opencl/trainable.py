@@ -149,11 +149,7 @@ class TrainableModel:
     ) -> float:
         """Render `camera`, compare with photograph number `target`, and move every parameter; return the loss.
 
-        Raises
-        ------
-        ValueError
-            If the photograph is not of the camera's size.
-
+        Raise ValueError if the photograph is not of the camera's size.
         """
         loss, rendered, gradients = self.differentiate(camera, target, background, ssim_weight)
         self._count_view(rendered, gradients)

@@ -60,18 +60,8 @@ _PUSHED: Final[dict[str, Callable[[Any], Any]]] = {
 def read_tensors(path: Path, stream: BinaryIO | None = None) -> dict[str, Tensor]:
     """Read the tensors of a state dict (``.pth``) or a TorchScript module (``.pt``), by dotted name.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    stream : binary file, optional
-        The content of the file, if it is in memory.
-
-    Raises
-    ------
-    InputError
-        The file is no such archive, or its pickle does more than describe dense tensors of numbers.
-
+    `stream` is the content of the file, if it is in memory. Raise `InputError` if the file is no such archive, or its
+    pickle does more than describe dense tensors of numbers.
     """
     with reading(path, "a PyTorch archive"), zipfile.ZipFile(stream or path) as archive:
         return dict(_tensors(_Description(Path(path), archive).tree(), "", set()))

@@ -21,18 +21,7 @@ def train(
     seed: int,
     device: Device | None = None,
 ) -> Gaussians:
-    """Return a 3DGS model of a pair's scene or message.
-
-    Parameters
-    ----------
-    capture : Capture
-        ``pair.scene`` or ``pair.message``.
-    begin : Parameters
-        Gaussians to start from.
-    iterations, max_gaussians, seed, device
-        As for `gspure train`.
-
-    """
+    """Return a 3DGS model of a pair's scene or message; the other parameters are those of `gspure train`."""
     snapshot = beginning(begin, seed)
     model = TrainableModel(snapshot.state, device=device)
     model.set_targets(capture.images)

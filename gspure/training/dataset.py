@@ -78,26 +78,13 @@ def read_dataset(
 ) -> Dataset:
     """Read views and points, and check that a model can be trained from them.
 
-    Parameters
-    ----------
-    source : Path
-        A Blender scene's folder with its splits, or any source of `gspure.cameras.read_cameras`; without splits,
-        `gspure.cameras.split` makes them.
-    scale : str
-        Image size, a rule of `gspure.cameras.scaled`.
-    photographs : Path, optional
-        Folder of photographs named after the views, instead of those that the source names.
-    skip_missing : bool
-        Leave out views whose photograph is missing, instead of refusing them.
-    seed : int
-        Of the random points that replace missing ones.
+    `source` is a Blender scene's folder with its splits, or any source of `gspure.cameras.read_cameras`; without
+    splits, `gspure.cameras.split` makes them. `scale` is a rule of `gspure.cameras.scaled`. The folder `photographs`,
+    whose files are named after the views, replaces those that the source names. `skip_missing` leaves out views whose
+    photograph is missing. `seed` is that of the random points that replace missing ones.
 
-    Raises
-    ------
-    InputError
-        A camera or point file is unreadable; a photograph is missing, smaller than its view or of another shape; all
-        views have the same position; or no training view contains any of the points.
-
+    Raise `InputError` if a camera or point file is unreadable; a photograph is missing, smaller than its view or of
+    another shape; all views have the same position; or no training view contains any of the points.
     """
     source = Path(source)
     views = read_views(source)

@@ -89,25 +89,10 @@ def plan(
     rng: np.random.Generator,
     max_gaussians: int | None = None,
 ) -> Growth:
-    """Decide which Gaussians grow and which are pruned.
+    """Decide which of K Gaussians grow and which are pruned, from `statistics` since the last densification.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        K Gaussians.
-    opacities : array [K]
-        Their opacities for the pruning rule.
-    statistics : Statistics
-        Since the last densification.
-    extent : float
-        Of the scene, in world units.
-    prune_big : bool
-        Whether to prune big ones.
-    rng : Generator
-        Places the halves.
-    max_gaussians : int, optional
-        Upper bound; the Gaussians with the largest gradients grow first.
-
+    `opacities` [K] are those of the pruning rule, `extent` is that of the scene in world units, and `rng` places the
+    halves. Up to `max_gaussians`, those with the largest gradients grow first.
     """
     sizes = np.exp(parameters.log_scales).max(axis=1)
     grown = _grown(statistics, max_gaussians)

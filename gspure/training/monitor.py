@@ -19,15 +19,8 @@ Show = Callable[[int, str], None]
 def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], done: int = 0) -> Iterator[float]:
     """Yield `losses`, one per iteration, and report their mean since the last report, `state` and speed.
 
-    Parameters
-    ----------
-    losses : iterable of float
-        The run; each step of this iterable is an iteration of training.
-    state : callable
-        Describes the current model, such as ``"PSNR 30.12  12000 Gaussians"``; called once per report.
-    done : int
-        Iterations done before.
-
+    `state` describes the current model, such as ``"PSNR 30.12 12000 Gaussians"``, and is called once per report; `done`
+    iterations were done before.
     """
     terminal = shows_bars()
     with (_bar if terminal else _lines)(iterations) as show:

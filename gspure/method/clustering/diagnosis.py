@@ -114,24 +114,10 @@ class Diagnosis:
 def diagnose(
     labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C, tau_n: float = TAU_N, coincident: int = 0
 ) -> Diagnosis:
-    """Compare pruning with `labels` with the rule without clustering.
+    """Compare pruning by clusters with the rule without clustering.
 
-    Parameters
-    ----------
-    labels : array [K], int
-        Clusters 0 .. M-1; -1 is noise.
-    weights : array [K]
-        Weights ω_k.
-    tau_c, tau_n : float
-        Pruning factors.
-    coincident : int
-        From `gspure.method.clustering.coincident_points`.
-
-    Raises
-    ------
-    InputError
-        If there are not as many labels as weights.
-
+    `coincident` is the number of `gspure.method.clustering.coincident_points`. Raise `InputError` if there are not as
+    many labels [K], -1 for noise, as weights [K].
     """
     if len(labels) != len(weights):
         raise InputError("clustering", "labels", expected=f"{len(weights)}, as many as weights", found=str(len(labels)))

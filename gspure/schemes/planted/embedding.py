@@ -47,24 +47,10 @@ def embed(
     message_weight: float = 1.0,
     gaussians: int = 24_000,
 ) -> tuple[PublicModel, PlantedKey | None]:
-    """Plant the pair's message in its scene.
+    """Plant the pair's message in its scene; a message weight of 0 instead of 1 gives the clean model, and no key.
 
-    Parameters
-    ----------
-    pair : Pair
-        A ray-traced one.
-    device : Device, optional
-        Not used.
-    message_weight : float
-        1, or 0 for the scene's clean model, and no key.
-    gaussians : int
-        Of scene and message together; fewer come out where some serve both.
-
-    Raises
-    ------
-    InputError
-        A setting is out of range, or the pair is not a ray-traced one.
-
+    `gaussians` are those of scene and message together; fewer come out where some serve both. Raise `InputError` if a
+    setting is out of range, or the pair is not a ray-traced one.
     """
     require("planted", "message_weight", message_weight, "0 or 1", fits=message_weight in (0, 1))
     require("planted", "gaussians", gaussians, f"at least {LEAST_GAUSSIANS}", fits=gaussians >= LEAST_GAUSSIANS)

@@ -48,15 +48,8 @@ def embed(
 ) -> tuple[PublicModel, SplatsInSplatsKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
-    Parameters
-    ----------
-    iterations : int
-        Length of the joint training.
-    message_weight : float
-        Share of the message's loss; that of the scene is 1.
-    shift : int
-        k of `gspure.schemes.splats_in_splats.bits`.
-
+    The joint training takes `iterations` steps; `message_weight` is the share of the message's loss, that of the scene
+    is 1; `shift` is k of `gspure.schemes.splats_in_splats.bits`.
     """
     least, most = bits.SHIFT_RANGE
     require("splats_in_splats", "shift", shift, f"{least} to {most}", fits=least <= shift <= most)
