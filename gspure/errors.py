@@ -77,27 +77,13 @@ def _short(text: str) -> str:
 
 @contextmanager
 def reading(path: str | Path, content: str, field: str = "file") -> Iterator[None]:
-    """Read a file in the block: whatever goes wrong there becomes an `InputError`.
+    """Read the `field` of a file that should hold `content` in the block: whatever goes wrong becomes an `InputError`.
 
     Libraries raise almost any exception when a file is damaged or hostile, so every exception counts as the file's
     fault; keep the block to what depends on the file. The original exception is kept as the cause. Warnings about
     damage that a library copes with are discarded, as they take several lines and name places in its code.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    content : str
-        What it should hold.
-    field : str
-        The part of the file that is read.
-
-    Raises
-    ------
-    InputError
-        The file is missing (`MissingFileError`, which is also a `FileNotFoundError`), a folder, a pipe or a device,
-        cannot be read or holds something else.
-
+    A missing file becomes a `MissingFileError`, which is also a `FileNotFoundError`.
     """
     try:
         with warnings.catch_warnings():

@@ -56,26 +56,15 @@ def opened(path: str | Path) -> Iterator[ImageFile]:
 def read_image(
     path: str | Path, size: tuple[int, int] | None = None, background: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> Float32:
-    """Read an image as float32 [H,W,3] in 0..1.
+    """Read an 8-bit image of one of `FORMATS` as float32 [H,W,3] in 0..1.
 
-    Grey images get three equal channels. Transparent ones are composited on the background. An orientation noted in
-    the file's EXIF data is not applied, as camera poses belong to the pixels as stored.
+    Grey images get three equal channels. Transparent ones are composited on the background, rounded to 8 bits. An
+    orientation noted in the file's EXIF data is not applied, as camera poses belong to the pixels as stored.
 
-    Parameters
-    ----------
-    path : str or Path
-        An 8-bit image, one of `FORMATS`.
-    size : (int, int), optional
-        Width and height wanted. A larger image is reduced by Pillow's antialiased bicubic filter before it becomes
-        float, which is what 3DGS compares with; a smaller one is refused, since enlarging invents detail.
-    background : sequence of 3 floats
-        Colour behind transparent pixels, 0 to 1, rounded to 8 bits.
+    An image larger than `size` (width, height) is reduced by Pillow's antialiased bicubic filter before it becomes
+    float, which is what 3DGS compares with; a smaller one is refused, since enlarging invents detail.
 
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, not 8-bit, too large, or smaller than `size`.
-
+    Raise `InputError` if the file is missing, damaged, not 8-bit, too large, or smaller than `size`.
     """
     from PIL import Image
 
@@ -119,14 +108,7 @@ def read_back(array: NDArray[np.floating]) -> Float32:
 
 
 def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
-    """Refuse a folder with PNG files of other views, of another model perhaps, which count in every later comparison.
-
-    Raises
-    ------
-    InputError
-        Naming the first of them.
-
-    """
+    """Refuse a folder with PNG files of other views, which would count in every later comparison."""
     others = sorted({path.stem for path in folder.glob("*.png")} - {*views})
     if others:
         found = f"{len(others)} more: {others[0]}.png" + ", ..." * (len(others) > 1)
@@ -140,14 +122,7 @@ def record_views(folder: Path, views: Iterable[str]) -> None:
 
 
 def require_all_images(folder: Path) -> None:
-    """Refuse a folder that lacks the image of a view in its record; a folder without a record passes.
-
-    Raises
-    ------
-    InputError
-        Naming the first of them.
-
-    """
+    """Refuse a folder that lacks the image of a view in its record; a folder without a record passes."""
     views = read_json(folder / RENDERED) if (folder / RENDERED).is_file() else []
     if missing := [view for view in views if not (folder / f"{view}.png").is_file()]:
         found = f"all but {len(missing)}: {missing[0]}.png" + ", ..." * (len(missing) > 1)

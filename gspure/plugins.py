@@ -24,21 +24,9 @@ T = TypeVar("T", bound=Named)
 def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callable[[T, str], None]) -> dict[str, T]:
     """Return the built-in objects and those of the entry points of `group`, by name.
 
-    Parameters
-    ----------
-    group : str
-        Group of entry points; also the package that defines `kind`.
-    kind : type
-        Type of the objects.
-    built_in : iterable of `kind`
-    require : callable
-        Refuses an unsuitable plug-in, given the plug-in and its source.
-
-    Raises
-    ------
-    InputError
-        A plug-in cannot be imported, has another type, is unsuitable, or takes a name that is already in use.
-
+    `group` is also the package that defines `kind`; `require` refuses an unsuitable plug-in, given the plug-in and its
+    source. Raise `InputError` if a plug-in cannot be imported, has another type, is unsuitable, or takes a name that is
+    already in use.
     """
     by_name = {plugin.name: plugin for plugin in built_in}
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
@@ -69,15 +57,9 @@ def _source(entry: EntryPoint, group: str) -> str:
 
 
 def require_packages(packages: Mapping[str, str], user: str) -> None:
-    """Raise `InputError` if an optional package is not installed.
+    """Raise `InputError` if an optional package that `user`, an attack or scheme, needs is not installed.
 
-    Parameters
-    ----------
-    packages : mapping of str to str
-        By the name under which each is imported, what pip is to install for it.
-    user : str
-        The attack or scheme that needs them.
-
+    `packages` are, by the name under which each is imported, what pip is to install for it.
     """
     for package, requirement in packages.items():
         if find_spec(package) is None:

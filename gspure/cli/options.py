@@ -225,11 +225,7 @@ def require_variants(table: Path, variants: Iterable[str], known: Iterable[str],
 def parsed_settings(source: str, defaults: Mapping[str, Setting], texts: Mapping[str, str]) -> dict[str, Setting]:
     """Return settings, each in the type of its default; unknown ones are strings.
 
-    Raises
-    ------
-    InputError
-        Of `source`, if a value is not a number although the default is.
-
+    Raise `InputError` of `source` if a value is not a number although the default is.
     """
     settings = {}
     for name, value in texts.items():

@@ -23,22 +23,9 @@ _EXPECTED = {
 
 
 def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) -> dict[str, Any]:
-    """Return a copy of `config` in which every absent setting has its default.
+    """Return a copy of `config`, which the user wrote in `source`, in which every absent setting has its default.
 
-    Parameters
-    ----------
-    config : mapping
-        What the user wrote.
-    schema_file : Path
-        JSON schema (draft 2020-12) as YAML.
-    source : str or Path
-        Where `config` came from, for the error message.
-
-    Raises
-    ------
-    InputError
-        Naming the first setting at fault.
-
+    `schema_file` is a JSON schema (draft 2020-12) as YAML. Raise `InputError` naming the first setting at fault.
     """
     import jsonschema
     import yaml

@@ -30,15 +30,9 @@ STAGES: Final[Mapping[str, Sequence[str]]] = {
 
 
 def decisions(config: Settings, suited: Mapping[str, float]) -> dict[str, dict[str, Any]]:
-    """Return all settings of every decision by name, that of the method first.
+    """Return all settings of every decision of a validated configuration by name, that of the method first.
 
-    Parameters
-    ----------
-    config : mapping
-        A validated configuration.
-    suited : mapping
-        The pruning factors that suit the scheme, for those that are null.
-
+    `suited` are the pruning factors that suit the scheme, for those that are null.
     """
     common = {"cluster_on": list(PARTS), **config["method"]}
     every = {DEFAULT: common, **{name: {**common, **changed} for name, changed in config["decisions"].items()}}
@@ -55,16 +49,9 @@ def origin(among: Decisions, name: str, artifact: str) -> str:
 def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
     """Return the variants of each sweep, that is, of one attack at several strengths, by its name.
 
-    A strength is a number: a setting of the attack, or a pruning factor of its decision. Variants that differ in
-    anything else are different sweeps. A single variant is no sweep.
-
-    Parameters
-    ----------
-    variants : mapping
-        Settings by variant, each with its attack (`gspure.workflow.configuration.resolved`).
-    among : mapping
-        The scheme's decisions.
-
+    A strength is a number: a setting of the attack, or a pruning factor of its decision, `among` those of the scheme.
+    Variants that differ in anything else are different sweeps. A single variant is no sweep. `variants` are settings by
+    variant, each with its attack (`gspure.workflow.configuration.resolved`).
     """
     found: dict[tuple[object, ...], list[str]] = {}
     for variant, settings in variants.items():

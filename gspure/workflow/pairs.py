@@ -54,15 +54,9 @@ def pair_files(pair: Pair) -> list[str]:
 
 
 def pair_arguments(pair: Pair, off_path: int) -> str:
-    """Return the arguments of `gspure pair`: scene, message, and the settings that apply.
+    """Return the arguments of `gspure pair`: scene, message, and the settings of an entry of ``pairs`` that apply.
 
-    Parameters
-    ----------
-    pair : mapping
-        An entry of ``pairs``.
-    off_path : int
-        Number of views off the camera path, of ray-traced pairs.
-
+    `off_path` is the number of views off the camera path, of ray-traced pairs.
     """
     sources = shlex.join([pair["scene"], message_model(pair)])
     if is_photographed(pair):
