@@ -7,10 +7,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gspure.cameras import read_cameras, read_points
+from gspure.cameras.reading import read_lenses
 from gspure.errors import InputError
 from tests.camera_cases import project, rotation_from
 
-MODEL_IDS = {"SIMPLE_PINHOLE": 0, "PINHOLE": 1, "SIMPLE_RADIAL": 2, "OPENCV": 4}
+MODEL_IDS = {"SIMPLE_PINHOLE": 0, "PINHOLE": 1, "SIMPLE_RADIAL": 2, "RADIAL": 3, "OPENCV": 4}
+MODEL_IDS |= {"OPENCV_FISHEYE": 5, "FULL_OPENCV": 6}
 LENSES = [
     (7, "PINHOLE", 640, 480, (500.0, 510.0, 321.5, 239.0)),
     (3, "SIMPLE_PINHOLE", 320, 240, (250.0, 160.0, 120.0)),
@@ -108,20 +110,34 @@ def test_photographs_are_found_from_inside_the_model_folder(tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("write", [binary, text])
-def test_a_distorted_camera_is_refused_with_a_remedy(tmp_path, write):
-    lenses = [(7, "OPENCV", 640, 480, (500.0, 510.0, 320.0, 240.0, 0.1, 0.0, 0.0, 0.0)), LENSES[1]]
-    with pytest.raises(InputError, match=r"camera 7\.model: .* found OPENCV \(undistort.*colmap image_undistorter"):
+def test_a_fisheye_lens_is_refused_with_a_remedy(tmp_path, write):
+    lenses = [(7, "OPENCV_FISHEYE", 640, 480, (500.0, 510.0, 320.0, 240.0, 0.1, 0.0, 0.0, 0.0)), LENSES[1]]
+    with pytest.raises(InputError, match=r"camera 7\.model: .* found OPENCV_FISHEYE .*colmap image_undistorter"):
         read_cameras(written(tmp_path, write(lenses=lenses)))
 
 
 @pytest.mark.parametrize("write", [binary, text])
-def test_simple_radial_is_read_only_without_distortion(tmp_path, write):
-    def lenses(k):
-        return [(7, "SIMPLE_RADIAL", 640, 480, (500.0, 320.0, 240.0, k)), LENSES[1]]
+@pytest.mark.parametrize(
+    ("model", "parameters", "distortion"),
+    [
+        ("SIMPLE_RADIAL", (500.0, 320.0, 240.0, 0.1), (0.1, 0, 0, 0, 0, 0, 0, 0)),
+        ("RADIAL", (500.0, 320.0, 240.0, 0.1, 0.2), (0.1, 0.2, 0, 0, 0, 0, 0, 0)),
+        ("OPENCV", (500.0, 510.0, 320.0, 240.0, 0.1, 0.2, 0.3, 0.4), (0.1, 0.2, 0.3, 0.4, 0, 0, 0, 0)),
+        ("FULL_OPENCV", (500.0, 510.0, 320.0, 240.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0), tuple(range(1, 9))),
+    ],
+)
+def test_a_distorted_camera_is_read_only_to_undistort_it(tmp_path, write, model, parameters, distortion):
+    folder = written(tmp_path, write(lenses=[(7, model, 640, 480, parameters), LENSES[1]]))
+    assert read_lenses(folder)[0].distortion == distortion
+    with pytest.raises(InputError, match=r"distortion: expected none, found .*--undistort"):
+        read_cameras(folder)
 
-    assert read_cameras(written(tmp_path / "zero", write(lenses=lenses(0.0))))[0].K[0, 0] == 500
-    with pytest.raises(InputError, match=r"camera 7\.k: expected no distortion, found 1e-06 .*image_undistorter"):
-        read_cameras(written(tmp_path / "some", write(lenses=lenses(1e-6))))
+
+@pytest.mark.parametrize("write", [binary, text])
+def test_zero_distortion_is_none(tmp_path, write):
+    lenses = [(7, "SIMPLE_RADIAL", 640, 480, (500.0, 320.0, 240.0, 0.0)), LENSES[1]]
+    camera = read_cameras(written(tmp_path, write(lenses=lenses)))[0]
+    assert (camera.K[0, 0], camera.distortion) == (500, ())
 
 
 @pytest.mark.parametrize("write", [binary, text])

@@ -9,6 +9,7 @@ from PIL import Image
 from gspure.cameras import read_cameras
 from gspure.cameras.nerfstudio import parse
 from gspure.cameras.photographs import missing_photographs
+from gspure.cameras.reading import read_lenses
 from gspure.errors import InputError
 from tests.camera_cases import numbers, project, quats, rotation_from
 
@@ -84,8 +85,7 @@ def test_the_view_is_not_moved_by_applied_transform(tmp_path):
 @pytest.mark.parametrize(
     ("change", "field"),
     [
-        ({"k1": 0.01}, r"frames[0].k1"),
-        ({"p2": -1e-9}, r"frames[0].p2"),
+        ({"k4": 0.01}, r"frames[0].k4"),
         ({"camera_model": "OPENCV_FISHEYE"}, "frames[0].camera_model"),
         ({"is_fisheye": True}, "frames[0].is_fisheye"),
         ({"latlong": True}, "frames[0].latlong"),
@@ -94,11 +94,18 @@ def test_the_view_is_not_moved_by_applied_transform(tmp_path):
     ],
 )
 @pytest.mark.parametrize("shared", [False, True])
-def test_a_distorted_camera_is_refused_with_a_remedy(tmp_path, change, field, shared):
+def test_a_lens_other_than_a_pinhole_is_refused_with_a_remedy(tmp_path, change, field, shared):
     content = SHARED | change | {"frames": [FRAME]} if shared else SHARED | {"frames": [FRAME | change]}
     with pytest.raises(InputError, match="colmap image_undistorter") as caught:
         read_cameras(written(tmp_path, content))
     assert caught.value.field == field
+
+
+def test_a_distorted_camera_is_read_only_to_undistort_it(tmp_path):
+    path = written(tmp_path, SHARED | {"k1": 0.1, "k2": 0.2, "k3": 0.5, "p1": 0.3, "p2": 0.4, "frames": [FRAME]})
+    assert read_lenses(path)[0].distortion == (0.1, 0.2, 0.3, 0.4, 0.5)
+    with pytest.raises(InputError, match=r"distortion: expected none, found .*--undistort"):
+        read_cameras(path)
 
 
 def test_lenses_that_are_switched_off_are_no_distortion(tmp_path):

@@ -33,6 +33,9 @@ class Camera:
         World to camera, rigid.
     image : Path, optional
         The photograph taken here, if any.
+    distortion : tuple of float
+        Of the lens, if not that of a pinhole, as in OpenCV: k1, k2, p1, p2, k3, k4, k5, k6, or the first of them. Only
+        `gspure.cameras.undistortion` knows of it.
 
     """
 
@@ -42,6 +45,7 @@ class Camera:
     K: Float64
     viewmat: Float64
     image: Path | None = None
+    distortion: tuple[float, ...] = ()
 
     @property
     def centre(self) -> Float64:

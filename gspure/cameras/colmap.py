@@ -1,20 +1,22 @@
 """COLMAP sparse models: cameras, images and points3D, binary or text.
 
-Axes and pixel convention are those of `gspure.cameras.camera.Camera`. PINHOLE and SIMPLE_PINHOLE are read, and
-SIMPLE_RADIAL with zero distortion; other cameras are refused, since the renderer does not support distortion.
+Axes and pixel convention are those of `gspure.cameras.camera.Camera`. All camera models are read but those of fisheye
+lenses.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gspure.cameras import colmap_binary, colmap_text
-from gspure.cameras.camera import Camera, Float64, intrinsics
-from gspure.cameras.colmap_records import UNDISTORT_HINT, Lens, Points, Pose
+from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.colmap_records import Lens, Points, Pose
 from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, view_name
+from gspure.cameras.undistortion import COEFFICIENTS
 from gspure.errors import InputError
 from gspure.model.rotations import rotation_matrices
 
@@ -32,18 +34,18 @@ def read_colmap(folder: Path) -> list[Camera]:
 
     `folder` is the project's root, its ``sparse/0``, or the folder of the files. Photographs are in the nearest
     ``images`` folder beside or above the files. Raise `InputError` if a file is missing, truncated or malformed, or a
-    camera is distorted.
+    camera has a fisheye lens.
     """
     cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
     lenses = {lens.camera_id: lens for lens in _FORMATS[cameras_file.suffix].lenses(cameras_file)}
-    projections = {camera_id: _projection(cameras_file, lens) for camera_id, lens in lenses.items()}
+    optics = {camera_id: _optics(cameras_file, lens) for camera_id, lens in lenses.items()}
     photographs = _photograph_folder(images_file.parent)
     cameras = []
     for pose in _FORMATS[images_file.suffix].poses(images_file):
-        if pose.camera_id not in projections:
+        if pose.camera_id not in optics:
             where, found = f"image {pose.image_id}.camera_id", str(pose.camera_id)
             raise InputError(images_file, where, expected=f"a camera of {cameras_file.name}", found=found)
-        cameras.append(_camera(images_file, pose, projections[pose.camera_id], photographs))
+        cameras.append(_camera(images_file, pose, optics[pose.camera_id], photographs))
     return distinct(cameras, images_file)
 
 
@@ -70,24 +72,23 @@ def _photograph_folder(sparse: Path) -> Path | None:
     return next((parent / "images" for parent in parents if (parent / "images").is_dir()), None)
 
 
-def _projection(source: Path, lens: Lens) -> tuple[int, int, Float64]:
+def _optics(source: Path, lens: Lens) -> dict[str, Any]:
+    """Return the fields of a `Camera` that a lens determines."""
     entry = Entry(source, f"camera {lens.camera_id}", {"width": lens.width, "height": lens.height, **lens.parameters})
-    if "k" in entry and entry.number("k") != 0:
-        raise entry.refusal("k", expected="no distortion", found=str(entry.number("k")), hint=UNDISTORT_HINT)
     fx, fy = (entry.positive("f" if "f" in entry else key) for key in ("fx", "fy"))
     K = intrinsics(fx, fy, entry.number("cx"), entry.number("cy"))
-    return entry.pixels("width"), entry.pixels("height"), K
+    size = {"width": entry.pixels("width"), "height": entry.pixels("height")}
+    return {**size, "K": K, "distortion": entry.distortion(COEFFICIENTS)}
 
 
-def _camera(source: Path, pose: Pose, projection: tuple[int, int, Float64], photographs: Path | None) -> Camera:
+def _camera(source: Path, pose: Pose, optics: dict[str, Any], photographs: Path | None) -> Camera:
     values = {"name": pose.name, "quaternion": list(pose.quat), "translation": list(pose.translation)}
     entry = Entry(source, f"image {pose.image_id}", values)
     quat = entry.array("quaternion", (4,))
     if not np.linalg.norm(quat) > 0:
         raise entry.refusal("quaternion", expected="a rotation", found=" ".join(map(str, pose.quat)))
-    width, height, K = projection
     viewmat = np.eye(4)
     viewmat[:3, :3] = rotation_matrices(quat[None])[0]
     viewmat[:3, 3] = entry.array("translation", (3,))
     image = photographs / pose.name if photographs else None
-    return Camera(view_name(entry, "name"), width, height, K, viewmat, image)
+    return Camera(name=view_name(entry, "name"), viewmat=viewmat, image=image, **optics)

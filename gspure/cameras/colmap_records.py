@@ -1,4 +1,4 @@
-"""The records of a COLMAP sparse model, and the parameters of pinhole cameras.
+"""The records of a COLMAP sparse model, and the parameters of its cameras.
 
 Source: https://colmap.github.io/format.html and https://colmap.github.io/cameras.html.
 """
@@ -29,14 +29,16 @@ MODEL_NAMES = (
 )
 """Camera models by their number in the binary format."""
 
-UNDISTORT_HINT = (
-    "undistort first: colmap image_undistorter --image_path PHOTOS --input_path SPARSE --output_path UNDISTORTED"
-)
+_HINT = "undistort first: colmap image_undistorter --image_path PHOTOS --input_path SPARSE --output_path UNDISTORTED"
+_FOUR = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
 
 _PARAMETERS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
     "PINHOLE": ("fx", "fy", "cx", "cy"),
-    "SIMPLE_RADIAL": ("f", "cx", "cy", "k"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": _FOUR,
+    "FULL_OPENCV": (*_FOUR, "k3", "k4", "k5", "k6"),
 }
 
 
@@ -67,8 +69,8 @@ class Points(NamedTuple):
 
 
 def parameter_names(source: Path, camera_id: int, model: str) -> tuple[str, ...]:
-    """Return the names of a pinhole model's parameters; a model with distortion is refused."""
+    """Return the names of a camera model's parameters; a fisheye model is refused."""
     if model not in _PARAMETERS:
-        expected = "PINHOLE or SIMPLE_PINHOLE"
-        raise InputError(source, f"camera {camera_id}.model", expected=expected, found=model, hint=UNDISTORT_HINT)
+        expected = f"one of {', '.join(_PARAMETERS)}"
+        raise InputError(source, f"camera {camera_id}.model", expected=expected, found=model, hint=_HINT)
     return _PARAMETERS[model]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,6 +73,11 @@ class Entry:
         if not _is_finite(value):
             raise self.refusal(key, expected=f"a number within ±{_LARGEST:g}", found=reprlib.repr(value))
         return float(value)
+
+    def distortion(self, names: Sequence[str]) -> tuple[float, ...]:
+        """Return the coefficients of a lens, 0 where missing; nothing if all are 0."""
+        values = tuple(self.number(name) if name in self else 0.0 for name in names)
+        return values if any(values) else ()
 
     def positive(self, key: str) -> float:
         """Return a finite number above zero."""

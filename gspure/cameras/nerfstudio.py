@@ -24,11 +24,11 @@ from gspure.cameras.camera import Camera, Float64, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, view_name
 from gspure.cameras.photographs import is_present, photograph_size
+from gspure.cameras.undistortion import COEFFICIENTS
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
-_DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
-_OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)))
-"""Flags and coefficients of Instant NGP's lenses, next to its pinhole."""
+_OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")
+"""Flags and coefficients of Instant NGP's lenses, next to its pinhole, and further ones, on which readers disagree."""
 _HINT = "undistort the photographs first, for example with colmap image_undistorter"
 _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
 
@@ -36,8 +36,8 @@ _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
 def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     """Return the cameras of a parsed transforms.json, in its order; `source` is the file it came from.
 
-    Raise `InputError` if a key is missing or of the wrong type, a camera is distorted, a matrix not rigid, or a
-    name not unique.
+    Raise `InputError` if a key is missing or of the wrong type, a lens no pinhole, a matrix not rigid, or a name
+    not unique.
     """
     entry = Entry.of(source, "", content)
     frames = entry.raw("frames", "a list")
@@ -58,7 +58,7 @@ def _image(entry: Entry, folder: Path) -> Path:
 
 
 def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:
-    _refuse_distortion(entry)
+    _refuse_other_lenses(entry)
     measured = image if is_present(image) else existing or image
     width, height = (entry.pixels("w"), entry.pixels("h")) if "w" in entry else photograph_size(measured)
     fx = _focal(entry, "x", width)
@@ -72,19 +72,17 @@ def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Came
         K=intrinsics(fx, fy, cx, cy),
         viewmat=_viewmat(entry),
         image=image,
+        distortion=entry.distortion(COEFFICIENTS[:5]),
     )
 
 
-def _refuse_distortion(entry: Entry) -> None:
+def _refuse_other_lenses(entry: Entry) -> None:
     model = entry.text("camera_model") if "camera_model" in entry else "PINHOLE"
     if model not in _PINHOLES:
         raise entry.refusal("camera_model", expected="a pinhole camera", found=model, hint=_HINT)
     for key in _OTHER_LENSES:
         if value := entry.values.get(key):
             raise entry.refusal(key, expected="a pinhole camera", found=repr(value), hint=_HINT)
-    for key in _DISTORTION:
-        if key in entry and entry.number(key) != 0:
-            raise entry.refusal(key, expected="no distortion", found=str(entry.number(key)), hint=_HINT)
 
 
 def _focal(entry: Entry, axis: str, length: int) -> float:

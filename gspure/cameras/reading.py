@@ -17,6 +17,17 @@ _IN_FOLDER = ("cameras.json", "transforms.json", "transforms_train.json")
 
 
 def read_cameras(path: str | Path) -> list[Camera]:
+    """Read the cameras of a file or folder as `read_lenses` does; a distorted one is refused with an `InputError`."""
+    cameras = read_lenses(path)
+    for camera in cameras:
+        if camera.distortion:
+            found = " ".join(f"{value:g}" for value in camera.distortion)
+            hint = "undistort first: gspure cameras SOURCE --undistort --out FOLDER/cameras.json"
+            raise InputError(path, f"{camera.name}.distortion", expected="none", found=found, hint=hint)
+    return cameras
+
+
+def read_lenses(path: str | Path) -> list[Camera]:
     """Read the cameras of a file or folder, in its order.
 
     Parameters

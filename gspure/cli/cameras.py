@@ -19,6 +19,7 @@ HELP = "convert cameras of any format, or generate views, and write cameras.json
 EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
   gspure cameras scene/transforms.json --out cameras.json --scale 1/4
+  gspure cameras scene --undistort --out flat/cameras.json            # photographs as a pinhole camera takes them
   gspure cameras output/bicycle --out cameras.json --scale native     # a training run's own cameras.json
   gspure cameras cameras.json --off-path 4 --out off_path.json        # novel views off the camera path
   gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 1 0
@@ -44,6 +45,10 @@ def add_arguments(parser: Parser) -> None:
         "views keep --width and --height)",
     )
     parser.number("--off-path", "N", "write N views off the camera path instead")
+    parser.flag(
+        "--undistort",
+        "write photographs without lens distortion to images/ beside --out, and the points; the cameras name them",
+    )
     parser.flag("--require-images", "refuse views without a photograph of at least their size")
     views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")
     views.add_argument("--model", type=Path, metavar="MODEL", help="the model to look at")
@@ -66,9 +71,14 @@ def run(args: Arguments) -> None:
     generated = isinstance(args.source, str)
     if args.model and not generated:
         raise InputError(args.source, "source", expected="orbit or shells", found="a camera file and --model")
-    cameras = read_source(args.source, args.model, **{name: getattr(args, name) for name in _SETTINGS})
+    if args.undistort:
+        cameras = _distorted(args)
+    else:
+        cameras = read_source(args.source, args.model, **{name: getattr(args, name) for name in _SETTINGS})
     cameras = scaled(cameras, args.scale or ("native" if generated else TRAINING_RULE))
-    if args.require_images:
+    if args.undistort:
+        cameras = _undistorted(args, cameras)
+    elif args.require_images:
         require_images(cameras, args.source)
     if args.off_path is not None:
         cameras = off_path_cameras(cameras, args.off_path)
@@ -76,6 +86,32 @@ def run(args: Arguments) -> None:
     inputs = {} if generated else {"source": args.source}
     write_provenance(args.out, inputs=inputs, settings={"source": str(args.source), "scale": args.scale})
     print("\n".join(_table(cameras)))
+
+
+def _distorted(args: Arguments) -> list[Camera]:
+    """Read cameras of any lens, of a capture elsewhere than the results."""
+    from gspure.cameras.reading import read_lenses
+
+    if isinstance(args.source, str):
+        raise InputError(args.source, "--undistort", expected="cameras with photographs", found="generated views")
+    cameras, folder = read_lenses(args.source), args.out.parent.resolve()
+    capture = (args.source if args.source.is_dir() else args.source.parent).resolve()
+    photographs = {parent for camera in cameras if camera.image for parent in camera.image.resolve().parents}
+    if folder == capture or folder / "images" in photographs:
+        raise InputError(args.out, "--undistort", expected="a folder apart from the capture", found=str(folder))
+    return cameras
+
+
+def _undistorted(args: Arguments, cameras: Sequence[Camera]) -> list[Camera]:
+    """Write photographs and points beside ``--out``; return the cameras of the photographs."""
+    from gspure.cameras.undistortion import undistort
+    from gspure.model.points import write_point_ply
+    from gspure.training.dataset import stored_points
+
+    xyz, rgb = stored_points(args.source if args.source.is_dir() else args.source.parent)
+    if len(xyz):
+        write_point_ply(args.out.parent / "points3D.ply", xyz, rgb)
+    return undistort(cameras, args.out.parent / "images", args.source)
 
 
 def _table(cameras: Sequence[Camera]) -> Iterable[str]:

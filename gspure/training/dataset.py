@@ -148,7 +148,7 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
 
 def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """Return the stored points, or random grey ones if fewer than `LEAST_POINTS` are stored."""
-    xyz, rgb = _stored_points(source if source.is_dir() else source.parent)
+    xyz, rgb = stored_points(source if source.is_dir() else source.parent)
     if len(xyz) >= LEAST_POINTS:
         return xyz, rgb
     xyz = random_points(train, extent(train), RANDOM_POINTS, np.random.default_rng(seed))
@@ -158,7 +158,8 @@ def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[NDArray[n
     return xyz, np.full(xyz.shape, _GREY, np.uint8)
 
 
-def _stored_points(folder: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+def stored_points(folder: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Return the sparse points of a capture's folder, or none."""
     sparse = find_sparse(folder)
     if sparse and any((sparse / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt")):
         return read_points(sparse)

@@ -25,14 +25,7 @@ _OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 
 def require_room(path: Path, size: int, rows: int, coefficients: int = 0) -> None:
-    """Refuse a file without rows, or of `size` bytes that unpack to far more than a model's.
-
-    Raises
-    ------
-    InputError
-        Before anything is allocated for the rows.
-
-    """
+    """Refuse a file without rows, or of `size` bytes that unpack to far more than a model's, before they do."""
     if rows < 1:
         raise InputError(path, "rows", expected="at least one", found=str(rows))
     unpacked, most = 4 * rows * (_COLUMNS + 3 * coefficients), max(UNPACKED_ROOM, UNPACKED_RATIO * size)

@@ -1,0 +1,92 @@
+"""Photographs without the distortion of their lens, as the renderer's pinhole cameras see them.
+
+Source: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html, the model of Brown and Conrady, which COLMAP and
+nerfstudio share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera, Float64
+from gspure.cameras.photographs import photograph, require_images
+from gspure.errors import InputError
+from gspure.images import read_image, write_image
+from gspure.progress import track
+
+COEFFICIENTS: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+"""The order of `Camera.distortion`."""
+
+_MOST_ZOOM: Final = 8.0
+_STEPS: Final = 40
+"""Of the search for the zoom, which halves its range each time."""
+
+
+def undistort(cameras: Sequence[Camera], folder: Path, source: Path | str) -> list[Camera]:
+    """Write the photograph of each view as a pinhole camera takes it, and return these cameras.
+
+    The focal length is the smallest at which the photograph fills the image, whose size and centre stay. `folder` takes
+    ``VIEW.png``; `source` is the origin of the views. Raise `InputError` if a photograph is missing, unreadable or
+    smaller than its view, or a distortion too strong for a pinhole.
+    """
+    require_images(cameras, source)
+    pinholes = [_pinhole(camera, source) for camera in cameras]
+    targets = [replace(pinhole, image=folder / f"{pinhole.name}.png") for pinhole in pinholes]
+    for camera, target in track(list(zip(cameras, targets, strict=True)), "undistort"):
+        write_image(photograph(target), _resampled(camera, target))
+    return targets
+
+
+def _pinhole(camera: Camera, source: Path | str) -> Camera:
+    """Return the same view without distortion."""
+    rows, columns = np.indices((camera.height, camera.width))
+    at_border = (rows % (camera.height - 1 or 1) == 0) | (columns % (camera.width - 1 or 1) == 0)
+    border = np.stack([columns[at_border], rows[at_border]], 1) + 0.5
+
+    def zoomed(factor: float) -> Camera:
+        scale = np.diag([factor, factor, 1.0])
+        scale[:2, 2] = (1 - factor) * camera.K[:2, 2]
+        return replace(camera, K=scale @ camera.K, distortion=())
+
+    low, high = 1 / _MOST_ZOOM, _MOST_ZOOM
+    if not _is_inside(camera, _distorted(camera, zoomed(high), border)):
+        raise InputError(source, f"{camera.name}.distortion", expected="that of a pinhole lens", found="more")
+    for _ in range(_STEPS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if _is_inside(camera, _distorted(camera, zoomed(middle), border)) else (middle, high)
+    return zoomed(high)
+
+
+def _is_inside(camera: Camera, points: Float64) -> bool:
+    """Return whether all points lie between the centres of the outer pixels."""
+    return bool(((points >= 0.5) & (points <= np.array([camera.width, camera.height]) - 0.5)).all())
+
+
+def _distorted(camera: Camera, pinhole: Camera, points: Float64) -> Float64:
+    """Return where the lens of `camera` shows what `pinhole` has at these points [N,2], in pixels."""
+    x, y = ((points - pinhole.K[:2, 2]) / pinhole.K[[0, 1], [0, 1]]).T
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*camera.distortion, *[0.0] * (len(COEFFICIENTS) - len(camera.distortion)))
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    tangential = np.stack([2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y], 1)
+    lens = np.stack([x * radial, y * radial], 1) + tangential
+    return np.asarray(lens * camera.K[[0, 1], [0, 1]] + camera.K[:2, 2])
+
+
+def _resampled(camera: Camera, pinhole: Camera) -> NDArray[np.float32]:
+    """Return the photograph of `camera` as `pinhole` takes it, by cubic interpolation."""
+    from scipy.ndimage import map_coordinates
+
+    image = read_image(photograph(camera), (camera.width, camera.height))
+    rows, columns = np.indices(image.shape[:2])
+    pixels = np.stack([columns.ravel(), rows.ravel()], 1).astype(np.float64)
+    points = _distorted(camera, pinhole, pixels + 0.5) - 0.5
+    places = points[:, ::-1].T.reshape(2, *image.shape[:2])
+    channels = [map_coordinates(channel, places, order=3, mode="nearest") for channel in np.moveaxis(image, 2, 0)]
+    return np.stack(channels, 2)
