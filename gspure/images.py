@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import read_json, replacing, write_json
+from gspure.artifacts.checksums import record_checksum
 from gspure.errors import InputError, reading
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ MOST_PIXELS: Final = 1 << 27
 """A compressed file of any size may claim any number of pixels; no camera takes as many. Ours."""
 
 RENDERED: Final = "rendered.json"
-"""Record of the views that a folder of images has to hold."""
+"""Record of the views that a folder of images has to hold, and of their cameras."""
 
 _STDERR: Final = 2
 
@@ -116,18 +117,41 @@ def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
         raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
 
 
-def record_views(folder: Path, views: Iterable[str]) -> None:
-    """Write the record of a finished folder of images."""
-    write_json(folder / RENDERED, sorted(views))
+def record_views(folder: Path, views: Mapping[str, Sequence[float]]) -> None:
+    """Write the record of a finished folder of images: its views, each with the numbers of its camera, if known."""
+    record = {"views": {name: [*views[name]] for name in sorted(views)}}
+    write_json(folder / RENDERED, {**record, "record": record_checksum(record)})
+
+
+def _recorded(folder: Path) -> dict[str, list[float]]:
+    """Return the views of a folder of images, with the numbers of their cameras; none without a record."""
+    file = folder / RENDERED
+    if not file.is_file():
+        return {}
+    record = read_json(file)
+    match record:
+        case {"views": dict(views), "record": str(checksum)} if checksum == record_checksum(record):
+            return views
+    raise InputError(file, "record", expected="the views of a finished folder", found="damage")
 
 
 def require_all_images(folder: Path) -> None:
     """Refuse a folder that lacks the image of a view in its record; a folder without a record passes."""
-    views = read_json(folder / RENDERED) if (folder / RENDERED).is_file() else []
+    views = _recorded(folder)
     if missing := [view for view in views if not (folder / f"{view}.png").is_file()]:
         found = f"all but {len(missing)}: {missing[0]}.png" + ", ..." * (len(missing) > 1)
         hint = f"render them again; if deleted on purpose, delete {RENDERED} too"
         raise InputError(folder, "images", expected=f"all {len(views)} views", found=found, hint=hint)
+
+
+def require_same_cameras(folder: Path, other: Path, views: Iterable[str]) -> None:
+    """Refuse two folders with images of a view by different cameras, as far as their records know them."""
+    known, others = _recorded(folder), _recorded(other)
+    for view in views:
+        first, second = known.get(view), others.get(view)
+        if first and second and not np.allclose(first, second, rtol=1e-6, atol=1e-6):
+            hint = "render both with one cameras.json"
+            raise InputError(other, view, expected=f"the camera of {folder}", found="another of this name", hint=hint)
 
 
 def require_intact(path: Path) -> None:

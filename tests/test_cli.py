@@ -198,6 +198,28 @@ def test_an_empty_split_is_refused(tmp_path, capsys):
     assert "at least one train view, found none" in capsys.readouterr().err
 
 
+def test_renders_of_views_that_share_only_their_names_are_not_compared(asset, capsys, monkeypatch):
+    monkeypatch.chdir(asset)
+    write_model(Path("larger.ply"), blobs(40))
+    turn = np.array([[0.0, -1, 0, 3], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    np.save("turn.npy", turn)
+    for model, cameras, out in (
+        ("model", "orbit", "orbit"),
+        ("larger", "orbit", "other"),
+        ("larger", "orbit/cameras.json", "same"),
+        ("model", "orbit/cameras.json --transform turn.npy", "moved"),
+    ):
+        assert main(["render", f"{model}.ply", "--cameras", *cameras.split(), "--out", out]) == 0
+    for other, expected in (("other", 2), ("same", 0), ("moved", 0)):
+        panels = ["figures", "panels", "--column", "a=orbit", "--column", f"b={other}", "--out", "panels.png"]
+        for command in (["metrics", "orbit", other, "--out", "metrics.csv"], panels):
+            capsys.readouterr()
+            assert main(command) == expected
+            assert ("expected the camera of orbit" in capsys.readouterr().err) == bool(expected)
+    assert main(["metrics", "orbit", "other", "--out", "other.csv"]) == 2
+    assert not Path("other.csv").exists()
+
+
 def test_render_names_images_after_views(asset):
     out = asset / "renders"
     arguments = ["--cameras", str(asset / "cameras.json"), "--out", str(out), "--split", "test", "--npy"]

@@ -99,7 +99,7 @@ def test_the_check_for_missing_or_cut_artifacts_reads_no_file():
 def test_renders_that_lack_an_image_are_missing_one():
     for view in ("a", "b"):
         write_image(SCENE / "renders" / f"{view}.png", np.zeros((2, 2, 3)))
-    record_views(SCENE / "renders", ["b", "a"])
+    record_views(SCENE / "renders", {"b": [], "a": []})
     assert missing_or_cut() == {}
     (SCENE / "renders" / "b.png").unlink()
     (damage,) = missing_or_cut().items()
@@ -111,15 +111,17 @@ def test_renders_that_are_damaged_or_missing_are_listed(capsys):
     renders = [SCENE / "renders" / f"{view}.png" for view in ("a", "b")]
     for render in renders:
         write_image(render, np.full((4, 4, 3), 0.5))
-    record_views(SCENE / "renders", ["a", "b"])
+    record_views(SCENE / "renders", {"a": [1.5], "b": []})
     assert verify(capsys) == (0, ["8 files verified, 0 damaged"])
     flipped(renders[0], -20)
     renders[1].unlink()
     status, lines = verify(capsys)
     assert status == 1
     assert [line.split(": ")[0] for line in lines[:-1]] == [str(SCENE / "renders"), str(renders[0])]
-    (SCENE / "renders" / "rendered.json").write_text('["a", ')
-    assert any(line.startswith(f"{SCENE}/renders/rendered.json: ") for line in verify(capsys)[1])
+    record = (SCENE / "renders" / "rendered.json").read_text()
+    for damaged in ('{"views', record.replace("1.5", "1.6"), '["a", "b"]'):
+        (SCENE / "renders" / "rendered.json").write_text(damaged)
+        assert any(line.startswith(f"{SCENE}/renders/rendered.json: ") for line in verify(capsys)[1])
 
 
 def test_a_missing_folder_cannot_be_verified(capsys):

@@ -34,7 +34,7 @@ def run(args: Arguments) -> None:
 
     from gspure.artifacts import filling
     from gspure.cameras import write_cameras
-    from gspure.cli.options import read_device, read_views
+    from gspure.cli.options import read_device, read_views, unmoved
     from gspure.errors import InputError
     from gspure.images import levels, record_views, require_no_other_images, write_image
     from gspure.progress import track, warn
@@ -56,7 +56,7 @@ def run(args: Arguments) -> None:
             image = view(camera)
             write_image(folder / f"{camera.name}.png", image)
             is_flat &= not np.ptp(levels(image), axis=(0, 1)).any()
-        record_views(folder, (camera.name for camera in views))
+        record_views(folder, unmoved(args, views))
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
     if is_flat and args.wrong_key is None:

@@ -118,12 +118,15 @@ def _target_folder(folder: Path, target: str) -> Path:
 def _common_views(folders: Iterable[Path]) -> list[str]:
     """Return the sorted names of the views in all folders, without those off the camera path."""
     from gspure.cameras.off_path import PREFIX
+    from gspure.images import require_same_cameras
 
     folders = list(folders)
     names = set.intersection(*({path.stem for path in folder.glob("*.png")} for folder in folders))
     views = sorted(name for name in names if not name.startswith(PREFIX))
     if not views:
         raise InputError(folders[0], "*.png", expected="a view of all columns", found="none")
+    for folder in folders[1:]:
+        require_same_cameras(folders[0], folder, views)
     return views
 
 

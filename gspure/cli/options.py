@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -179,6 +180,16 @@ def read_views(args: Arguments) -> list[Camera]:
         transform = read_transform(args.transform)
         views = [camera.moved(transform) for camera in views]
     return views
+
+
+def unmoved(args: Arguments, views: Sequence[Camera]) -> dict[str, list[float]]:
+    """Return the numbers of the cameras as they were before ``--transform``, by view."""
+    import numpy as np
+
+    from gspure.cameras.reading import read_transform
+
+    transform = read_transform(args.transform) if args.transform else np.eye(4)
+    return {camera.name: replace(camera, viewmat=camera.viewmat @ transform).numbers.tolist() for camera in views}
 
 
 def require_least(args: Arguments, command: str, least: Mapping[str, int]) -> None:

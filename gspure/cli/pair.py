@@ -91,7 +91,7 @@ def run(args: Arguments) -> None:
             for name in ("cameras.json", "points3D.ply"):
                 write_provenance(folder / name, inputs={}, settings=settings)
         for images in (args.out / "scene", args.out / "message"):
-            record_views(images, (image.stem for image in images.glob("*.png")))
+            record_views(images, {image.stem: [] for image in images.glob("*.png")})
 
 
 def _traced(args: Arguments) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from gspure.cli.options import (
     read_device,
     read_public,
     read_views,
+    unmoved,
 )
 from gspure.cli.parser import Arguments, Parser
 
@@ -54,7 +55,7 @@ def run(args: Arguments) -> None:
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
-        record_views(folder, (camera.name for camera in views))
+        record_views(folder, unmoved(args, views))
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
     for camera in [] if args.npy else views:  # of an earlier model
