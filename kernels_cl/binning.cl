@@ -62,10 +62,10 @@ __attribute__((always_inline)) inline int2 row_span(const Footprint *p, int ty) 
 }
 
 #if RAY
-// Whether a Gaussian that reaches behind the camera, or nearly, can touch a pixel of a tile. Its alpha >= ALPHA_MIN
-// exactly where level L^2 >= (G - level) K (layout.cl) and L > 0: a convex region that holds the projected centre. So it
-// meets the tile if it holds a point of the tile's boundary, or if the tile holds the centre. Along an edge, L and the
-// roots of K's squares are linear.
+// Whether a Gaussian that reaches behind the camera, or nearly, can touch a pixel of the tiles `first` to `last` of a row;
+// of several tiles, only a bound is tested. Its alpha >= ALPHA_MIN exactly where level L^2 >= (G - level) K (layout.cl) and
+// L > 0: a convex region that holds the projected centre. So it meets a tile if it holds a point of the tile's boundary, or
+// if the tile holds the centre. Along an edge, L and the roots of K's squares are linear.
 inline bool holds(float level, float excess, float along, float across, float down) {
     return along >= 0.0f && level * along * along >= 0.998f * excess * (across * across + down * down);
 }
@@ -73,24 +73,26 @@ inline bool holds(float level, float excess, float along, float across, float do
 // Least square of a linear function on a rectangle whose corners have values from `low` to `high`.
 inline float least_square(float low, float high) { return low > 0.0f ? low * low : high < 0.0f ? high * high : 0.0f; }
 
-inline bool touches(__global const float *s, int tx, int ty) {
-    const float side = TILE - 1 + 2.0f * FOOTPRINT_MARGIN;
-    float x = tx * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_U], y = ty * TILE + (0.5f - FOOTPRINT_MARGIN) - s[SPLAT_V];
+inline bool touches(__global const float *s, int first, int last, int ty) {
+    const float margin = FOOTPRINT_MARGIN - 0.5f, half_height = 0.5f * TILE + margin;
+    float half_width = 0.5f * TILE * (last - first + 1) + margin;
+    float x = first * TILE - margin + half_width - s[SPLAT_U], y = ty * TILE - margin + half_height - s[SPLAT_V];
     float level = s[SPLAT_LOG2_OPACITY] - LOG2_ALPHA_MIN, excess = s[SPLAT_G] - level;
-    // Values at the tile's centre, and their change over half a side.
-    const float half_side = 0.5f * side;
-    x += half_side, y += half_side;
-    float lx = half_side * s[SPLAT_LX], ly = half_side * s[SPLAT_LY], along = s[SPLAT_L0] + s[SPLAT_LX] * x + s[SPLAT_LY] * y;
-    float ax = half_side * s[SPLAT_A], ay = half_side * s[SPLAT_B], across = s[SPLAT_A0] + s[SPLAT_A] * x + s[SPLAT_B] * y;
-    float dy = half_side * s[SPLAT_C], down = s[SPLAT_C0] + s[SPLAT_C] * y;
+    // Values at the rectangle's centre, and their change over half a side.
+    float lx = half_width * s[SPLAT_LX], ly = half_height * s[SPLAT_LY];
+    float along = s[SPLAT_L0] + s[SPLAT_LX] * x + s[SPLAT_LY] * y;
+    float ax = half_width * s[SPLAT_A], ay = half_height * s[SPLAT_B];
+    float across = s[SPLAT_A0] + s[SPLAT_A] * x + s[SPLAT_B] * y;
+    float dy = half_height * s[SPLAT_C], down = s[SPLAT_C0] + s[SPLAT_C] * y;
 
     // No ray before the camera, or none near enough even if L were largest where K is least.
     float most = along + fabs(lx) + fabs(ly), spread = fabs(ax) + fabs(ay);
-    float rounding = 1e-6f * (fabs(s[SPLAT_L0]) + fabs(s[SPLAT_LX] * x) + fabs(s[SPLAT_LY] * y));
+    float rounding = 1e-6f * (fabs(s[SPLAT_L0]) + fabs(s[SPLAT_LX] * x) + fabs(s[SPLAT_LY] * y) + fabs(lx));
     most += rounding;
     float least = least_square(across - spread, across + spread) + least_square(down - dy, down + dy);
     if (!holds(level, excess, most, sqrt(least), 0.0f)) return false;
-    if (s[SPLAT_A0] == 0.0f && s[SPLAT_C0] == 0.0f && fabs(x) <= half_side && fabs(y) <= half_side) return true;
+    if (first < last) return true;
+    if (s[SPLAT_A0] == 0.0f && s[SPLAT_C0] == 0.0f && fabs(x) <= half_width && fabs(y) <= half_height) return true;
     along += rounding;
     for (int sign = -1; sign <= 1; sign += 2) {  // the edges to the left and right, above and below, from t = -1 to 1
         float l[2] = {along + sign * lx, along + sign * ly}, l_step[2] = {ly, lx};
@@ -105,6 +107,14 @@ inline bool touches(__global const float *s, int tx, int ty) {
         }
     }
     return false;
+}
+
+// The tiles [begin, end) of a row that such a Gaussian touches: one run, since the region is convex.
+inline int2 touched_span(__global const float *s, int2 span, int ty) {
+    if (!touches(s, span.x, span.y - 1, ty)) return (int2)(0, 0);
+    while (span.x < span.y && !touches(s, span.x, span.x, ty)) span.x++;
+    while (span.x < span.y && !touches(s, span.y - 1, span.y - 1, ty)) span.y--;
+    return span;
 }
 #endif
 
@@ -165,11 +175,11 @@ __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_firs
         uint position = order[rank], first_slot = slot;
         for (int ty = footprint.top; ty <= footprint.bottom; ty++) {
             int2 span = row_span(&footprint, ty);
+#if RAY
+            if (footprint.unbounded) span = touched_span(splats + (size_t)SPLAT * position, span, ty);
+#endif
             uint tile = (ty - band_first) * tiles_x + span.x;
             for (int tx = span.x; tx < span.y; tx++, tile++) {
-#if RAY
-                if (footprint.unbounded && !touches(splats + (size_t)SPLAT * position, tx, ty)) continue;
-#endif
                 h[tile]++;
                 emitted_tiles[slot] = tile;
                 emitted_positions[slot++] = position;
