@@ -78,7 +78,8 @@ def sum_slots(frame: Frame, lists: TileLists, canvas: Canvas) -> None:
     """Add the slots of a band to the contributions of their Gaussians (contributions.cl)."""
     order, partials = lists.order, frame.engine.buffers.partials.sized(lists.capacity, 3)
     arguments = (order.visible, order.positions, frame.storage.rows, lists.slot_ranges, partials, canvas.records)
-    frame.engine.program("contributions").launch("sum_slots", order.visible, *arguments, group=SUM_GROUP)
+    program = frame.engine.program("contributions", FIRST_BAND=int(lists.band.start == 0))
+    program.launch("sum_slots", order.visible, *arguments, group=SUM_GROUP)
 
 
 def _batch(frame: Frame) -> int:
