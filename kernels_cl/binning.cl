@@ -161,8 +161,7 @@ __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_firs
                            __global const float *ordered_footprints,  // [V,FOOTPRINT_FLOATS]
                            __global const uint *chunk_starts,         // [chunks+1]
                            __global uint *chunk_ends,                 // [chunks]
-                           __global uint *emitted_tiles,              // [E]
-                           __global uint *emitted_positions,          // [E]
+                           __global uint2 *emitted,                   // [E], (tile, position)
                            __global uint2 *slot_ranges,               // [V]
                            __global uint *histogram) {                // [chunks,tiles]
     CHUNK_OF_VISIBLE
@@ -181,8 +180,7 @@ __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_firs
             uint tile = (ty - band_first) * tiles_x + span.x;
             for (int tx = span.x; tx < span.y; tx++, tile++) {
                 h[tile]++;
-                emitted_tiles[slot] = tile;
-                emitted_positions[slot++] = position;
+                emitted[slot++] = (uint2)(tile, position);
             }
         }
         slot_ranges[rank] = (uint2)(first_slot, slot);
@@ -193,18 +191,15 @@ __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_firs
 __kernel void scatter_entries(uint chunks, uint band_tiles,
                               __global const uint *chunk_starts,       // [chunks+1]
                               __global const uint *chunk_ends,         // [chunks]
-                              __global const uint *emitted_tiles,      // [E]
-                              __global const uint *emitted_positions,  // [E]
+                              __global const uint2 *emitted,           // [E], (tile, position)
                               __global uint *histogram,                // [chunks,tiles]
                               __global const uint *tile_starts,        // [tiles+1]
-                              __global uint *entries,                  // [E]
-                              __global uint *slots) {                  // [E]
+                              __global uint2 *entries) {               // [E], (position, slot)
     uint chunk = get_global_id(0);
     if (chunk >= chunks) return;
     __global uint *h = histogram + (size_t)chunk * band_tiles;
     for (uint slot = chunk_starts[chunk]; slot < chunk_ends[chunk]; slot++) {
-        uint tile = emitted_tiles[slot], place = tile_starts[tile] + h[tile]++;
-        entries[place] = emitted_positions[slot];
-        slots[place] = slot;
+        uint2 entry = emitted[slot];
+        entries[tile_starts[entry.x] + h[entry.x]++] = (uint2)(entry.y, slot);
     }
 }

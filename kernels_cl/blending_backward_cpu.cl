@@ -44,8 +44,7 @@ inline void load_row(__global const float *pixels, int columns, float16 *row) {
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
 void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
                           __global const float *splats,          // [K,SPLAT]
-                          __global const uint *entries,          // [E]
-                          __global const uint *slots,            // [E]
+                          __global const uint2 *entries,         // [E], (position, slot)
                           __global const uint *tile_starts,      // [tiles+1]
                           __global const float *image,           // [H,W,CHANNELS]
                           __global const float *image_gradient,  // [H,W,CHANNELS]
@@ -75,7 +74,7 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
     for (; next < end && live; next += count) {
         count = min((uint)CHUNK, end - next);
         for (uint j = 0; j < count; j++) {  // nothing but loads, as in the forward pass
-            __global const float *s = splats + (size_t)SPLAT * entries[next + j];
+            __global const float *s = splats + (size_t)SPLAT * entries[next + j].x;
             for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, s), i, staged + SPLAT * j);
         }
         for (uint j = 0; j < count; j++) {
@@ -118,7 +117,7 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
                 moments[4] += dpa * b;
                 moments[5] += dpb * b;
             }
-            __global float *out = slot_gradients + (size_t)SLOT_GRADIENT * slots[next + j];
+            __global float *out = slot_gradients + (size_t)SLOT_GRADIENT * entries[next + j].y;
 #pragma unroll
             for (int i = 0; i < MOMENTS; i++) out[i] = sum16(moments[i]);
 #pragma unroll
@@ -127,5 +126,5 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
         for (int r = 0; r < rows; r++) live &= ~((uint)!alive(T[r]) << r);
     }
     for (; next < end; next++)  // entries behind the point where every pixel had finished
-        for (int i = 0; i < SLOT_GRADIENT; i++) slot_gradients[(size_t)SLOT_GRADIENT * slots[next] + i] = 0.0f;
+        for (int i = 0; i < SLOT_GRADIENT; i++) slot_gradients[(size_t)SLOT_GRADIENT * entries[next].y + i] = 0.0f;
 }

@@ -7,8 +7,7 @@
 __kernel __attribute__((reqd_work_group_size(TILE * TILE, 1, 1)))
 void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
                           __global const float *splats,          // [K,SPLAT]
-                          __global const uint *entries,          // [E]
-                          __global const uint *slots,            // [E]
+                          __global const uint2 *entries,         // [E], (position, slot)
                           __global const uint *tile_starts,      // [tiles+1]
                           __global const float *image,           // [H,W,CHANNELS]
                           __global const float *image_gradient,  // [H,W,CHANNELS]
@@ -27,7 +26,7 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
 
     for (uint entry = tile_starts[tile]; entry < tile_starts[tile + 1]; entry++) {
         float s[SPLAT_CHANNELS + CHANNELS], values[SLOT_GRADIENT];
-        for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splats[(size_t)SPLAT * entries[entry] + i];
+        for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splats[(size_t)SPLAT * entries[entry].x + i];
         float dx = x + 0.5f - s[SPLAT_U], dy = y + 0.5f - s[SPLAT_V];
         float a = s[SPLAT_A] * dx + s[SPLAT_B] * dy, b = s[SPLAT_C] * dy;
         float exponent = (s[SPLAT_LOG2_OPACITY] - b * b) - a * a, weight = blend(exponent, &T), along = 0.0f;
@@ -52,7 +51,7 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
                 if (item < stride) sums[item] += sums[item + stride];
                 barrier(CLK_LOCAL_MEM_FENCE);
             }
-            if (item == 0) slot_gradients[(size_t)SLOT_GRADIENT * slots[entry] + i] = sums[0];
+            if (item == 0) slot_gradients[(size_t)SLOT_GRADIENT * entries[entry].y + i] = sums[0];
             barrier(CLK_LOCAL_MEM_FENCE);
         }
     }

@@ -26,8 +26,7 @@ inline void store_colours(float16 r, float16 g, float16 b, __global float *pixel
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
 void blend_tiles(int width, int height, int tiles_x, int first_tile,
                  __global const float *splats,        // [K,SPLAT]
-                 __global const uint *entries,        // [E]
-                 __global const uint *slots,          // [E]
+                 __global const uint2 *entries,       // [E], (position, slot)
                  __global const uint *tile_starts,    // [tiles+1]
                  __constant const float *background,  // [CHANNELS]
                  __global float *image,               // [H,W,CHANNELS]
@@ -65,7 +64,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
     while (next < end && live) {
         uint count = min((uint)CHUNK, end - next);
         for (uint j = 0; j < count; j++) {  // nothing but loads, so that many cache misses are under way at a time
-            __global const float *s = splats + (size_t)SPLAT * entries[next + j];
+            __global const float *s = splats + (size_t)SPLAT * entries[next + j].x;
             for (int i = 0; i < SPLAT / 16; i++) vstore16(vload16(i, s), i, staged + SPLAT * j);
         }
         for (uint j = 0; j < count; j++) {
@@ -143,7 +142,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
         }
 #if CONTRIBUTIONS
         for (uint j = 0; j < count; j++) {
-            __global float *partial = partials + (size_t)3 * slots[next + j];
+            __global float *partial = partials + (size_t)3 * entries[next + j].y;
             partial[0] = sum16(sums[j]);
             partial[1] = max16(maxima[j]);
             partial[2] = as_float((uint)sum16(convert_float16(pixels[j])));
@@ -153,7 +152,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
     }
 #if CONTRIBUTIONS
     for (; next < end; next++) {  // entries behind the point where every pixel had finished
-        __global float *partial = partials + (size_t)3 * slots[next];
+        __global float *partial = partials + (size_t)3 * entries[next].y;
         partial[0] = partial[1] = partial[2] = 0.0f;
     }
 #endif

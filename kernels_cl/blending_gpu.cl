@@ -10,8 +10,7 @@
 __kernel __attribute__((reqd_work_group_size(TILE * TILE, 1, 1)))
 void blend_tiles(int width, int height, int tiles_x, int first_tile,
                  __global const float *splats,        // [K,SPLAT]
-                 __global const uint *entries,        // [E]
-                 __global const uint *slots,          // [E]
+                 __global const uint2 *entries,       // [E], (position, slot)
                  __global const uint *tile_starts,    // [tiles+1]
                  __constant const float *background,  // [CHANNELS]
                  __global float *image,               // [H,W,CHANNELS]
@@ -45,7 +44,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
         bool finished = unfinished == 0;  // the same for the whole group
         uint count = min((uint)BATCH, end - first);
         if (!finished && item < count) {
-            __global const float *s = splats + (size_t)SPLAT * entries[first + item];
+            __global const float *s = splats + (size_t)SPLAT * entries[first + item].x;
             for (int i = 0; i < STAGED; i++) staged[item * STAGED + i] = s[i];
         }
 #if CONTRIBUTIONS
@@ -77,7 +76,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
 #if CONTRIBUTIONS
         barrier(CLK_LOCAL_MEM_FENCE);
         if (item < count) {
-            __global float *partial = partials + (size_t)3 * slots[first + item];
+            __global float *partial = partials + (size_t)3 * entries[first + item].y;
             partial[0] = sums[item] / FIXED_POINT;
             partial[1] = as_float(maxima[item]);
             partial[2] = as_float(pixels[item]);

@@ -15,10 +15,10 @@
 #define STORE_POINTS(value) values[item] = (value)
 #endif
 
-// The lists of a kernel: splats [K,SPLAT] by entries [E] of the tiles [items] of its points [items,3,LANES].
+// The lists of a kernel: splats [K,SPLAT] by entries [E] (position, slot) of the tiles [items] of its points [items,3,LANES].
 #define POINTS_OF_TILES                                                     \
     uint items, __global const float *points, __global const uint *tiles,   \
-        __global const float *splats, __global const uint *entries,         \
+        __global const float *splats, __global const uint2 *entries,        \
         __global const uint *tile_starts
 #define FIRST_ENTRY tile_starts[tiles[item]]
 #define END_OF_ENTRIES tile_starts[tiles[item] + 1]
@@ -40,7 +40,7 @@ __kernel void blend_points(POINTS_OF_TILES,
     // A point is finished when T < TRANSMITTANCE_MIN: the rest would change its opacity by less than that.
     I open = MASK(T >= (V)TRANSMITTANCE_MIN);
     for (uint entry = FIRST_ENTRY, end = END_OF_ENTRIES; entry < end && ANY(open); entry++) {
-        V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry], u, v, s, &norm, &peak);
+        V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry].x, u, v, s, &norm, &peak);
         V before = MAX(peak - depth, (V)0.0f);
         V alpha = bounded_alpha(exponent - s[SPLAT_G] * (norm * (before * before)));
         alpha = AS_FLOAT(AS_INT(alpha) & MASK(peak > (V)NEAR_PLANE) & open);
@@ -62,9 +62,9 @@ __kernel void blend_centres(POINTS_OF_TILES,
     U owner = LOAD_OWNERS;
     I open = MASK(T > (V)0.0f);
     for (uint entry = FIRST_ENTRY, end = END_OF_ENTRIES; entry < end && ANY(open); entry++) {
-        V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry], u, v, s, &norm, &peak);
+        V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry].x, u, v, s, &norm, &peak);
         V weight = blend(peak > (V)NEAR_PLANE ? exponent : (V)-1000.0f, &T);
-        I own = MASK(owner == (U)entries[entry]);
+        I own = MASK(owner == (U)entries[entry].x);
         contribution = AS_FLOAT(AS_INT(contribution) | (AS_INT(weight) & own));
         open &= ~own & MASK(T > (V)0.0f);
     }

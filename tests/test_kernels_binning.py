@@ -32,8 +32,8 @@ class Lists:
             lists = bin_tiles(frame, projected, footprints, band)
             columns, _ = frame.tiles
             starts = engine.read(lists.tile_starts, (len(band) * columns + 1,), np.uint32)
-            rows = storage.order[engine.read(lists.entries, (starts[-1],), np.uint32)]
-            slots = engine.read(lists.slots, (starts[-1],), np.uint32)
+            positions, slots = engine.read(lists.entries, (starts[-1], 2), np.uint32).T
+            rows = storage.order[positions]
             ranges = engine.read(lists.slot_ranges, (order.visible, 2), np.uint32)
             self.tiles += np.split(rows, starts[1:-1])
             self.capacities.append(lists.capacity)

@@ -28,7 +28,7 @@ class Footprints:
 
 @dataclass(frozen=True)
 class TileLists:
-    """Lists of a band of tile rows: `entries` (positions) and `slots` by tile from `tile_starts` on, in depth order.
+    """Lists of a band of tile rows: `entries` [E,2] (position, slot) by tile from `tile_starts` on, in depth order.
 
     A slot is one of `capacity` places for an entry's partial sums; `slot_ranges` [V,2] holds those of each visible
     Gaussian, in depth order.
@@ -37,7 +37,6 @@ class TileLists:
     band: range
     order: DepthOrder
     entries: cl.Buffer
-    slots: cl.Buffer
     tile_starts: cl.Buffer
     slot_ranges: cl.Buffer
     capacity: int
@@ -82,18 +81,17 @@ def bin_tiles(frame: Frame, projected: Projected, footprints: Footprints, band: 
     chunk_starts, capacity = prefix_sums(engine, bounds, parts, buffers.chunk_starts)
     chunk_ends, slot_ranges = buffers.chunk_ends.sized(parts), buffers.slot_ranges.sized(order.visible, 2)
     histogram = buffers.histogram.sized(parts, tiles)
-    emitted = (buffers.emitted_tiles.sized(capacity), buffers.emitted_positions.sized(capacity))
-    entries, slots = buffers.entries.sized(capacity), buffers.slots.sized(capacity)
+    emitted, entries = buffers.emitted.sized(capacity, 2), buffers.entries.sized(capacity, 2)
     program.launch(
         "emit_entries",
         parts,
         *(*shape, columns, *band_rows, order.positions, projected.splats, footprints.ordered),
-        *(chunk_starts, chunk_ends, *emitted, slot_ranges, histogram),
+        *(chunk_starts, chunk_ends, emitted, slot_ranges, histogram),
     )
     tile_starts, _ = first_places(engine, histogram, parts, tiles, buffers.tile_starts)
-    arguments = (chunk_starts, chunk_ends, *emitted, histogram, tile_starts, entries, slots)
+    arguments = (chunk_starts, chunk_ends, emitted, histogram, tile_starts, entries)
     program.launch("scatter_entries", parts, parts, tiles, *arguments)
-    return TileLists(band, order, entries, slots, tile_starts, slot_ranges, capacity)
+    return TileLists(band, order, entries, tile_starts, slot_ranges, capacity)
 
 
 def _program(frame: Frame) -> Program:

@@ -69,7 +69,7 @@ def walk_tiles(
         kernel,
         len(lists.band) * columns * group,
         *(*frame.size, columns, lists.band.start * columns),
-        *(projected.splats, lists.entries, lists.slots, lists.tile_starts, *args),
+        *(projected.splats, lists.entries, lists.tile_starts, *args),
         group=group,
     )
 

@@ -62,10 +62,8 @@ class Buffers:
     chunk_starts: Scratch  # [P+1]
     chunk_ends: Scratch  # [P]
     slot_ranges: Scratch  # [V,2]
-    emitted_tiles: Scratch  # [E]
-    emitted_positions: Scratch  # [E]
-    entries: Scratch  # [E]
-    slots: Scratch  # [E]
+    emitted: Scratch  # [E,2]
+    entries: Scratch  # [E,2]
     tile_starts: Scratch  # [T+1]
     # blending
     background: Scratch  # [C]
