@@ -123,6 +123,15 @@ def test_only_the_owner_has_the_views_of_the_message(plan, again):
         assert "message" not in f"{attack.attack_options} {attack.evidence}"
 
 
+def test_only_a_fitting_owner_gets_photographs_and_no_attack_does(plan, again):
+    learned = Variant(Model(plan, "secure_gs", "raised"), "gspure")
+    assert learned.view_files("message_adaptive")["photographs"] == "results/pairs/raised/message"
+    assert "--photographs results/pairs/raised/message" in learned.view_options("message_adaptive")
+    assert "photographs" not in learned.view_files("message") | learned.view_files("scene")
+    assert "photographs" not in Variant(again, "gspure").view_files("message_adaptive")
+    assert "photographs" not in f"{learned.attack_options} {learned.render_files}"
+
+
 def test_an_attack_takes_the_evidence_and_the_factor_of_its_decision(again):
     assert Variant(again, "leaf").evidence == {"prune_mask": f"{again.folder}/decisions/leaf/prune_mask.npy"}
     attack = Variant(again, "plain_weight")

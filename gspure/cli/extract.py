@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Final
+
 from gspure.cli.parser import Arguments, Parser
+
+if TYPE_CHECKING:
+    from gspure.public_model import Lesson
 
 HELP = "render the message of a public or attacked model with the owner's key"
 EXAMPLES = """\
@@ -13,6 +18,9 @@ EXAMPLES = """\
       --wrong-key 1                                                                  # a negative control
 """
 
+FIT_STEPS: Final = 300
+"""Training steps of a decoder that is fitted to an attacked model. Ours."""
+
 
 def add_arguments(parser: Parser) -> None:
     from gspure.cli.options import add_device, add_off_path, add_views
@@ -22,6 +30,13 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
     parser.text("--extraction", "NAME", "an extraction of the scheme (default: `message`)")
     parser.number("--wrong-key", "SEED", "use an unrelated key of this random seed: a negative control")
+    parser.reads(
+        "--photographs",
+        "DIR",
+        "photographs and cameras of the message (PAIR/message): `message_adaptive` of gs_hider and secure_gs learns "
+        "from their training views",
+        required=False,
+    )
     add_views(parser, split="all")
     add_off_path(parser)
     parser.writes("--out", "DIR", "folder for VIEW.png; it must not hold other images")
@@ -39,6 +54,7 @@ def run(args: Arguments) -> None:
     from gspure.images import levels, record_views, require_no_other_images, write_image
     from gspure.progress import track, warn
     from gspure.schemes.registry import find_scheme
+    from gspure.schemes.scheme import ADAPTIVE
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
@@ -50,6 +66,8 @@ def run(args: Arguments) -> None:
         raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(extraction))
     if args.wrong_key is not None:
         key = key.wrong(np.random.default_rng(args.wrong_key))
+    if scheme.fits and extraction == ADAPTIVE:
+        key = key.fitted(public, _lesson(args))
     view, is_flat = key.message(public, extraction, read_device(args)), True
     with filling(args.out) as folder:
         for camera in track(views, "extract"):
@@ -61,3 +79,21 @@ def run(args: Arguments) -> None:
             write_cameras(folder / "cameras.json", views)
     if is_flat and args.wrong_key is None:
         warn("every extracted image is of one colour: the key does not fit the model, or an attack removed the message")
+
+
+def _lesson(args: Arguments) -> Lesson:
+    """Read the training views of the message, which move with the model."""
+    import numpy as np
+
+    from gspure.cameras.reading import read_transform
+    from gspure.cli.options import read_device
+    from gspure.errors import InputError
+    from gspure.public_model import Lesson
+    from gspure.schemes.pair import Capture
+
+    if not args.photographs:
+        raise InputError("extract", "--photographs", expected="photographs of the message to learn from", found="none")
+    capture = Capture.read(args.photographs)
+    transform = read_transform(args.transform) if args.transform else np.eye(4)
+    views = [camera.moved(transform) for camera in capture.views]
+    return Lesson(views, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=read_device(args))

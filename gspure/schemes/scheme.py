@@ -18,13 +18,16 @@ from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
-from gspure.public_model import PublicModel, RenderView, Rows
+from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.schemes.pair import Pair
 from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
 
 Setting = float | int | str
 MESSAGE: Final = "message"
 """The extraction that every scheme has."""
+
+ADAPTIVE: Final = "message_adaptive"
+"""The extraction of an owner who adapts to the attack."""
 
 REQUIRED: Final = frozenset({"message_weight"})
 """Settings that every scheme has: the message's share in its loss, 0 to hide nothing."""
@@ -47,6 +50,10 @@ class Key(ABC):
     @abstractmethod
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:
         """Return the Gaussians whose blending shows the message, and the row of `public` that owns each."""
+
+    def fitted(self, public: PublicModel, lesson: Lesson) -> Key:  # noqa: ARG002
+        """Return the key after learning from photographs of the message, for an attacked model: see `Scheme.fits`."""
+        return self
 
     @abstractmethod
     def wrong(self, rng: np.random.Generator) -> Key:
@@ -80,6 +87,8 @@ class Scheme:
         Patterns of the public files beside the .ply, such as networks.
     packages : mapping of str to str
         Optional packages that it imports, each with its requirement for pip.
+    fits : bool
+        Whether the extraction ``message_adaptive`` learns from photographs of the message (`Key.fitted`).
     ray_traced_only : bool
         Whether the scheme needs ray-traced pairs.
 
@@ -95,6 +104,7 @@ class Scheme:
     signature: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
     packages: Mapping[str, str] = field(default_factory=dict)
+    fits: bool = False
     ray_traced_only: bool = False
 
     @property

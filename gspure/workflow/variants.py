@@ -10,6 +10,7 @@ from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
 from gspure.cost import COSTS, cost_of
 from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
+from gspure.schemes.scheme import ADAPTIVE
 from gspure.workflow.decisions import DEFAULT, FACTORS, STAGES, Settings, origin
 from gspure.workflow.models import VANILLA, Model
 from gspure.workflow.options import options, repeated
@@ -150,8 +151,10 @@ class Variant:
         return f"{self.folder}/public/point_cloud.ply"
 
     def view_files(self, target: str) -> dict[str, str]:
-        """Return the files of the views that show a target, and the rigid transform of the attack."""
-        return self.model.views(target) | ({"transform": f"{self.folder}/transform.npy"} if self.is_attacked else {})
+        """Return the views that show a target, the attack's rigid transform, and photographs that an owner fits to."""
+        files = self.model.views(target) | ({"transform": f"{self.folder}/transform.npy"} if self.is_attacked else {})
+        fits = target == ADAPTIVE and self.model.plan.schemes[self.model.scheme].fits
+        return files | ({"photographs": self.model.pair["message"]} if fits else {})
 
     def view_options(self, target: str) -> str:
         """Return the same as options."""

@@ -4,7 +4,7 @@ from gspure.schemes.gs_hider.embedding import embed
 from gspure.schemes.gs_hider.key import DecoderKey
 from gspure.schemes.gs_hider.layout import SCENE_DECODER, decoder_name
 from gspure.schemes.gs_hider.public_model import FeatureModel
-from gspure.schemes.scheme import MESSAGE, PYTORCH, Scheme
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Scheme
 
 CARRIER = ("x", "y", "z", "semantic_*", "opacity", "scale_*", "rot_*")
 
@@ -13,8 +13,9 @@ SCHEME = Scheme(
     embed,
     FeatureModel.read,
     DecoderKey.read,
-    {MESSAGE: CARRIER},
+    {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
     signature=("semantic_0",),
     beside=(decoder_name("*", SCENE_DECODER),),
     packages=PYTORCH,
+    fits=True,
 )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -11,11 +12,14 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
-from gspure.public_model import PublicModel, RenderView, Rows
+from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import MESSAGE_DECODER, decoder_name, find_decoder
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.scheme import Key
+
+FIT_RATE: Final = 1e-3
+"""First learning rate of `DecoderKey.fitted`: that of the training."""
 
 
 class DecoderKey(Key):
@@ -40,9 +44,21 @@ class DecoderKey(Key):
         """Return the renderer of the private decoder's image."""
         from gspure.schemes.gs_hider.decoder import decoded
 
-        if not isinstance(public, FeatureModel):
-            raise InputError("model", "semantic_*", expected="the features of GS-Hider", found="none")
-        return decoded(public.feature_map(device), self.decoder.network)
+        return decoded(_feature_map(public, device), self.decoder.network)
+
+    def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
+        """Return the decoder after training on the model's feature maps; the model stays as it is."""
+        from gspure.schemes.gs_hider.loss import differentiated
+        from gspure.training.pytorch import single_threaded, torch
+
+        feature_map, decoder = _feature_map(public, lesson.device), deepcopy(self.decoder.network)
+        optimizer = torch.optim.Adam(decoder.parameters())
+        with single_threaded():
+            for view, factor in lesson.schedule():
+                differentiated(decoder, feature_map(lesson.views[view]), lesson.images[view])
+                optimizer.param_groups[0]["lr"] = factor * FIT_RATE
+                optimizer.step()
+        return type(self)(DecoderFile.of(decoder, 0, MESSAGE_DECODER))
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians of the scene, which are also those of the message."""
@@ -54,3 +70,10 @@ class DecoderKey(Key):
 
         (decoder,) = untrained(1, int(rng.integers(1 << 31)))
         return type(self)(DecoderFile.of(decoder, 0, MESSAGE_DECODER))
+
+
+def _feature_map(public: PublicModel, device: Device | None) -> RenderView:
+    """Return the renderer of a model's features."""
+    if not isinstance(public, FeatureModel):
+        raise InputError("model", "semantic_*", expected="the features of GS-Hider", found="none")
+    return public.feature_map(device)

@@ -1,7 +1,7 @@
 """SecureGS (Zhang et al. 2025) on Scaffold-GS: public anchors, from which private networks compute other Gaussians."""
 
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
-from gspure.schemes.scheme import MESSAGE, PYTORCH, Scheme
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Scheme
 from gspure.schemes.secure_gs.embedding import embed
 from gspure.schemes.secure_gs.files import UNITED
 from gspure.schemes.secure_gs.key import HiddenKey
@@ -15,10 +15,11 @@ SCHEME = Scheme(
     embed,
     AnchorModel.read,
     HiddenKey.read,
-    {MESSAGE: CARRIER},
+    {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
     tau_c=ANCHOR_TAU_C,
     tau_n=ANCHOR_TAU_N,
     signature=("f_anchor_feat_0", "f_offset_0"),
     beside=(UNITED, "*_mlp.pt"),
     packages=PYTORCH,
+    fits=True,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -11,13 +11,16 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device, choose_device
-from gspure.public_model import PublicModel, RenderView, Rows
+from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
 from gspure.schemes.secure_gs.files import BANK, HIDDEN, PRIVATE, read_hidden, write_hidden
 from gspure.schemes.secure_gs.networks import Networks, fresh, require_networks
 from gspure.schemes.secure_gs.neural import as_gaussians
 from gspure.schemes.secure_gs.public_model import AnchorModel
+
+FIT_RATE: Final = 2e-3
+"""First learning rate of `HiddenKey.fitted`. Ours."""
 
 
 class HiddenKey(Key):
@@ -54,15 +57,28 @@ class HiddenKey(Key):
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the hidden Gaussians of a camera, and the anchor of each."""
+        anchors = self._fitting(public)
+        return as_gaussians(*anchors.neural(camera, self._with_bank(anchors)), self.k)
+
+    def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
+        """Return the private networks after training on the model's anchors; the model stays as it is."""
+        anchors = self._fitting(public)
+        learner = anchors.trained(lesson, self._with_bank(anchors), dict.fromkeys(self.networks, FIT_RATE))
+        return type(self)({name: network for name, network in learner.networks(0).items() if name != BANK})
+
+    def _fitting(self, public: PublicModel) -> AnchorModel:
+        """Return a model whose anchors the networks can read."""
         if not isinstance(public, AnchorModel):
             raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
-        anchors = public.anchors
-        if (anchors.feat_dim, anchors.k) != (self.feat_dim, self.k):
+        if (public.anchors.feat_dim, public.anchors.k) != (self.feat_dim, self.k):
             expected = f"{self.feat_dim} features and {self.k} Gaussians per anchor"
-            found = f"{anchors.feat_dim} and {anchors.k}"
+            found = f"{public.anchors.feat_dim} and {public.anchors.k}"
             raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
-        blending = {name: network for name, network in public.networks.items() if name == BANK}
-        return as_gaussians(*public.neural(camera, {**self.networks, **blending}), anchors.k)
+        return public
+
+    def _with_bank(self, public: AnchorModel) -> Networks:
+        """Return the private networks, with the public one that blends features."""
+        return {**self.networks, **{name: network for name, network in public.networks.items() if name == BANK}}
 
     def wrong(self, rng: np.random.Generator) -> Self:
         """Return untrained networks."""

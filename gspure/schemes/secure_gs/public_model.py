@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from gspure.schemes.secure_gs.files import read_networks, write_networks
 from gspure.schemes.secure_gs.networks import Networks, require_networks
 from gspure.schemes.secure_gs.neural import Neural, as_gaussians, neural
 from gspure.schemes.secure_gs.visibility import visible_rows
+
+if TYPE_CHECKING:
+    from gspure.schemes.secure_gs.learner import Learner
 
 Float32 = NDArray[np.float32]
 
@@ -102,20 +105,25 @@ class AnchorModel(PublicModel):
 
     def learned(self, lesson: Lesson) -> Self:
         """Return the model with features, scalings and offsets learned through the public networks, which stay."""
-        from gspure.schemes.secure_gs.learner import Learner
-        from gspure.training.pytorch import single_threaded
-
         rates = lesson.rates(self.rates)
         groups = {"features": "colour", "log_scalings": "scale", "offsets": "position"}
+        learner = self.trained(lesson, self.networks, {group: rates.get(name, 0.0) for group, name in groups.items()})
+        return self._with_attributes(table_of(learner.anchors), rates)
+
+    def trained(self, lesson: Lesson, networks: Networks, rates: Mapping[str, float]) -> Learner:
+        """Return the learner of anchors and networks after a lesson; `rates` names what learns, and how fast."""
+        from gspure.schemes.secure_gs.learner import LEARNED, Learner
+        from gspure.training.pytorch import single_threaded
+
+        fixed = dict.fromkeys((*LEARNED, *networks), 0.0)
         with single_threaded():
-            learner = Learner(self.anchors, [self.networks], [lesson.images], lesson.device or choose_device())
+            learner = Learner(self.anchors, [networks], [lesson.images], lesson.device or choose_device())
             for view, factor in lesson.schedule():
                 scales = np.exp(learner.anchors.log_scalings[:, :3])
                 rows = visible_rows(lesson.views[view], self.model.means, self.model.quats, scales)
                 learner.differentiate(0, lesson.views[view], rows, view, 1.0)
-                steps_of = {group: factor * rates.get(name, 0.0) for group, name in groups.items()}
-                learner.step(dict.fromkeys(self.networks, 0.0) | steps_of)
-        return self._with_attributes(table_of(learner.anchors), rates)
+                learner.step(fixed | {name: factor * rate for name, rate in rates.items()})
+        return learner
 
     def opacities(self, cameras: Sequence[Camera]) -> Float32:
         """Return the opacity [M] of each anchor, the mean over its Gaussians and the views where it is visible.

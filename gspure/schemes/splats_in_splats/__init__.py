@@ -1,9 +1,9 @@
 """Splats in Splats: a hidden scene in the low bits and the opacities of a vanilla model (arXiv 2412.03121)."""
 
 from gspure.public_model import PublicModel
-from gspure.schemes.scheme import MESSAGE, Scheme
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Scheme
 from gspure.schemes.splats_in_splats.embedding import embed
-from gspure.schemes.splats_in_splats.key import ADAPTIVE, ORACLE, SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
 
 GEOMETRY = ("x", "y", "z", "scale_*", "rot_*")
 CARRIERS = {

@@ -26,14 +26,13 @@ from gspure.model.sh_rotation import rotate_sh
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
-from gspure.schemes.scheme import MESSAGE, Key
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Key
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.matching import adaptive_matches, exact_matches
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 
 Float32 = NDArray[np.float32]
 
-ADAPTIVE: Final = "message_adaptive"
 ORACLE: Final = "message_oracle"
 
 _FILE: Final = "splats_in_splats.npz"

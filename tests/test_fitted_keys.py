@@ -1,0 +1,105 @@
+"""Owners of GS-Hider and SecureGS who fit their decoder to an attacked model: what it reads, changes and improves."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from gspure.attacks import Evidence, find_attack
+from gspure.cli import extract, main
+from gspure.evaluation.metrics import psnr
+from gspure.images import read_image, write_image
+from gspure.public_model import Lesson, PublicModel
+from gspure.schemes.pair import Capture, read_pair
+from gspure.schemes.registry import find_scheme
+from gspure.schemes.scheme import ADAPTIVE, hide
+
+SETTINGS = {
+    "gs_hider": {"iterations": 60, "max_gaussians": 400},
+    "secure_gs": {"iterations": 60, "max_anchors": 200},
+}
+
+
+@pytest.fixture(scope="module", params=SETTINGS)
+def marked(request, pair_folder: Path) -> SimpleNamespace:
+    scheme, pair = find_scheme(request.param), read_pair(pair_folder)
+    public, key = hide(scheme, pair, **SETTINGS[scheme.name])
+    return SimpleNamespace(scheme=scheme, pair=pair, public=public, key=key, folder=pair_folder)
+
+
+def lesson(capture: Capture, steps: int = 40) -> Lesson:
+    return Lesson(capture.views, capture.images, (), steps, np.random.default_rng(0))
+
+
+def quality(marked: SimpleNamespace, public: PublicModel, key) -> float:
+    view = key.message(public, ADAPTIVE)
+    return float(np.mean([psnr(view(camera).clip(0, 1), image) for camera, image in marked.pair.message.probes]))
+
+
+def test_a_fitted_key_reads_an_attacked_model_better_in_held_out_views(marked: SimpleNamespace) -> None:
+    columns = marked.public.columns["colour"]
+    swapped = {name: marked.public.model.table[other] for name, other in zip(columns, columns[::-1], strict=True)}
+    attacked = marked.public.with_model(marked.public.model.with_columns(swapped))
+    fitted = marked.key.fitted(attacked, lesson(marked.pair.message, 150))
+    assert quality(marked, attacked, fitted) > quality(marked, attacked, marked.key) + 0.5
+
+
+def test_fitting_leaves_model_and_key_alone_and_gives_the_same_bits(marked: SimpleNamespace) -> None:
+    camera, table = marked.pair.scene.views[0], marked.public.model.table.tobytes()
+    before = [view(camera).tobytes() for view in (marked.public.scene(), marked.key.message(marked.public, ADAPTIVE))]
+    one, other = (marked.key.fitted(marked.public, lesson(marked.pair.message, 6)) for _ in range(2))
+    images = [key.message(marked.public, ADAPTIVE)(camera).tobytes() for key in (one, other)]
+    assert images[0] == images[1] != before[1]
+    assert marked.public.model.table.tobytes() == table
+    after = [view(camera).tobytes() for view in (marked.public.scene(), marked.key.message(marked.public, ADAPTIVE))]
+    assert before == after
+
+
+def test_the_command_fits_to_training_views_and_shows_held_out_ones(
+    marked: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(extract, "FIT_STEPS", 12)
+    marked.public.write(tmp_path / "public" / "point_cloud.ply")
+    marked.key.write(tmp_path / "key")
+    words = ["extract", tmp_path / "public", "--scheme", marked.scheme.name, "--key", tmp_path / "key"]
+    words += ["--cameras", marked.folder / "message" / "cameras.json", "--split", "test", "--extraction", ADAPTIVE]
+
+    def shown(name: str, *options: object) -> bytes:
+        assert main([*map(str, (*words, "--out", tmp_path / name, *options))]) == 0
+        return b"".join(path.read_bytes() for path in sorted((tmp_path / name).glob("*.png")))
+
+    fitted = shown("fitted", "--photographs", marked.folder / "message")
+    for kind, capture in (("test", marked.pair.message.dataset.test), ("train", marked.pair.message.views)):
+        shutil.copytree(marked.folder / "message", tmp_path / kind)
+        for camera in capture:
+            file = tmp_path / kind / f"{camera.name}.png"
+            write_image(file, 1 - read_image(file))
+    assert shown("without_held_out_photographs", "--photographs", tmp_path / "test") == fitted
+    assert shown("with_other_photographs", "--photographs", tmp_path / "train") != fitted
+    assert main([*map(str, (*words, "--out", tmp_path / "nothing"))]) == 2
+    assert "--photographs: expected photographs of the message" in capsys.readouterr().err
+
+
+def test_the_views_of_the_photographs_move_with_the_model(
+    marked: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(extract, "FIT_STEPS", 12)
+    attacked = find_attack("rigid_transform").apply(marked.public, Evidence(), angle=0.0, translation="0.5,0,0")
+    np.save(tmp_path / "transform.npy", attacked.transform)
+    marked.key.write(tmp_path / "key")
+    images = []
+    for name, model in {"still": marked.public.model, "moved": attacked.model}.items():
+        marked.public.with_model(model).write(tmp_path / name / "point_cloud.ply")
+        words = ["extract", tmp_path / name, "--scheme", marked.scheme.name, "--key", tmp_path / "key"]
+        words += ["--cameras", marked.folder / "message" / "cameras.json", "--split", "test", "--extraction", ADAPTIVE]
+        words += ["--photographs", marked.folder / "message", "--out", tmp_path / f"{name}_images"]
+        words += ["--transform", tmp_path / "transform.npy"] if name == "moved" else []
+        assert main([*map(str, words)]) == 0
+        images.append(read_image(next((tmp_path / f"{name}_images").glob("*.png"))))
+    assert psnr(*images) > 35
