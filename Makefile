@@ -50,7 +50,7 @@ format: $(DEV_PACKAGES) ## put the code into the style that lint checks
 bench: $(DEV_PACKAGES) $(OPENCL) ## measure speed
 	@$(BIN)/python -m pytest benchmarks
 
-torture: $(DEV_PACKAGES) $(OPENCL) ## hostile files, kills, full disks, damage, mutants: benchmarks/torture.md, in hours
+torture: $(DEV_PACKAGES) $(OPENCL) ## hostile files, kills, full disks, corruption, mutants: benchmarks/torture.md, in hours
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.hostile readers || true
 	@$(BIN)/python -m tests.hostile workflow || true
 	@$(BIN)/python -m tests.hostile.mutants

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Final
 
 from gspure.evaluation.controls import CLEAN, WRONG_KEY
+from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.matched import Matched, wanted_damage
 from gspure.evaluation.names import condition_name
 from gspure.evaluation.outcomes import MESSAGE, UNATTACKED, condition_of
 from gspure.evaluation.paper import beside, read_cells
-from gspure.evaluation.records import read_records
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import Survival
 from gspure.report.table import UNKNOWN, Cell, Column, Row, Table, interval, plain
@@ -32,9 +32,7 @@ GENERATED: Final = re.compile(r"(<!-- (?P<run>\w+): (?P<kind>\w+) -->\n).*?(?=<!
 
 def before(run: Path) -> Table:
     """Return the PSNR before any attack and of the controls, by condition."""
-    psnr = {
-        (condition_of(row), row.variant): row for row in read_records(run / "summary.csv", Summary) if _literal(row)
-    }
+    psnr = {(condition_of(row), row.variant): row for row in read_table(run / "summary.csv", Summary) if _literal(row)}
     rows = []
     for condition in dict.fromkeys(condition for condition, _ in psnr):
         public, clean, wrong = (psnr.get((condition, variant)) for variant in (UNATTACKED, CLEAN, WRONG_KEY))
@@ -51,7 +49,7 @@ def attacks(run: Path) -> Table:
 
     Attacks whose strength was searched are in the table `equal`.
     """
-    rows = [row for row in read_records(run / "survival.csv", Survival) if _literal(row) and _as_run(row.variant)]
+    rows = [row for row in read_table(run / "survival.csv", Survival) if _literal(row) and _as_run(row.variant)]
     conditions = dict.fromkeys(map(condition_of, rows))
     by_cell = {(row.variant, condition_of(row)): row for row in rows}
     body = [
@@ -64,7 +62,7 @@ def attacks(run: Path) -> Table:
 
 def equal(run: Path) -> Table:
     """Return the message's drop at equal damage to the scene."""
-    rows = [row for row in read_records(run / "matched.csv", Matched) if row.extraction == MESSAGE]
+    rows = [row for row in read_table(run / "matched.csv", Matched) if row.extraction == MESSAGE]
     at = sorted({row.damage for row in rows})
     body = []
     for condition, alike in groupby(rows, key=condition_of):
@@ -81,7 +79,7 @@ def equal(run: Path) -> Table:
 def paper(run: Path) -> Table:
     """Return the paper's attacks with its numbers beside ours, or alone if the run has no results."""
     survival = run / "survival.csv"
-    return beside_table(beside(read_cells(), read_records(survival, Survival) if survival.exists() else []))
+    return beside_table(beside(read_cells(), read_table(survival, Survival) if survival.exists() else []))
 
 
 KINDS: Final[Mapping[str, Callable[[Path], Table]]] = {kind.__name__: kind for kind in (before, attacks, equal, paper)}
@@ -114,7 +112,7 @@ def _reached(row: Matched) -> Cell:
     """Return a drop, with the damage to the scene where it is not the wanted one."""
     cell = interval(row.drop)
     bound = "≥ " if row.gentle else ""
-    return cell if row.reached == row.damage else Cell(f"{bound}{cell} at {plain(row.reached)} dB")
+    return cell if row.scene_drop == row.damage else Cell(f"{bound}{cell} at {plain(row.scene_drop)} dB")
 
 
 if __name__ == "__main__":

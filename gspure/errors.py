@@ -79,9 +79,9 @@ def _short(text: str) -> str:
 def reading(path: str | Path, content: str, field: str = "file") -> Iterator[None]:
     """Read the `field` of a file that should hold `content` in the block: whatever goes wrong becomes an `InputError`.
 
-    Libraries raise almost any exception when a file is damaged or hostile, so every exception counts as the file's
+    Libraries raise almost any exception when a file is corrupt or hostile, so every exception counts as the file's
     fault; keep the block to what depends on the file. The original exception is kept as the cause. Warnings about
-    damage that a library copes with are discarded, as they take several lines and name places in its code.
+    corruption that a library copes with are discarded, as they take several lines and name places in its code.
 
     A missing file becomes a `MissingFileError`, which is also a `FileNotFoundError`.
     """

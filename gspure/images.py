@@ -32,7 +32,7 @@ RENDERED: Final = "rendered.json"
 
 _STDERR: Final = 2
 
-logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks on damaged files go to standard error
+logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks on corrupt files go to standard error
 
 
 @contextmanager
@@ -65,7 +65,7 @@ def read_image(
     An image larger than `size` (width, height) is reduced by Pillow's antialiased bicubic filter before it becomes
     float, which is what 3DGS compares with; a smaller one is refused, since enlarging invents detail.
 
-    Raise `InputError` if the file is missing, damaged, not 8-bit, too large, or smaller than `size`.
+    Raise `InputError` if the file is missing, corrupt, not 8-bit, too large, or smaller than `size`.
     """
     from PIL import Image
 
@@ -171,7 +171,7 @@ def _require_all_strips(path: str | Path, image: ImageFile) -> None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Discard what libtiff prints to standard error about a damaged file, under a temporary name."""
+    """Discard what libtiff prints to standard error about a corrupt file, under a temporary name."""
     kept, null = os.dup(_STDERR), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(null, _STDERR)

@@ -7,7 +7,7 @@ import sys
 
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
-from gspure.damage import discard, missing_or_cut, set_aside
+from gspure.corruption import discard, missing_or_cut, set_aside
 from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary
 
 # In that process: the failures of the first run. If a figure fails in it, a third process leaves this figure out, too.
@@ -73,29 +73,29 @@ def summarize(run):
     subprocess.run(command, env={**os.environ, "GSPURE_FAILED_RUNS": runs}, check=False)
 
 
-def set_damage_aside():
-    """Rename damaged inputs of failed jobs and delete their dependent files, so that the next run makes them again.
+def set_corrupt_aside():
+    """Rename corrupt inputs of failed jobs and delete their dependent files, so that the next run makes them again.
 
     Snakemake does not remake a missing file whose dependent files exist and are up to date.
     """
     failed = set().union(*map(get_jobs, workflow.scheduler.failed))
-    damaged = set_aside({Path(path) for job in failed for path in job.input})
-    makers = [job for job in workflow.dag.jobs if damaged.keys() & set(map(Path, job.output))]
+    corrupt = set_aside({Path(path) for job in failed for path in job.input})
+    makers = [job for job in workflow.dag.jobs if corrupt.keys() & set(map(Path, job.output))]
     dependent = set(workflow.dag.bfs(workflow.dag.depending, *makers)) - set(makers) - get_summaries()
     discard(Path(path) for job in dependent for path in job.output)
-    for damage in damaged.values():
-        print(f"gspure: set aside, to be made again by the next run: {damage}", file=sys.stderr)
+    for problem in corrupt.values():
+        print(f"gspure: set aside, to be made again by the next run: {problem}", file=sys.stderr)
 
 
 def build_dag(build=workflow._build_dag):
     """Force the jobs whose artifacts are missing or cut, which Snakemake takes for up to date if their products are."""
-    damages = missing_or_cut()
-    workflow.dag.forcefiles |= {str(path) for file in damages for path in (file, *file.parents)}
+    problems = missing_or_cut()
+    workflow.dag.forcefiles |= {str(path) for file in problems for path in (file, *file.parents)}
     build()
     forced = {path for job in workflow.dag.jobs for path in map(Path, job.output)}
-    for file, damage in damages.items():
+    for file, problem in problems.items():
         if forced & {file, *file.parents}:
-            print(f"gspure: to be made again: {damage}", file=sys.stderr)
+            print(f"gspure: to be made again: {problem}", file=sys.stderr)
 
 
 if workflow.is_main_process and not RUNS:
@@ -120,6 +120,6 @@ onerror:
     stopped = workflow.scheduler.running or workflow.scheduler.open_jobs
     if workflow.execution_settings.keep_going and not stopped and len(RUNS) < 2:
         summarize(log[0])
-    set_damage_aside()
+    set_corrupt_aside()
     if failures:
         atexit.register(print_failures, failures)  # after Snakemake's last message

@@ -1,4 +1,4 @@
-"""Arrays on disk that are damaged or hostile: one line each, and nothing allocated for what a header claims."""
+"""Arrays on disk that are corrupt or hostile: one line each, and nothing allocated for what a header claims."""
 
 from __future__ import annotations
 

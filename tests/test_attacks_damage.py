@@ -139,7 +139,7 @@ def test_the_command_does_the_damage_and_records_strength_and_damage(folder: Pat
     images = [read_image(folder / f"{view.name}.png") for view in VIEWS]
     attacked = read_model(outputs[0])
     damage = scene_damage(PublicModel(read_model(folder / "model.ply")), VIEWS, images)(PublicModel(attacked))
-    assert damage == record["damage_reached"] == pytest.approx(1, abs=DAMAGE_TOLERANCE)
+    assert damage == record["scene_drop"] == pytest.approx(1, abs=DAMAGE_TOLERANCE)
     assert record["damage_reference"] == "truth"
     assert f"{setting}={record[setting]}" in attacked.comments[-2]
     assert f"{damage:.3f} dB of 1 dB" in attacked.comments[-1]
@@ -151,8 +151,8 @@ def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, 
     assert attack(folder, "densify_clone", "--damage", "30", "--out", str(out)) == 0
     record = read_json(tmp_path / "out.ply.json")["settings"]
     assert record["fraction"] == 1
-    assert record["damage_reached"] < record["damage"] == 30
-    assert f"an estimated {record['damage_reached']:.2f} dB" in capsys.readouterr().err
+    assert record["scene_drop"] < record["damage"] == 30
+    assert f"an estimated {record['scene_drop']:.2f} dB" in capsys.readouterr().err
     assert record["damage_reference"] == "render"
 
 

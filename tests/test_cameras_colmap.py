@@ -172,7 +172,7 @@ def test_a_truncated_binary_file_is_refused(tmp_path, data):
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
-def test_a_damaged_camera_file_is_read_or_refused(tmp_path, data):
+def test_a_corrupt_camera_file_is_read_or_refused(tmp_path, data):
     files = data.draw(st.sampled_from([binary(), text()]))
     name = data.draw(st.sampled_from(sorted(files)))
     content = bytearray(files[name])

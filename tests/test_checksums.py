@@ -1,4 +1,4 @@
-"""Checksums: damage is found when a file is read; a file without a checksum is read as it is."""
+"""Checksums: corruption is found when a file is read; a file without a checksum is read as it is."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def test_a_users_json_beside_a_file_is_not_taken_for_a_checksum(tmp_path: Path) 
     ],
     ids=["cut", "empty", "zeros", "no checksum", "a number", "deep"],
 )
-def test_damaged_provenance_is_one_line_that_names_it(tmp_path: Path, edit) -> None:
+def test_corrupt_provenance_is_one_line_that_names_it(tmp_path: Path, edit) -> None:
     path = written(tmp_path, "weights.npy")
     note = tmp_path / "weights.npy.json"
     note.write_text(edit(note.read_text()))

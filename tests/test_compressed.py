@@ -129,8 +129,8 @@ def test_a_cut_or_continued_file_is_refused(tmp_path, name):
     path = write_all(tmp_path)[name]
     data = path.read_bytes()
     continued = [data + b"\0"] if path.suffix in {".splat", ".ply"} else []
-    for damaged in (b"", data[:-1], data[: len(data) // 2 - 1], *continued):
-        path.write_bytes(damaged)
+    for corrupt in (b"", data[:-1], data[: len(data) // 2 - 1], *continued):
+        path.write_bytes(corrupt)
         refused(path, path.name)
 
 

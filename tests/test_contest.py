@@ -13,8 +13,8 @@ from gspure.artifacts import file_digest
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest, contest
+from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.matched import Matched, match
-from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.evaluation.survival import survival
@@ -127,9 +127,9 @@ def test_every_extraction_is_a_family_of_its_own() -> None:
 
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     rows = contest(SCENES, SWEEPS)
-    write_records(tmp_path / "contest.csv", Contest, rows)
-    read = read_records(tmp_path / "contest.csv", Contest)
-    write_records(tmp_path / "again.csv", Contest, read)
+    write_table(tmp_path / "contest.csv", Contest, rows)
+    read = read_table(tmp_path / "contest.csv", Contest)
+    write_table(tmp_path / "again.csv", Contest, read)
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "contest.csv").read_bytes()
     assert conditions_markdown(survival(SCENES), read) == conditions_markdown(survival(SCENES), rows)
 
@@ -138,10 +138,10 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     "content", ["", "a,b\n1,2\n", "HEADERsis,message,x\n", "HEADERs,m,x,score,,a" + ",1" * 8 + "\n"]
 )
 def test_another_table_is_refused(tmp_path: Path, content: str) -> None:
-    write_records(tmp_path / "t.csv", Contest, [])
+    write_table(tmp_path / "t.csv", Contest, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):
-        read_records(tmp_path / "t.csv", Contest)
+        read_table(tmp_path / "t.csv", Contest)
 
 
 def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path) -> None:
@@ -154,7 +154,7 @@ def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path)
         rows = {(row["attack"], row["quantity"], row["damage"]): row for row in csv.DictReader(stream)}
     assert rows["weaker", "score", ""]["difference_mean"] == "9.5"
     assert any(attack == "theirs" and damage for attack, _, damage in rows)
-    matched = read_records(tmp_path / "matched.csv", Matched)
+    matched = read_table(tmp_path / "matched.csv", Matched)
     assert (matched[0].sweep, matched[0].strengths, len(matched)) == ("theirs", 2, len(match(SCENES, SWEEPS)))
     expected = conditions_markdown(survival(SCENES), contest(SCENES, SWEEPS), match(SCENES, SWEEPS))
     assert (tmp_path / "contest.md").read_text() == expected

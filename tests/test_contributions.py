@@ -254,7 +254,7 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_a_damaged_stage_is_named_with_both_checksums_and_computed_again_alone(stored, renderer, damage):
+def test_a_corrupt_stage_is_named_with_both_checksums_and_computed_again_alone(stored, renderer, damage):
     path = stored.stages[2].path
     good = path.read_bytes()
     path.write_bytes(damage(good))

@@ -12,8 +12,8 @@ from gspure.cli import main
 from gspure.cost import LOG, Cost, cost_of, read_cost, spent, total
 from gspure.errors import InputError
 from gspure.evaluation.costs import AttackCost, attack_costs
+from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.matched import match
-from gspure.evaluation.records import read_records
 from gspure.evaluation.results import write_results
 from gspure.evaluation.survival import survival
 from gspure.model import read_model, write_model
@@ -100,7 +100,7 @@ def test_contest_writes_costs_and_shows_them_beside_the_drops(tmp_path: Path) ->
     words += [word for name in names for word in (f"--{name}", f"{name}.csv")]
     words += ["--benchmarks", str(written(tmp_path / "benchmarks"))]
     assert main([str(tmp_path / word) if "." in word else word for word in words]) == 0
-    costs = read_records(tmp_path / "costs.csv", AttackCost)
+    costs = read_table(tmp_path / "costs.csv", AttackCost)
     assert costs == attack_costs(OUTCOMES, SWEEPS, tmp_path / "benchmarks")
     rows = (survival(OUTCOMES), (), match(OUTCOMES, SWEEPS))
     assert conditions_markdown(*rows, costs).count("CPU time [s]") == 2

@@ -196,7 +196,7 @@ def test_an_archive_without_the_scene_is_refused(tmp_path, missing):
         extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
 
 
-def test_a_damaged_entry_leaves_nothing_behind(tmp_path):
+def test_a_corrupt_entry_leaves_nothing_behind(tmp_path):
     file = zipped(tmp_path / "scenes.zip", WHOLE)
     file.write_bytes(file.read_bytes().replace(WHOLE[0].encode() * 2, WHOLE[0].encode() + b"!" * len(WHOLE[0])))
     with pytest.raises(InputError, match="expected a zip archive, found Bad CRC-32"):
@@ -249,7 +249,7 @@ def test_a_folder_that_cannot_be_written_to_is_not_blamed_on_the_archive(tmp_pat
 
 
 @pytest.mark.parametrize("record", [b"", b"\xff\xfe", b"sha256:", b"0123  scenes.zip\n"])
-def test_a_damaged_record_of_a_digest_is_refused(tmp_path, record):
+def test_a_corrupt_record_of_a_digest_is_refused(tmp_path, record):
     (tmp_path / "scenes.zip.sha256").write_bytes(record)
     with Server() as server, pytest.raises(InputError, match=r"scenes\.zip\.sha256: file: expected a SHA-256"):
         fetch(server.url, tmp_path)

@@ -85,9 +85,9 @@ def test_a_number_of_thousands_of_digits_does_not_quote_the_setting_of_python(re
         (RecursionError("maximum recursion depth exceeded"), "too deep nesting"),
         (ValueError("two\n\n  lines"), "two lines"),
         (EOFError(), "EOFError"),
-        *((kind("damaged"), "damaged") for kind in (AttributeError, OverflowError, TypeError, SyntaxError)),
-        *((kind("damaged"), "damaged") for kind in (RuntimeError, NotImplementedError, zipfile.BadZipFile)),
-        *((kind("damaged"), "damaged") for kind in (struct.error, tokenize.TokenError, zlib.error, lzma.LZMAError)),
+        *((kind("corrupt"), "corrupt") for kind in (AttributeError, OverflowError, TypeError, SyntaxError)),
+        *((kind("corrupt"), "corrupt") for kind in (RuntimeError, NotImplementedError, zipfile.BadZipFile)),
+        *((kind("corrupt"), "corrupt") for kind in (struct.error, tokenize.TokenError, zlib.error, lzma.LZMAError)),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, Exception) else "",
 )
@@ -146,6 +146,6 @@ def test_a_more_precise_error_is_kept():
     assert caught.value is precise
 
 
-def test_an_interruption_is_not_reported_as_damage():
+def test_an_interruption_is_not_reported_as_corruption():
     with pytest.raises(KeyboardInterrupt), reading("x.json", "JSON"):
         raise KeyboardInterrupt

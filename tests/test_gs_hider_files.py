@@ -212,7 +212,7 @@ def test_archives_that_unpack_to_too_much_are_refused(torch, saved, tmp_path):
         DecoderFile.read(tmp_path / NAME).network  # noqa: B018
 
 
-def test_a_damaged_description_is_refused_at_once(torch, saved, tmp_path):
+def test_a_corrupt_description_is_refused_at_once(torch, saved, tmp_path):
     """PyTorch's own reader searches such a file for minutes to make up its message."""
     saved(state(torch))
     with zipfile.ZipFile(tmp_path / NAME) as archive:
@@ -225,7 +225,7 @@ def test_a_damaged_description_is_refused_at_once(torch, saved, tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"not a zip"])
-def test_damaged_files_are_refused(torch, tmp_path, content):
+def test_corrupt_files_are_refused(torch, tmp_path, content):
     (tmp_path / NAME).write_bytes(content)
     with pytest.raises(InputError, match="a PyTorch archive"):
         DecoderFile.read(tmp_path / NAME).network  # noqa: B018

@@ -138,7 +138,7 @@ def test_a_tiff_without_its_last_rows_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("compression", ["tiff_deflate", "tiff_lzw", "jpeg"])
-def test_a_damaged_tiff_is_refused_without_output_of_its_decoder(tmp_path, capfd, compression):
+def test_a_corrupt_tiff_is_refused_without_output_of_its_decoder(tmp_path, capfd, compression):
     file = tmp_path / "a.tif"
     pixels = np.random.default_rng(0).integers(256, size=(40, 40, 3), dtype=np.uint8)
     refused = 0
@@ -155,7 +155,7 @@ def test_a_damaged_tiff_is_refused_without_output_of_its_decoder(tmp_path, capfd
     assert capfd.readouterr() == ("", "")
 
 
-def test_damaged_metadata_gives_no_warning(tmp_path):
+def test_corrupt_metadata_gives_no_warning(tmp_path):
     exif = Image.Exif()
     exif[0x010F] = "x" * 40
     Image.new("RGB", (4, 3)).save(tmp_path / "a.jpg", exif=exif.tobytes()[:-30])

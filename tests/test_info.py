@@ -15,7 +15,7 @@ def report(capsys, *arguments):
 
 
 @pytest.fixture
-def damaged(tmp_path):
+def corrupt(tmp_path):
     """A file of 6 Gaussians: rows 1 and 4 hold no numbers, row 2 no rotation, row 5 stands where row 3 does."""
     table = blobs(6).table
     table["x"][[1, 4]] = np.nan
@@ -24,8 +24,8 @@ def damaged(tmp_path):
         table[f"rot_{i}"][2] = 0
     for name in "xyz":
         table[name][5] = table[name][3]
-    write_model(tmp_path / "damaged.ply", Gaussians(table))
-    return tmp_path / "damaged.ply"
+    write_model(tmp_path / "corrupt.ply", Gaussians(table))
+    return tmp_path / "corrupt.ply"
 
 
 def test_the_numbers_of_a_model_are_summarized():
@@ -52,8 +52,8 @@ def test_equal_positions_are_counted_however_zero_is_signed():
     assert summarize(table).repeated_position_rows == 2
 
 
-def test_bad_rows_are_counted_and_named_as_json(capsys, damaged):
-    found = json.loads(report(capsys, damaged, "--json"))
+def test_bad_rows_are_counted_and_named_as_json(capsys, corrupt):
+    found = json.loads(report(capsys, corrupt, "--json"))
     assert found["non_finite_rows"] == 2
     assert found["non_finite_columns"] == {"x": {"rows": 2, "first": 1}, "opacity": {"rows": 1, "first": 4}}
     assert found["zero_quaternion_rows"] == 1
@@ -62,14 +62,14 @@ def test_bad_rows_are_counted_and_named_as_json(capsys, damaged):
     assert np.isfinite(found["quantiles"]["x"]).all()
 
 
-def test_bad_rows_are_counted_and_named_as_text(capsys, damaged):
-    text = report(capsys, damaged)
+def test_bad_rows_are_counted_and_named_as_text(capsys, corrupt):
+    text = report(capsys, corrupt)
     assert "6 Gaussians, SH degree 3, 62 properties" in text
     assert "non-finite rows             2   x in 2, first 1; opacity in 1, first 4" in text
 
 
-def test_columns_of_the_quantile_table_are_aligned(capsys, damaged):
-    table = report(capsys, damaged).split("\n\n")[1].splitlines()
+def test_columns_of_the_quantile_table_are_aligned(capsys, corrupt):
+    table = report(capsys, corrupt).split("\n\n")[1].splitlines()
     assert len({len(line) for line in table}) == 1
 
 

@@ -21,7 +21,7 @@ LAYERS = (
     {"public_model", "trial"},
     {"surface"},
     {"method"},
-    {"damage", "evaluation"},
+    {"corruption", "evaluation"},
     {"training"},
     {"scenes"},
     {"schemes"},

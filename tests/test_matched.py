@@ -1,4 +1,4 @@
-"""Attacks at equal damage: the records over scenes, and their table."""
+"""Attacks at equal damage: their rows over scenes, and the table."""
 
 from pathlib import Path
 
@@ -6,9 +6,9 @@ import pytest
 
 from gspure.cli import main
 from gspure.errors import InputError
+from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.matched import Matched, match, variant_at, wanted_damage
 from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.report.tables import conditions_markdown, matched_table
 from tests.contest_cases import BEFORE, measured
@@ -76,7 +76,7 @@ def test_strengths_searched_for_a_damage_are_read_not_interpolated() -> None:
     drops |= {"noise@1dB": (0.98, 2.0), "noise@2dB": (2.6, 3.0), "gof": (4.0, 8.0)}
     rows = match(outcomes(room=drops), AIMED)
     assert [*cells(rows, "noise")] == [1.0, 2.0]
-    shown = {(row.sweep, row.damage): (row.drop.mean, row.gentle, round(row.reached, 9)) for row in rows}
+    shown = {(row.sweep, row.damage): (row.drop.mean, row.gentle, round(row.scene_drop, 9)) for row in rows}
     assert shown == {
         ("pruning", 1.0): (10.0, 0, 1.0),
         ("pruning", 2.0): (7.0, 1, 0.7),
@@ -109,8 +109,8 @@ def test_the_table_marks_the_largest_drop_at_each_damage_that_was_reached() -> N
 
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     rows = match(TWO, SWEEPS)
-    write_records(tmp_path / "matched.csv", Matched, rows)
-    read = read_records(tmp_path / "matched.csv", Matched)
+    write_table(tmp_path / "matched.csv", Matched, rows)
+    read = read_table(tmp_path / "matched.csv", Matched)
     assert conditions_markdown(matched=read) == conditions_markdown(matched=rows)
 
 
@@ -118,10 +118,10 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     "content", ["", "a,b\n1,2\n", "HEADERsis,message,ours,2\n", "HEADERsis,m,o,2,x,1,1,1,0,1,0,1\n"]
 )
 def test_another_table_is_refused(tmp_path: Path, content: str) -> None:
-    write_records(tmp_path / "t.csv", Matched, [])
+    write_table(tmp_path / "t.csv", Matched, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):
-        read_records(tmp_path / "t.csv", Matched)
+        read_table(tmp_path / "t.csv", Matched)
 
 
 def test_a_sweep_without_variants_is_refused(capsys) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from gspure.cli import main
+from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.paper import (
     Beside,
     Claim,
@@ -26,7 +27,6 @@ from gspure.evaluation.paper import (
 )
 from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS
 from gspure.evaluation.paper.quantities import ablations, drop, lead, score, score_lead, table_1
-from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.survival import Survival, survival
 from tests.contest_cases import benchmark
 
@@ -208,10 +208,10 @@ def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):
         for protocol, drop in (("own", 12.0), ("shared", 3.0))
     )
     ours = survival([*own, *shared, *benchmark({"a": {"gspure": (0.0, 9.0)}}, scheme="planted")])
-    write_records(tmp_path / "survival.csv", Survival, ours)
+    write_table(tmp_path / "survival.csv", Survival, ours)
     words = ["--beside", str(tmp_path / "table_1.csv"), "--markdown", str(tmp_path / "table_1.md")]
     assert main(["paper-check", "--survival", str(tmp_path / "survival.csv"), *words]) == 0
-    rows = {(r.scheme, r.protocol, r.variant): r for r in read_records(tmp_path / "table_1.csv", Beside)}
+    rows = {(r.scheme, r.protocol, r.variant): r for r in read_table(tmp_path / "table_1.csv", Beside)}
     assert len(rows) == 4 * len(ATTACKS)
     measured = [(r.scenes, r.scene_drop, r.message_drop, r.score) for r in rows.values() if r.scenes]
     assert measured == [(2, 1.0, 12.0, 11.0), (2, 1.0, 3.0, 2.0)]

@@ -339,7 +339,7 @@ def test_no_header_breaks_the_reader(folder, encoding, core, middle, newline, bo
 
 @given(data=st.data())
 @settings(max_examples=300)
-def test_no_damage_to_a_file_breaks_the_reader(folder, data):
+def test_no_corruption_of_a_file_breaks_the_reader(folder, data):
     encoding = data.draw(st.sampled_from(["ascii", "binary_little_endian", "binary_big_endian"]))
     body = b"1 2.5 -3e4 0 0 0 0 1 0 0 nan\n" * 2 if encoding == "ascii" else bytes(2 * 44)
     content = bytearray(header(floats(CORE), 2, encoding) + body)

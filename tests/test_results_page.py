@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.results import GENERATED, KINDS, PAGE, RUNS, filled
+from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.matched import Matched, match
 from gspure.evaluation.outcomes import Condition
-from gspure.evaluation.records import write_records
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival, survival
 from tests.contest_cases import benchmark
@@ -24,9 +24,9 @@ def runs(tmp_path: Path) -> Path:
         *benchmark({s: {"gspure": (1.25, 12.5), "x": (2.0, 3.0), "x@2dB": (2.0, 4.0)} for s in "ab"}, **OWN._asdict()),
         *benchmark({s: {"gspure": (1.75, 2.5)} for s in "cd"}, **SHARED._asdict()),
     ]
-    write_records(tmp_path / "run" / "survival.csv", Survival, survival(outcomes))
-    write_records(tmp_path / "run" / "summary.csv", Summary, summarize(outcomes))
-    write_records(tmp_path / "run" / "matched.csv", Matched, match(outcomes, {}))
+    write_table(tmp_path / "run" / "survival.csv", Survival, survival(outcomes))
+    write_table(tmp_path / "run" / "summary.csv", Summary, summarize(outcomes))
+    write_table(tmp_path / "run" / "matched.csv", Matched, match(outcomes, {}))
     return tmp_path
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from gspure.artifacts import read_json
 from gspure.cli import main
-from gspure.evaluation.records import read_records, write_records
+from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.retrieval import Retrieval, Retrieved, retrieval
 from gspure.evaluation.survival import not_embedded, survival
@@ -43,7 +43,7 @@ def retrieved(tmp_path: Path, change) -> Retrieval:
     extraction = photographs(tmp_path / "gspure" / "renders" / "message", 0, change)
     arguments = [message, "--extractions", extraction, "--decoys", *decoys, "--out", tmp_path / "retrieval.csv"]
     assert main(["retrieve", *map(str, arguments)]) == 0
-    (row,) = read_records(tmp_path / "retrieval.csv", Retrieved)
+    (row,) = read_table(tmp_path / "retrieval.csv", Retrieved)
     assert (row.variant, row.target, row.retrieval.views) == ("gspure", "message", VIEWS)
     return row.retrieval
 
@@ -95,7 +95,7 @@ def test_candidates_of_other_sizes_and_views_off_the_path_do_not_count(tmp_path:
     arguments = [tmp_path / "pair" / "message", "--extractions", tmp_path / "gspure" / "renders" / "message"]
     arguments += ["--decoys", tmp_path / "small", "--out", tmp_path / "r.csv"]
     assert main(["retrieve", *map(str, arguments)]) == 0
-    assert read_records(tmp_path / "r.csv", Retrieved)[0].retrieval[3:] == (VIEWS, 5)
+    assert read_table(tmp_path / "r.csv", Retrieved)[0].retrieval[3:] == (VIEWS, 5)
     folders = ("pair/message", "pair/scene", "gspure/renders/message", "small")
     compared = {str(tmp_path / folder / f"view_{view}.png") for folder in folders for view in range(VIEWS)}
     assert read_json(tmp_path / "r.csv.json")["inputs"].keys() == compared
@@ -110,7 +110,7 @@ def test_copies_of_message_scene_and_decoys_are_no_further_candidates(tmp_path: 
     arguments = [tmp_path / "pair" / "message", "--extractions", tmp_path / "gspure" / "renders" / "message"]
     arguments += ["--decoys", *decoys, "--out", tmp_path / "r.csv"]
     assert main(["retrieve", *map(str, arguments)]) == 0
-    assert read_records(tmp_path / "r.csv", Retrieved)[0].retrieval == alone
+    assert read_table(tmp_path / "r.csv", Retrieved)[0].retrieval == alone
 
 
 def test_blank_decoys_of_a_blank_view_are_candidates(tmp_path: Path) -> None:
@@ -183,14 +183,12 @@ def test_the_tables_hold_the_retrieval_and_warn_of_what_is_not_embedded(tmp_path
     metrics = []
     for variant, message in {"unattacked": 25.0, "gspure": 9.0, "black": 5.0}.items():
         metrics.append(tmp_path / "sis" / "room" / variant / "metrics.csv")
-        write_records(
-            metrics[-1], type(measured("scene", 30.0)), [measured("scene", 30.0), measured("message", message)]
-        )
+        write_table(metrics[-1], type(measured("scene", 30.0)), [measured("scene", 30.0), measured("message", message)])
     table, options = tmp_path / "sis" / "room" / "retrieval.csv", ["--out", tmp_path / "r.csv"]
     options += ["--markdown", tmp_path / "r.md", "--retrievals", table, "--metrics", *metrics]
     for before in (NEAREST, UNRELATED):
         rows = [Retrieved("unattacked", "message", before), Retrieved("gspure", "message", NEAREST)]
-        write_records(table, Retrieved, rows)
+        write_table(table, Retrieved, rows)
         assert main(["table", *map(str, options)]) == 0
         assert ("nothing is embedded" in capsys.readouterr().err) == (before is UNRELATED)
         outcomes = {o.variant: o for o in read_results(tmp_path / "r.csv")}

@@ -188,7 +188,7 @@ def replaced(member, before, after):
         replaced("checkpoints/data.pkl", b"FloatStorage", b"HalfStorage"),
     ],
 )
-def test_a_damaged_archive_is_reported_in_one_line(tmp_path, change):
+def test_a_corrupt_archive_is_reported_in_one_line(tmp_path, change):
     write_asset(tmp_path)
     rewritten(tmp_path / UNITED, change)
     with pytest.raises(InputError) as error:

@@ -154,16 +154,16 @@ def test_the_adaptive_extraction_matches_no_row_of_a_clean_model(key, clean, att
     assert not len(key.gaussians(attacked, None, ADAPTIVE)[0])
 
 
-def test_injected_rows_do_not_hide_those_of_the_record():
-    record, foreign = blobs(100), blobs(300, seed=1)
+def test_injected_rows_do_not_hide_those_of_the_key():
+    original, foreign = blobs(100), blobs(300, seed=1)
     far = foreign.with_columns({"x": foreign.table["x"] + 1000})
-    injected = Gaussians(np.concatenate([far.table, record.table]))
-    places, rotation = adaptive_matches(record, injected)
+    injected = Gaussians(np.concatenate([far.table, original.table]))
+    places, rotation = adaptive_matches(original, injected)
     np.testing.assert_array_equal(places, np.r_[np.full(300, -1), np.arange(100)])
     assert not rotation.any()
 
 
-def test_a_foreign_model_of_many_rows_does_not_match_the_record():
+def test_a_foreign_model_of_many_rows_does_not_match_the_key():
     assert (adaptive_matches(blobs(100), blobs(10000, seed=1))[0] < 0).all()
 
 

@@ -10,8 +10,8 @@ import pytest
 from gspure.artifacts import file_digest
 from gspure.cli import main
 from gspure.evaluation.comparison import write_metrics
+from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.records import write_records
 from gspure.evaluation.summary import Summary, summarize
 from gspure.report.tables import summary_table
 from tests.contest_cases import measured
@@ -58,7 +58,7 @@ def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
         outcome(scheme, "room", variant, scene=29.0, message=9.0)
         for scheme, variant in [("gs_hider", "opacity_weight"), ("splats_in_splats", "weight_clustering")]
     ]
-    write_records(tmp_path / "summary.csv", Summary, summarize(ours))
+    write_table(tmp_path / "summary.csv", Summary, summarize(ours))
     with (tmp_path / "summary.csv").open(newline="") as stream:
         printed = [[row[f"paper_{name}"] for name in ("scene", "message", "score")] for row in csv.DictReader(stream)]
     assert printed == [["", "12.29", ""], ["25", "15.76", ""]]
@@ -78,7 +78,7 @@ def test_every_extraction_of_the_message_has_a_row():
 
 
 def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):
-    write_records(tmp_path / "s.csv", Summary, summarize(outcomes))
+    write_table(tmp_path / "s.csv", Summary, summarize(outcomes))
     few, control, many = csv.DictReader((tmp_path / "s.csv").read_text().splitlines())
     assert few["message_low"], few["message_high"] == ("10", "12")
     assert (few["score_level"], few["score_scenes"], many["score_level"]) == ("0.75", "3", "0.95")

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.errors import InputError
+from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.statistics import detectability
 from gspure.evaluation.survival import MARGIN, Survival, floor, not_embedded, survival
 from gspure.report.audit import audits
@@ -149,19 +149,19 @@ def test_taking_more_from_the_message_never_makes_it_survive_more(drops, more) -
 def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     outcomes = [*FOUR, *(outcome("odd", s, targets={"message": math.inf}, reached={"message": True}) for s in ("s0",))]
     rows = survival([*outcomes, outcome("gspure", scheme="bare", targets={"message": 9.0})])
-    write_records(tmp_path / "survival.csv", Survival, rows)
-    read = read_records(tmp_path / "survival.csv", Survival)
+    write_table(tmp_path / "survival.csv", Survival, rows)
+    read = read_table(tmp_path / "survival.csv", Survival)
     assert [row.survives for row in read] == [row.survives for row in rows]
-    write_records(tmp_path / "again.csv", Survival, read)
+    write_table(tmp_path / "again.csv", Survival, read)
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "survival.csv").read_bytes()
 
 
 @pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,x\n"])
 def test_another_table_is_refused(tmp_path: Path, content: str) -> None:
-    write_records(tmp_path / "t.csv", Survival, [])
+    write_table(tmp_path / "t.csv", Survival, [])
     (tmp_path / "t.csv").write_text(content.replace("HEADER", (tmp_path / "t.csv").read_text()))
     with pytest.raises(InputError, match=r"t\.csv: "):
-        read_records(tmp_path / "t.csv", Survival)
+        read_table(tmp_path / "t.csv", Survival)
 
 
 def test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before() -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from gspure.evaluation.contest import Contest, contest
+from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.matched import Matched, match
-from gspure.evaluation.records import write_records
 from gspure.evaluation.results import write_results
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival, survival
@@ -30,11 +30,11 @@ def test_the_cells_of_all_tables_do_not_change(tmp_path: Path) -> None:
     drops = {f"s{i}": {name: tuple(rng.uniform(0, 20, 2).round(3).tolist()) for name in variants} for i in range(7)}
     outcomes = benchmark(drops, seeds=2)
     write_results(tmp_path / "results.csv", outcomes)
-    write_records(tmp_path / "summary.csv", Summary, summarize(outcomes))
+    write_table(tmp_path / "summary.csv", Summary, summarize(outcomes))
     gentle = {scene: {name: (s / 10, m) for name, (s, m) in of.items()} for scene, of in drops.items()}
-    write_records(tmp_path / "matched.csv", Matched, match(benchmark(gentle, seeds=2), SWEEPS))
-    write_records(tmp_path / "contest.csv", Contest, contest(outcomes, SWEEPS))
-    write_records(tmp_path / "survival.csv", Survival, survival(outcomes))
+    write_table(tmp_path / "matched.csv", Matched, match(benchmark(gentle, seeds=2), SWEEPS))
+    write_table(tmp_path / "contest.csv", Contest, contest(outcomes, SWEEPS))
+    write_table(tmp_path / "survival.csv", Survival, survival(outcomes))
     tables = {path.name: path.read_text().partition("\n")[2] for path in tmp_path.iterdir()}
     named_as_then = {name: cells.replace("unattacked", "watermarked").encode() for name, cells in tables.items()}
     assert {name: hashlib.sha256(cells).hexdigest()[:16] for name, cells in named_as_then.items()} == CELLS

@@ -37,9 +37,9 @@ def test_a_checkpoint_of_other_settings_is_refused_by_their_name(tmp_path, snaps
     assert caught.value.field == name
 
 
-def test_a_checkpoint_whose_random_state_is_damaged_is_refused(tmp_path, snapshot):
-    damaged = replace(snapshot, rng={**snapshot.rng, "bit_generator": "MT19937"})
-    write_checkpoint(tmp_path / "checkpoint.npz", damaged, SETTINGS)
+def test_a_checkpoint_whose_random_state_is_corrupt_is_refused(tmp_path, snapshot):
+    corrupt = replace(snapshot, rng={**snapshot.rng, "bit_generator": "MT19937"})
+    write_checkpoint(tmp_path / "checkpoint.npz", corrupt, SETTINGS)
     with pytest.raises(InputError, match="PCG64"):
         read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS)
 

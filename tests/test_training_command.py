@@ -182,14 +182,14 @@ def test_a_setting_out_of_range_is_refused_before_anything_is_written(project, t
     assert not (tmp_path / "out").exists()
 
 
-def test_a_damaged_file_of_a_training_run_is_named(project, tmp_path, capsys):
+def test_a_corrupt_file_of_a_training_run_is_named(project, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["train", str(project), "--out", str(out), "--iterations", "2"]) == 0
     cameras = out / "cameras.json"
     cameras.write_bytes(cameras.read_bytes().replace(b",", b" ", 1))
     capsys.readouterr()
     assert main(["cameras", str(out), "--out", str(tmp_path / "cameras.json")]) == 2
-    assert "damaged" in capsys.readouterr().err
+    assert "corrupt" in capsys.readouterr().err
 
 
 def test_a_run_replaces_all_results_of_an_earlier_one(project, cut_outs, tmp_path):

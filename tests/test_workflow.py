@@ -20,7 +20,7 @@ import pytest
 import yaml
 
 from gspure.cameras import read_cameras, split, write_cameras
-from gspure.damage import damage_below
+from gspure.corruption import problems_below
 from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
 from gspure.images import RENDERED
 from gspure.model import write_model
@@ -340,9 +340,9 @@ def test_every_artifact_is_verified(tmp_path, reported, monkeypatch):
     assert {".csv", ".gltf", ".html", ".md", ".npy", ".ply", ".png", ".tex", ".vtp"} < {f.suffix for f in artifacts}
     for artifact in artifacts:
         flipped(artifact)
-    damages = "\n".join(damage_below([Path("results"), Path("stages")])[1])
+    problems = "\n".join(problems_below([Path("results"), Path("stages")])[1])
     names = {artifact: artifact.parent if artifact.name == RENDERED else artifact for artifact in artifacts}
-    assert [artifact for artifact, name in names.items() if f"{name}: " not in damages] == []
+    assert [artifact for artifact, name in names.items() if f"{name}: " not in problems] == []
 
 
 def test_a_planted_scene_runs_to_the_report_and_a_second_run_has_nothing_to_do(tmp_path, reported):

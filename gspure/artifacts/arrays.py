@@ -52,7 +52,7 @@ def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape, least: float = -math.inf) -> NDArray[Any]:
     """Read one .npy array of the `Kind` that `dtype` and `shape` make, whose smallest number may be `least`.
 
-    Raise `InputError` if the file is damaged, its size differs from what its header says, the array is of another kind,
+    Raise `InputError` if the file is corrupt, its size differs from what its header says, the array is of another kind,
     or a number in it is not finite or below `least`.
     """
     verify(path)
@@ -63,7 +63,7 @@ def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape, least: 
 def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str, NDArray[Any]]:
     """Read some arrays of an .npz archive, which should hold `content`.
 
-    Raise `InputError` if the file is damaged, an array is missing, unpacks to too much or is of another kind, or a
+    Raise `InputError` if the file is corrupt, an array is missing, unpacks to too much or is of another kind, or a
     number in it is not finite.
     """
     verify(path)

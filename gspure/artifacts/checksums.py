@@ -1,7 +1,7 @@
 """Checksums of files: each lies in a record beside its file, ``FILE.json``, and is verified when FILE is read.
 
 Record and file move together when a folder is moved. A file that is copied without its record, or that a user made, has
-no checksum and is read as it is. CRC-32 finds damage, several times faster than digests that withstand forgery.
+no checksum and is read as it is. CRC-32 finds corruption, several times faster than digests that withstand forgery.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def record_file(path: Path) -> Path:
 def record_of(path: Path) -> dict[str, Any] | None:
     """Return the record of a file, with its name (`artifact`), `bytes`, `crc32` and any provenance; None without one.
 
-    Raise `InputError` if the record is damaged.
+    Raise `InputError` if the record is corrupt.
     """
     file = record_file(path)
     if not file.is_file():
@@ -87,7 +87,7 @@ def record_checksum(record: Mapping[str, Any]) -> str:
 def verify(path: Path) -> None:
     """Check a file against its checksum; a file without one passes.
 
-    Raise `InputError` if the file or its record is damaged.
+    Raise `InputError` if the file or its record is corrupt.
     """
     record = record_of(path)
     if record is None or not Path(path).exists():
@@ -95,14 +95,14 @@ def verify(path: Path) -> None:
     with reading(path, "a readable file"):
         found = file_checksum(path)
     if found != record["crc32"]:
-        hint = f"damaged or edited; if edited on purpose, delete {record_file(path).name}"
+        hint = f"corrupt or edited; if edited on purpose, delete {record_file(path).name}"
         raise InputError(path, "content", expected=f"CRC-32 {record['crc32']}", found=found, hint=hint)
 
 
 def require_size(path: Path) -> None:
     """Check that a file with a record exists and has its size, without reading it; a file without one passes.
 
-    Raise `InputError` if the file is missing, cut or continued, or its record is damaged.
+    Raise `InputError` if the file is missing, cut or continued, or its record is corrupt.
     """
     record = record_of(path)
     if record is None:

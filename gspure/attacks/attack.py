@@ -213,7 +213,7 @@ class Attack:
         self,
         public: PublicModel,
         evidence: Evidence,
-        target: float,
+        wanted: float,
         damage_of: Damage,
         *,
         seed: int = 0,
@@ -221,7 +221,7 @@ class Attack:
         device: Device | None = None,
         **settings: Setting,
     ) -> Match:
-        """Return the strength that does a damage of `target` dB, or the nearest to it that `search` finds.
+        """Return the strength that does a damage of `wanted` dB, or the nearest to it that `search` finds.
 
         `damage_of` is from `gspure.attacks.strength.scene_damage`; the others are those of `apply`, the settings
         without the strength.
@@ -239,7 +239,7 @@ class Attack:
             attacked = self.apply(public, evidence, seed=seed, cameras=cameras, device=device, **chosen)
             return damage_of(public.with_model(attacked.model))
 
-        return search(strength, damage_at, target)
+        return search(strength, damage_at, wanted)
 
     def _check_rows(self, attacked: Attacked, count: int) -> None:
         """Refuse an attacked model whose `rows` do not fit."""

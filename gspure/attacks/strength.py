@@ -68,28 +68,28 @@ class Match(NamedTuple):
     damage: float
     """Drop of the scene's PSNR, dB."""
 
-    def comment(self, target: float) -> str:
-        """Return the comment line of a model attacked with it, for a search for a damage of `target` dB."""
-        return f"gspure {__version__} damage {self.damage:.3f} dB of {target:g} dB"
+    def comment(self, wanted: float) -> str:
+        """Return the comment line of a model attacked with it, for a search for a damage of `wanted` dB."""
+        return f"gspure {__version__} damage {self.damage:.3f} dB of {wanted:g} dB"
 
 
-def search(strength: Strength, damage_at: Callable[[float], float], target: float) -> Match:
-    """Return the value whose damage is nearest to `target` dB, by bisection.
+def search(strength: Strength, damage_at: Callable[[float], float], wanted: float) -> Match:
+    """Return the value whose damage is nearest to `wanted` dB, by bisection.
 
     `damage_at` maps a value of the setting to the drop of the scene's PSNR; it is called at most `EVALUATIONS` times. A
-    damage of at most `target` + `DAMAGE_TOLERANCE` is preferred over a larger one. If the strong end does less than
-    `target`, it is returned.
+    damage of at most `wanted` + `DAMAGE_TOLERANCE` is preferred over a larger one. If the strong end does less than
+    `wanted`, it is returned.
     """
     matches: list[Match] = []
     low, high, position = 0.0, 1.0, 1.0
     while len(matches) < EVALUATIONS:
         value = strength.at(position)
         matches.append(Match(strength.setting, value, damage_at(value)))
-        if (position == 1 and matches[-1].damage < target) or abs(matches[-1].damage - target) < DAMAGE_TOLERANCE / 2:
+        if (position == 1 and matches[-1].damage < wanted) or abs(matches[-1].damage - wanted) < DAMAGE_TOLERANCE / 2:
             break
-        low, high = (position, high) if matches[-1].damage < target else (low, position)
+        low, high = (position, high) if matches[-1].damage < wanted else (low, position)
         position = (low + high) / 2
-    return min(matches, key=lambda m: (m.damage > target + DAMAGE_TOLERANCE, abs(m.damage - target)))
+    return min(matches, key=lambda m: (m.damage > wanted + DAMAGE_TOLERANCE, abs(m.damage - wanted)))
 
 
 def scene_damage(

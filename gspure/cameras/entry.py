@@ -1,4 +1,4 @@
-"""A record of named values, checked as they are read."""
+"""Named values of a camera file, checked as they are read."""
 
 from __future__ import annotations
 

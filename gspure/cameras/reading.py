@@ -68,7 +68,7 @@ def camera_file(folder: Path) -> Path:
 def read_transform(path: Path) -> Float64:
     """Read the rigid transform [4,4] of ``gspure attack --transform``.
 
-    Raise `InputError` if the file is missing or damaged, or the matrix is not rigid.
+    Raise `InputError` if the file is missing or corrupt, or the matrix is not rigid.
     """
     matrix = load_array(path, dtype=np.float64, shape=(4, 4))
     entry = Entry(path, "", {"array": matrix.tolist()})

@@ -112,16 +112,16 @@ def run(args: Arguments) -> None:
         settings[search.setting] = search.value
     searching = spent().cpu - begin
     attacked = attack.apply(public, evidence, **known, **settings)
-    record = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
+    used = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
     if search:
         attacked = replace(attacked, model=attacked.model.with_comment(search.comment(args.damage)))
         reference, estimated = (TRUTH, "") if args.photographs else (RENDER, "an estimated ")
-        record |= {"damage": args.damage, "damage_reached": search.damage, "damage_reference": reference}
+        used |= {"damage": args.damage, "scene_drop": search.damage, "damage_reference": reference}
         drop = f"{estimated}{search.damage:.2f} dB"
         say(f"{attack.name}: {search.setting}={search.value:.4g} lowers the scene's PSNR by {drop}")
     kept, count = int((~attacked.prune_mask).sum()), attacked.count
     if not len(attacked.model):
-        hint = " ".join(f"{name}={value}" for name, value in record.items() if name != "attack")
+        hint = " ".join(f"{name}={value}" for name, value in used.items() if name != "attack")
         raise InputError(f"attack {attack.name}", "rows", expected="some to remain", found=f"0 of {count}", hint=hint)
     public.with_model(attacked.model.with_background(public.model.background)).write(args.out)
     if args.removed:
@@ -131,10 +131,10 @@ def run(args: Arguments) -> None:
     if args.verdict:
         carriers = find_scheme(args.scheme).extractions if args.scheme else {}
         touched = {name: reached(public.model, attacked, columns) for name, columns in carriers.items()}
-        strength = attack.strength and f"{attack.strength.setting}={record[attack.strength.setting]:.4g}"
+        strength = attack.strength and f"{attack.strength.setting}={used[attack.strength.setting]:.4g}"
         write_json(args.verdict, {"reached": touched, "strength": strength or ""})
     for path in filter(None, (args.out, args.removed, args.transform, args.verdict)):
-        write_provenance(path, inputs=sources, settings=record)
+        write_provenance(path, inputs=sources, settings=used)
     _write_cost(args, searching)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 

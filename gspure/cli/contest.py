@@ -31,8 +31,8 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.contest import Contest, contest
     from gspure.evaluation.costs import AttackCost, attack_costs
+    from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.matched import Matched, match
-    from gspure.evaluation.records import write_records
     from gspure.evaluation.results import read_results
     from gspure.evaluation.survival import Survival, survival
     from gspure.report.tables import conditions_markdown
@@ -42,10 +42,10 @@ def run(args: Arguments) -> None:
     contests, survivals, matched = contest(outcomes, sweeps), survival(outcomes), match(outcomes, sweeps)
     costs = attack_costs(outcomes, sweeps, args.benchmarks) if args.benchmarks else []
     if args.costs:
-        write_records(args.costs, AttackCost, costs)
-    write_records(args.out, Contest, contests)
-    write_records(args.survival, Survival, survivals)
-    write_records(args.matched, Matched, matched)
+        write_table(args.costs, AttackCost, costs)
+    write_table(args.out, Contest, contests)
+    write_table(args.survival, Survival, survivals)
+    write_table(args.matched, Matched, matched)
     write_text(args.markdown, conditions_markdown(survivals, contests, matched, costs))
     for path in (args.out, args.survival, args.matched, args.markdown):
         write_provenance(path, inputs={"table": args.table}, settings={"sweeps": sweeps})

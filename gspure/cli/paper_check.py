@@ -32,21 +32,21 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Write and print every check, then print the other inconsistencies."""
     from gspure.artifacts import write_provenance, write_text
+    from gspure.evaluation.csv_tables import read_table, write_table
     from gspure.evaluation.paper import Beside, beside, check_claims, find_inconsistencies, read_cells
     from gspure.evaluation.paper.checks import ROUNDING
-    from gspure.evaluation.records import read_records, write_records
     from gspure.evaluation.survival import Survival
     from gspure.report.table import markdown_document
     from gspure.report.tables import beside_table
 
     cells = read_cells()
     checks = check_claims(cells)
-    ours = read_records(args.survival, Survival) if args.survival else []
+    ours = read_table(args.survival, Survival) if args.survival else []
     if args.out:
         write_text(args.out, _all(checks).csv())
     compared = beside(cells, ours)
     if args.beside:
-        write_records(args.beside, Beside, compared)
+        write_table(args.beside, Beside, compared)
         write_provenance(args.beside, inputs={"survival": args.survival} if args.survival else {}, settings={})
     if args.markdown:
         write_text(args.markdown, markdown_document({"The paper": [beside_table(compared)]}))

@@ -118,9 +118,9 @@ def run(args: Arguments) -> None:
             files.append(folder / "cameras.json")
             write_cameras(files[-1], [replace(camera, image=None) for camera in cameras])
         inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.model.geometry_digest()
-        record = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
+        used = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
         for path in files:
-            write_provenance(path, inputs=inputs, settings=record, geometry=geometry)
+            write_provenance(path, inputs=inputs, settings=used, geometry=geometry)
         rows = _compare(folder, models, test, device) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)

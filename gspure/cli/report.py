@@ -38,8 +38,8 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import require_input
     from gspure.evaluation.contest import Contest
     from gspure.evaluation.costs import AttackCost
+    from gspure.evaluation.csv_tables import read_table
     from gspure.evaluation.matched import Matched
-    from gspure.evaluation.records import read_records
     from gspure.evaluation.results import read_results
     from gspure.evaluation.survival import Survival
     from gspure.report.page import write_report
@@ -53,10 +53,10 @@ def run(args: Arguments) -> None:
         read_results(args.table),
         figures=args.figures,
         diagnoses=args.diagnosis,
-        matched=read_records(args.matched, Matched) if args.matched else [],
-        survivals=read_records(args.survival, Survival) if args.survival else [],
-        contests=read_records(args.contest, Contest) if args.contest else [],
-        costs=read_records(args.costs, AttackCost) if args.costs else [],
+        matched=read_table(args.matched, Matched) if args.matched else [],
+        survivals=read_table(args.survival, Survival) if args.survival else [],
+        contests=read_table(args.contest, Contest) if args.contest else [],
+        costs=read_table(args.costs, AttackCost) if args.costs else [],
         viewers=args.viewer,
         links=[args.table, *derived, *filter(None, [args.costs]), *args.link],
         provenance=args.provenance,

@@ -26,7 +26,7 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import write_provenance
     from gspure.cameras.off_path import PREFIX
     from gspure.evaluation.comparison import pair_images
-    from gspure.evaluation.records import write_records
+    from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.retrieval import Retrieved, compare_candidates, false_candidates, retrieval
     from gspure.progress import track
 
@@ -39,5 +39,5 @@ def run(args: Arguments) -> None:
             similarities.append(compare_candidates(pair, files))
             used |= {pair.reference, pair.image, *files}
         rows.append(Retrieved(folder.resolve().parts[-3], folder.name, retrieval(similarities)))
-    write_records(args.out, Retrieved, rows)
+    write_table(args.out, Retrieved, rows)
     write_provenance(args.out, inputs={path.as_posix(): path for path in sorted(used)}, settings={})

@@ -12,7 +12,7 @@ EXAMPLES = """\
   gspure stages prune
   gspure stages prune --stages /scratch/stages --results /scratch/results
   gspure stages --verify                      # stages/ and results/
-  gspure stages --verify results/vanilla      # status 1 if a file is damaged
+  gspure stages --verify results/vanilla      # status 1 if a file is corrupt
 """
 
 
@@ -41,14 +41,14 @@ def run(args: Arguments) -> int:
 
 
 def _verify(folders: list[Path]) -> int:
-    from gspure.damage import damage_below
+    from gspure.corruption import problems_below
 
     for folder in folders:
         if not folder.is_dir():
             raise InputError(folder, "folder", expected="a folder of results or stages", found="no such folder")
-    verified, damages = damage_below(folders)
-    print("\n".join([*damages, f"{verified} files verified, {len(damages)} damaged"]))
-    return 1 if damages else 0
+    verified, problems = problems_below(folders)
+    print("\n".join([*problems, f"{verified} files verified, {len(problems)} corrupt"]))
+    return 1 if problems else 0
 
 
 def _prune(stages: Path, results: Path) -> int:

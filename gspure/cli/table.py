@@ -45,10 +45,10 @@ def run(args: Arguments) -> None:
     from itertools import chain
 
     from gspure.artifacts import write_provenance, write_text
+    from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.names import model_name
     from gspure.evaluation.outcomes import collect
     from gspure.evaluation.recall import CARRIERS
-    from gspure.evaluation.records import write_records
     from gspure.evaluation.results import write_results
     from gspure.evaluation.summary import Summary, summarize
     from gspure.evaluation.survival import not_embedded
@@ -69,7 +69,7 @@ def run(args: Arguments) -> None:
             "anything; look at its extraction."
         )
     if args.summary:
-        write_records(args.summary, Summary, summarize(outcomes))
+        write_table(args.summary, Summary, summarize(outcomes))
         write_provenance(args.summary, inputs={"table": args.out}, settings={})
     if args.latex:
         write_text(args.latex, summary_table(summarize(outcomes)).latex(), checksum=True)

@@ -30,7 +30,7 @@ def extract(file: Path, archive: Archive, scene: str, folder: Path, *, sha256: s
 
     Other files of `folder` stay; `sha256` is the archive's digest, for the record.
 
-    Raise `InputError` if the archive is damaged or encrypted, lacks the scene, unpacks to more than `UNPACKED_RATIO`
+    Raise `InputError` if the archive is corrupt or encrypted, lacks the scene, unpacks to more than `UNPACKED_RATIO`
     times its size, or has an entry that would lie outside the scene's folder or whose name does not print.
     """
     kept = {archive.photographs[scene]: "images", "sparse": "sparse"}

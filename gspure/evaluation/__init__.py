@@ -1,1 +1,1 @@
-"""Evaluation: image metrics, survival of the message, comparison of attacks, as records in CSV files."""
+"""Evaluation: image metrics, survival of the message, comparison of attacks, as typed tables in CSV files."""

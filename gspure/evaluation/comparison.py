@@ -13,8 +13,8 @@ import numpy as np
 from gspure.cameras.off_path import PREFIX
 from gspure.errors import InputError
 from gspure.evaluation.controls import BLACK
+from gspure.evaluation.csv_tables import PerMetric, read_table, write_table
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.records import PerMetric, read_records, write_records
 from gspure.images import read_image, require_all_images, require_same_cameras
 
 Reference = Literal["truth", "render"]
@@ -145,12 +145,12 @@ def identical(rows: Iterable[ViewMetrics]) -> Counter[str]:
 
 def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
     """Write ``metrics.csv``: one row per target and view, whole or not at all."""
-    write_records(path, ViewMetrics, rows)
+    write_table(path, ViewMetrics, rows)
 
 
 def read_metrics(path: Path) -> list[ViewMetrics]:
     """Read ``metrics.csv``, or raise `InputError` if it cannot be read, holds no row, or a view twice."""
-    rows = read_records(path, ViewMetrics)
+    rows = read_table(path, ViewMetrics)
     if not rows:
         raise InputError(path, "rows", expected="at least one", found="none")
     (view, count), *_ = Counter((row.target, row.view) for row in rows).most_common(1)

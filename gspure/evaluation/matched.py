@@ -78,7 +78,7 @@ class Matched(NamedTuple):
     gentle: int
     """Number of models that no tested strength damages this much; there, the largest drop of the message counts."""
 
-    reached: float
+    scene_drop: float
     """Mean drop of the scene's PSNR, dB; `damage` unless no strength comes near it."""
 
 

@@ -16,9 +16,9 @@ from gspure.artifacts import load_array, read_json
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
+from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.recall import recall
-from gspure.evaluation.records import read_records
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
 
@@ -195,7 +195,7 @@ def collect(
     _require_distinct(metrics)
     _require_equal_views(rows)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
-    retrieved = {path.resolve().parts[-3:-1]: read_records(path, Retrieved) for path in retrievals}
+    retrieved = {path.resolve().parts[-3:-1]: read_table(path, Retrieved) for path in retrievals}
     outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.asset), ()))) for o in outcomes]
     for model in conditions.keys() - {f"{o.scheme}/{o.asset}" for o in outcomes} if not failures else ():
         raise InputError("table", "condition", expected="a model with metrics", found=model)

@@ -10,8 +10,8 @@ from types import MappingProxyType
 from typing import Annotated, Final, Literal, NamedTuple
 
 from gspure.evaluation.comparison import RENDER, ViewMetrics
+from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
 from gspure.evaluation.outcomes import MESSAGE, Outcome, condition_of, ordered, with_references
-from gspure.evaluation.records import PerMetric, Values, read_records, write_records
 from gspure.evaluation.retrieval import Retrieval
 
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
@@ -47,7 +47,7 @@ class Result(NamedTuple):
 
 def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
     """Write one CSV row per target of every outcome; unknown numbers are empty."""
-    write_records(path, Result, (row for outcome in outcomes for row in _rows(outcome)))
+    write_table(path, Result, (row for outcome in outcomes for row in _rows(outcome)))
 
 
 def read_results(path: Path) -> list[Outcome]:
@@ -55,7 +55,7 @@ def read_results(path: Path) -> list[Outcome]:
 
     Raise `InputError` if the file is not such a table.
     """
-    rows = read_records(path, Result)
+    rows = read_table(path, Result)
     variants = groupby(rows, key=lambda row: (condition_of(row), row.scene, row.seed, row.variant))
     return with_references(_outcome(list(targets)) for _, targets in variants)
 

@@ -62,9 +62,9 @@ def write_weight_histogram(
             keys += _mark_thresholds(axes, mean, tau_c, tau_n)
         axes.set_xticks(list(ticks), list(ticks.values()), parse_math=True)
         axes.set_xlim(low - (5 if zero.any() else 1) * step, high + step)
-        damaged = len(weights) - np.count_nonzero(zero | shown)
+        invalid = len(weights) - np.count_nonzero(zero | shown)
         axes.set_xlabel(
-            "weight ω (mean over views)" + f" ({damaged} negative or not finite: not shown)" * bool(damaged)
+            "weight ω (mean over views)" + f" ({invalid} negative or not finite: not shown)" * bool(invalid)
         )
         axes.set_ylabel(f"{rows} (%)")
         for text in figure.legend(handles=keys, loc="outside upper center", ncols=5).get_texts():

@@ -95,12 +95,12 @@ def contribute(
         key = contribution_key(geometry, camera, energy, target)
         stages.append(Stage(camera.name, key, folder / f"{camera.name}.{key}.npy"))
     missing = [pair for pair in zip(cameras, stages, strict=True) if not intact(pair[1].path)]
-    damaged = sum(stage.path.exists() for _, stage in missing)
+    corrupt = sum(stage.path.exists() for _, stage in missing)
     if missing:
         contributions = public.contributions(device, energy)
         for camera, stage in track(missing, "contributions"):
             save_array(stage.path, contributions(camera), checksum=True)
-    computed = f"{len(missing)} of {len(stages)} views computed" + (f" ({damaged} were damaged)" if damaged else "")
+    computed = f"{len(missing)} of {len(stages)} views computed" + (f" ({corrupt} were corrupt)" if corrupt else "")
     say(f"contributions: {computed}, {len(stages) - len(missing)} already stored")
     return stages
 
@@ -124,7 +124,7 @@ def rendering_digest() -> str:
 def read_stage(path: Path, count: int | None = None) -> NDArray[Any]:
     """Read one stage: an array of `gspure.renderer.CONTRIBUTION` over the touched rows, sorted by index.
 
-    Raise `InputError` if the file is missing or damaged, names a row that a model of `count` rows does not have, or
+    Raise `InputError` if the file is missing or corrupt, names a row that a model of `count` rows does not have, or
     holds what no view of a model has: see `require_valid`.
     """
     stage = load_array(path, dtype=CONTRIBUTION, shape=(None,))
@@ -174,7 +174,7 @@ def read_index(*paths: Path) -> list[Stage]:
 
     The order, and so every sum over the views, does not depend on how the views were dealt out to jobs.
 
-    Raise `InputError` if a file is damaged or no index, or if two entries are of the same view.
+    Raise `InputError` if a file is corrupt or no index, or if two entries are of the same view.
     """
     stages = sorted((_stage(path, row) for path in paths for row in _rows(path)), key=lambda stage: stage.view)
     for view, following in pairwise(stage.view for stage in stages):

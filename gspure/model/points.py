@@ -23,7 +23,7 @@ _GREY: Final = 128
 def read_point_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """Read positions [P,3] and 8-bit colours [P,3]; points without colour are grey.
 
-    Raise `InputError` if the file is missing, damaged or no PLY, or has no positions, colours that are not 8-bit,
+    Raise `InputError` if the file is missing, corrupt or no PLY, or has no positions, colours that are not 8-bit,
     or coordinates that are not finite.
     """
     vertices = Vertices.of(path, "a PLY of points")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import isfinite, isnan
 from typing import Final, Literal, NamedTuple
 
+from gspure.evaluation.csv_tables import csv_text
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.records import csv_text
 from gspure.evaluation.statistics import LEVEL, Interval
 
 UNKNOWN: Final = "–"

@@ -1,4 +1,4 @@
-"""The tables of the report, built from records of the evaluation."""
+"""The tables of the report, built from those of the evaluation."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def matched_table(matched: Sequence[Matched], cost: Mapping[str, AttackCost] = N
     """Return the drop of one extraction in each sweep at equal damage to the scene, the largest in bold."""
     most: dict[float, float] = {}
     for row in matched:
-        if row.reached <= row.damage:
+        if row.scene_drop <= row.damage:
             most[row.damage] = max(row.drop.mean, most.get(row.damage, -inf))
     damages, rows = sorted({row.damage for row in matched}), []
     for sweep, group in groupby(matched, key=lambda row: row.sweep):
@@ -280,12 +280,12 @@ def _permitted(damages: Iterable[float]) -> list[Column]:
 
 
 def _drop_at(row: Matched, most: float | None) -> Cell:
-    """Return a drop, with the damage that was reached where it is not the permitted one."""
-    cell = interval(row.drop)._replace(best=row.reached <= row.damage and row.drop.mean == most)
-    if row.reached == row.damage:
+    """Return a drop, with the drop of the scene where it is not the permitted one."""
+    cell = interval(row.drop)._replace(best=row.scene_drop <= row.damage and row.drop.mean == most)
+    if row.scene_drop == row.damage:
         return cell
     bound = "≥ " if row.gentle else ""
-    return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {plain(row.reached)} dB".lstrip())
+    return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {plain(row.scene_drop)} dB".lstrip())
 
 
 def _scenes(intervals: Iterable[Interval | None]) -> int:

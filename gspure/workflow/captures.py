@@ -9,7 +9,7 @@ from typing import Final
 
 from gspure.artifacts import digest
 from gspure.artifacts.checksums import file_checksum
-from gspure.damage import RESULTS
+from gspure.corruption import RESULTS
 from gspure.model import model_file
 from gspure.model.compressed.sog import INDEX
 from gspure.schemes.registry import schemes

@@ -20,12 +20,12 @@ def code_digest(*modules: str) -> str:
     package's ``__init__`` does not count: it only names the public functions.
     """
     waiting = [module for module in modules if _file(module)]
-    reached = set(waiting)
+    known = set(waiting)
     while waiting:
-        found = _imports(waiting.pop()) - reached
-        reached |= found
+        found = _imports(waiting.pop()) - known
+        known |= found
         waiting += found
-    return digest(*(file.read_bytes() for name in sorted(reached) if (file := _file(name))))
+    return digest(*(file.read_bytes() for name in sorted(known) if (file := _file(name))))
 
 
 @cache

@@ -1,4 +1,4 @@
-"""``python -m tests.hostile``: hostile files, kills, full disks, damage; `make torture` runs all of it."""
+"""``python -m tests.hostile``: hostile files, kills, full disks, corruption; `make torture` runs all of it."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from tests.hostile.readers import BY_NAME, READERS
 MEMORY_FOLDER = Path("/dev/shm")  # noqa: S108 -- files that live for a millisecond stay out of the disk's way
 FOLDER = Path("build/torture")
 CHUNK = 1000
-WORKFLOW = ("kills", "limits", "damage", "together")
+WORKFLOW = ("kills", "limits", "corruption", "together")
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.hostile", description=__doc__)
     parts = parser.add_subparsers(required=True)
-    readers = parts.add_parser("readers", help="damage the files that readers read")
+    readers = parts.add_parser("readers", help="corrupt the files that readers read")
     readers.add_argument("--only", nargs="*", default=list(BY_NAME), metavar="READER")
     readers.add_argument("--cases", type=int, default=20_000, help="per reader (default: %(default)s)")
     readers.add_argument("--folder", type=Path, default=FOLDER, help="takes the records")
     readers.add_argument("--jobs", type=int, default=os.cpu_count())
-    readers.set_defaults(run=damage_files)
-    workflow = parts.add_parser("workflow", help="kill, starve and damage the jobs of every rule of the workflow")
+    readers.set_defaults(run=corrupt_files)
+    workflow = parts.add_parser("workflow", help="kill, starve and corrupt the jobs of every rule of the workflow")
     workflow.add_argument("--only", nargs="*", choices=WORKFLOW, default=WORKFLOW)
     workflow.add_argument("--folder", type=Path, default=FOLDER)
     workflow.set_defaults(run=torture_workflow)
@@ -53,7 +53,7 @@ def main() -> int:
     return int(args.run(args) or 0)
 
 
-def damage_files(args: argparse.Namespace) -> bool:
+def corrupt_files(args: argparse.Namespace) -> bool:
     """Run all cases of all readers; records of earlier runs count."""
     journal = Journal(args.folder / "readers")
     begun = time.monotonic()

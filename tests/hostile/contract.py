@@ -157,8 +157,8 @@ def generator(reader: Reader, case: int) -> np.random.Generator:
     return np.random.default_rng([SEED, zlib.crc32(reader.name.encode()), case])
 
 
-def damaged(reader: Reader, case: int, pristine: Path) -> tuple[str, str, bytes]:
-    """Return the file that a case damages, how, and what it then holds."""
+def corrupted(reader: Reader, case: int, pristine: Path) -> tuple[str, str, bytes]:
+    """Return the file that a case corrupts, how, and what it then holds."""
     rng = generator(reader, case)
     target, form = reader.target(rng)
     mutation, content = mutate(form, (pristine / target).read_bytes(), rng)
@@ -166,8 +166,8 @@ def damaged(reader: Reader, case: int, pristine: Path) -> tuple[str, str, bytes]
 
 
 def run_case(reader: Reader, case: int, pristine: Path, folder: Path, watch: Watch) -> list[Violation]:
-    """Damage one file of a copy of the valid ones, read them, and put everything back."""
-    target, mutation, content = damaged(reader, case, pristine)
+    """Corrupt one file of a copy of the valid ones, read them, and put everything back."""
+    target, mutation, content = corrupted(reader, case, pristine)
     victim = folder / target
     victim.unlink()  # not overwritten: a model that was read before may still be mapped
     victim.write_bytes(content)
@@ -209,7 +209,7 @@ def torment(reader: Reader, cases: range, root: Path) -> Iterator[Violation]:
         status, hung = _awaited(child, board)
         begun = struct.unpack("<q", board[:8])[0]
         if status:
-            target, mutation, _ = damaged(reader, begun, pristine)
+            target, mutation, _ = corrupted(reader, begun, pristine)
             kind = "hangs" if hung else f"crashes: {signal.Signals(-status).name}" if status < 0 else f"exits: {status}"
             yield Violation(reader.name, begun, target, mutation, kind, "")
             begun += 1
@@ -253,7 +253,7 @@ def _work(reader: Reader, cases: range, pristine: Path, folder: Path, report: Pa
                 before = _peak()
                 found = run_case(reader, case, pristine, folder, watch)
                 if (grown := _peak() - before) > GROWTH:
-                    target, mutation, _ = damaged(reader, case, pristine)
+                    target, mutation, _ = corrupted(reader, case, pristine)
                     found.append(Violation(reader.name, case, target, mutation, "memory", f"{grown >> 20} MiB"))
                 for violation in found:
                     stream.write(json.dumps(asdict(violation)) + "\n")

@@ -1,4 +1,4 @@
-"""Seeded damage to files: of bytes, of text, and of the structure of the formats that the package reads."""
+"""Seeded corruption of files: of bytes, of text, and of the structure of the formats that the package reads."""
 
 from __future__ import annotations
 
@@ -356,7 +356,7 @@ _SHAPES = ((), (0,), (-1,), (2**62,), (2**31, 2**31), (1,) * 40, (5, 0), (10**30
 
 
 def npy_header(content: bytes, rng: Rng) -> bytes:
-    """Another header of the right length field, or the header as text damaged."""
+    """Another header of the right length field, or the header as text corrupted."""
     if content[:6] != b"\x93NUMPY" or len(content) < 12:
         return flip(content, rng)
     size = struct.unpack("<H", content[8:10])[0]
@@ -434,7 +434,7 @@ def zipped(entries: list[tuple[str, bytes]], rng: Rng | None = None, method: int
 
 
 def zip_member(inner: Mutator) -> Mutator:
-    """Damage one member, with the right checksum."""
+    """Corrupt one member, with the right checksum."""
 
     def mutate(content: bytes, rng: Rng) -> bytes:
         found = members(content)
@@ -467,7 +467,7 @@ def zip_names(content: bytes, rng: Rng) -> bytes:
 
 
 def zip_directory(content: bytes, rng: Rng) -> bytes:
-    """Damage where the archive's directory and local headers stand: sizes, methods, flags, offsets."""
+    """Corrupt where the archive's directory and local headers stand: sizes, methods, flags, offsets."""
     signatures = [match.start() for match in re.finditer(rb"PK\x01\x02|PK\x03\x04|PK\x05\x06", content)]
     if not signatures:
         return flip(content, rng)
@@ -528,7 +528,7 @@ _PICKLED = (
 
 
 def pickled(content: bytes, rng: Rng) -> bytes:
-    """Instructions inserted into a pickle, or bytes of it damaged."""
+    """Instructions inserted into a pickle, or bytes of it corrupted."""
     if rng.random() < 0.5:
         return choose(rng, BYTES)(content, rng)
     place = int(rng.integers(len(content) + 1))
@@ -536,7 +536,7 @@ def pickled(content: bytes, rng: Rng) -> bytes:
 
 
 def gzip_content(content: bytes, rng: Rng) -> bytes:
-    """Damage what is compressed, with the right checksum."""
+    """Corrupt what is compressed, with the right checksum."""
     try:
         return gzip.compress(choose(rng, BYTES)(gzip.decompress(content), rng))
     except (OSError, EOFError, zlib.error):

@@ -31,20 +31,21 @@ page` writes this page from them. What is expected:
 - **Want.** On a full disk, and under limits of file sizes and of memory, jobs leave nothing half-written, and give the
   same bytes afterwards. Without room on disk, they are refused in one line. Without address space, libraries may crash
   or hang, PoCL and OpenBLAS among them.
-- **Damage.** Whatever reads a damaged artifact names it, and the next runs of the workflow repair it to the same bytes.
+- **Corruption.** Whatever reads a corrupt artifact names it, and the next runs of the workflow repair it to the same
+  bytes.
 - **Mutants.** Tests notice small changes to the numerical core. `--sample` tries some of a module, drawn at random.
 """
 
 
-PARTS = ("readers", "kills", "limits", "damage", "together", "mutants", "drivers")
+PARTS = ("readers", "kills", "limits", "corruption", "together", "mutants", "drivers")
 
 
 def write() -> bool:
     """Write the page from the records that are kept; return whether a defect is open."""
-    readers, kills, limits, damage, together, mutants, drivers = map(kept, PARTS)
+    readers, kills, limits, corruption, together, mutants, drivers = map(kept, PARTS)
     faults = [
         f"{part}: {r.get('rule') or r['case']}: {f}"
-        for part, found in {"kills": kills, "want": limits, "damage": damage, "together": together}.items()
+        for part, found in {"kills": kills, "want": limits, "corruption": corruption, "together": together}.items()
         for r in found
         for f in r["faults"]
     ]
@@ -63,7 +64,7 @@ def write() -> bool:
                 ("kills that hit a job at work", sum(k["hit"] for r in kills for k in r["kills"])),
                 ("rules killed", len(kills)),
                 ("jobs in want of disk or memory", len(limits)),
-                ("damaged artifacts", sum(r.get("damaged", 1) for r in damage)),
+                ("corrupt artifacts", sum(r.get("corrupted", 1) for r in corruption)),
                 ("mutants noticed", f"{noticed} of {changed} ({noticed / changed:.1%})" if changed else "none tried"),
                 ("open defects", len(faults)),
             ],
@@ -79,12 +80,12 @@ def write() -> bool:
         *table(("rule", "s", "changes on disk", "kills", "commit"), killed(kills)),
         "\n## Want\n",
         *table(("limit", "jobs", *ENDINGS), wanting(limits)),
-        "\n## Damage\n",
-        *table(("artifact", "damages", "named by the next reader", "not read by it"), damaged(damage)),
+        "\n## Corruption\n",
+        *table(("artifact", "corruptions", "named by the next reader", "not read by it"), corrupted(corruption)),
         "\nOne artifact of every kind at once:\n",
         *table(
-            ("damage", "artifacts", "listed by `gspure stages --verify`", "runs until all are repaired"),
-            ((r["how"], r["damaged"], r["reported"], r["runs"]) for r in damage if "damaged" in r),
+            ("corruption", "artifacts", "listed by `gspure stages --verify`", "runs until all are repaired"),
+            ((r["how"], r["corrupted"], r["reported"], r["runs"]) for r in corruption if "corrupted" in r),
         ),
         "\n## Together and moved\n",
         *(f"- {r['case']}: {'; '.join(r['faults']) or 'as it should'}" for r in together),
@@ -146,7 +147,7 @@ def wanting(found: list[Record]) -> Iterator[tuple[object, ...]]:
         yield kind, outcomes.total(), *(outcomes[ending] for ending in ENDINGS)
 
 
-def damaged(found: list[Record]) -> Iterator[tuple[object, ...]]:
+def corrupted(found: list[Record]) -> Iterator[tuple[object, ...]]:
     for kind in sorted({r["file"] for r in found if "file" in r}):
         outcomes = Counter(r["outcome"] for r in found if r.get("file") == kind)
         yield kind, outcomes.total(), outcomes["named"], outcomes["not read"]

@@ -1,4 +1,4 @@
-"""Everything in the package that reads a file, with valid files to damage and what must hold of its results."""
+"""Everything in the package that reads a file, with valid files to corrupt and what must hold of its results."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Reader:
     read : function
         Reads them from there, and asserts what must hold of what is read.
     targets : mapping
-        The files to be damaged, and their formats (`tests.hostile.mutations.FORMS`).
+        The files to be corrupted, and their formats (`tests.hostile.mutations.FORMS`).
     available : bool
         False where a package that it needs is not installed.
 
@@ -355,7 +355,7 @@ def _read_array(name: str, dtype: Any, shape: tuple[int | None, ...], folder: Pa
 
 
 def _read_verified(folder: Path) -> None:
-    """Whatever is damaged, the array or its record, nothing but the array that was written is returned."""
+    """Whatever is corrupted, the array or its record, nothing but the array that was written is returned."""
     array = load_array(folder / "weights.npy", dtype=np.float32, shape=(ROWS,))
     assert array.tobytes() == np.arange(ROWS, dtype=np.float32).tobytes()
 
@@ -395,7 +395,7 @@ def _records(folder: Path) -> None:
     write_json(folder / "verdict.json", {"reached": {"message": True, "message_oracle": False}})
 
 
-def _read_records(folder: Path) -> None:
+def _read_table(folder: Path) -> None:
     failure = read_failure(folder / "attack.failed.json")
     assert all(isinstance(text, str) for text in (failure.reason, failure.log, *failure.missing))
     for name in ("weights.npy.json", "verdict.json"):
@@ -545,7 +545,7 @@ READERS = (
     Reader(
         "records and statuses",
         _records,
-        _read_records,
+        _read_table,
         {"weights.npy.json": "json", "attack.failed.json": "json", "verdict.json": "json"},
     ),
     Reader("metrics.csv", _metrics, _read_metrics, {"metrics.csv": "text"}),

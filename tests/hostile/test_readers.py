@@ -1,4 +1,4 @@
-"""A seeded part of `make torture`: what every reader makes of damaged files."""
+"""A seeded part of `make torture`: what every reader makes of corrupted files."""
 
 import contextlib
 import io
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gspure.errors import InputError
-from tests.hostile.contract import Watch, damaged, faults_of_line, outcome, prepared, torment
+from tests.hostile.contract import Watch, corrupted, faults_of_line, outcome, prepared, torment
 from tests.hostile.journal import kept
 from tests.hostile.mutations import FORMS, bomb, mutate, zip_bomb, zipped
 from tests.hostile.readers import BY_NAME, READERS, Reader
@@ -45,7 +45,7 @@ def violations(tmp_path_factory):
 
 
 @pytest.mark.parametrize("reader", READERS, ids=lambda reader: reader.name)
-def test_damaged_files_are_read_or_refused_in_one_line(violations, reader):
+def test_corrupted_files_are_read_or_refused_in_one_line(violations, reader):
     if not reader.available:
         pytest.skip("PyTorch is not installed")
     assert violations[reader.name] == []
@@ -53,7 +53,7 @@ def test_damaged_files_are_read_or_refused_in_one_line(violations, reader):
 
 def test_a_test_case_is_reproducible(tmp_path):
     pristine, _ = prepared(BY_NAME["clusters"], tmp_path / "reader")
-    made = [[damaged(BY_NAME["clusters"], case, pristine) for case in range(50)] for _ in range(2)]
+    made = [[corrupted(BY_NAME["clusters"], case, pristine) for case in range(50)] for _ in range(2)]
     assert made[0] == made[1]
     assert len({content for _, _, content in made[0]}) > 40
 
@@ -67,7 +67,7 @@ def test_a_member_of_an_archive_may_understate_its_size(told):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_files_of_every_format_are_damaged(tmp_path, form):
+def test_files_of_every_format_are_corrupted(tmp_path, form):
     reader, target = next((r, t) for r in READERS if r.available for t, f in r.targets.items() if f == form)
     reader.build(tmp_path)
     content = (tmp_path / target).read_bytes()

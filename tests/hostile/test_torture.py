@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.hostile import journal, page
-from tests.hostile.damage import DAMAGES
+from tests.hostile.corruption import CORRUPTIONS
 from tests.hostile.journal import Journal
 from tests.hostile.kills import hooked
 from tests.hostile.mutants import CORE, ROOT, mutants
@@ -33,11 +33,11 @@ def test_a_job_is_killed_before_the_change_on_disk_that_was_chosen(tmp_path):
     assert written(tmp_path / "killed", HOSTILE_KILL="3") == (-9, ["0.txt", "1.txt"])
 
 
-@pytest.mark.parametrize("how", DAMAGES)
-def test_damage_changes_a_file(how):
+@pytest.mark.parametrize("how", CORRUPTIONS)
+def test_corruption_changes_a_file(how):
     content = bytes(range(256)) * 4
     for seed in range(20):
-        assert DAMAGES[how](content, np.random.default_rng(seed)) != content
+        assert CORRUPTIONS[how](content, np.random.default_rng(seed)) != content
 
 
 def test_every_mutant_is_another_program():

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final, Literal, NamedTuple
 
+from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.outcomes import MESSAGE, SCENE
-from gspure.evaluation.records import read_records
 
 SCHEMES: Final = ("splats_in_splats", "gs_hider", "secure_gs")
 ATTACKS: Final = ("random_pruning", "feature_scaling", "gaussian_noise", "gof", "gspure")
@@ -44,4 +44,4 @@ class Cell(NamedTuple):
 
 def read_cells() -> list[Cell]:
     """Return all cells of Tables 1 to 3, row by row."""
-    return read_records(DATA / "cells.csv", Cell)
+    return read_table(DATA / "cells.csv", Cell)

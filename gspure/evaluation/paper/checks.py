@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
+from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.outcomes import GSPURE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, DATA, PSNR, SCHEMES, SCORE, TARGETS, Cell
 from gspure.evaluation.paper.quantities import QUANTITIES, Means, ablations, printed_scores, table_1
-from gspure.evaluation.records import read_records
 
 ROUNDING: Final = 0.02
 """Ours, dB: the error of a Score of four means that are rounded to 0.01 each."""
@@ -68,7 +68,7 @@ def read_claims(cells: Sequence[Cell]) -> list[Claim]:
         for c in cells
         if c.table > 1 and c.metric == PSNR and c.variant == GSPURE
     ]
-    return [*scores, *repeated, *read_records(DATA / "claims.csv", Claim)]
+    return [*scores, *repeated, *read_table(DATA / "claims.csv", Claim)]
 
 
 def check_claims(cells: Sequence[Cell]) -> list[Check]:

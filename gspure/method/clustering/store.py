@@ -49,7 +49,7 @@ def read_clusters(path: Path) -> Clusters:
 def read_tree(path: Path) -> Tree:
     """Read a spanning tree [K-1,3] of `gspure.method.clustering.tree.spanning_tree`.
 
-    Raise `InputError` if the file is damaged, or does not hold the edges (a, b, distance) of a spanning tree with 0
+    Raise `InputError` if the file is corrupt, or does not hold the edges (a, b, distance) of a spanning tree with 0
     <= a < b < K, sorted by distance.
     """
     tree = load_array(path, dtype=np.float64, shape=(None, 3))

@@ -33,7 +33,7 @@ def is_compressed(path: Path) -> bool:
 
 
 def read_compressed(path: Path) -> Gaussians:
-    """Read a model whose name `is_compressed`; raise `InputError` if it is damaged or streamed."""
+    """Read a model whose name `is_compressed`; raise `InputError` if it is corrupt or streamed."""
     if path.name == STREAMED:
         hint = "name the meta.json of one level of detail"
         raise InputError(path, "format", expected="a model", found="several, a streamed SOG model", hint=hint)

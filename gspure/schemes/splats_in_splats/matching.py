@@ -1,4 +1,4 @@
-"""Which rows of the owner's record the rows of an attacked model are."""
+"""Which rows of the owner's original model the rows of an attacked one are."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Float64 = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 NEAR: Final = 1e-6
-"""Largest distance of an unmoved row, as a share of the record's extent: text files are not exact. Ours."""
+"""Largest distance of an unmoved row, as a share of the original's extent: text files are not exact. Ours."""
 
 NEIGHBOURS: Final = 8
-"""Number of nearest rows of the record that a moved row may be. Ours."""
+"""Number of nearest rows of the original that a moved row may be. Ours."""
 
 ALIKE: Final = 1e-3
 """Largest product of distance, in median distances between neighbours, and difference of log-scales. Ours.
@@ -27,9 +27,9 @@ Noise on centres spares scales, and fine-tuning hardly moves centres; in rows of
 """
 
 MOST: Final = 0.5
-"""Least share of the rows of model or record, whichever has fewer, that match; fewer may be chance. Ours.
+"""Least share of the rows of model or original, whichever has fewer, that match; fewer may be chance. Ours.
 
-Pruning leaves fewer rows than the record has, injection more.
+Pruning leaves fewer rows than the original has, injection more.
 """
 
 LANDMARKS: Final = 100
@@ -39,53 +39,55 @@ STEPS: Final = 20
 """Steps of a registration. Ours."""
 
 
-def exact_matches(record: NDArray[Any], means: NDArray[Any]) -> Places:
-    """Return the index of each centre [K,3] in `record` [N,3], or -1."""
+def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
+    """Return the index of each centre [K,3] in `original` [N,3], or -1."""
     from scipy.spatial import KDTree
 
-    if not len(record):
+    if not len(original):
         return np.full(len(means), -1, np.intp)
-    distances, places = KDTree(record).query(means)
-    return np.where(distances <= NEAR * float(np.ptp(record, axis=0).max()), places, -1)
+    distances, places = KDTree(original).query(means)
+    return np.where(distances <= NEAR * float(np.ptp(original, axis=0).max()), places, -1)
 
 
-def adaptive_matches(record: Gaussians, model: Gaussians) -> tuple[Places, Float64]:
-    """Return the index of each row [K] in `record`, or -1, and the rotation vector of the model.
+def adaptive_matches(original: Gaussians, model: Gaussians) -> tuple[Places, Float64]:
+    """Return the index of each row [K] in `original`, or -1, and the rotation vector of the model.
 
     Rows may have changed slightly, and all of them may have moved by a similarity. If fewer than `MOST` match, none
     does.
     """
     from scipy.spatial.transform import Rotation
 
-    if len(record) > 1:
-        for motion in _motions(record, model):
-            places = _matches(record, model, motion)
-            if (places >= 0).sum() >= MOST * min(len(record), len(model)):
+    if len(original) > 1:
+        for motion in _motions(original, model):
+            places = _matches(original, model, motion)
+            if (places >= 0).sum() >= MOST * min(len(original), len(model)):
                 return places, Rotation.from_matrix(motion.rotation.T).as_rotvec()
     return np.full(len(model), -1, np.intp), np.zeros(3)
 
 
-def _motions(record: Gaussians, model: Gaussians) -> Iterator[Similarity]:
-    """Yield similarities from the model to the record: none; fitted to equal scales; fitted to equal ratios of them."""
+def _motions(original: Gaussians, model: Gaussians) -> Iterator[Similarity]:
+    """Yield similarities from the model to the original: none; one fitted to equal scales; one to equal ratios."""
     from scipy.spatial import KDTree
 
     yield Similarity(1.0, np.eye(3), np.zeros(3))
-    known, shapes = _scales(record), _scales(model)
+    known, shapes = _scales(original), _scales(model)
     for _ in range(2):
         distances, places = KDTree(known).query(shapes, k=2)
         landmarks = np.argsort(distances[:, 0] - distances[:, 1], kind="stable")[:LANDMARKS]
-        yield _fitted(model.means[landmarks].astype(np.float64), record.means[places[landmarks, 0]].astype(np.float64))
+        yield _fitted(
+            model.means[landmarks].astype(np.float64), original.means[places[landmarks, 0]].astype(np.float64)
+        )
         known, shapes = np.diff(known), np.diff(shapes)
 
 
-def _matches(record: Gaussians, model: Gaussians, motion: Similarity) -> Places:
+def _matches(original: Gaussians, model: Gaussians, motion: Similarity) -> Places:
     """Return the index of each row after `motion`, or -1; no two rows have the same."""
     from scipy.spatial import KDTree
 
-    tree, known = KDTree(record.means), _scales(record)
-    spacing = float(np.median(tree.query(record.means, k=2)[0][:, 1]))
+    tree, known = KDTree(original.means), _scales(original)
+    spacing = float(np.median(tree.query(original.means, k=2)[0][:, 1]))
     points = motion.points(model.means.astype(np.float64))
-    distances, places = tree.query(points, k=range(1, min(NEIGHBOURS, len(record)) + 1))
+    distances, places = tree.query(points, k=range(1, min(NEIGHBOURS, len(original)) + 1))
     scales = _scales(model) + np.log(motion.scale)
     products = distances * np.abs(scales[:, None] - known[places]).max(axis=2)
     likeliest = np.arange(len(model)), products.argmin(axis=1)

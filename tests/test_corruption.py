@@ -1,4 +1,4 @@
-"""Damaged artifacts of a workflow: listed, set aside, and made again."""
+"""Corrupt artifacts of a workflow: listed, set aside, and made again."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from gspure.artifacts import save_array, write_json, write_provenance
 from gspure.cli import main
-from gspure.damage import missing_or_cut, set_aside
+from gspure.corruption import missing_or_cut, set_aside
 from gspure.images import record_views, write_image
 from gspure.method.contributions import Measurement, Stage, write_index
 from gspure.renderer import CONTRIBUTION
@@ -53,12 +53,12 @@ def verify(capsys, *folder: str) -> tuple[int, list[str]]:
 
 
 def test_an_intact_project_is_verified(capsys):
-    assert verify(capsys) == (0, ["6 files verified, 0 damaged"])
-    assert verify(capsys, "stages") == (0, ["3 files verified, 0 damaged"])
-    assert verify(capsys, "results") == (0, ["6 files verified, 0 damaged"])  # with the stages that the index lists
+    assert verify(capsys) == (0, ["6 files verified, 0 corrupt"])
+    assert verify(capsys, "stages") == (0, ["3 files verified, 0 corrupt"])
+    assert verify(capsys, "results") == (0, ["6 files verified, 0 corrupt"])  # with the stages that the index lists
 
 
-def test_every_damaged_file_is_listed_and_none_is_touched(project, capsys):
+def test_every_corrupt_file_is_listed_and_none_is_touched(project, capsys):
     flipped(OMEGA)
     flipped(CAMERAS)
     flipped(STAGES / "a.key.npy")
@@ -67,13 +67,13 @@ def test_every_damaged_file_is_listed_and_none_is_touched(project, capsys):
     status, lines = verify(capsys)
     assert status == 1
     assert len(lines) == 5
-    assert lines[-1] == "6 files verified, 4 damaged"
+    assert lines[-1] == "6 files verified, 4 corrupt"
     for file, found in ((OMEGA, "CRC-32"), (CAMERAS, "CRC-32"), ("a.key.npy", "CRC-32"), ("b.key.npy", "no such file")):
         assert any(f"{file}: " in line and found in line for line in lines)
     assert {path: path.read_bytes() for path in project.rglob("*") if path.is_file()} == before
 
 
-def test_an_index_with_a_line_less_and_damaged_provenance_are_listed(capsys):
+def test_an_index_with_a_line_less_and_corrupt_provenance_are_listed(capsys):
     INDEX.write_text("".join(INDEX.read_text().splitlines(keepends=True)[:-1]))
     Path(f"{OMEGA}.json").write_text("{")
     status, lines = verify(capsys, "results")
@@ -102,17 +102,17 @@ def test_renders_that_lack_an_image_are_missing_one():
     record_views(SCENE / "renders", {"b": [], "a": []})
     assert missing_or_cut() == {}
     (SCENE / "renders" / "b.png").unlink()
-    (damage,) = missing_or_cut().items()
-    assert damage[0] == SCENE / "renders"
-    assert "b.png" in damage[1]
+    (problem,) = missing_or_cut().items()
+    assert problem[0] == SCENE / "renders"
+    assert "b.png" in problem[1]
 
 
-def test_renders_that_are_damaged_or_missing_are_listed(capsys):
+def test_renders_that_are_corrupt_or_missing_are_listed(capsys):
     renders = [SCENE / "renders" / f"{view}.png" for view in ("a", "b")]
     for render in renders:
         write_image(render, np.full((4, 4, 3), 0.5))
     record_views(SCENE / "renders", {"a": [1.5], "b": []})
-    assert verify(capsys) == (0, ["8 files verified, 0 damaged"])
+    assert verify(capsys) == (0, ["8 files verified, 0 corrupt"])
     flipped(renders[0], -20)
     renders[1].unlink()
     status, lines = verify(capsys)
@@ -137,28 +137,28 @@ def test_stages_are_pruned_by_the_indices_alone(capsys):
     assert sorted(path.name for path in STAGES.glob("*.npy")) == ["a.key.npy", "b.key.npy", "c.key.npy"]
 
 
-def test_a_damaged_artifact_is_kept_aside_without_its_checksum():
+def test_a_corrupt_artifact_is_kept_aside_without_its_checksum():
     flipped(OMEGA)
     content = OMEGA.read_bytes()
-    (damage,) = set_aside([INDEX, OMEGA]).values()
-    assert damage.startswith(f"{OMEGA}: content: expected CRC-32")
-    assert (SCENE / "weights.npy.damaged").read_bytes() == content
+    (problem,) = set_aside([INDEX, OMEGA]).values()
+    assert problem.startswith(f"{OMEGA}: content: expected CRC-32")
+    assert (SCENE / "weights.npy.corrupt").read_bytes() == content
     assert not OMEGA.exists()
     assert not Path(f"{OMEGA}.json").exists()
     assert INDEX.exists()
     assert set_aside([INDEX, OMEGA]) == {}
 
 
-@pytest.mark.parametrize("damage", [flipped, Path.unlink], ids=["flipped", "removed"])
-def test_an_index_is_set_aside_when_one_of_its_stages_is_damaged(damage):
-    damage(STAGES / "b.key.npy")
+@pytest.mark.parametrize("corrupted", [flipped, Path.unlink], ids=["flipped", "removed"])
+def test_an_index_is_set_aside_when_one_of_its_stages_is_corrupt(corrupted):
+    corrupted(STAGES / "b.key.npy")
     (found,) = set_aside([INDEX]).values()
     assert "b.key.npy: " in found
     assert not INDEX.exists()
     assert (STAGES / "a.key.npy").exists()
 
 
-def test_a_folder_is_set_aside_as_a_whole_as_often_as_it_is_damaged():
+def test_a_folder_is_set_aside_as_a_whole_as_often_as_it_is_corrupt():
     for _ in range(2):
         (SCENE / "key").mkdir()
         save_array(SCENE / "key" / "carriers.npy", np.ones(3, bool))
@@ -167,7 +167,7 @@ def test_a_folder_is_set_aside_as_a_whole_as_often_as_it_is_damaged():
         (found,) = set_aside([SCENE / "key"]).values()
         assert "key/carriers.npy: content" in found
         assert not (SCENE / "key").exists()
-        kept = sorted(path.name for path in (SCENE / "key.damaged").iterdir())
+        kept = sorted(path.name for path in (SCENE / "key.corrupt").iterdir())
         assert kept == ["carriers.npy", "carriers.npy.json"]
 
 

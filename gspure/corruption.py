@@ -1,4 +1,4 @@
-"""Damaged artifacts of a workflow: found by their checksums, and set aside so that the next run makes them again."""
+"""Corrupt artifacts of a workflow: found by their checksums, and set aside so that the next run makes them again."""
 
 from __future__ import annotations
 
@@ -18,51 +18,51 @@ RESULTS: Final = Path("results")
 """Where the workflow keeps what it makes; files elsewhere are the user's."""
 
 
-def damage_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
+def problems_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
     """Verify all files below some folders that have a checksum, all stages that an index there lists, and all renders.
 
-    Return how many files were verified, and what is wrong with those that are damaged or missing, one line each.
+    Return how many files were verified, and what is wrong with those that are corrupt or missing, one line each.
     """
     below = {path for folder in folders for path in folder.rglob("*")}
     files = _recorded(below)
     indices = {file for file in below if is_index(file)}
     stages: set[Path] = set()
-    damages = []
+    problems = []
     for index in sorted(indices):
-        if damage := _damage(index):
-            damages.append(damage)
+        if problem := _problem(index):
+            problems.append(problem)
         else:
             stages |= {stage.path.resolve() for stage in read_index(index)}
     rendered = {record.parent for record in below if record.name == RENDERED}
     images = {image for folder in rendered for image in folder.glob("*.png")}
     others = {file for file in files - indices if file.resolve() not in stages}
-    damages += filter(None, [_damage(file) for file in sorted(others)])
-    damages += filter(None, [_damage(stage, read_stage) for stage in sorted(stages)])
-    damages += filter(None, [_damage(folder, require_all_images) for folder in sorted(rendered)])
-    damages += filter(None, [_damage(image, require_intact) for image in sorted(images)])
-    return len(indices) + len(others) + len(stages) + len(images), damages
+    problems += filter(None, [_problem(file) for file in sorted(others)])
+    problems += filter(None, [_problem(stage, read_stage) for stage in sorted(stages)])
+    problems += filter(None, [_problem(folder, require_all_images) for folder in sorted(rendered)])
+    problems += filter(None, [_problem(image, require_intact) for image in sorted(images)])
+    return len(indices) + len(others) + len(stages) + len(images), problems
 
 
 def missing_or_cut() -> dict[Path, str]:
     """Return the artifacts of a workflow that are missing, cut or lack an image, each with a line; none is read."""
     checks: dict[Path, Callable[[Path], object]] = dict.fromkeys(_recorded(RESULTS.rglob("*.json")), require_size)
     checks |= dict.fromkeys((record.parent for record in RESULTS.rglob(RENDERED)), require_all_images)
-    return {artifact: damage for artifact, check in checks.items() if (damage := _damage(artifact, check))}
+    return {artifact: problem for artifact, check in checks.items() if (problem := _problem(artifact, check))}
 
 
 def set_aside(artifacts: Iterable[Path]) -> dict[Path, str]:
-    """Rename damaged artifacts of a workflow to ``NAME.damaged``: as they are missing, the next run makes them again.
+    """Rename corrupt artifacts of a workflow to ``NAME.corrupt``: as they are missing, the next run makes them again.
 
-    An artifact is a file or a folder; an index is damaged if a stage that it lists is. What is not below `RESULTS` is
+    An artifact is a file or a folder; an index is corrupt if a stage that it lists is. What is not below `RESULTS` is
     left alone.
 
-    Return what is wrong with each damaged artifact, in one line.
+    Return what is wrong with each corrupt artifact, in one line.
     """
-    checked = {artifact: _damage_of(artifact) for artifact in artifacts if RESULTS in artifact.parents}
-    damaged = {artifact: damage for artifact, damage in checked.items() if damage}
-    for artifact in damaged:
+    checked = {artifact: _problem_of(artifact) for artifact in artifacts if RESULTS in artifact.parents}
+    corrupt = {artifact: problem for artifact, problem in checked.items() if problem}
+    for artifact in corrupt:
         _rename(artifact)
-    return damaged
+    return corrupt
 
 
 def discard(artifacts: Iterable[Path]) -> None:
@@ -77,15 +77,15 @@ def discard(artifacts: Iterable[Path]) -> None:
             record_file(artifact).unlink(missing_ok=True)
 
 
-def _damage_of(artifact: Path) -> str:
+def _problem_of(artifact: Path) -> str:
     files = sorted(artifact.rglob("*")) if artifact.is_dir() else [artifact]
-    damages = [damage for file in files if (damage := _damage(file))]
-    if not damages and is_index(artifact):
-        damages = [damage for stage in read_index(artifact) if (damage := _damage(stage.path, read_stage))]
-    return damages[0] if damages else ""
+    problems = [problem for file in files if (problem := _problem(file))]
+    if not problems and is_index(artifact):
+        problems = [problem for stage in read_index(artifact) if (problem := _problem(stage.path, read_stage))]
+    return problems[0] if problems else ""
 
 
-def _damage(file: Path, check: Callable[[Path], object] | None = None) -> str:
+def _problem(file: Path, check: Callable[[Path], object] | None = None) -> str:
     """Return what is wrong with a file by a check, the whole one by default."""
     try:
         (check or _check)(file)
@@ -108,13 +108,13 @@ def _has_record(file: Path) -> bool:
     try:
         return record_of(file) is not None
     except InputError:
-        return bool(file.suffix)  # else it is a damaged JSON file of its own
+        return bool(file.suffix)  # else it is a corrupt JSON file of its own
 
 
 def _rename(artifact: Path) -> None:
     if artifact.is_file():
         record_file(artifact).unlink(missing_ok=True)
-    aside = artifact.with_name(f"{artifact.name}.damaged")
+    aside = artifact.with_name(f"{artifact.name}.corrupt")
     if aside.is_dir():
         shutil.rmtree(aside)
     with suppress(FileNotFoundError):  # it was missing, or another job was quicker

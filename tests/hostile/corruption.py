@@ -1,4 +1,4 @@
-"""Damage to every kind of artifact: whatever reads it next names it, and the next runs of the workflow repair it."""
+"""Corrupt artifacts of every kind: whatever reads one names it, and the next runs of the workflow repair it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.hostile.journal import Journal, Record
 from tests.hostile.kills import copied, difference, told
 from tests.hostile.project import Job, contents, ended, one_per_rule, snakemake
 
-Damage = Callable[[bytes, np.random.Generator], bytes]
+Corruption = Callable[[bytes, np.random.Generator], bytes]
 
 
 def flip(content: bytes, rng: np.random.Generator) -> bytes:
@@ -34,18 +34,18 @@ def zero(content: bytes, rng: np.random.Generator) -> bytes:
     return content[:start] + bytes(min(60, len(content) - start)) + content[start + 60 :]
 
 
-DAMAGES: dict[str, Damage] = {"flip": flip, "truncate": truncate, "zero": zero}
+CORRUPTIONS: dict[str, Corruption] = {"flip": flip, "truncate": truncate, "zero": zero}
 DELETE = "delete"
 ROUNDS = 12
-"""A damaged file may hide others that are made of it; after so many runs all must be repaired."""
+"""A corrupted file may hide others that are made of it; after so many runs all must be repaired."""
 
 
 def run(journal: Journal, reference: Path, scratch: Path) -> Iterator[Record]:
-    """Damage what every rule reads, then one artifact of every kind at once; one record for each case."""
+    """Corrupt what every rule reads, then one artifact of every kind at once; one record for each case."""
     for job in one_per_rule(reference):
-        for name, how in zip(inputs(job, reference), cycle(DAMAGES)):
+        for name, how in zip(inputs(job, reference), cycle(CORRUPTIONS)):
             yield journal.record(f"{job.rule}.{kind(name)}.{how}", read_by, job, name, how, reference, scratch)
-    for how in (*DAMAGES, DELETE):
+    for how in (*CORRUPTIONS, DELETE):
         yield journal.record(f"all.{how}", repaired, how, reference, scratch)
 
 
@@ -68,22 +68,22 @@ def _files(given: str, folder: Path) -> list[str]:
     return [str(p.relative_to(folder)) for p in path.rglob("[!.]*") if p.is_file()] if path.is_dir() else [given]
 
 
-def damaged(path: Path, how: str) -> None:
-    """Damage a file; its times stay, as when a disk fails."""
+def corrupted(path: Path, how: str) -> None:
+    """Corrupt a file; its times stay, as when a disk fails."""
     status = path.stat()
-    path.write_bytes(DAMAGES[how](path.read_bytes(), np.random.default_rng([*path.name.encode()])))
+    path.write_bytes(CORRUPTIONS[how](path.read_bytes(), np.random.default_rng([*path.name.encode()])))
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
 def read_by(job: Job, name: str, how: str, reference: Path, scratch: Path) -> Record:
-    """Run a job on a damaged file: it names the file, and makes nothing of it."""
+    """Run a job on a corrupted file: it names the file, and makes nothing of it."""
     folder = copied(reference, scratch)
-    damaged(folder / name, how)
+    corrupted(folder / name, how)
     before = contents(folder)
     done = ended(job.command, folder)
     after = contents(folder)
     said = done.printed + told(job, folder)
-    changed = [path for path in difference(after, before) if path != name and not path.endswith(".damaged")]
+    changed = [path for path in difference(after, before) if path != name and not path.endswith(".corrupt")]
     faults = ["a traceback"] if "Traceback" in said else []
     named = bool(done.status) and Path(name).name in said
     if done.status and not named:
@@ -95,12 +95,12 @@ def read_by(job: Job, name: str, how: str, reference: Path, scratch: Path) -> Re
 
 
 def repaired(how: str, reference: Path, scratch: Path) -> Record:
-    """Damage one artifact of every kind; all are reported, and runs of the workflow repair them to the same bytes."""
+    """Corrupt one artifact of every kind; all are reported, and runs of the workflow repair them to the same bytes."""
     folder = copied(reference, scratch)
     expected = contents(folder)
     victims = {kind(name): name for name in expected if how != DELETE or not is_record(folder / name)}.values()
     for name in victims:
-        (folder / name).unlink() if how == DELETE else damaged(folder / name, how)
+        (folder / name).unlink() if how == DELETE else corrupted(folder / name, how)
     lines = ended("python -m gspure stages --verify", folder).printed
     reported = [name for name in victims if name in lines or f"{Path(name).parent}: images: " in lines]
     for name in victims if how != DELETE else ():
@@ -116,12 +116,12 @@ def repaired(how: str, reference: Path, scratch: Path) -> Record:
     return {
         "rule": "all",
         "how": how,
-        "damaged": len(victims),
+        "corrupted": len(victims),
         "reported": len(reported),
         "runs": runs,
         "faults": [
             *(f"not listed: {name}" for name in victims if name not in reported),
-            *(f"not repaired: {name}" for name in left if not name.endswith(".damaged")),
+            *(f"not repaired: {name}" for name in left if not name.endswith(".corrupt")),
         ],
     }
 

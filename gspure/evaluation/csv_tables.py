@@ -1,8 +1,8 @@
-"""Tables of typed records as CSV: the one codec of all result files.
+"""Typed tables as CSV: the one codec of all result files.
 
-A record is a NamedTuple; its annotations name and type the columns. A nested NamedTuple takes one column per field
-(``drop_mean``, ``drop_low``, ...), a mapping of metrics one per metric of `gspure.evaluation.metrics.METRICS`. NaN and
-None are empty cells.
+The rows of a table are of one kind, a NamedTuple, whose annotations name and type the columns. A nested NamedTuple
+takes one column per field (``drop_mean``, ``drop_low``, ...), a mapping of metrics one per metric of
+`gspure.evaluation.metrics.METRICS`. NaN and None are empty cells.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gspure.artifacts import verify, write_text
 from gspure.errors import InputError, reading
 from gspure.evaluation.metrics import METRICS
 
-Record = TypeVar("Record")
+Row = TypeVar("Row")
 Cells = Iterator[str]
 
 
@@ -43,30 +43,30 @@ class _Field(NamedTuple):
     read: Callable[[Cells], Any]
 
 
-def write_records(path: Path, record: type[Record], rows: Iterable[Record]) -> None:
-    """Write one CSV row per record below a header, whole or not at all."""
-    fields = _fields(record)
+def write_table(path: Path, kind: type[Row], rows: Iterable[Row]) -> None:
+    """Write one CSV row per item below a header, whole or not at all."""
+    fields = _fields(kind)
     header = [column for field in fields.values() for column in field.columns]
     cells = ([cell for name, field in fields.items() for cell in field.write(getattr(row, name))] for row in rows)
     write_text(path, csv_text(header, cells))
 
 
-def read_records(path: Path, record: type[Record]) -> list[Record]:
-    """Read what `write_records` has written.
+def read_table(path: Path, kind: type[Row]) -> list[Row]:
+    """Read what `write_table` has written.
 
     Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type.
     """
     verify(path)
-    fields = [*_fields(record).values()]
+    fields = [*_fields(kind).values()]
     columns = [column for field in fields for column in field.columns]
-    with reading(path, f"a table of {record.__name__} records"), path.open(encoding="utf-8", newline="") as stream:
+    with reading(path, f"a table of {kind.__name__} rows"), path.open(encoding="utf-8", newline="") as stream:
         header, *rows = list(csv.reader(stream, strict=True)) or [[]]
         if header != columns:
             raise InputError(path, "header", expected=",".join(columns), found=",".join(header))
         for row in rows:
             if len(row) != len(columns):
                 raise InputError(path, "row", expected=f"{len(columns)} cells", found=f"{len(row)}")
-        return [record(*(field.read(cells) for field in fields)) for cells in map(iter, rows)]
+        return [kind(*(field.read(cells) for field in fields)) for cells in map(iter, rows)]
 
 
 def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
@@ -78,8 +78,8 @@ def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     return text.getvalue()
 
 
-def _fields(record: type) -> dict[str, _Field]:
-    hints = get_type_hints(record, include_extras=True)
+def _fields(kind: type) -> dict[str, _Field]:
+    hints = get_type_hints(kind, include_extras=True)
     return {name: _field(name, hint) for name, hint in hints.items()}
 
 
@@ -95,8 +95,8 @@ def _field(name: str, hint: Any) -> _Field:
     return _Field([name], lambda value: [_text(value)], lambda cells: read(next(cells)))
 
 
-def _nested(name: str, record: type, *, optional: bool) -> _Field:
-    parts = {part: _field(f"{name}_{part}", hint) for part, hint in get_type_hints(record).items()}
+def _nested(name: str, kind: type, *, optional: bool) -> _Field:
+    parts = {part: _field(f"{name}_{part}", hint) for part, hint in get_type_hints(kind).items()}
     columns = [column for field in parts.values() for column in field.columns]
 
     def write(value: Any) -> list[str]:
@@ -109,7 +109,7 @@ def _nested(name: str, record: type, *, optional: bool) -> _Field:
         if optional and not any(texts):
             return None
         remaining = iter(texts)
-        return record(*(field.read(remaining) for field in parts.values()))
+        return kind(*(field.read(remaining) for field in parts.values()))
 
     return _Field(columns, write, read)
 

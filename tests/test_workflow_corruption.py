@@ -1,4 +1,4 @@
-"""Damaged artifacts: a job that reads one names it, and the next run makes it again, to the same bytes."""
+"""Corrupt artifacts: a job that reads one names it, and the next run makes it again, to the same bytes."""
 
 import os
 from pathlib import Path
@@ -34,18 +34,18 @@ def zeroed(path):
     ],
     ids=["weights", "kept rows", "model"],
 )
-def test_a_damaged_artifact_is_named_and_made_again_by_the_next_run(project, artifact, reader, target, maker):  # noqa: F811
+def test_a_corrupt_artifact_is_named_and_made_again_by_the_next_run(project, artifact, reader, target, maker):  # noqa: F811
     good = (project.folder / artifact).read_bytes()
     flipped(project.folder / artifact)
     printed = project.run(str(target), "--forcerun", reader, status=1)
     assert f"{artifact}: content: expected CRC-32" in printed
-    assert (project.folder / f"{artifact}.damaged").exists()
+    assert (project.folder / f"{artifact}.corrupt").exists()
     assert rules_run(project.run(str(target)))[maker] == 1
     assert (project.folder / artifact).read_bytes() == good
     assert (project.folder / target).exists()
 
 
-def test_dependents_of_a_damaged_artifact_are_remade(project):  # noqa: F811
+def test_dependents_of_a_corrupt_artifact_are_remade(project):  # noqa: F811
     model, metrics = BOT / "gspure" / "public" / "point_cloud.ply", BOT / "gspure" / "metrics.csv"
     good, before = (project.folder / model).read_bytes(), (project.folder / metrics).read_bytes()
     flipped(project.folder / model)  # newer than what was made from it
@@ -57,7 +57,7 @@ def test_dependents_of_a_damaged_artifact_are_remade(project):  # noqa: F811
     assert (project.folder / metrics).read_bytes() == before
 
 
-def test_a_damaged_stage_is_named_and_its_view_alone_computed_by_the_next_run(project):  # noqa: F811
+def test_a_corrupt_stage_is_named_and_its_view_alone_computed_by_the_next_run(project):  # noqa: F811
     stage = next(project.folder.glob("stages/vanilla/bot/contributions/view_5.*.npy"))
     good, omega, before = stage.read_bytes(), project.omega(), project.stages()
     zeroed(stage)
@@ -69,7 +69,7 @@ def test_a_damaged_stage_is_named_and_its_view_alone_computed_by_the_next_run(pr
     assert project.omega() == omega
 
 
-def test_measuring_again_finds_a_damaged_stage(project):  # noqa: F811
+def test_measuring_again_finds_a_corrupt_stage(project):  # noqa: F811
     stage = next(project.folder.glob("stages/vanilla/bot/contributions/view_5.*.npy"))
     good = stage.read_bytes()
     zeroed(stage)
@@ -83,11 +83,11 @@ def test_a_variant_whose_render_was_deleted_is_rendered_again(project):  # noqa:
     assert planned(project.run(TABLE, "--dry-run")).items() >= {"render_scene": 1, "compare_renders": 1}.items()
 
 
-@pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_bytes(b"x")], ids=["deleted", "cut"])
-def test_a_missing_artifact_is_remade_with_its_dependents(project, damage):  # noqa: F811
+@pytest.mark.parametrize("corrupted", [Path.unlink, lambda path: path.write_bytes(b"x")], ids=["deleted", "cut"])
+def test_a_missing_artifact_is_remade_with_its_dependents(project, corrupted):  # noqa: F811
     artifact = project.folder / BOT / "features.npy"
     good, when = artifact.read_bytes(), artifact.stat().st_mtime_ns
-    damage(artifact)
+    corrupted(artifact)
     if artifact.exists():
         os.utime(artifact, ns=(when, when))
     printed = project.run(TABLE)

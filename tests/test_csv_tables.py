@@ -1,4 +1,4 @@
-"""The codec of result files: typed records as CSV and back."""
+"""The codec of result files: typed tables as CSV and back."""
 
 import math
 from collections.abc import Mapping
@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.errors import InputError
+from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
 from gspure.evaluation.metrics import METRICS, Metric
-from gspure.evaluation.records import PerMetric, Values, read_records, write_records
 
 
 class Part(NamedTuple):
@@ -55,25 +55,25 @@ ONE = Sample("x", "a", 1, None, 0.5, True, Part(1.0, 2), None, {**dict.fromkeys(
 
 @given(st.lists(SAMPLES, max_size=4))
 def test_records_read_back_are_those_written(tmp_path_factory, rows: list[Sample]) -> None:
-    path = tmp_path_factory.mktemp("records") / "r.csv"
-    write_records(path, Sample, rows)
-    assert read_records(path, Sample) == rows
+    path = tmp_path_factory.mktemp("tables") / "r.csv"
+    write_table(path, Sample, rows)
+    assert read_table(path, Sample) == rows
 
 
 def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: Path) -> None:
-    write_records(tmp_path / "r.csv", Sample, [ONE._replace(number=math.nan)])
+    write_table(tmp_path / "r.csv", Sample, [ONE._replace(number=math.nan)])
     metrics = ",0.9" * len(DROPS[1:]) + "," * len(DROPS)
     assert (tmp_path / "r.csv").read_text() == f"{COLUMNS}\nx,a,1,,,true,1,2,,,30{metrics}\n"
-    assert math.isnan(read_records(tmp_path / "r.csv", Sample)[0].number)
+    assert math.isnan(read_table(tmp_path / "r.csv", Sample)[0].number)
 
 
 def test_a_new_metric_is_a_column_of_every_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(METRICS, "mse", Metric(lambda _a, _b: 0.0, "MSE", 3, ".6f"))
-    write_records(tmp_path / "r.csv", Sample, [ONE._replace(values={**dict.fromkeys(METRICS, 1.0), "mse": 3.0})])
+    write_table(tmp_path / "r.csv", Sample, [ONE._replace(values={**dict.fromkeys(METRICS, 1.0), "mse": 3.0})])
     header = (tmp_path / "r.csv").read_text().splitlines()[0].split(",")
     assert header[-2 * len(METRICS) :] == [*METRICS, *(f"{metric}_drop" for metric in METRICS)]
     assert "mse_drop" in header
-    assert read_records(tmp_path / "r.csv", Sample)[0].values["mse"] == 3.0
+    assert read_table(tmp_path / "r.csv", Sample)[0].values["mse"] == 3.0
 
 
 @pytest.mark.parametrize(
@@ -87,8 +87,8 @@ def test_a_new_metric_is_a_column_of_every_table(tmp_path: Path, monkeypatch: py
         "x,a,1,,1,true,,,,,1,1,,,9",
     ],
 )
-def test_a_damaged_table_is_refused_in_one_line(tmp_path: Path, line: str) -> None:
+def test_a_corrupt_table_is_refused_in_one_line(tmp_path: Path, line: str) -> None:
     (tmp_path / "r.csv").write_text(f"{COLUMNS}\n{line}\n" if line else "")
     with pytest.raises(InputError, match=r"r\.csv: (file|header|row): expected") as caught:
-        read_records(tmp_path / "r.csv", Sample)
+        read_table(tmp_path / "r.csv", Sample)
     assert "\n" not in str(caught.value)
