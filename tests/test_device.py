@@ -17,7 +17,7 @@ from gspure.errors import InputError
 from gspure.model import write_model
 from gspure.opencl import device as devices
 from gspure.opencl.device import choose_device, list_devices, matching_devices
-from gspure.opencl.engine import _built, device_identity
+from gspure.opencl.engine import _kernels, device_identity
 from gspure.renderer import Renderer
 from tests.models import blobs, tilted_camera
 
@@ -193,7 +193,7 @@ def test_kernels_that_cannot_be_built_are_reported_in_one_line(tmp_path, monkeyp
     write_model(tmp_path / "model.ply", blobs(9))
     write_cameras(tmp_path / "cameras.json", [tilted_camera(16, 12)])
     choose_device()
-    _built.cache_clear()
+    _kernels.cache_clear()
     monkeypatch.setattr(cl.Program, "build", fail)
     paths = [str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json"), "--split", "all"]
     assert main(["render", *paths, "--out", str(tmp_path / "renders")]) == 2
@@ -236,7 +236,7 @@ def test_warnings_of_the_compiler_are_not_shown(monkeypatch) -> None:
     monkeypatch.setattr("gspure.opencl.engine.kernel_source", lambda *names: noisy)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        _built(context, (), (("FACTOR", 2),))
+        _kernels(context, (), (("FACTOR", 2),), 0)
 
 
 def test_kernels_compile_without_warnings(monkeypatch, device, style) -> None:
@@ -250,7 +250,7 @@ def test_kernels_compile_without_warnings(monkeypatch, device, style) -> None:
         return program
 
     monkeypatch.setattr("gspure.opencl.engine.built", compiled)
-    monkeypatch.setattr("gspure.opencl.engine._built", _built.__wrapped__)
+    monkeypatch.setattr("gspure.opencl.engine._kernels", _kernels.__wrapped__)
     view = tilted_camera(33, 31)
     for energy in ("ewa", "ray"):
         Renderer(blobs(5), device, energy=energy, style=style).contributions(view)

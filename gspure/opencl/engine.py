@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from copy import copy
 from functools import cache
+from threading import get_ident
 from typing import Any, Literal
 
 import numpy as np
@@ -44,9 +45,16 @@ def _context(device: cl.Device) -> cl.Context:
 
 
 @cache
-def _built(context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[str, int], ...]) -> cl.Program:
+def _kernels(
+    context: cl.Context,
+    sources: tuple[str, ...],
+    defines: tuple[tuple[str, int], ...],
+    thread: int,  # noqa: ARG001  (kernels hold their arguments)
+) -> dict[str, cl.Kernel]:
+    """Return the kernels of a program by name, built once per process and `thread`."""
     try:
-        return built(context, kernel_source(*sources), build_options(dict(defines)))
+        program = built(context, kernel_source(*sources), build_options(dict(defines)))
+        return {kernel.function_name: kernel for kernel in program.all_kernels()}
     except cl.Error as error:
         expected, hint = "a driver that builds them", "memory may be short"
         raise InputError("OpenCL", "kernels", expected=expected, found=first_line(str(error)), hint=hint) from None
@@ -55,8 +63,8 @@ def _built(context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[s
 class Program:
     """The kernels of a program, launched in one queue in work-groups of `group` items by default."""
 
-    def __init__(self, program: cl.Program, queue: cl.CommandQueue, group: int) -> None:
-        self._kernels = {kernel.function_name: kernel for kernel in program.all_kernels()}
+    def __init__(self, kernels: Mapping[str, cl.Kernel], queue: cl.CommandQueue, group: int) -> None:
+        self._kernels = kernels
         self._queue = queue
         self._group = group
 
@@ -90,7 +98,6 @@ class Engine:
         self.buffers = Buffers(self)
         # On a device that shares the host's memory, mapping such a buffer costs nothing.
         self._flags = cl.mem_flags.READ_WRITE | (cl.mem_flags.ALLOC_HOST_PTR if device.host_unified_memory else 0)
-        self._programs: dict[tuple[Any, ...], Program] = {}
 
     def beside(self) -> Engine:
         """Return an engine with the same device, queue and programs, but its own buffers."""
@@ -101,10 +108,8 @@ class Engine:
     def program(self, *sources: str, **defines: int) -> Program:
         """Return the program of the named .cl files, concatenated in this order; it is built once."""
         defines = {"LANES": LANES[self.style], **defines}
-        key = (sources, tuple(sorted(defines.items())))
-        if key not in self._programs:
-            self._programs[key] = Program(_built(self.context, *key), self.queue, _GROUP[self.style])
-        return self._programs[key]
+        kernels = _kernels(self.context, sources, tuple(sorted(defines.items())), get_ident())
+        return Program(kernels, self.queue, _GROUP[self.style])
 
     def vectors(self, count: int) -> int:
         """Return the number of vectors of LANES values that hold `count` values."""
