@@ -14,7 +14,7 @@ import numpy as np
 from gspure.constants import SH_DC
 from gspure.model import Gaussians
 from gspure.public_model import Rows
-from gspure.schemes.secure_gs.anchors import Anchors
+from gspure.schemes.secure_gs.anchors import Anchors, rows_of
 from gspure.schemes.secure_gs.networks import Network, Networks, perceptron, takes_distance
 
 LARGEST_OPACITY: Final = np.float32(1 - 2**-20)
@@ -65,17 +65,17 @@ def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural
     active = xp.argwhere(opacities.reshape(count) > 0)[:, 0]
     owners = active // anchors.k
     offsets = outputs("offset").reshape(count, 3) if "offset" in networks else anchors.offsets.reshape(count, 3)
-    scalings = xp.exp(anchors.log_scalings)[owners]
-    shapes = outputs("cov").reshape(count, 7)[active]
+    scalings = rows_of(xp.exp(anchors.log_scalings), owners)
+    shapes = rows_of(outputs("cov").reshape(count, 7), active)
     quats = shapes[:, 3:]
     return Neural(
         outputs=opacities,
         active=active,
-        means=anchors.positions[owners] + offsets[active] * scalings[:, :3],
+        means=rows_of(anchors.positions, owners) + rows_of(offsets, active) * scalings[:, :3],
         quats=quats / xp.sqrt((quats * quats).sum(axis=1))[:, None],
         scales=scalings[:, 3:] * _sigmoid(xp, shapes[:, :3]),
-        opacities=opacities.reshape(count)[active],
-        colors=_sigmoid(xp, outputs("color").reshape(count, 3)[active]),
+        opacities=rows_of(opacities.reshape(count), active),
+        colors=_sigmoid(xp, rows_of(outputs("color").reshape(count, 3), active)),
     )
 
 

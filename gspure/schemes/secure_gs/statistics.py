@@ -44,10 +44,10 @@ class Statistics:
         k = self.active_views.shape[1]
         self.views[rows] += 1
         self.opacities[rows] += np.maximum(gaussians.outputs, 0).sum(axis=1)
-        active = rows[gaussians.active // k], gaussians.active % k
-        self.active_views[active] += 1
-        self.norms[active] += norms
-        self.centres[active] += gaussians.means
+        active = rows[gaussians.active // k] * k + gaussians.active % k
+        self.active_views.reshape(-1)[active] += 1
+        self.norms.reshape(-1)[active] += norms
+        self.centres.reshape(-1, 3)[active] += gaussians.means
 
     def means(self) -> tuple[Float32, Float32]:
         """Return the mean norm [M,k] and the mean centre [M,k,3] of each Gaussian."""

@@ -87,7 +87,7 @@ class Training:
 
     def _iterate(self, iteration: int, batch: tuple[int, int]) -> float:
         anchors = self.learner.anchors
-        upright = np.tile(np.array([1, 0, 0, 0]), (len(anchors.positions), 1))
+        upright = np.broadcast_to(np.array([1, 0, 0, 0]), (len(anchors.positions), 4))
         total = 0.0
         for branch, (statistics, capture, view) in enumerate(
             zip(self._statistics, self._captures, batch, strict=False)
