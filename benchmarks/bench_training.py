@@ -19,8 +19,8 @@ from gspure.opencl.adam import Adam, LearningRates, Moments
 from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Traversal
 from gspure.opencl.gradients import DeviceGradients, blend_band_backward, clear_splat_gradients, project_backward
-from gspure.opencl.losses import upload_photographs
-from gspure.opencl.trainable import SSIM_WEIGHT, Parameters, TrainableModel, TrainState
+from gspure.opencl.losses import SSIM_WEIGHT, upload_photographs
+from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 
 TRAVERSAL = Traversal("ewa", channels=3, sh_degree=3)
 AT_REST = LearningRates(*(0.0,) * 6)

@@ -9,14 +9,13 @@ from gspure.artifacts import digest  # noqa: E402
 from gspure.errors import InputError  # noqa: E402
 from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
 from gspure.opencl.device import choose_device  # noqa: E402
+from gspure.opencl.losses import Photographs  # noqa: E402
 from gspure.public_model import PublicModel  # noqa: E402
 from gspure.renderer import Renderer  # noqa: E402
 from gspure.schemes.gs_hider import SCHEME  # noqa: E402
-from gspure.schemes.gs_hider.decoder import Decoder, noise_gain, untrained  # noqa: E402
+from gspure.schemes.gs_hider.decoder import Decoder, differentiated, noise_gain, untrained  # noqa: E402
 from gspure.schemes.gs_hider.field import Field  # noqa: E402
 from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES  # noqa: E402
-from gspure.schemes.gs_hider.loss import photometric  # noqa: E402
-from gspure.schemes.gs_hider.loss import ssim as torch_ssim  # noqa: E402
 from gspure.schemes.gs_hider.training import Training  # noqa: E402
 from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
@@ -157,12 +156,25 @@ def test_the_message_of_gs_hider_is_extracted_from_features_only(hidden):
         key.message(PublicModel(public.model), "message")
 
 
-def test_the_loss_equals_that_of_the_device():
-    image, photograph = np.random.default_rng(0).random((2, 30, 41, 3), dtype=np.float32)
-    a, b = torch.from_numpy(image), torch.from_numpy(photograph)
-    assert torch_ssim(a, b).item() == pytest.approx(ssim(image, photograph), abs=1e-6)
-    expected = 0.8 * np.abs(image - photograph).mean() + 0.2 * (1 - ssim(image, photograph))
-    assert photometric(a, b).item() == pytest.approx(expected, abs=1e-6)
+def test_the_gradient_of_a_feature_map_descends_the_loss_of_its_image(monkeypatch):
+    rng = np.random.default_rng(0)
+    features, photograph = (rng.random((30, 41, channels), dtype=np.float32) for channels in (CHANNELS, 3))
+    (decoder,) = untrained(1, seed=0)
+    photographs = Photographs([photograph])
+
+    def of(feature_map, bfloat16):
+        monkeypatch.setattr("gspure.schemes.gs_hider.decoder.BFLOAT16", bfloat16)
+        return differentiated(decoder, feature_map, photographs, 0, weight=2.0)
+
+    image = decoder(torch.from_numpy(features)).detach().numpy()
+    expected = 2 * (0.8 * np.abs(image - photograph).mean() + 0.2 * (1 - ssim(image, photograph)))
+    loss, gradient = of(features, bfloat16=False)
+    assert loss == pytest.approx(expected, rel=1e-6)
+    step = 1e-3 * loss / np.square(gradient).sum()
+    assert of(features - step * gradient, bfloat16=False)[0] == pytest.approx((1 - 1e-3) * loss, rel=2e-4)
+    coarse_loss, coarse_gradient = of(features, bfloat16=True)
+    assert coarse_loss == pytest.approx(loss, rel=1e-3)
+    assert np.linalg.norm(coarse_gradient - gradient) < 0.2 * np.linalg.norm(gradient)
 
 
 def test_a_step_descends_at_the_scheduled_rates(pair):

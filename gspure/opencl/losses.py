@@ -10,10 +10,14 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from gspure.constants import SSIM_SIGMA, SSIM_WINDOW
+from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine
 
 Float32 = NDArray[np.float32]
 _MARGIN = SSIM_WINDOW // 2
+
+SSIM_WEIGHT = 0.2
+"""Share of 1 - SSIM in the loss; the rest is L1 (Kerbl et al. 2023)."""
 
 
 class Planes:
@@ -73,6 +77,20 @@ class Photograph:
         launch("loss_gradient", weight, window, padded, target, moments, gradient)
         losses = engine.read(item_losses, (items,), np.float32)
         return float(losses.sum(dtype=np.float64)) / (height * planes.values), gradient
+
+
+class Photographs:
+    """Photographs [H,W,C], uploaded once, for images in host memory."""
+
+    def __init__(self, images: Sequence[Float32], device: Device | None = None) -> None:
+        self._engine = Engine((device or choose_device()).cl_device)
+        self._photographs = upload_photographs(self._engine, images)
+
+    def compare(self, number: int, image: Float32) -> tuple[float, Float32]:
+        """Return the loss between `image` and a photograph, and its gradient [H,W,C]."""
+        on_device = self._engine.buffers.image.holding(image)
+        loss, gradient = self._photographs[number].compare(on_device, SSIM_WEIGHT)
+        return loss, self._engine.read(gradient, image.shape, np.float32)
 
 
 def upload_photographs(engine: Engine, images: Sequence[Float32]) -> list[Photograph]:

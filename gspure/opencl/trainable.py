@@ -17,13 +17,11 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import DeviceGradients, by_row
-from gspure.opencl.losses import Photograph, upload_photographs
+from gspure.opencl.losses import SSIM_WEIGHT, Photograph, upload_photographs
 from gspure.opencl.passes import Rendered, backward, forward
 from gspure.opencl.storage import Storage, morton_order, upload_attributes
 
 Float32 = NDArray[np.float32]
-SSIM_WEIGHT = 0.2
-"""Share of 1 - SSIM in the loss; the rest is L1 (Kerbl et al. 2023)."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ FEATURES_RATE: Final = 2.5e-3
 
 
 class Field:
-    """The state of a run, in memory. Each view uploads it again, which costs little beside the decoders.
+    """The state of a run, in memory. Each step uploads it again, which costs little beside the decoders.
 
     The colours of `start` are ignored: features start at 0, that is at 1/2 after the sigmoid.
     """
@@ -47,6 +47,7 @@ class Field:
         self.state = state
         self._norms = np.zeros(len(self), np.float32)
         self._views = np.zeros(len(self), np.uint32)
+        self._upload()
 
     @property
     def features(self) -> Float32:
@@ -66,7 +67,7 @@ class Field:
 
     def feature_map(self, camera: Camera) -> tuple[Float32, Callable[[Float32], Gradients]]:
         """Return a view's blended features [H,W,16] on black, and the function that pulls their gradient back."""
-        return Renderer(self.model(), self._device).vjp(camera, sigmoid(self.features))
+        return self._renderer.vjp(camera, sigmoid(self.features))
 
     def accumulate(self, camera: Camera, gradients: Gradients) -> None:
         """Add a view's gradients to those of the next step, and to the statistics."""
@@ -85,6 +86,10 @@ class Field:
         for values, first, second, gradient, rate in zip(*states, gradients, rates_by_group, strict=True):
             adam_step(values, first, second, gradient, rate, self._steps)
         self._gradients.clear()
+        self._upload()
+
+    def _upload(self) -> None:
+        self._renderer = Renderer(self.model(), self._device)
 
     def _raw(self, gradients: Gradients) -> Parameters:
         """Return the gradients of raw parameters, given those of activated ones."""

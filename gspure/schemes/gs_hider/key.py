@@ -12,6 +12,7 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
+from gspure.opencl.losses import Photographs
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import MESSAGE_DECODER, decoder_name, find_decoder
@@ -48,14 +49,15 @@ class DecoderKey(Key):
 
     def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
         """Return the decoder after training on the model's feature maps; the model stays as it is."""
-        from gspure.schemes.gs_hider.loss import differentiated
+        from gspure.schemes.gs_hider.decoder import differentiated
         from gspure.training.pytorch import single_threaded, torch
 
         feature_map, decoder = _feature_map(public, lesson.device), deepcopy(self.decoder.network)
+        photographs = Photographs(lesson.images, lesson.device)
         optimizer = torch.optim.Adam(decoder.parameters())
         with single_threaded():
             for view, factor in lesson.schedule():
-                differentiated(decoder, feature_map(lesson.views[view]), lesson.images[view])
+                differentiated(decoder, feature_map(lesson.views[view]), photographs, view)
                 optimizer.param_groups[0]["lr"] = factor * FIT_RATE
                 optimizer.step()
         return type(self)(DecoderFile.of(decoder, 0, MESSAGE_DECODER))

@@ -16,6 +16,7 @@ from gspure.model import Gaussians, model_file, write_model
 from gspure.model.activations import sigmoid
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
+from gspure.opencl.losses import Photographs
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView
 from gspure.renderer import Renderer
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
@@ -90,18 +91,19 @@ class FeatureModel(PublicModel):
         """Return the model with features learned through the public decoder; the decoder and all else stay."""
         if self.decoder is None:
             raise InputError("model", "decoder", expected=f"chkpntN_{SCENE_DECODER}.pth with the .ply", found="none")
-        from gspure.schemes.gs_hider.loss import differentiated
+        from gspure.schemes.gs_hider.decoder import differentiated
         from gspure.training.pytorch import single_threaded
 
         decoder = self.decoder.network.requires_grad_(requires_grad=False)
         raw, renderer = self.model.columns(*FEATURES).copy(), Renderer(self.model, lesson.device)
+        photographs = Photographs(lesson.images, lesson.device)
         first, second = np.zeros_like(raw), np.zeros_like(raw)
         rate = lesson.rates(self.rates).get("colour", 0.0)
         with single_threaded():
             for number, (view, factor) in enumerate(lesson.schedule(), start=1):
                 features = sigmoid(raw)
                 feature_map, pull_back = renderer.vjp(lesson.views[view], features)
-                _, gradient = differentiated(decoder, feature_map, lesson.images[view])
+                _, gradient = differentiated(decoder, feature_map, photographs, view)
                 gradient = pull_back(gradient).channels * features * (1 - features)
                 adam_step(raw, first, second, gradient, factor * rate, number)
         return self.with_model(self.model.with_columns(dict(zip(FEATURES, raw.T, strict=True))))

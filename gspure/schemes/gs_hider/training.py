@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.opencl.device import Device
+from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import RenderView
-from gspure.schemes.gs_hider.decoder import Decoder, decoded, untrained
+from gspure.schemes.gs_hider.decoder import Decoder, decoded, differentiated, untrained
 from gspure.schemes.gs_hider.field import Field
-from gspure.schemes.gs_hider.loss import differentiated
 from gspure.schemes.pair import Capture, Pair
 from gspure.training.pytorch import single_threaded, torch
 from gspure.training.schedule import Schedule
@@ -54,9 +54,9 @@ class Training:
         scene, message = untrained(2, seed)
         self.pair = pair
         self.field = Field(begin, device)
-        self.branches = [Branch(scene, pair.scene, 1.0)]
+        self.branches = [Branch(scene, pair.scene, 1.0, device)]
         if message_weight:
-            self.branches.append(Branch(message, pair.message, message_weight))
+            self.branches.append(Branch(message, pair.message, message_weight, device))
         self._optimizer = torch.optim.Adam([p for b in self.branches for p in b.decoder.parameters()], DECODER_RATE)
         self._schedule = Schedule.scaled(iterations)
         self._max_gaussians = max_gaussians
@@ -107,12 +107,12 @@ class Training:
 class Branch:
     """A decoder of the shared feature map, with its views and photographs and the weight of its loss."""
 
-    def __init__(self, decoder: Decoder, capture: Capture, weight: float) -> None:
+    def __init__(self, decoder: Decoder, capture: Capture, weight: float, device: Device) -> None:
         self.decoder = decoder
         self.views = capture.views
-        self._images = capture.images
+        self._photographs = Photographs(capture.images, device)
         self._weight = weight
 
     def differentiate(self, feature_map: Float32, view: int) -> tuple[float, Float32]:
         """Return the loss of a view and its gradient of the feature map; the decoder stores its own gradients."""
-        return differentiated(self.decoder, feature_map, self._images[view], self._weight)
+        return differentiated(self.decoder, feature_map, self._photographs, view, self._weight)

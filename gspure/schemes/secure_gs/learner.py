@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import ADAM_EPSILON
 from gspure.opencl.device import Device
-from gspure.opencl.engine import Engine
-from gspure.opencl.losses import upload_photographs
-from gspure.opencl.trainable import SSIM_WEIGHT
+from gspure.opencl.losses import Photographs
 from gspure.schemes.secure_gs.anchors import Anchors
 from gspure.schemes.secure_gs.growing import joined
 from gspure.schemes.secure_gs.networks import Networks
@@ -59,9 +57,8 @@ class Learner:
         self._branches = [{n: {p: _leaf(a) for p, a in net.items()} for n, net in nets.items()} for nets in branches]
         groups = [{"params": [tensor], "name": name} for name, tensor in self._learned.items()]
         groups += [
-            {"params": list(network.values()), "name": name}
-            for nets in self._branches
-            for name, network in nets.items()
+            {"params": [p for nets in self._branches if name in nets for p in nets[name].values()], "name": name}
+            for name in {name: None for nets in branches for name in nets}
         ]
         self._optimizer = torch.optim.Adam(groups, eps=ADAM_EPSILON, fused=True)
 
@@ -138,17 +135,3 @@ class Learner:
 
 def _leaf(array: Float32) -> torch.Tensor:
     return torch.from_numpy(np.array(array, np.float32)).requires_grad_()
-
-
-class Photographs:
-    """Photographs [H,W,3] of the training views, uploaded once."""
-
-    def __init__(self, images: Sequence[Float32], device: Device) -> None:
-        self._engine = Engine(device.cl_device)
-        self._photographs = upload_photographs(self._engine, images)
-
-    def compare(self, number: int, image: Float32) -> tuple[float, Float32]:
-        """Return 0.8 L1 + 0.2 (1 - SSIM) between `image` and a photograph, and its gradient [H,W,3]."""
-        on_device = self._engine.buffers.image.holding(image)
-        loss, gradient = self._photographs[number].compare(on_device, SSIM_WEIGHT)
-        return loss, self._engine.read(gradient, image.shape, np.float32)
