@@ -297,6 +297,19 @@ def test_tables_of_another_run_are_refused(tmp_path: Path, capsys) -> None:
         assert main([*command, str(tmp_path / "a.csv")]) == 0
 
 
+def test_figures_of_the_table_of_another_run_are_refused(tmp_path: Path, capsys) -> None:
+    for name, drop in (("a", 20.0), ("b", 10.0)):
+        write_results(tmp_path / f"{name}.csv", outcomes := of_scenes(2, gspure=(0.5, drop)))
+    figure = str(tmp_path / "figures" / outcomes[0].condition.key / "tradeoff.png")
+    condition = ["--condition", outcomes[0].condition.key, "--out", figure]
+    assert main(["figures", "tradeoff", "--table", str(tmp_path / "a.csv"), *condition]) == 0
+    for table, status in (("b", 2), ("a", 0)):
+        capsys.readouterr()
+        page = ["--figures", figure, "--out", str(tmp_path / "r.html")]
+        assert main(["report", "--table", str(tmp_path / f"{table}.csv"), *page]) == status
+        assert ("tradeoff.png: table: expected" in capsys.readouterr().err) == bool(status)
+
+
 def test_the_page_opens_with_the_audit_and_names_the_files(tmp_path: Path) -> None:
     write_results(tmp_path / "results.csv", of_scenes(2, gspure=(0.5, 20.0), gof=(3.0, 4.0)))
     table = ["--table", str(tmp_path / "results.csv")]

@@ -386,6 +386,27 @@ def test_clusters_and_weights_of_two_models_are_refused(folder, capsys):
     assert refusal(folder, capsys, PRUNED).startswith("weights.npy: model: ")
 
 
+def test_an_array_of_another_kind_is_refused_though_type_and_shape_fit(folder, capsys):
+    cameras = "--cameras cameras.json"
+    assert main(f"opacities --model model.ply {cameras} --out opacities.npy".split()) == 0
+    assert main(f"surface --model model.ply {cameras} --method depth --out surface.npy".split()) == 0
+    assert (
+        main(["attack", "random_pruning", "--model", "model.ply", "--out", "random.ply", "--removed", "out.npy"]) == 0
+    )
+    clustered = COMMANDS["figures"].replace("weights.npy", "{}")
+    capsys.readouterr()
+    for command, wrong, expected in (
+        (COMMANDS["attack"].replace("weights.npy", "{}"), "opacities.npy", "weights"),
+        (COMMANDS["features"].replace("weights.npy", "{}"), "surface.npy", "weights"),
+        (PRUNED.replace("weights.npy", "{}"), "surface.npy", "weights or opacities"),
+        (f"{COMMANDS['features']} --opacities {{}}", "surface.npy", "opacities"),
+        (clustered, "opacities.npy", "weights"),
+        (MASKED.replace("mask.npy", "{}"), "out.npy", "prune_mask"),
+    ):
+        assert f"{wrong}: content: expected {expected}, found" in refusal(folder, capsys, command.format(wrong))
+    assert main(PRUNED.replace("weights.npy", "opacities.npy").split()) == 0
+
+
 def test_results_of_purify_are_refused_for_another_model(folder, capsys):
     Path("run/point_cloud/iteration_7").mkdir(parents=True)
     Path("run/cfg_args").write_text("Namespace()")

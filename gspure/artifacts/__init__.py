@@ -3,7 +3,7 @@
 from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
 from gspure.artifacts.files import filling, read_json, replacing, write_json, write_text
-from gspure.artifacts.provenance import require_input, require_made_from, write_provenance
+from gspure.artifacts.provenance import require_input, require_kind, require_made_from, write_provenance
 
 __all__ = [
     "digest",
@@ -16,6 +16,7 @@ __all__ = [
     "record_of",
     "replacing",
     "require_input",
+    "require_kind",
     "require_made_from",
     "save_array",
     "save_arrays",

@@ -12,7 +12,7 @@ from gspure.errors import InputError
 
 
 def write_provenance(
-    path: Path, *, inputs: Mapping[str, Path], settings: Mapping[str, Any], geometry: str = ""
+    path: Path, *, inputs: Mapping[str, Path], settings: Mapping[str, Any], geometry: str = "", kind: str = ""
 ) -> None:
     """Write ``<path>.json`` beside an artifact: size, checksum, digest, digests of its inputs, settings and version.
 
@@ -20,7 +20,8 @@ def write_provenance(
     that are folders are left out.
 
     `geometry` is the digest of the model that it was made from (`gspure.model.Gaussians.geometry_digest`). If `inputs`
-    has no model, it is that of all inputs, if they have the same.
+    has no model, it is that of all inputs, if they have the same. `kind` names what an array holds, where others have
+    its type and shape.
     """
     from gspure import __version__
 
@@ -37,7 +38,7 @@ def write_provenance(
         "inputs": digests,
         "settings": dict(settings),
     }
-    write_record(path, record | ({"geometry": geometry} if geometry else {}))
+    write_record(path, record | {name: text for name, text in (("geometry", geometry), ("kind", kind)) if text})
 
 
 def require_made_from(geometry: str, *artifacts: Path) -> None:
@@ -52,6 +53,13 @@ def require_made_from(geometry: str, *artifacts: Path) -> None:
         if origin not in {"", geometry}:
             hint = f"made from another model; if it fits this one too, delete {record_file(artifact).name}"
             raise InputError(artifact, "model", expected=f"geometry {geometry}", found=origin, hint=hint)
+
+
+def require_kind(artifact: Path, *kinds: str) -> None:
+    """Raise `InputError` if an array holds something else than one of `kinds`; without a record, pass."""
+    kind = (record_of(artifact) or {}).get("kind", "")
+    if kind not in {"", *kinds}:
+        raise InputError(artifact, "content", expected=" or ".join(kinds), found=str(kind))
 
 
 def require_input(artifact: Path, name: str, source: Path) -> None:

@@ -134,7 +134,8 @@ def run(args: Arguments) -> None:
         strength = attack.strength and f"{attack.strength.setting}={used[attack.strength.setting]:.4g}"
         write_json(args.verdict, {"reached": touched, "strength": strength or ""})
     for path in filter(None, (args.out, args.removed, args.transform, args.verdict)):
-        write_provenance(path, inputs=sources, settings=used)
+        kind = "removed rows" if path == args.removed else ""
+        write_provenance(path, inputs=sources, settings=used, kind=kind)
     _write_cost(args, searching)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 
@@ -152,7 +153,7 @@ def _read(args: Arguments, files: Mapping[str, Path]) -> tuple[PublicModel, Evid
     """Read the public model, and the evidence in `files`."""
     import numpy as np
 
-    from gspure.artifacts import load_array, require_made_from
+    from gspure.artifacts import load_array, require_kind, require_made_from
     from gspure.attacks import Evidence
     from gspure.method.clustering.store import read_clusters
     from gspure.model import read_model
@@ -162,6 +163,8 @@ def _read(args: Arguments, files: Mapping[str, Path]) -> tuple[PublicModel, Evid
     evidence: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}
     for name, path in files.items():
+        pruned_by = ["opacities"] if name == "weights" and "labels" in files else []
+        require_kind(path, name, *pruned_by)
         if name == "labels":
             evidence[name] = read_clusters(path).labels
         else:

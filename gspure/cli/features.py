@@ -22,7 +22,7 @@ def run(args: Arguments) -> None:
     """Compute and write the features."""
     import numpy as np
 
-    from gspure.artifacts import load_array, require_made_from, save_array, write_provenance
+    from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_provenance
     from gspure.method.features import features
     from gspure.model import read_model
     from gspure.model.finite import drawable
@@ -36,5 +36,7 @@ def run(args: Arguments) -> None:
         evidence["opacities"] = args.opacities
         opacities = load_array(args.opacities, dtype=np.float32, shape=(len(model),), least=0)
     require_made_from(geometry, *evidence.values())
+    for kind, path in evidence.items():
+        require_kind(path, kind)
     save_array(args.out, features(model.means, opacities, weights))
     write_provenance(args.out, inputs={"model": args.model, **evidence}, settings={}, geometry=geometry)

@@ -73,7 +73,7 @@ def run(args: Arguments) -> None:
 def _draw_model(args: Arguments) -> Drawn:
     import numpy as np
 
-    from gspure.artifacts import load_array, require_made_from
+    from gspure.artifacts import load_array, require_kind, require_made_from
     from gspure.figures.gallery import Evidence, draw
     from gspure.figures.viewer import write_viewer
     from gspure.figures.viewpoint import world_axes
@@ -91,6 +91,9 @@ def _draw_model(args: Arguments) -> Drawn:
     if labels.shape != shape:
         raise InputError(args.clusters, "labels", expected=f"{len(model)}, as in {args.model}", found=str(len(labels)))
     require_made_from(stored.geometry_digest(), *filter(None, (args.clusters, args.weights, args.hidden)))
+    require_kind(args.weights, "weights")
+    if args.hidden:
+        require_kind(args.hidden, "hidden")
     weights = load_array(args.weights, dtype=np.float32, shape=shape, least=0)
     evidence = Evidence(
         model.means,

@@ -33,7 +33,7 @@ def run(args: Arguments) -> None:
     """Measure, print and write."""
     import numpy as np
 
-    from gspure.artifacts import load_array, require_made_from, save_array, write_json, write_provenance
+    from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_json, write_provenance
     from gspure.model import read_model
     from gspure.progress import warn
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
@@ -45,6 +45,7 @@ def run(args: Arguments) -> None:
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
     geometry = read_model(args.model).geometry_digest()
     require_made_from(geometry, args.weights)
+    require_kind(args.weights, "weights")
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau) if hidden.any() else None
@@ -54,7 +55,7 @@ def run(args: Arguments) -> None:
     write_provenance(args.out, inputs=inputs, settings=settings)
     if args.hidden:
         save_array(args.hidden, hidden)
-        write_provenance(args.hidden, inputs=inputs, settings=settings, geometry=geometry)
+        write_provenance(args.hidden, inputs=inputs, settings=settings, geometry=geometry, kind="hidden")
     if share is None:
         warn("no row holds weight of the message: nothing is embedded, or the key does not fit the model")
     else:

@@ -26,4 +26,4 @@ def run(args: Arguments) -> None:
     public = read_public(args)
     save_array(args.out, public.opacities(read_views(args)))
     inputs, geometry = {"model": args.model, "cameras": args.cameras}, read_model(args.model).geometry_digest()
-    write_provenance(args.out, inputs=inputs, settings={"split": args.split}, geometry=geometry)
+    write_provenance(args.out, inputs=inputs, settings={"split": args.split}, geometry=geometry, kind="opacities")

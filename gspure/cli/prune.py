@@ -28,7 +28,7 @@ def run(args: Arguments) -> None:
     """Write the mask, and optionally the diagnosis; print the diagnosis."""
     import numpy as np
 
-    from gspure.artifacts import load_array, require_made_from, save_array, write_json, write_provenance
+    from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_json, write_provenance
     from gspure.method.clustering.diagnosis import diagnose
     from gspure.method.clustering.store import read_clusters
     from gspure.method.pruning import prune_mask
@@ -38,6 +38,7 @@ def run(args: Arguments) -> None:
     model = read_model(args.model) if args.model else None
     geometry = model.geometry_digest() if model else ""
     require_made_from(geometry, args.clusters, args.weights)
+    require_kind(args.weights, "weights", "opacities")
     labels, coincident = read_clusters(args.clusters)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),), least=0)
     diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident)
@@ -48,5 +49,5 @@ def run(args: Arguments) -> None:
         write_json(args.diagnosis, diagnosis.to_json() | suspects)
         write_provenance(args.diagnosis, inputs=inputs, settings=settings, geometry=geometry)
     save_array(args.out, prune_mask(labels, weights, args.tau_c, args.tau_n))
-    write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry)
+    write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="prune_mask")
     print("\n".join(diagnosis.lines()))

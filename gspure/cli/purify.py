@@ -120,7 +120,7 @@ def run(args: Arguments) -> None:
         inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.model.geometry_digest()
         used = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
         for path in files:
-            write_provenance(path, inputs=inputs, settings=used, geometry=geometry)
+            write_provenance(path, inputs=inputs, settings=used, geometry=geometry, kind=path.stem)
         rows = _compare(folder, models, test, device) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)

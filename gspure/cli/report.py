@@ -45,7 +45,7 @@ def run(args: Arguments) -> None:
     from gspure.report.page import write_report
 
     derived = [file for file in (args.survival, args.contest, args.matched) if file]
-    for file in derived:
+    for file in (*derived, *args.figures):
         require_input(file, "table", args.table)
     write_report(
         args.out,

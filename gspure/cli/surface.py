@@ -61,8 +61,9 @@ def run(args: Arguments) -> None:
     distances = _from_mesh(args, public, views, device) if method == "mesh" else depth_distances(public, views, device)
     save_array(args.out, distances)
     inputs, geometry = {"model": args.model, "cameras": args.cameras}, read_model(args.model).geometry_digest()
+    settings = {"split": args.split, "method": method}
     for path in filter(None, (args.out, args.mesh)):
-        write_provenance(path, inputs=inputs, settings={"split": args.split, "method": method}, geometry=geometry)
+        write_provenance(path, inputs=inputs, settings=settings, geometry=geometry, kind="surface")
     near = int((distances <= TOLERANCE).sum())
     print(f"method {method}: {near} of {len(distances)} rows within {TOLERANCE:g} scales of the surface")
 

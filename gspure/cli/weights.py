@@ -41,7 +41,7 @@ def run(args: Arguments) -> None:
     save_array(args.out, weights)
     inputs = {"model": args.model} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
     settings = {"reduction": args.reduction, "views": len(stages)}
-    write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry)
+    write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="weights")
     for sentence in few_in_view(int(np.count_nonzero(weights)), len(weights)):
         warn(f"{sentence}")
 
