@@ -8,6 +8,7 @@ from gspure.workflow.configuration import resolved, validated
 from gspure.cost import COSTS, LOG
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS
+from gspure.evaluation.detector import words_of
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
 from gspure.workflow.captures import capture_files, content_digest
@@ -146,6 +147,11 @@ def get_target(wildcards):
 
 def get_camera_files(wildcards):
     return get_model(wildcards).camera_files(get_target(wildcards))
+
+
+def get_detector_files(wildcards):
+    """Return the files that the command of a detector names, such as its code and weights."""
+    return [word for word in words_of(config["detectors"][wildcards.detector]["command"]) if os.path.isfile(word)]
 
 
 def get_attack_files(wildcards):

@@ -84,6 +84,30 @@ rule compare_renders:
         job("metrics {params.references:q} {params.images:q} {params.options}" " --out {output.metrics:q}")
 
 
+rule detect_mark:
+    input:
+        images="results/{scheme}/{scene}/{variant}/renders/scene",
+        files=get_detector_files,
+    output:
+        table="results/{scheme}/{scene}/{variant}/detections/{detector}.csv",
+    log:
+        "results/logs/{scheme}/{scene}/{variant}/detect_{detector}.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/{variant}/detect_{detector}.tsv"
+    wildcard_constraints:
+        detector="|".join(config["detectors"]) or "none",
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code_digest("gspure.cli.detect"),
+        options=lambda wildcards: get_variant(wildcards).detection_options(wildcards.detector),
+        content=lambda wildcards: content_digest(get_detector_files(wildcards)),
+    message:
+        "Reading {wildcards.detector} from {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        job("detect {input.images:q} {params.options} --out {output.table:q}")
+
+
 rule trace_decoys:
     output:
         scene=directory("results/decoys/{width}x{height}x{views}/{seed}/scene"),
@@ -146,6 +170,7 @@ rule tabulate_metrics:
         retrievals=get_finished(
             f"{model.folder}/retrieval.csv" for model in PLAN.models if model.is_watermarked and get_extractions(model)
         ),
+        detections=get_finished(path for model in PLAN.models for path in model.detections),
         key_folders=get_finished(f"{model.folder}/key" for model in PLAN.models if model.is_watermarked),
         failures=[status_of(failure.log) for failure in FAILURES],
     output:
@@ -169,5 +194,6 @@ rule tabulate_metrics:
         job(
             "table --metrics {input.metrics:q} --prune-masks {input.masks:q} --keys {input.key_folders:q}"
             " --verdicts {input.verdicts:q} --failures {input.failures:q} --retrievals {input.retrievals:q}"
+            " --detections {input.detections:q}"
             " {params.conditions} --out {output.table:q} --markdown {output.markdown:q} --summary {output.summary:q} --latex {output.latex:q}"
         )

@@ -30,6 +30,7 @@ USER_COMMANDS = (
     "pair",
     "embed",
     "extract",
+    "detect",
     "attack",
     "train",
     "download",

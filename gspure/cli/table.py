@@ -21,6 +21,7 @@ _FILES = {
     "--verdicts": ("JSON", "verdict.json of `gspure attack`, below SCHEME/SCENE/VARIANT"),
     "--failures": ("JSON", "statuses of failed jobs of the workflow: the reasons for missing metrics"),
     "--retrievals": ("CSV", "retrieval.csv of `gspure retrieve`, in folders SCHEME/SCENE"),
+    "--detections": ("CSV", "readings of `gspure detect`, in folders SCHEME/SCENE/VARIANT/detections"),
 }
 
 
@@ -56,7 +57,7 @@ def run(args: Arguments) -> None:
     from gspure.report.tables import results_markdown, summary_table
 
     truth = [mask for key in args.keys if (mask := key / CARRIERS).is_file()]
-    files = (args.prune_masks, truth, args.verdicts, args.failures, args.retrievals)
+    files = (args.prune_masks, truth, args.verdicts, args.failures, args.retrievals, args.detections)
     outcomes = collect(args.metrics, *files, conditions=args.condition)
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import Drops, Point, Sweeps, completed, curves, damages
-from gspure.evaluation.outcomes import GSPURE, SCENE, UNATTACKED, Condition, Outcome, by_condition, ordered
+from gspure.evaluation.outcomes import GSPURE, SCENE, UNATTACKED, Condition, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.statistics import Cells, Interval, differences, holm, mean_interval, paired_test
 
 Quantity = Literal["score", "message_drop", "scene_drop"]
@@ -71,7 +71,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
         for extraction in ordered({target for o in attacks for target in o.messages}):
             drops = _drops(attacks, extraction)
             as_run = {name: cells for name, cells in drops.items() if name not in other_strengths}
-            for quantity in WEIGHTS:
+            for quantity in WEIGHTS if is_picture(extraction) else (MESSAGE_DROP, SCENE_DROP):
                 rows += _against(_as_run(as_run, quantity), condition, extraction, quantity, math.nan)
             for damage in damages(drops):
                 cells = _at_equal_damage(attacks, extraction, completed(sweeps, drops), damage)
@@ -83,7 +83,7 @@ def _drops(attacks: Sequence[Outcome], extraction: str) -> DropsByVariant:
     """Return the drops of every attack where both are known."""
     by_variant: dict[str, dict[tuple[str, int], Drops]] = {}
     for o in attacks:
-        drops = (o.psnr_drop(SCENE), o.psnr_drop(extraction))
+        drops = (o.psnr_drop(SCENE), o.drop(extraction))
         if all(map(math.isfinite, drops)):
             by_variant.setdefault(o.variant, {})[o.scene, o.seed] = drops
     return by_variant

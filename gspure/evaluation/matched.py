@@ -130,7 +130,7 @@ def curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int]
     """Return the drops by scene and seed, and by variant, where both are known."""
     by_cell: dict[tuple[str, int], dict[str, Drops]] = {}
     for o in variants:
-        drops = (o.psnr_drop(SCENE), o.psnr_drop(extraction))
+        drops = (o.psnr_drop(SCENE), o.drop(extraction))
         if not any(map(math.isnan, drops)):
             by_cell.setdefault((o.scene, o.seed), {})[o.variant] = drops
     return by_cell

@@ -32,6 +32,11 @@ def display_name(name: str) -> str:
     return f"{shown}, {damage.removesuffix('dB')} dB" if damage else shown
 
 
+def extraction_name(extraction: str) -> str:
+    """Return the display name of an extraction of the message, or of what a detector reads: ``mark (spread)``."""
+    return display_name(extraction) if extraction.startswith("message") else f"mark ({display_name(extraction)})"
+
+
 def condition_name(scheme: str, protocol: str = "", initialization: str = "") -> str:
     """Return the display name of a condition: ``GS-Hider, own poses``; training from all points is the default."""
     poses = f", {protocol} poses" if protocol else ""

@@ -17,7 +17,9 @@ from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, variant_of
 from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.names import display_name
 from gspure.evaluation.recall import recall
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
@@ -28,7 +30,7 @@ UNATTACKED: Final = "unattacked"
 GSPURE: Final = "gspure"
 """The variant of the paper's attack, and the name of the sweep over its pruning factors."""
 
-SCENE, MESSAGE = "scene", "message"
+SCENE, MESSAGE, BITS = "scene", "message", "bits"
 
 
 class Condition(NamedTuple):
@@ -92,6 +94,15 @@ class Outcome:
     retrieval: Mapping[str, Retrieval] = field(default_factory=dict)
     """For each extraction of the message, how well it is retrieved; empty if unknown."""
 
+    detections: Mapping[str, Detection] = field(default_factory=dict)
+    """For each detector, what it reads from the renders of the scene."""
+
+    detections_before: Mapping[str, Detection] = field(default_factory=dict)
+    """The same for the variant `UNATTACKED`."""
+
+    undetected: Mapping[str, str] = field(default_factory=dict)
+    """For each detector that failed, why."""
+
     seed: int = 0
     """Number of the repetition on the same scene, each with its own random seeds."""
 
@@ -108,6 +119,18 @@ class Outcome:
     def asset(self) -> str:
         """The folder of its model below the scheme: ``room``, or ``room@1`` for a repetition."""
         return f"{self.scene}@{self.seed}" if self.seed else self.scene
+
+    def level(self, target: str) -> float:
+        """Return the target's PSNR, dB, or the mean reading of a detector; NaN if it is unknown."""
+        if target in self.detections:
+            return self.detections[target].level
+        return self.targets[target].psnr if target in self.targets else math.nan
+
+    def drop(self, target: str) -> float:
+        """Return the drop of the target's level, relative to the unattacked model."""
+        if target in self.detections and target in self.detections_before:
+            return self.detections_before[target].level - self.detections[target].level
+        return self.psnr_drop(target)
 
     def drops(self, target: str) -> dict[str, float]:
         """Return the drop of each metric of the target, relative to the unattacked model."""
@@ -136,8 +159,8 @@ class Outcome:
 
     @property
     def messages(self) -> list[str]:
-        """The targets that are extractions of the message, the scheme's own first."""
-        return ordered(target for target in self.targets if target.startswith(MESSAGE))
+        """The targets that are extractions of the message, the scheme's own first, and its detectors."""
+        return ordered([*filter(is_picture, self.targets), *self.detections])
 
     def score_of(self, target: str) -> float:
         r"""Return the paper's measure of an attack, in dB; NaN for a control.
@@ -147,6 +170,13 @@ class Outcome:
         (paper, §Metrics.) `target` is an extraction of the message.
         """
         return math.nan if self.is_control else self.psnr_drop(target) - self.psnr_drop(SCENE)
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """Why there are no metrics, or no readings of a detector, by what failed."""
+        name = display_name(self.variant)
+        failed = {name: self.failure} if self.failure else {}
+        return failed | {f"{detector} of {name}": reason for detector, reason in self.undetected.items()}
 
     def off_path_outcome(self) -> Outcome:
         """Return this variant with the metrics of views off the camera path."""
@@ -159,8 +189,13 @@ class Outcome:
 
 
 def ordered(targets: Iterable[str]) -> list[str]:
-    """Return targets in display order: the scene, the message, its other extractions."""
-    return sorted(targets, key=lambda target: (target != SCENE, target != MESSAGE, target))
+    """Return targets in display order: the scene, the message, its other extractions, detectors."""
+    return sorted(targets, key=lambda target: (target != SCENE, target != MESSAGE, not is_picture(target), target))
+
+
+def is_picture(target: str) -> bool:
+    """Return whether a target is an extraction that shows the message, not the scene or a detector."""
+    return target.startswith(MESSAGE)
 
 
 def collect(
@@ -170,6 +205,7 @@ def collect(
     verdicts: Sequence[Path] = (),
     failures: Sequence[Path] = (),
     retrievals: Sequence[Path] = (),
+    detections: Sequence[Path] = (),
     conditions: Mapping[str, tuple[str, str]] = MappingProxyType({}),
 ) -> list[Outcome]:
     """Gather the outcomes of all variants, sorted by scheme and scene; within each, `UNATTACKED` first.
@@ -177,7 +213,7 @@ def collect(
     `metrics` are files ``.../{scheme}/{scene}/{variant}/metrics.csv``; scenes that end in ``@1``, ``@2``, ... are
     repetitions with other random seeds. The others are optional, and belong to the model or variant below whose folder
     they lie: `prune_masks` and `truth` (rows that carry the message) are bool [K], `verdicts` of `gspure attack`,
-    `retrievals` of `gspure retrieve`. A variant whose metrics are missing because of one of `failures` has failed for
+    `retrievals` of `gspure retrieve`, `detections` of `gspure detect`. A variant whose metrics are missing because of one of `failures` has failed for
     its reason. `conditions` are protocol and initialization by ``{scheme}/{scene}``.
 
     Raises
@@ -195,6 +231,7 @@ def collect(
     _require_distinct(metrics)
     _require_equal_views(rows)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
+    outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.resolve().parts[-3:-1]: read_table(path, Retrieved) for path in retrievals}
     outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.asset), ()))) for o in outcomes]
     for model in conditions.keys() - {f"{o.scheme}/{o.asset}" for o in outcomes} if not failures else ():
@@ -211,8 +248,11 @@ def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
     for _, variants in by_model(outcomes):
         unattacked = next((o for o in variants if o.variant == UNATTACKED), None)
         if unattacked:
-            before, off_path_before = unattacked.targets, unattacked.off_path
-            complete += [replace(o, reference=before, off_path_reference=off_path_before) for o in variants]
+            before, off_path_before, marks_before = unattacked.targets, unattacked.off_path, unattacked.detections
+            complete += [
+                replace(o, reference=before, off_path_reference=off_path_before, detections_before=marks_before)
+                for o in variants
+            ]
         else:
             complete += variants
     return complete
@@ -232,13 +272,32 @@ def by_condition(outcomes: Iterable[Outcome]) -> dict[Condition, list[Outcome]]:
 
 
 def _failed(statuses: Sequence[Path]) -> list[Outcome]:
-    """Return the variants without metrics; of several reasons, the first."""
+    """Return the variants without metrics."""
+    missing = _missing(statuses).items()
+    return [replace(_empty(path), failure=reason) for path, reason in missing if path.name == "metrics.csv"]
+
+
+def _missing(statuses: Sequence[Path]) -> dict[Path, str]:
+    """Return the results that are missing because of a failed job, each with the first reason."""
     reasons: dict[Path, str] = {}
     for failure in map(read_failure, statuses):
         for path in map(Path, failure.missing):
-            if path.name == "metrics.csv":
-                reasons.setdefault(path, failure.reason)
-    return [replace(_empty(path), failure=reason) for path, reason in reasons.items()]
+            reasons.setdefault(path, failure.reason)
+    return reasons
+
+
+def _with_detections(outcomes: Sequence[Outcome], tables: Sequence[Path], failures: Sequence[Path]) -> list[Outcome]:
+    """Return outcomes with the readings of detectors, and one for each control that has nothing else."""
+    by_variant = read_detections(tables)
+    reasons: dict[tuple[str, str, str], dict[str, str]] = {}
+    for path, reason in _missing(failures).items():
+        if path.parent.name == DETECTIONS:
+            reasons.setdefault(variant_of(path), {})[path.stem] = reason
+    known = {(o.scheme, o.asset, o.variant): o for o in outcomes}
+    for key in (*by_variant, *reasons):
+        o = known.get(key) or _empty(Path(*key, "metrics.csv"))
+        known[key] = replace(o, detections=by_variant.get(key, {}), undetected=reasons.get(key, {}))
+    return [*known.values()]
 
 
 def _empty(path: Path) -> Outcome:

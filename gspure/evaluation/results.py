@@ -11,6 +11,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 from gspure.evaluation.comparison import RENDER, ViewMetrics
 from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
+from gspure.evaluation.detection import Detection
 from gspure.evaluation.outcomes import MESSAGE, Outcome, condition_of, ordered, with_references
 from gspure.evaluation.retrieval import Retrieval
 
@@ -18,7 +19,7 @@ _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
 
 class Result(NamedTuple):
-    """One target of one variant; for a variant that failed, only the reason."""
+    """One target of one variant; for a variant or detector that failed, only the reason."""
 
     scheme: str
     protocol: str
@@ -43,6 +44,8 @@ class Result(NamedTuple):
     off_path_psnr_drop: float = math.nan
     off_path_score: float = math.nan
     retrieval: Retrieval | None = None
+    detection: Detection | None = None
+    """Of a target that is a detector."""
 
 
 def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
@@ -89,6 +92,9 @@ def _rows(o: Outcome) -> Iterator[Result]:
             off_path_score=off.score_of(extraction) if is_measured else math.nan,
             retrieval=o.retrieval.get(target),
         )
+    for name in ordered({*o.detections, *o.undetected}):
+        row = Result(*o.condition, o.scene, o.seed, o.variant, name, failure=o.undetected.get(name, ""))
+        yield row._replace(detection=o.detections.get(name), reached=o.reached.get(name))
 
 
 def _outcome(rows: list[Result]) -> Outcome:
@@ -104,10 +110,12 @@ def _outcome(rows: list[Result]) -> Outcome:
         recall=first.recall,
         reached={row.target: row.reached for row in rows if row.reached is not None},
         strength=first.strength,
-        failure=first.failure,
+        failure=next((row.failure for row in rows if not row.target), ""),
         identical={row.target: row.identical for row in measured if row.identical is not None},
         off_path={row.target: _mean(row, row.off_path) for row in rows if row.off_path},
         retrieval={row.target: row.retrieval for row in rows if row.retrieval},
+        detections={row.target: row.detection for row in rows if row.detection},
+        undetected={row.target: row.failure for row in rows if row.target and row.failure},
         seed=first.seed,
         protocol=first.protocol,
         initialization=first.initialization,

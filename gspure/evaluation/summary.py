@@ -31,7 +31,7 @@ class Summary(NamedTuple):
     """PSNR of the scene, dB."""
 
     message: Interval | None
-    """PSNR of the message, dB."""
+    """PSNR of the message, dB, or the mean reading of a detector."""
 
     score: Interval | None
 
@@ -71,7 +71,6 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
 def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[Interval | None, Interval | None, Interval | None]:
     """Return the means of the scene's PSNR, the message's PSNR, and the Score."""
     scene, message = (
-        known_interval({(o.scene, o.seed): o.targets[target].psnr for o in scenes if target in o.targets})
-        for target in (SCENE, extraction)
+        known_interval({(o.scene, o.seed): o.level(target) for o in scenes}) for target in (SCENE, extraction)
     )
     return scene, message, known_interval({(o.scene, o.seed): o.score_of(extraction) for o in scenes})

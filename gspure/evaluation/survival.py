@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
 from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, ordered
+from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.statistics import (
     Cells,
     Detectability,
@@ -34,7 +34,7 @@ class Survival(NamedTuple):
     protocol: str
     initialization: str
     extraction: str
-    """The target that shows the message."""
+    """The target that shows the message, or a detector."""
 
     variant: str
     present: int
@@ -55,7 +55,7 @@ class Survival(NamedTuple):
     """Damage to the message divided by that to the scene, over all scenes (`gspure.evaluation.metrics.rms_ratio`)."""
 
     above_floor: Interval | None
-    """The message's PSNR minus the floor of the same scene, dB."""
+    """The message's PSNR minus the floor of the same scene, dB; or the same of a detector's mean readings."""
 
     share_left: Interval | None
     """`above_floor` as a share of what it was before the attack, in scenes in which the message was present."""
@@ -91,10 +91,10 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     rows = []
     for alike in by_condition(outcomes).values():
         for extraction in ordered({target for o in alike for target in o.messages}):
-            psnr, scene_psnr = _psnr(alike, extraction), _psnr(alike, SCENE)
-            attacked = [o for o in alike if not o.is_control and extraction in o.targets]
+            levels, scene_psnr = _levels(alike, extraction), _levels(alike, SCENE)
+            attacked = [o for o in alike if not o.is_control and extraction in o.messages]
             rows += [
-                _survival(alike, variant, extraction, psnr, scene_psnr)
+                _survival(alike, variant, extraction, levels, scene_psnr)
                 for variant in dict.fromkeys(o.variant for o in attacked)
             ]
     return rows
@@ -102,15 +102,15 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
 
 def floor(outcomes: Iterable[Outcome]) -> Cells:
     """Return the floor of every scene and seed: the highest PSNR among its controls that hold no message, dB."""
-    return _highest(_psnr(outcomes, MESSAGE))
+    return _highest(_levels(outcomes, MESSAGE))
 
 
-def _psnr(outcomes: Iterable[Outcome], extraction: str) -> dict[str, dict[tuple[str, int], float]]:
-    """Return the PSNR of the message by variant or control, and by scene and seed."""
+def _levels(outcomes: Iterable[Outcome], target: str) -> dict[str, dict[tuple[str, int], float]]:
+    """Return the level of a target by variant or control, and by scene and seed."""
     by_variant: dict[str, dict[tuple[str, int], float]] = {}
     for o in outcomes:
-        if extraction in o.targets and math.isfinite(psnr := o.targets[extraction].psnr):
-            by_variant.setdefault(o.variant, {})[o.scene, o.seed] = psnr
+        if math.isfinite(level := o.level(target)):
+            by_variant.setdefault(o.variant, {})[o.scene, o.seed] = level
     return by_variant
 
 
@@ -126,10 +126,10 @@ def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
     return absent
 
 
-def _highest(psnr: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
+def _highest(levels: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
     highest: dict[tuple[str, int], float] = {}
     for control in FLOOR:
-        for cell, value in psnr.get(control, {}).items():
+        for cell, value in levels.get(control, {}).items():
             highest[cell] = max(value, highest.get(cell, value))
     return highest
 
@@ -138,17 +138,21 @@ def _survival(
     alike: Sequence[Outcome],
     variant: str,
     extraction: str,
-    psnr: Mapping[str, Cells],
+    levels: Mapping[str, Cells],
     scene_psnr: Mapping[str, Cells],
 ) -> Survival:
     attacked, unattacked = ([o for o in alike if o.variant == name] for name in (variant, UNATTACKED))
-    before, after, scene_floor = psnr.get(UNATTACKED, {}), psnr.get(variant, {}), _highest(psnr)
-    present_before = _present(before, scene_floor) - _by_retrieval(unattacked, extraction, succeeds=False)
-    survived = present_before & _present(after, scene_floor)
+    before, after, scene_floor = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
+    if is_picture(extraction):
+        present_before = _present(before, scene_floor) - _by_retrieval(unattacked, extraction, succeeds=False)
+        survived = present_before & _present(after, scene_floor)
+    else:
+        present_before = _detected(unattacked, extraction)
+        survived = present_before & _detected(attacked, extraction)
     lost = present_before & {scene for scene, _ in after} - survived
     reached = [o.reached[extraction] for o in attacked if extraction in o.reached]
-    kinds = [kind for kind in MESSAGE_FREE if after and kind in psnr]
-    auc = {kind: detectability(_scene_means(after), _scene_means(psnr[kind])) for kind in kinds}
+    kinds = [kind for kind in MESSAGE_FREE if after and kind in levels]
+    auc = {kind: detectability(_scene_means(after), _scene_means(levels[kind])) for kind in kinds}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
     return Survival(
         *attacked[0].condition,
@@ -160,17 +164,17 @@ def _survival(
         any(reached) if reached else None,
         known_interval(_drops(attacked, extraction)),
         known_interval(_drops(attacked, SCENE)),
-        _rms_ratio(variant, psnr, scene_psnr),
+        _rms_ratio(variant, levels, scene_psnr) if is_picture(extraction) else math.nan,
         _mean(differences(after, scene_floor)),
         known_interval(_shares_left(before, after, scene_floor)),
-        _mean(differences(after, psnr.get(WRONG_KEY, {}))),
+        _mean(differences(after, levels.get(WRONG_KEY, {}))),
         hardest,
         auc.get(hardest),
     )
 
 
 def _drops(attacked: Sequence[Outcome], target: str) -> Cells:
-    return {(o.scene, o.seed): o.psnr_drop(target) for o in attacked}
+    return {(o.scene, o.seed): o.drop(target) for o in attacked}
 
 
 def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, Cells]) -> float:
@@ -200,6 +204,11 @@ def _by_retrieval(outcomes: Sequence[Outcome], extraction: str, *, succeeds: boo
     known = [o for o in outcomes if extraction in o.retrieval]
     retrieved = {o.scene for o in known if o.retrieval[extraction].succeeds}
     return retrieved if succeeds else {o.scene for o in known} - retrieved
+
+
+def _detected(outcomes: Sequence[Outcome], detector: str) -> set[str]:
+    """Return the scenes in which a detector detects the mark with some seed."""
+    return {o.scene for o in outcomes if detector in o.detections and o.detections[detector].present}
 
 
 def _scene_means(cells: Cells) -> list[float]:

@@ -13,8 +13,18 @@ from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.matched import Matched
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import condition_name, display_name, model_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Condition, Outcome, by_model, condition_of, ordered
+from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
+from gspure.evaluation.outcomes import (
+    MESSAGE,
+    SCENE,
+    UNATTACKED,
+    Condition,
+    Outcome,
+    by_model,
+    condition_of,
+    is_picture,
+    ordered,
+)
 from gspure.evaluation.paper import Beside
 from gspure.evaluation.statistics import Interval
 from gspure.evaluation.summary import Summary
@@ -90,7 +100,8 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     measured = [o for o in outcomes if not o.failure]
     targets = ordered({target for o in measured for target in o.targets})
     off_path = [target for target in targets if any(target in o.off_path for o in measured)]
-    extractions = [target for target in targets if target.startswith(MESSAGE)]
+    extractions = [*filter(is_picture, targets)]
+    detectors = {name: read.bits for o in measured for name, read in o.detections.items()}
     shares = [name for name in SHARES if any(isfinite(getattr(o, name)) for o in measured)]
     has_strengths = any(o.strength for o in measured)
     best = max((o.score for o in measured if isfinite(o.score)), default=nan)
@@ -103,6 +114,11 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
             for name, m in METRICS.items()
         ),
         *(Column(display_name(target), "Score", main=target == MESSAGE) for target in extractions),
+        *(
+            Column(title, display_name(name), main=title != "TPR 0.1%")
+            for name, bits in detectors.items()
+            for title in ("correct bits" if bits else "score", "TPR 1%", "TPR 0.1%")
+        ),
         *(Column(name.removesuffix("_share"), main=name == "pruned_share") for name in shares),
         *(Column(display_name(target), "PSNR off path", main=False) for target in off_path),
     ]
@@ -116,21 +132,23 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
             *[Cell(o.strength or UNKNOWN)] * has_strengths,
             *(cell for target in targets for cell in _metrics(o, target)),
             *scores,
+            *(cell for name in detectors for cell in _detection(o, name)),
             *(share(getattr(o, name)) for name in shares),
             *(metric(o.off_path[target].psnr) if target in o.off_path else Cell() for target in off_path),
         ]
         rows.append(Row(cells, "control" if o.is_control else "best" if is_best else ""))
     missed = any("†" in cell.text for row in rows for cell in row.cells)
-    note = say(NOTES, "model", measured, off_path, extractions, shares, missed)
+    note = say(NOTES, "model", measured, off_path, extractions, shares, missed, sorted({*detectors.values()}))
     return Table("Metrics of every variant", columns, rows, note)
 
 
 def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] = NO_COSTS) -> Table:
     """Return the survival of one extraction of the message after each attack, with the cost of each."""
-    has_floor = any(row.above_floor for row in attacks)
+    is_shown = is_picture(attacks[0].extraction)
+    has_floor = any(row.above_floor or row.present for row in attacks)
     scenes = _scenes(row.message_drop for row in attacks)
-    columns = [Column("attack"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
-    columns += [*_COST * bool(cost), Column("RMS ratio", main=False)]
+    columns = [Column("attack"), Column(*_dropped(attacks[0].extraction)), Column("scene", "PSNR drop")]
+    columns += [*_COST * bool(cost), *[Column("RMS ratio", main=False)] * is_shown]
     if has_floor:
         columns += [
             Column("survived"),
@@ -142,7 +160,7 @@ def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] =
     for row in attacks:
         name = display_name(row.variant) + (" †" if row.reached is False and row.variant != UNATTACKED else "")
         cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop)]
-        cells += [*_cost(row.variant, cost), Cell(plain(row.rms_ratio))]
+        cells += [*_cost(row.variant, cost), *[Cell(plain(row.rms_ratio))] * is_shown]
         if has_floor:
             retrieved = f"(+{row.only_retrieved})" if row.only_retrieved else ""
             cells.append(Cell(f"{row.survived} of {row.present}", retrieved) if row.present else Cell())
@@ -150,8 +168,8 @@ def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] =
             cells += [interval(row.above_floor), interval(row.above_wrong_key)]
             cells += [_detectability(row)] * (scenes > 1)
         rows.append(Row(cells))
-    note = say(NOTES, "survival", scenes, has_floor, MARGIN, bool(cost))
-    return Table(f"Survival of the {display_name(attacks[0].extraction)}", columns, rows, note)
+    note = say(NOTES, "survival", scenes, has_floor, MARGIN, bool(cost), is_shown)
+    return Table(f"Survival of the {extraction_name(attacks[0].extraction)}", columns, rows, note)
 
 
 def other_attacks_table(contests: Sequence[Contest]) -> Table:
@@ -160,16 +178,19 @@ def other_attacks_table(contests: Sequence[Contest]) -> Table:
     for row in contests:
         by_attack.setdefault(row.attack, {})[row.quantity] = row
     scenes = _scenes(row.difference for row in contests)
-    columns = [Column("attack"), Column("Score"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")]
-    columns += [Column("p")] * (scenes > 1)
+    extraction = contests[0].extraction
+    has_score = is_picture(extraction)
+    columns = [Column("attack"), *[Column("Score")] * has_score, Column(*_dropped(extraction))]
+    columns += [Column("scene", "PSNR drop"), *[Column("p")] * (has_score and scenes > 1)]
     rows = []
     for attack, quantities in by_attack.items():
-        cells = [interval(quantities[name].difference) for name in (SCORE, MESSAGE_DROP, SCENE_DROP)]
-        score = quantities[SCORE]
-        cells += [Cell(f"{score.p_adjusted:.2g}", f"(≥ {score.p_attainable:.2g})")] * (scenes > 1)
+        shown = [quantities[name] for name in (SCORE, MESSAGE_DROP, SCENE_DROP) if name in quantities]
+        cells = [interval(row.difference) for row in shown]
+        if has_score and scenes > 1:
+            cells.append(Cell(f"{shown[0].p_adjusted:.2g}", f"(≥ {shown[0].p_attainable:.2g})"))
         rows.append(Row([Cell(display_name(attack)), *cells]))
-    title = f"GSPure minus other attacks: {display_name(contests[0].extraction)}"
-    return Table(title, columns, rows, say(NOTES, "other_attacks", scenes))
+    title = f"GSPure minus other attacks: {extraction_name(extraction)}"
+    return Table(title, columns, rows, say(NOTES, "other_attacks", scenes, has_score))
 
 
 def equal_damage_table(contests: Sequence[Contest]) -> Table:
@@ -185,8 +206,9 @@ def equal_damage_table(contests: Sequence[Contest]) -> Table:
         )
         for attack, by_damage in by_attack.items()
     ]
-    title = f"GSPure minus other attacks at equal damage to the scene: {display_name(contests[0].extraction)}"
-    note = say(NOTES, "equal_damage", _scenes(row.difference for row in contests))
+    extraction = contests[0].extraction
+    title = f"GSPure minus other attacks at equal damage to the scene: {extraction_name(extraction)}"
+    note = say(NOTES, "equal_damage", _scenes(row.difference for row in contests), is_picture(extraction))
     return Table(title, [Column("attack"), *_permitted(damages)], rows, note)
 
 
@@ -202,8 +224,9 @@ def matched_table(matched: Sequence[Matched], cost: Mapping[str, AttackCost] = N
         drops = [_drop_at(at[damage], most.get(damage)) if damage in at else Cell() for damage in damages]
         strengths = Cell(f"{next(iter(at.values())).strengths}")
         rows.append(Row([Cell(display_name(sweep)), strengths, *_cost(sweep, cost), *drops]))
-    title = f"Drop of the {display_name(matched[0].extraction)} at equal damage to the scene"
-    note = say(NOTES, "matched", _scenes(row.drop for row in matched), any(row.gentle for row in matched), bool(cost))
+    extraction, gentle = matched[0].extraction, any(row.gentle for row in matched)
+    title = f"Drop of the {extraction_name(extraction)} at equal damage to the scene"
+    note = say(NOTES, "matched", _scenes(row.drop for row in matched), gentle, bool(cost), is_picture(extraction))
     columns = [Column("attack"), Column("strengths", main=False), *_COST * bool(cost), *_permitted(damages)]
     return Table(title, columns, rows, note)
 
@@ -215,7 +238,7 @@ def summary_table(rows: Sequence[Summary]) -> Table:
     body = []
     for condition, group in groupby(rows, key=condition_of):
         for i, row in enumerate(group):
-            extraction = "" if row.extraction == MESSAGE else f", {display_name(row.extraction)}"
+            extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
             names = [Cell("" if i else condition_name(*condition)), Cell(display_name(row.variant) + extraction)]
             scenes = Cell(f"{_scenes((row.scene, row.message, row.score))}")
             psnr = [metric(value.mean if value else nan) for value in (row.scene, row.message)]
@@ -243,8 +266,23 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
     """Return a sentence for every reason of a failure, with the models and variants that failed for it."""
     failed: dict[str, list[str]] = {}
     for o in outcomes:
-        failed.setdefault(o.failure, []).append(f"{display_name(o.variant)} on {model_name(o.scheme, o.asset)}")
-    return [say(NOTES, "failure", names, reason) for reason, names in failed.items() if reason]
+        for name, reason in o.failures.items():
+            failed.setdefault(reason, []).append(f"{name} on {model_name(o.scheme, o.asset)}")
+    return [say(NOTES, "failure", names, reason) for reason, names in failed.items()]
+
+
+def _dropped(extraction: str) -> tuple[str, str]:
+    """Return title and group of the column of an extraction's drop."""
+    return ("message", "PSNR drop") if is_picture(extraction) else (extraction_name(extraction), "drop")
+
+
+def _detection(o: Outcome, name: str) -> list[Cell]:
+    """Return the mean reading of a detector with its standard deviation, and its rates."""
+    if name not in o.detections:
+        return [Cell()] * 3
+    read = o.detections[name]
+    level = f"{read.level:.1f}%" if read.bits else plain(read.level)
+    return [Cell(level, f"(± {read.spread:.2g})"), share(read.tpr), share(read.tpr_strict)]
 
 
 def _metrics(o: Outcome, target: str) -> Iterator[Cell]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -58,6 +58,8 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     named beside training data; or a scheme, attack, setting or decision is unknown.
     """
     from gspure.attacks import attacks
+    from gspure.evaluation.detector import words_of
+    from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
     from gspure.schemes.registry import schemes
 
     settled = deepcopy(dict(config))
@@ -65,6 +67,12 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
         raise InputError(source, "assets", expected="at least one model, or a pair and a scheme", found="none")
     for scene, asset in settled["assets"].items():
         _settle_asset(asset, source, f"assets.{scene}")
+        _check_clean(asset, settled["assets"].keys() - {scene}, source, f"assets.{scene}")
+    for name, detector in settled["detectors"].items():
+        words_of(detector["command"])
+        if name in (SCENE, BITS) or is_picture(name):
+            expected = f"a name other than {SCENE}, {BITS} and {MESSAGE}..."
+            raise InputError(source, f"detectors.{name}", expected=expected, found=name)
     for name, pair in settled["pairs"].items():
         _settle_pair(pair, source, f"pairs.{name}")
     available = {name: attack.settings for name, attack in attacks().items()}
@@ -97,6 +105,13 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
         asset["model"] = str(point_cloud(model))
     if "train" in asset:
         asset["photographs"] = _photographs(asset["train"])
+
+
+def _check_clean(asset: Mapping[str, Any], others: Collection[str], source: str | Path, place: str) -> None:
+    """Refuse a clean model that is not among the other assets."""
+    if asset.get("clean", "") not in {"", *others}:
+        expected = f"one of {', '.join(sorted(others)) or 'other assets'}"
+        raise InputError(source, f"{place}.clean", expected=expected, found=repr(asset["clean"]))
 
 
 def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:

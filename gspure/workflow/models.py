@@ -8,7 +8,8 @@ from typing import Final
 
 from gspure.cameras import GENERATED
 from gspure.constants import TAU_C, TAU_N, TEST_EVERY
-from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
+from gspure.evaluation.controls import CLEAN, CONTROLS, OTHER_SCENE
+from gspure.evaluation.detection import DETECTIONS
 from gspure.evaluation.outcomes import SCENE, Condition
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
@@ -57,6 +58,12 @@ class Plan:
         suited = {name: {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n} for name, scheme in self.schemes.items()}
         suited[VANILLA] = {"tau_c": TAU_C, "tau_n": TAU_N}
         return {name: decisions(self.config, factors) for name, factors in suited.items()}
+
+    @property
+    def detectors(self) -> Settings:
+        """The user's detectors by name."""
+        detectors: Settings = self.config["detectors"]
+        return detectors
 
     @cached_property
     def messages(self) -> dict[str, Settings]:
@@ -194,13 +201,20 @@ class Model:
     @property
     def controls(self) -> list[str]:
         """Its negative controls; another scene's model must have another message."""
-        controls = CONTROLS if self.is_watermarked else ()
+        controls = CONTROLS if self.is_watermarked else [CLEAN] * ("clean" in self.settings)
         return [control for control in controls if control != OTHER_SCENE or self.other_pair]
 
     @property
     def metrics(self) -> list[str]:
         """The metrics of all variants and controls."""
         return [f"{self.folder}/{name}/metrics.csv" for name in (*self.plan.config["variants"], *self.controls)]
+
+    @property
+    def detections(self) -> list[str]:
+        """The readings of all detectors on all variants and the clean model."""
+        names = [*self.plan.config["variants"], *({CLEAN} & {*self.controls})]
+        folders = [f"{self.folder}/{name}/{DETECTIONS}" for name in names]
+        return [f"{folder}/{detector}.csv" for folder in folders for detector in self.plan.detectors]
 
     @property
     def references(self) -> list[str]:

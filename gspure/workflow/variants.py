@@ -9,7 +9,7 @@ from typing import Final
 from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
 from gspure.cost import COSTS, cost_of
-from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.controls import BASELINES, CLEAN, OTHER_SCENE, WRONG_KEY
 from gspure.schemes.scheme import ADAPTIVE
 from gspure.workflow.decisions import DEFAULT, FACTORS, STAGES, Settings, origin
 from gspure.workflow.models import VANILLA, Model
@@ -148,6 +148,8 @@ class Variant:
             return f"results/{self.model.scheme}/{self.model.other_pair}/public/point_cloud.ply"
         if self.name == WRONG_KEY:
             return self.model.public
+        if self.name == CLEAN and not self.model.is_watermarked:
+            return Model(self.model.plan, VANILLA, self.model.settings["clean"]).public
         return f"{self.folder}/public/point_cloud.ply"
 
     def view_files(self, target: str) -> dict[str, str]:
@@ -165,6 +167,11 @@ class Variant:
         """Return scheme, extraction and key as options."""
         wrong_key = " --wrong-key 1" if self.name == WRONG_KEY else ""
         return f"{self.model.scheme_option} --extraction {target}{wrong_key}"
+
+    def detection_options(self, detector: str) -> str:
+        """Return the settings of a detector as options."""
+        settings = self.model.plan.detectors[detector]
+        return options(settings, *(name for name in settings if settings[name]))
 
     @property
     def renders(self) -> list[str]:

@@ -1,0 +1,79 @@
+"""An example of a detector: a spread-spectrum watermark, embedded in photographs and read from renders.
+
+    python spread_spectrum.py embed --key 7 photographs marked        # then train on the marked photographs
+    python spread_spectrum.py detect --key 7 renders                  # JSON: a score for each image
+    python spread_spectrum.py embed --key 7 --bits 0110100110010110 photographs marked
+    python spread_spectrum.py detect --key 7 --count 16 renders       # JSON: 16 bits for each image
+
+Every photograph gets the same pseudo-random pattern or, with bits, a sum of one pattern for each, with its sign.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+BAND = 0.04, 0.2
+"""Frequencies of the patterns, cycles per pixel: scenes have most power below, and training blurs those above."""
+
+
+def in_band(shape):
+    """Return which frequencies [H,W/2+1] of an image are in the band."""
+    radius = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1]))
+    return (radius >= BAND[0]) & (radius <= BAND[1])
+
+
+def patterns(key, count, shape):
+    """Return patterns [N,H,W] of root mean square 1."""
+    noise = np.fft.rfft2(np.random.default_rng(key).normal(size=(count, *shape)))
+    pattern = np.fft.irfft2(noise * in_band(shape), shape)
+    return pattern / pattern.std(axis=(1, 2), keepdims=True)
+
+
+def marked(photograph, key, bits, strength):
+    """Return a photograph [H,W,3] in 0 .. 255 with the mark; `strength` is its root mean square."""
+    signs = np.where(np.array([*bits]) == "1", 1.0, -1.0)
+    mark = np.tensordot(signs, patterns(key, len(bits), photograph.shape[:2]), 1)
+    return np.clip(photograph + strength * (mark / mark.std())[..., None], 0, 255)
+
+
+def correlations(image, key, count):
+    """Return the correlation [N] of an image [H,W,3] with each pattern: standard normal without the mark."""
+    spectrum = np.fft.rfft2(image.mean(axis=2))
+    inside = in_band(image.shape[:2])
+    phases = np.where(inside, spectrum / np.maximum(np.abs(spectrum), 1e-9), 0)  # else strong edges outweigh the mark
+    white = np.fft.irfft2(phases, image.shape[:2])
+    products = np.mean(white * patterns(key, count, white.shape), axis=(1, 2))
+    return products / white.std() * np.sqrt(2 * np.count_nonzero(inside))
+
+
+def main():
+    """Embed, or detect and print JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    embed, detect = (commands.add_parser(name) for name in ("embed", "detect"))
+    for command in (embed, detect):
+        command.add_argument("--key", type=int, required=True)
+        command.add_argument("images", type=Path)
+    embed.add_argument("out", type=Path)
+    embed.add_argument("--bits", default="1")
+    embed.add_argument("--strength", type=float, default=4.0, help="of 255 (default: %(default)g)")
+    detect.add_argument("--count", type=int, default=0, help="number of bits (default: a score)")
+    args = parser.parse_args()
+
+    images = {path: np.asarray(Image.open(path).convert("RGB"), float) for path in sorted(args.images.glob("*.png"))}
+    if args.command == "embed":
+        args.out.mkdir(parents=True, exist_ok=True)
+        for path, image in images.items():
+            pixels = np.rint(marked(image, args.key, args.bits, args.strength)).astype(np.uint8)
+            Image.fromarray(pixels).save(args.out / path.name)
+    else:
+        found = {path.stem: correlations(image, args.key, max(args.count, 1)) for path, image in images.items()}
+        bits = {view: "".join("1" if value > 0 else "0" for value in values) for view, values in found.items()}
+        print(json.dumps(bits if args.count else {view: float(values[0]) for view, values in found.items()}))
+
+
+if __name__ == "__main__":
+    main()

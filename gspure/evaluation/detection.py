@@ -1,0 +1,128 @@
+"""Detection of marks that a detector reads from renders: bits, or a score."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.off_path import PREFIX
+from gspure.errors import InputError
+from gspure.evaluation.controls import MESSAGE_FREE
+from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
+
+DETECTIONS: Final = "detections"
+"""Folder of the readings of a variant, ``SCHEME/SCENE/VARIANT/detections/DETECTOR.csv``."""
+
+STRICT: Final = 0.001
+"""False positive rate of `Detection.tpr_strict`."""
+
+
+class Reading(NamedTuple):
+    """What a detector reads from one view."""
+
+    view: str
+    level: float
+    """Share of correct bits in percent, or the score."""
+
+    bits: int
+    """Number of bits; 0 for a score."""
+
+
+class Detection(NamedTuple):
+    """The readings of one detector over the views on the camera path."""
+
+    level: float
+    """Mean over views."""
+
+    spread: float
+    """Standard deviation over views."""
+
+    tpr: float
+    """Share of the views above the threshold that `FALSE_POSITIVES` of the unmarked views exceed; NaN if unknown."""
+
+    tpr_strict: float
+    """The same for `STRICT`."""
+
+    present: bool | None
+    """Whether more views are above the threshold of `tpr` than chance explains (`CHANCE`); None if unknown."""
+
+    views: int
+    bits: int
+
+
+class Threshold(NamedTuple):
+    """A level that unmarked views exceed at a known rate."""
+
+    level: float
+    rate: float
+
+    @classmethod
+    def of(cls, bits: int, clean: Sequence[float], rate: float) -> Threshold:
+        """Return the lowest threshold that unmarked views exceed at most at this rate.
+
+        For `bits`, it follows from the binomial distribution: an unmarked view has every bit with probability 1/2. For
+        scores (0 bits), it is the quantile of the levels of `clean` views; with few of them, the rate is higher than
+        wanted: 1 / (N + 1) at their maximum.
+        """
+        from scipy.stats import binom
+
+        if bits:
+            correct = float(binom.isf(rate, bits, 0.5))
+            return cls(100 * correct / bits, float(binom.sf(correct, bits, 0.5)))
+        if not clean:
+            return cls(math.nan, 1.0)
+        level = float(np.quantile(clean, 1 - rate, method="higher"))
+        return cls(level, (1 + sum(other > level for other in clean)) / (1 + len(clean)))
+
+
+def share_correct(decoded: NDArray[np.bool_], message: NDArray[np.bool_]) -> float:
+    """Return the share of correct bits in percent."""
+    return 100.0 * float(np.mean(decoded == message))
+
+
+def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
+    """Return what one or more readings of a model say, given the levels of views of unmarked models."""
+    from scipy.stats import binom
+
+    levels, bits = np.array([reading.level for reading in readings]), readings[0].bits
+    loose, strict = (Threshold.of(bits, clean, rate) for rate in (FALSE_POSITIVES, STRICT))
+    hits, strict_hits = (int(np.count_nonzero(levels > threshold.level)) for threshold in (loose, strict))
+    return Detection(
+        float(levels.mean()),
+        float(levels.std()),
+        hits / len(levels) if loose.rate <= FALSE_POSITIVES else math.nan,
+        strict_hits / len(levels) if strict.rate <= STRICT else math.nan,
+        bool(binom.sf(hits - 1, len(levels), loose.rate) <= CHANCE) if bits or clean else None,
+        len(levels),
+        bits,
+    )
+
+
+def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[str, Detection]]:
+    """Return the detections of every variant by detector, from the files of `gspure detect`.
+
+    The unmarked views of a detector are those of all controls without a message.
+    """
+    readings, clean = {path: read_table(path, Reading) for path in tables}, dict[str, list[float]]()
+    for path, rows in readings.items():
+        rows[:] = [row for row in rows if not row.view.startswith(PREFIX)]
+        if not rows:
+            raise InputError(path, "rows", expected="at least one view on the camera path", found="none")
+        if variant_of(path)[-1] in MESSAGE_FREE:
+            clean.setdefault(path.stem, []).extend(row.level for row in rows)
+    by_variant: dict[tuple[str, str, str], dict[str, Detection]] = {}
+    for path, rows in readings.items():
+        by_variant.setdefault(variant_of(path), {})[path.stem] = detection(rows, clean.get(path.stem, []))
+    return by_variant
+
+
+def variant_of(path: Path) -> tuple[str, str, str]:
+    """Return scheme, asset and variant of a file of readings."""
+    scheme, asset, variant, *_ = path.resolve().parts[-5:]
+    return scheme, asset, variant

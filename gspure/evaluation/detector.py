@@ -1,0 +1,89 @@
+"""Detectors: commands of the user's that read a mark from images, with code and weights of their own."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gspure.errors import InputError
+from gspure.evaluation.detection import Reading, share_correct
+from gspure.images import require_all_images
+
+
+def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:
+    """Return what a command reads from each PNG file of a folder.
+
+    The folder is appended to the words of the command. The last line that it prints is a JSON object with an entry for
+    each image, by its name without ``.png``: bits, as a text of 0 and 1, or a score, a number that is higher the surer
+    the mark is present.
+
+    Parameters
+    ----------
+    message : str
+        The embedded bits; empty if the command returns scores.
+    timeout : float
+        Seconds.
+
+    Raises
+    ------
+    InputError
+        If the command cannot be run, fails, takes too long or prints anything else.
+
+    """
+    require_all_images(images)
+    views, answer = {path.stem for path in images.glob("*.png")}, _answer(command, images, timeout)
+    if not views:
+        raise InputError(images, "folder", expected="PNG files", found="none")
+    for view in sorted(views.symmetric_difference(answer)):
+        found = "no entry" if view in views else "an entry of no image"
+        raise InputError("detector", view, expected="an entry for every image", found=found)
+    return [_reading(view, answer[view], message) for view in sorted(views)]
+
+
+def words_of(command: str) -> list[str]:
+    """Return the words of a command, split as a shell does, or raise `InputError`."""
+    try:
+        return shlex.split(command)
+    except ValueError as error:
+        raise InputError("detector", command, expected="a command", found=str(error)) from None
+
+
+def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
+    words = [*words_of(command), str(images)]
+    pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True, "errors": "replace"}
+    try:
+        done = subprocess.run(words, **pipes, timeout=timeout, check=False)
+    except subprocess.TimeoutExpired:
+        raise InputError("detector", command, expected=f"an answer within {timeout:g} s", found="none") from None
+    except OSError as error:
+        raise InputError("detector", command, expected="a command", found=str(error.strerror)) from None
+    if done.returncode:
+        reason = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+        raise InputError("detector", command, expected="success", found=reason)
+    last = (done.stdout.strip().splitlines() or [""])[-1]
+    try:
+        answer = json.loads(last)
+    except (ValueError, RecursionError):
+        answer = None
+    if not isinstance(answer, dict):
+        raise InputError("detector", "output", expected="a JSON object in the last line", found=last or "nothing")
+    return answer
+
+
+def _reading(view: str, value: object, message: str) -> Reading:
+    if message:
+        if not isinstance(value, str) or len(value) != len(message) or {*value} - {*"01"}:
+            raise InputError("detector", view, expected=f"{len(message)} bits as text", found=repr(value))
+        decoded, truth = (np.array([*bits]) == "1" for bits in (value, message))
+        return Reading(view, share_correct(decoded, truth), len(message))
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        hint = "bits need the embedded `message`" if isinstance(value, str) else None
+        raise InputError("detector", view, expected="a score, a finite number", found=repr(value), hint=hint)
+    return Reading(view, float(value), 0)
