@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
+
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +16,7 @@ from gspure import constants
 from gspure.attacks import attacks
 from gspure.cameras import write_cameras
 from gspure.cli.options import SPLITS
+from gspure.cli.parser import Parser
 from gspure.cli.train import add_arguments
 from gspure.errors import InputError
 from gspure.method.clustering.selection import SELECTIONS

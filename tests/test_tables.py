@@ -11,6 +11,7 @@ from gspure.artifacts import write_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, compare, pair_images, read_metrics, write_metrics
+from gspure.evaluation.detection import Detection
 from gspure.evaluation.metrics import METRICS, Metric
 from gspure.evaluation.outcomes import collect
 from gspure.evaluation.results import read_results, write_results
@@ -189,6 +190,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
         "failure": "",
         **dict.fromkeys((*(f"off_path_{name}" for name in METRICS), "off_path_psnr_drop", "off_path_score"), ""),
         **dict.fromkeys((f"retrieval_{name}" for name in Retrieval._fields), ""),
+        **dict.fromkeys((f"detection_{name}" for name in Detection._fields), ""),
         "seed": "0",
         "precision": "0.5",
         "recall": "0.5",

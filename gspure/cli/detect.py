@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
+from argparse import ArgumentTypeError
 
-from gspure.cli.outputs import Output
+from gspure.cli.parser import Arguments, Parser
 
 HELP = "read a mark from a folder of images with a detector of your own"
 EXAMPLES = """\
@@ -17,20 +16,15 @@ image, by its name without .png: bits ("0110"; with --message) or a score (0.93;
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this command."""
-    parser.add_argument("images", type=Path, metavar="DIR", help="PNG files")
-    parser.add_argument("--command", required=True, metavar="WORDS", help="the detector")
-    parser.add_argument(
-        "--message", type=_bits, default="", metavar="BITS", help="the embedded bits, if the detector returns bits"
-    )
-    parser.add_argument(
-        "--timeout", type=float, default=600.0, metavar="S", help="seconds to wait for it (default: %(default)g)"
-    )
-    parser.add_argument("--out", type=Output, required=True, metavar="CSV", help="one row per image")
+def add_arguments(parser: Parser) -> None:
+    parser.reads("images", "DIR", "PNG files")
+    parser.text("--command", "WORDS", "the detector", required=True)
+    parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)
+    parser.number("--timeout", "S", "seconds to wait for it", 600.0)
+    parser.writes("--out", "CSV", "one row per image")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: Arguments) -> None:
     """Write the table, and print the mean."""
     import numpy as np
 
@@ -49,5 +43,5 @@ def run(args: argparse.Namespace) -> None:
 
 def _bits(text: str) -> str:
     if {*text} - {*"01"}:
-        raise argparse.ArgumentTypeError(f"expected a text of 0 and 1, found {text!r}")
+        raise ArgumentTypeError(f"expected a text of 0 and 1, found {text!r}")
     return text

@@ -67,8 +67,8 @@ class Threshold(NamedTuple):
         """Return the lowest threshold that unmarked views exceed at most at this rate.
 
         For `bits`, it follows from the binomial distribution: an unmarked view has every bit with probability 1/2. For
-        scores (0 bits), it is the quantile of the levels of `clean` views; with few of them, the rate is higher than
-        wanted: 1 / (N + 1) at their maximum.
+        scores (0 bits), it is the level of one of N `clean` views. The rate of the k-th highest is k / (N + 1), higher
+        than wanted if there are few.
         """
         from scipy.stats import binom
 
@@ -77,8 +77,8 @@ class Threshold(NamedTuple):
             return cls(100 * correct / bits, float(binom.sf(correct, bits, 0.5)))
         if not clean:
             return cls(math.nan, 1.0)
-        level = float(np.quantile(clean, 1 - rate, method="higher"))
-        return cls(level, (1 + sum(other > level for other in clean)) / (1 + len(clean)))
+        above = max(int(rate * (1 + len(clean))) - 1, 0)
+        return cls(sorted(clean)[-1 - above], (1 + above) / (1 + len(clean)))
 
 
 def share_correct(decoded: NDArray[np.bool_], message: NDArray[np.bool_]) -> float:

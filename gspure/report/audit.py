@@ -20,6 +20,7 @@ from gspure.evaluation.outcomes import (
     Outcome,
     by_condition,
     condition_of,
+    ordered,
 )
 from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, known_interval
 from gspure.evaluation.summary import Summary, summarize
@@ -77,6 +78,8 @@ class Failure(NamedTuple):
 
     reason: str
     variants: list[str]
+    """Their display names, or those of detectors of variants."""
+
     models: int
 
 
@@ -85,6 +88,9 @@ class Audit:
     """The findings for one scheme, protocol and initialization."""
 
     condition: Condition
+    extraction: str
+    """The extraction that is judged: the scheme's own or, without one, that of the first detector."""
+
     scenes: int
     seeds: list[int]
     """The different numbers of seeds per scene, in ascending order."""
@@ -103,7 +109,7 @@ class Audit:
     """Attacks that did not change the carrier of the extraction."""
 
     scene_psnr: list[tuple[Summary, Interval]]
-    """Without a message: what attacks leave of the scene, the gentlest first."""
+    """Where the scene's drop is unknown: what attacks leave of it, the gentlest first."""
 
     against_photographs: bool
     off_path: OffPath | None
@@ -139,14 +145,16 @@ def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests:
         _audit(
             alike,
             {(row.extraction, row.variant): row for row in survivals if condition_of(row) == condition},
-            [c for c in contests if condition_of(c) == condition and c.extraction == MESSAGE],
+            [c for c in contests if condition_of(c) == condition],
         )
         for condition, alike in by_condition(outcomes).items()
     ]
 
 
 def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival], contests: Sequence[Contest]) -> Audit:
-    by_variant = {variant: row for (extraction, variant), row in left.items() if extraction == MESSAGE}
+    judged_by = next(iter(ordered({name for o in outcomes for name in o.messages})), MESSAGE)
+    contests = [c for c in contests if c.extraction == judged_by]
+    by_variant = {variant: row for (extraction, variant), row in left.items() if extraction == judged_by}
     attacks = sorted((row for row in by_variant.values() if row.variant != UNATTACKED), key=_damage)
     judged = [row for row in attacks if row.present and row.reached is not False]
     cells = {(o.scene, o.seed) for o in outcomes if not o.failure}
@@ -154,6 +162,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
     as_run = [c for c in contests if isnan(c.damage)]
     return Audit(
         condition=outcomes[0].condition,
+        extraction=judged_by,
         scenes=len(scenes),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.asset for o in outcomes}),
@@ -161,9 +170,9 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         attacks=judged or attacks,
         before=by_variant.get(UNATTACKED),
         gspure=by_variant.get(GSPURE),
-        other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != MESSAGE],
+        other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != judged_by],
         not_reached=[row for row in attacks if row.reached is False],
-        scene_psnr=[] if by_variant else _scene_psnr(outcomes),
+        scene_psnr=[] if any(row.scene_drop for row in attacks) else _scene_psnr(outcomes),
         against_photographs=all(o.against_truth for o in outcomes),
         off_path=_off_path([o for o in outcomes if o.variant == GSPURE]),
         random={c.quantity: c.difference for c in as_run if c.attack == RANDOM},
@@ -175,14 +184,15 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
 def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Survival]) -> Verdict:
     if all(o.failure for o in outcomes):
         return "failed"
-    if not any(MESSAGE in o.targets for o in outcomes):
+    if not any(o.messages for o in outcomes):
         return "no key"
     if not by_variant:
         return "no controls"
     if UNATTACKED not in by_variant:
         return "no reference"
     flat = all(o.is_flat(MESSAGE) for o in outcomes if o.variant == UNATTACKED and not o.failure)
-    if not flat and not any(row.above_floor for row in by_variant.values()):
+    is_judged = any(read.present is not None for o in outcomes for read in o.detections.values())
+    if not is_judged and not flat and not any(row.above_floor for row in by_variant.values()):
         return "no controls"
     return "not touched" if any(row.present for row in by_variant.values()) else "not present"
 
@@ -228,13 +238,13 @@ def _scene_psnr(outcomes: Sequence[Outcome]) -> list[tuple[Summary, Interval]]:
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[Failure]:
-    by_reason: dict[str, list[Outcome]] = {}
+    by_reason: dict[str, list[tuple[str, str]]] = {}
     for o in outcomes:
-        by_reason.setdefault(o.failure, []).append(o)
+        for name, reason in o.failures.items():
+            by_reason.setdefault(reason, []).append((name, o.asset))
     return [
-        Failure(reason, list(dict.fromkeys(o.variant for o in failed)), len({o.asset for o in failed}))
+        Failure(reason, list(dict.fromkeys(name for name, _ in failed)), len({asset for _, asset in failed}))
         for reason, failed in by_reason.items()
-        if reason
     ]
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final, NamedTuple
 
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Condition, Outcome, by_condition
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, UNATTACKED, Condition, Outcome, by_condition, ordered
 
 PLANTED: Final = "planted"
 
@@ -70,14 +70,14 @@ def limits(outcomes: Sequence[Outcome]) -> Limits:
     return Limits(
         planted=PLANTED in {scheme for scheme, _ in models},
         one_scene=[condition for condition, known in sorted(scenes.items()) if len(known) == 1],
-        without_key=sorted(models - {(o.scheme, o.asset) for o in outcomes if MESSAGE in o.targets}),
+        without_key=sorted(models - {(o.scheme, o.asset) for o in outcomes if o.messages}),
         against_renders=sorted({(o.scheme, o.asset) for o in outcomes if not o.against_truth}),
         views=sorted({count for o in outcomes for count in o.views.values()}),
     )
 
 
 def _changes(gspure: Outcome) -> list[Change]:
-    drops = {target: gspure.psnr_drop(target) for target in (SCENE, *gspure.messages)}
+    drops = {target: gspure.psnr_drop(target) for target in ordered(gspure.targets)}
     return [
         Change(target, gspure.reference[target].psnr, gspure.targets[target].psnr)
         for target, drop in drops.items()

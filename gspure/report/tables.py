@@ -150,10 +150,11 @@ def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] =
     columns = [Column("attack"), Column(*_dropped(attacks[0].extraction)), Column("scene", "PSNR drop")]
     columns += [*_COST * bool(cost), *[Column("RMS ratio", main=False)] * is_shown]
     if has_floor:
+        above = "message above" if is_shown else "mark above"
         columns += [
             Column("survived"),
             Column("share left"),
-            *(Column(name, "message above", main=False) for name in ("the floor", "wrong key")),
+            *(Column(name, above, main=False) for name in ("the floor", "wrong key")),
         ]
         columns += [Column("detectability", main=False)] * (scenes > 1)
     rows = []

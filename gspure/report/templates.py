@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import condition_name, display_name, model_name
+from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
+from gspure.evaluation.outcomes import is_picture
 from gspure.evaluation.statistics import Interval
 from gspure.evaluation.survival import Survival
 from gspure.report import table
@@ -79,26 +80,32 @@ def tenths(value: float) -> str:
     return f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−")
 
 
-def db(value: Interval) -> str:
-    """Return a mean in dB with its spread; a single scene has none."""
+def unit(extraction: str) -> str:
+    """Return the unit of an extraction: dB of PSNR, or points of what a detector reads."""
+    return "dB" if is_picture(extraction) else "points"
+
+
+def db(value: Interval, unit: str = "dB") -> str:
+    """Return a mean with its unit and its spread; a single scene has none."""
     spread = f" ({tenths(value.low)} to {tenths(value.high)})" if value.scenes > 1 else ""
-    return f"{tenths(value.mean)} dB{spread}"
+    return f"{tenths(value.mean)} {unit}{spread}"
 
 
-def size(value: Interval) -> str:
+def size(value: Interval, unit: str = "dB") -> str:
     """Return how large a difference is, whatever its sign."""
     mirrored = value._replace(mean=-value.mean, low=-value.high, high=-value.low)
-    return db(value if value.mean >= 0 else mirrored)
+    return db(value if value.mean >= 0 else mirrored, unit)
 
 
 def cost(row: Survival) -> str:
     """Return an attack with its change of the message's and the scene's PSNR."""
-    drops = {"message": row.message_drop, "scene": row.scene_drop}
-    known = [f"{name} {tenths(-drop.mean)} dB" for name, drop in drops.items() if drop]
+    of = unit(row.extraction)
+    drops = (("message" if of == "dB" else "mark", row.message_drop, of), ("scene", row.scene_drop, "dB"))
+    known = [f"{name} {tenths(-drop.mean)} {of}" for name, drop, of in drops if drop]
     scenes = row.survived or row.only_retrieved
     counted = f"; {scenes} of {row.present} scenes" if 0 < scenes < row.present else ""
     return f"{display_name(row.variant)} ({', '.join(known) or 'drops unknown'}{counted})"
 
 
-PHRASES: Final = (plural, listed, sentence_case, tenths, db, size, cost)
+PHRASES: Final = (plural, listed, sentence_case, tenths, unit, extraction_name, db, size, cost)
 """Those that templates know as filters."""

@@ -211,7 +211,9 @@ class Model:
 
     @property
     def detections(self) -> list[str]:
-        """The readings of all detectors on all variants and the clean model."""
+        """The readings of all detectors on all variants and the clean model; none of an asset that is one."""
+        if self.scene in {asset.get("clean") for asset in self.plan.scenes[self.scheme].values()}:
+            return []
         names = [*self.plan.config["variants"], *({CLEAN} & {*self.controls})]
         folders = [f"{self.folder}/{name}/{DETECTIONS}" for name in names]
         return [f"{folder}/{detector}.csv" for folder in folders for detector in self.plan.detectors]

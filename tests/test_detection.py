@@ -1,0 +1,283 @@
+"""Detectors: what a command may answer, thresholds of their readings, and their place in tables and report."""
+
+from __future__ import annotations
+
+import csv
+import math
+import shlex
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from gspure.artifacts import read_json
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.evaluation.comparison import TRUTH, ViewMetrics
+from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
+from gspure.evaluation.detection import Reading, Threshold, detection, share_correct
+from gspure.evaluation.detector import read_marks
+from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.outcomes import Outcome, collect, with_references
+from gspure.evaluation.records import read_records, write_records
+from gspure.evaluation.results import read_results, write_results
+from gspure.evaluation.survival import survival
+from gspure.failures import Failure, status_of
+from gspure.images import write_image
+from gspure.report.audit import audits
+from gspure.report.page import write_report
+from gspure.report.tables import conditions_markdown, results_markdown
+from tests.documentation import ROOT
+
+
+def printing(text: str) -> str:
+    """The command of a detector that prints `text`; the folder of images is ignored."""
+    return shlex.join([sys.executable, "-c", f"print({text!r})"])
+
+
+@pytest.fixture
+def renders(tmp_path):
+    folder = tmp_path / "renders"
+    for view in ("a", "b"):
+        write_image(folder / f"{view}.png", np.zeros((4, 4, 3)))
+    return folder
+
+
+def test_a_detector_gets_the_folder_and_its_last_line_counts(renders):
+    code = 'import pathlib, sys; print(\'loading\'); print(\'{"a": "0110", "b": "1111"}\'.replace(\'a\', sorted('
+    code += "pathlib.Path(sys.argv[1]).glob('*.png'))[0].stem))"
+    readings = read_marks(shlex.join([sys.executable, "-c", code]), renders, "0111", 60)
+    assert readings == [Reading("a", 75.0, 4), Reading("b", 75.0, 4)]
+    assert read_marks(printing('{"b": 2, "a": -0.5}'), renders, "", 60) == [Reading("a", -0.5, 0), Reading("b", 2.0, 0)]
+
+
+@pytest.mark.parametrize(
+    ("answer", "message", "reason"),
+    [
+        ("no JSON", "", "expected a JSON object in the last line, found no JSON"),
+        ("", "", "found nothing"),
+        ("[1, 2]", "", "expected a JSON object"),
+        ("[" * 100_000, "", "expected a JSON object"),
+        ('{"a": 1}', "", "b: expected an entry for every image, found no entry"),
+        ('{"a": 1, "b": 1, "c": 1}', "", "c: expected an entry for every image, found an entry of no image"),
+        ('{"a": true, "b": 1}', "", "a: expected a score"),
+        ('{"a": NaN, "b": 1}', "", "a: expected a score"),
+        ('{"a": 1e999, "b": 1}', "", "a: expected a score"),
+        ('{"a": "01", "b": "01"}', "", "bits need the embedded"),
+        ('{"a": "01", "b": "011"}', "01", "b: expected 2 bits"),
+        ('{"a": "01", "b": "0x"}', "01", "b: expected 2 bits"),
+        ('{"a": "01", "b": 1}', "01", "b: expected 2 bits"),
+    ],
+)
+def test_any_other_answer_is_refused_in_one_line(renders, answer, message, reason):
+    with pytest.raises(InputError) as refusal:
+        read_marks(printing(answer), renders, message, 60)
+    assert reason in str(refusal.value)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        ("no-such-program", "No such file"),
+        ("'", "No closing quotation"),
+        (shlex.join([sys.executable, "-c", "raise SystemExit('weights are missing')"]), "found weights are missing"),
+        (shlex.join([sys.executable, "-c", "raise SystemExit(3)"]), "found exit status 3"),
+        (shlex.join([sys.executable, "-c", "import time; time.sleep(60)"]), "expected an answer within 0.5 s"),
+    ],
+)
+def test_a_command_that_cannot_answer_is_refused(renders, command, reason):
+    with pytest.raises(InputError, match=reason):
+        read_marks(command, renders, "", 0.5 if "sleep" in command else 60)
+
+
+def test_a_folder_without_images_is_refused(tmp_path):
+    with pytest.raises(InputError, match="PNG files"):
+        read_marks(printing("{}"), tmp_path, "", 60)
+
+
+def test_the_command_writes_readings_and_their_mean(renders, tmp_path, capsys):
+    out = tmp_path / "bits.csv"
+    words = ["detect", str(renders), "--command", printing('{"a": "0110", "b": "1111"}'), "--out", str(out)]
+    assert main([*words, "--message", "0111"]) == 0
+    assert read_records(out, Reading) == [Reading("a", 75.0, 4), Reading("b", 75.0, 4)]
+    assert read_json(tmp_path / "bits.csv.json")["settings"]["message"] == "0111"
+    assert "75 % of the bits are correct" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main([*words, "--message", "01a"])
+
+
+# --- thresholds -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.001])
+@pytest.mark.parametrize("bits", [8, 16, 32, 48])
+def test_the_threshold_of_bits_is_the_lowest_that_keeps_the_rate(bits, rate):
+    threshold = Threshold.of(bits, [], rate)
+    correct = round(threshold.level * bits / 100)
+    assert threshold.rate == pytest.approx(binom.sf(correct, bits, 0.5))
+    assert threshold.rate <= rate
+    assert binom.sf(correct - 1, bits, 0.5) > rate
+
+
+def test_random_bits_exceed_the_threshold_at_its_rate():
+    rng = np.random.default_rng(0)
+    message = rng.random(32) < 0.5
+    levels = [share_correct(rng.random(32) < 0.5, message) for _ in range(20_000)]
+    threshold = Threshold.of(32, [], 0.01)
+    assert np.mean(np.array(levels) > threshold.level) == pytest.approx(threshold.rate, abs=0.002)
+
+
+def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_not_claimed():
+    clean = np.random.default_rng(0).normal(size=2000).tolist()
+    readings = [Reading("a", 3.5, 0), Reading("b", 2.5, 0), Reading("c", 0.0, 0)]
+    many, few = detection(readings, clean), detection(readings, clean[:20])
+    assert many[2:5] == (pytest.approx(2 / 3), pytest.approx(1 / 3), True)
+    assert math.isnan(few.tpr)
+    assert math.isnan(few.tpr_strict)
+    assert few.present  # two of three views exceed all 20
+    assert detection(readings, []).present is None
+
+
+@pytest.mark.parametrize(("hits", "present"), [(0, False), (1, True), (4, True)])
+def test_a_mark_is_present_if_more_views_show_it_than_chance_explains(hits, present):
+    readings = [Reading(str(i), 100.0 if i < hits else 50.0, 32) for i in range(4)]
+    read = detection(readings, [])
+    assert (read.present, read.tpr, read.level) == (present, hits / 4, 50 + 12.5 * hits)
+
+
+# --- tables and report ------------------------------------------------------------------------------------------------
+
+
+def outcome(variant: str, level: float, scene_psnr: float = 30.0, asset: str = "room") -> Outcome:
+    values = dict.fromkeys(METRICS, 1.0) | {"psnr": scene_psnr}
+    read = detection([Reading(view, level, 32) for view in "abcd"], [])
+    targets = {"scene": ViewMetrics("scene", "mean", TRUTH, values)}
+    return Outcome("vanilla", asset, variant, targets, {"scene": 4}, detections={"mark": read})
+
+
+@pytest.fixture
+def outcomes():
+    return with_references(
+        [
+            outcome("unattacked", 98.0),
+            outcome("gspure", 60.0, 29.7),
+            outcome("gaussian_noise", 90.0, 29.0),
+            outcome("clean", 51.0),
+        ]
+    )
+
+
+def test_bits_survive_where_they_are_detected(outcomes):
+    rows = {row.variant: row for row in survival(outcomes)}
+    assert {name: row.survives for name, row in rows.items()} == {
+        "unattacked": True,
+        "gspure": False,
+        "gaussian_noise": True,
+    }
+    assert rows["gspure"].message_drop.mean == pytest.approx(38)
+    assert rows["gspure"].above_floor.mean == pytest.approx(9)
+    assert math.isnan(rows["gspure"].rms_ratio)
+
+
+def test_bits_enter_the_contest_without_a_score(outcomes):
+    rows = [row for row in contest(outcomes, {}) if math.isnan(row.damage)]
+    assert SCORE not in {row.quantity for row in rows}
+    (drop,) = [row for row in rows if row.quantity == MESSAGE_DROP]
+    assert (drop.attack, drop.extraction, drop.difference.mean) == ("gaussian_noise", "mark", pytest.approx(30))
+
+
+def test_the_verdict_is_on_the_mark_if_there_is_no_other_message(outcomes, tmp_path):
+    (audit,) = audits(outcomes, survival(outcomes), [])
+    assert (audit.extraction, audit.verdict, audit.strongest.variant) == ("mark", "judged", "gspure")
+    write_report(tmp_path / "report.html", "t", outcomes, survivals=survival(outcomes), contests=contest(outcomes, {}))
+    page = (tmp_path / "report.html").read_text()
+    assert "mark (mark) did not survive GSPure, which lowers the mark (mark) by 38.0 points" in page
+    assert "only the owner, with the key" not in page
+
+
+def test_a_users_model_is_judged_without_photographs_and_controls():
+    infinite = [replace(o, targets={}) for o in (outcome("unattacked", 98.0), outcome("gspure", 90.0))]
+    outcomes = with_references(infinite)
+    (audit,) = audits(outcomes, survival(outcomes), [])
+    assert audit.verdict == "judged"
+    assert [row.variant for row in audit.where(True)] == ["gspure"]
+
+
+def test_tables_have_readings_rates_and_chance(outcomes, tmp_path):
+    text = results_markdown(outcomes)
+    assert "98.0% (± 0)" in text
+    assert "32 bits are 50 ± 8.8% correct" in text
+    assert "Survival of the mark (mark)" in conditions_markdown(survival(outcomes), contest(outcomes, {}))
+    write_results(tmp_path / "results.csv", outcomes)
+    assert [o.detections for o in read_results(tmp_path / "results.csv")] == [o.detections for o in outcomes]
+
+
+def test_readings_are_collected_with_the_clean_models_as_null(tmp_path):
+    files = {"metrics": [], "detections": []}
+    for variant, score in (("unattacked", 5.0), ("clean", 0.0)):
+        folder = tmp_path / "vanilla" / "room" / variant
+        values = dict.fromkeys(METRICS, 1.0)
+        write_records(folder / "metrics.csv", ViewMetrics, [ViewMetrics("scene", "a", TRUTH, values)])
+        rows = [Reading(f"view_{i:03}", score + i / 200, 0) for i in range(150)] + [Reading("off_path_0", 99.0, 0)]
+        write_records(folder / "detections" / "mine.csv", Reading, rows)
+        files["metrics"].append(folder / "metrics.csv")
+        files["detections"].append(folder / "detections" / "mine.csv")
+    marked, clean = collect(**files)
+    assert (marked.detections["mine"].tpr, marked.detections["mine"].views) == (1.0, 150)
+    assert clean.detections["mine"].tpr <= 0.01
+    assert marked.detections_before["mine"] == marked.detections["mine"]
+
+
+def test_a_failed_detector_is_named_with_its_reason_and_leaves_the_metrics(tmp_path):
+    folder = tmp_path / "vanilla" / "room" / "gspure"
+    values = dict.fromkeys(METRICS, 1.0)
+    write_records(folder / "metrics.csv", ViewMetrics, [ViewMetrics("scene", "a", TRUTH, values)])
+    log = tmp_path / "detect_mine.log"
+    Failure("detect_mark", "no weights", str(log), "run", [str(folder / "detections" / "mine.csv")]).write()
+    outcomes = collect([folder / "metrics.csv"], failures=[status_of(log)])
+    assert outcomes[0].undetected == {"mine": "no weights"}
+    assert "Failed: mine of GSPure on Vanilla 3DGS, room (no weights)" in results_markdown(outcomes)
+    write_results(tmp_path / "results.csv", outcomes)
+    assert read_results(tmp_path / "results.csv")[0].undetected == {"mine": "no weights"}
+    assert read_results(tmp_path / "results.csv")[0].failure == ""
+    rows = [*csv.DictReader((tmp_path / "results.csv").read_text().splitlines())]
+    assert [row["failure"] for row in rows] == ["", "no weights"]
+
+
+def test_a_reading_needs_a_view_on_the_camera_path(tmp_path):
+    path = tmp_path / "vanilla" / "room" / "unattacked" / "detections" / "mine.csv"
+    write_records(path, Reading, [Reading("off_path_0", 1.0, 0)])
+    write_records(
+        path.parents[1] / "metrics.csv", ViewMetrics, [ViewMetrics("scene", "a", TRUTH, dict.fromkeys(METRICS, 1.0))]
+    )
+    with pytest.raises(InputError, match="on the camera path"):
+        collect([path.parents[1] / "metrics.csv"], detections=[path])
+
+
+# --- the example ------------------------------------------------------------------------------------------------------
+
+
+def test_the_example_reads_what_it_embeds(tmp_path):
+    rng = np.random.default_rng(0)
+    for i in range(4):
+        write_image(tmp_path / "clean" / f"{i}.png", 0.2 + 0.6 * rng.random((9, 12, 3)).repeat(8, 0).repeat(8, 1))
+    script = [sys.executable, str(ROOT / "examples" / "spread_spectrum.py")]
+
+    def embed(folder, *options):
+        words = [*script, "embed", "--key", "7", *options, str(tmp_path / "clean"), str(tmp_path / folder)]
+        subprocess.run(words, check=True)
+
+    def score(folder, *options):
+        return [row.level for row in read_marks(shlex.join([*script, "detect", *options]), tmp_path / folder, "", 60)]
+
+    embed("marked")
+    embed("bits", "--bits", "01101001")
+    assert min(score("marked", "--key", "7")) > 3
+    assert np.abs(score("clean", "--key", "7")).max() < 3
+    assert np.abs(score("marked", "--key", "8")).max() < 3
+    command = shlex.join([*script, "detect", "--key", "7", "--count", "8"])
+    assert np.mean([row.level for row in read_marks(command, tmp_path / "bits", "01101001", 60)]) > 85
