@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -63,7 +62,7 @@ def test_every_setting_has_a_description_and_a_default_or_is_required(path, subs
     if subschema == {"$ref": f"#/properties/method/properties/{path[-1]}"}:
         return  # a setting of the method that a decision may differ in
     assert subschema["description"].endswith(".")
-    given = {("assets", "*", name) for name in ("model", "cameras", "train")}
+    given = {("assets", "*", name) for name in ("model", "cameras", "train")} | {("detectors", "*", "command")}
     assert "default" in subschema or path in given | {
         ("variants", "*", name) for name in ("attack", "damage", "decision")
     }
@@ -95,7 +94,7 @@ def test_defaults_of_the_method_are_the_constants_of_the_code():
 
 
 def test_defaults_of_training_are_those_of_its_command():
-    parser = argparse.ArgumentParser()
+    parser = Parser()
     add_arguments(parser)
     defaults = vars(parser.parse_args(["data", "--out", "trained"]))
     training = filled({"assets": {"desk": {"train": "data"}}})["assets"]["desk"]["training"]

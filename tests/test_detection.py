@@ -18,11 +18,11 @@ from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
 from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
+from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.detection import Reading, Threshold, detection, share_correct
 from gspure.evaluation.detector import read_marks
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome, collect, with_references
-from gspure.evaluation.records import read_records, write_records
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.survival import survival
 from gspure.failures import Failure, status_of
@@ -103,7 +103,7 @@ def test_the_command_writes_readings_and_their_mean(renders, tmp_path, capsys):
     out = tmp_path / "bits.csv"
     words = ["detect", str(renders), "--command", printing('{"a": "0110", "b": "1111"}'), "--out", str(out)]
     assert main([*words, "--message", "0111"]) == 0
-    assert read_records(out, Reading) == [Reading("a", 75.0, 4), Reading("b", 75.0, 4)]
+    assert read_table(out, Reading) == [Reading("a", 75.0, 4), Reading("b", 75.0, 4)]
     assert read_json(tmp_path / "bits.csv.json")["settings"]["message"] == "0111"
     assert "75 % of the bits are correct" in capsys.readouterr().out
     with pytest.raises(SystemExit):
@@ -221,9 +221,9 @@ def test_readings_are_collected_with_the_clean_models_as_null(tmp_path):
     for variant, score in (("unattacked", 5.0), ("clean", 0.0)):
         folder = tmp_path / "vanilla" / "room" / variant
         values = dict.fromkeys(METRICS, 1.0)
-        write_records(folder / "metrics.csv", ViewMetrics, [ViewMetrics("scene", "a", TRUTH, values)])
+        write_table(folder / "metrics.csv", ViewMetrics, [ViewMetrics("scene", "a", TRUTH, values)])
         rows = [Reading(f"view_{i:03}", score + i / 200, 0) for i in range(150)] + [Reading("off_path_0", 99.0, 0)]
-        write_records(folder / "detections" / "mine.csv", Reading, rows)
+        write_table(folder / "detections" / "mine.csv", Reading, rows)
         files["metrics"].append(folder / "metrics.csv")
         files["detections"].append(folder / "detections" / "mine.csv")
     marked, clean = collect(**files)
@@ -235,7 +235,7 @@ def test_readings_are_collected_with_the_clean_models_as_null(tmp_path):
 def test_a_failed_detector_is_named_with_its_reason_and_leaves_the_metrics(tmp_path):
     folder = tmp_path / "vanilla" / "room" / "gspure"
     values = dict.fromkeys(METRICS, 1.0)
-    write_records(folder / "metrics.csv", ViewMetrics, [ViewMetrics("scene", "a", TRUTH, values)])
+    write_table(folder / "metrics.csv", ViewMetrics, [ViewMetrics("scene", "a", TRUTH, values)])
     log = tmp_path / "detect_mine.log"
     Failure("detect_mark", "no weights", str(log), "run", [str(folder / "detections" / "mine.csv")]).write()
     outcomes = collect([folder / "metrics.csv"], failures=[status_of(log)])
@@ -250,8 +250,8 @@ def test_a_failed_detector_is_named_with_its_reason_and_leaves_the_metrics(tmp_p
 
 def test_a_reading_needs_a_view_on_the_camera_path(tmp_path):
     path = tmp_path / "vanilla" / "room" / "unattacked" / "detections" / "mine.csv"
-    write_records(path, Reading, [Reading("off_path_0", 1.0, 0)])
-    write_records(
+    write_table(path, Reading, [Reading("off_path_0", 1.0, 0)])
+    write_table(
         path.parents[1] / "metrics.csv", ViewMetrics, [ViewMetrics("scene", "a", TRUTH, dict.fromkeys(METRICS, 1.0))]
     )
     with pytest.raises(InputError, match="on the camera path"):

@@ -29,9 +29,9 @@ def run(args: Arguments) -> None:
     import numpy as np
 
     from gspure.artifacts import write_provenance
+    from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.detection import Reading
     from gspure.evaluation.detector import read_marks
-    from gspure.evaluation.csv_tables import write_table
 
     readings = read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)

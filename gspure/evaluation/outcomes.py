@@ -213,8 +213,9 @@ def collect(
     `metrics` are files ``.../{scheme}/{scene}/{variant}/metrics.csv``; scenes that end in ``@1``, ``@2``, ... are
     repetitions with other random seeds. The others are optional, and belong to the model or variant below whose folder
     they lie: `prune_masks` and `truth` (rows that carry the message) are bool [K], `verdicts` of `gspure attack`,
-    `retrievals` of `gspure retrieve`, `detections` of `gspure detect`. A variant whose metrics are missing because of one of `failures` has failed for
-    its reason. `conditions` are protocol and initialization by ``{scheme}/{scene}``.
+    `retrievals` of `gspure retrieve`, `detections` of `gspure detect`. A variant or detector whose file is missing
+    because of one of `failures` has failed for its reason. `conditions` are protocol and initialization by
+    ``{scheme}/{scene}``.
 
     Raises
     ------

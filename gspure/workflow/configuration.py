@@ -109,7 +109,7 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
 
 def _check_clean(asset: Mapping[str, Any], others: Collection[str], source: str | Path, place: str) -> None:
     """Refuse a clean model that is not among the other assets."""
-    if asset.get("clean", "") not in {"", *others}:
+    if asset["clean"] not in {None, *others}:
         expected = f"one of {', '.join(sorted(others)) or 'other assets'}"
         raise InputError(source, f"{place}.clean", expected=expected, found=repr(asset["clean"]))
 

@@ -201,7 +201,7 @@ class Model:
     @property
     def controls(self) -> list[str]:
         """Its negative controls; another scene's model must have another message."""
-        controls = CONTROLS if self.is_watermarked else [CLEAN] * ("clean" in self.settings)
+        controls = CONTROLS if self.is_watermarked else [CLEAN] * bool(self.settings["clean"])
         return [control for control in controls if control != OTHER_SCENE or self.other_pair]
 
     @property
