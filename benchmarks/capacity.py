@@ -60,7 +60,7 @@ def capacity(name: str, protocol: str, setting: str, bound: int) -> dict[str, ob
                 (model.scene(), key.message(model, MESSAGE)), (pair.scene, pair.message), photographs, strict=True
             )
         ]
-        for model in (public, *(public.with_model(public.model.subset(~mask)) for mask in (pruned, random)))
+        for model in (public, *(public.with_model(public.model[~mask]) for mask in (pruned, random)))
     ]
     (scene, message), *attacked = quality
     drops = [before - after for kind in attacked for before, after in zip((scene, message), kind, strict=True)]

@@ -9,7 +9,8 @@ The names below are the public interface; each is imported when it is first used
 >>> gspure.write_model("purified.ply", purified)  # doctest: +SKIP
 
 Models
-    `read_model`, `write_model`: a `gspure.model.Gaussians` and its 3DGS PLY.
+    `read_model`, `write_model`: a `gspure.model.Gaussians`, whose rows are ``model[:10]`` or ``model[mask]``, and
+    its file.
 Cameras
     `read_cameras`, `write_cameras`: a list of `gspure.cameras.Camera` and its file; `orbit_cameras`: views around a
     model that came without.
@@ -17,6 +18,11 @@ Rendering
     `Renderer`: images, feature maps, their gradients, contributions, depth and transmittance of a model's views.
 The method
     `purify`: GSPure on one model.
+Attacks and schemes
+    `find_attack`: an attack by name; its ``apply(model)`` returns the attacked model and the origin of its rows.
+    `find_scheme`: a watermarking scheme by name, which reads the owner's key; the key's ``message(...)`` renders the
+    message. `Pair`: photographs of a scene and a message. `hide`: trains a scheme on a pair. `read_public_model`: a
+    model with the files beside it.
 Metrics
     `psnr`, `ssim`: of two images [H,W,3] in 0..1, as 3DGS defines them.
 Errors
@@ -27,13 +33,18 @@ __version__ = "0.1.0"
 
 __all__ = [
     "InputError",
+    "Pair",
     "Renderer",
     "__version__",
+    "find_attack",
+    "find_scheme",
+    "hide",
     "orbit_cameras",
     "psnr",
     "purify",
     "read_cameras",
     "read_model",
+    "read_public_model",
     "ssim",
     "write_cameras",
     "write_model",
@@ -41,21 +52,30 @@ __all__ = [
 
 TYPE_CHECKING = False  # not imported: an interruption before `gspure.__main__` would print a traceback
 if TYPE_CHECKING:
+    from gspure.attacks import find_attack
     from gspure.cameras import orbit_cameras, read_cameras, write_cameras
     from gspure.errors import InputError
     from gspure.evaluation.metrics import psnr, ssim
     from gspure.method.purify import purify
     from gspure.model import read_model, write_model
     from gspure.renderer import Renderer
+    from gspure.schemes.pair import Pair
+    from gspure.schemes.registry import find_scheme, read_public_model
+    from gspure.schemes.scheme import hide
 else:
     _HOMES = {
         "InputError": "gspure.errors",
+        "Pair": "gspure.schemes.pair",
         "Renderer": "gspure.renderer",
+        "find_attack": "gspure.attacks",
+        "find_scheme": "gspure.schemes.registry",
+        "hide": "gspure.schemes.scheme",
         "orbit_cameras": "gspure.cameras",
         "psnr": "gspure.evaluation.metrics",
         "purify": "gspure.method.purify",
         "read_cameras": "gspure.cameras",
         "read_model": "gspure.model",
+        "read_public_model": "gspure.schemes.registry",
         "ssim": "gspure.evaluation.metrics",
         "write_cameras": "gspure.cameras",
         "write_model": "gspure.model",

@@ -72,7 +72,7 @@ def planted() -> tuple[Gaussians, dict[str, list[int]]]:
     for row, (column, value) in enumerate(NOT_FINITE.items()):
         groups["non_finite"].table[column][row] = value
     scene = honest()
-    groups["duplicate"] = scene.subset(np.arange(len(scene)) < 5)
+    groups["duplicate"] = scene[np.arange(len(scene)) < 5]
     rows, start = {}, len(scene)
     for name, group in groups.items():
         rows[name] = list(range(start, start + len(group)))

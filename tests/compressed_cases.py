@@ -49,7 +49,7 @@ def splat(of: Gaussians) -> bytes:
 
 def ksplat(of: Gaussians, level: int, capacity: int = 5) -> bytes:
     """Two sections, of degree 2 and 0; in each, one full bucket of `capacity` rows and a partly filled one."""
-    sections = [of.subset(np.arange(len(of)) < 7), of.subset(np.arange(len(of)) >= 7)]
+    sections = [of[np.arange(len(of)) < 7], of[np.arange(len(of)) >= 7]]
     headers, bodies = b"", b""
     for part, degree in zip(sections, (2, 0), strict=True):
         full = len(part) // capacity

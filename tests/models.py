@@ -1,6 +1,7 @@
 """Small sets of Gaussians and cameras that are awkward on purpose, shared by the renderer's tests."""
 
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -60,9 +61,14 @@ def blobs(count: int, seed: int = 0, *, sh_degree: int = 3, size=(0.02, 0.4)) ->
     )
 
 
+def points_of(means, opacities):
+    """What generated views are placed around."""
+    return SimpleNamespace(means=means, opacities=opacities)
+
+
 def without(public, prune_mask):
     """The public model without the rows where `prune_mask` [K] is true."""
-    return public.with_model(public.model.subset(~prune_mask))
+    return public.with_model(public.model[~prune_mask])
 
 
 def joined(*models: Gaussians) -> Gaussians:
@@ -71,7 +77,7 @@ def joined(*models: Gaussians) -> Gaussians:
 
 
 def nothing() -> Case:
-    return blobs(1).subset(np.zeros(1, bool)), camera()
+    return blobs(1)[np.zeros(1, bool)], camera()
 
 
 def off_screen() -> Case:

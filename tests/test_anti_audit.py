@@ -40,7 +40,7 @@ def test_planted_rows_are_named_with_the_reason() -> None:
 
 def test_honest_rows_are_not_suspicious() -> None:
     assert suspicious_rows(honest()) == suspicious_rows(blobs(2000)) == suspicious_rows(blobs(1)) == {}
-    assert suspicious_rows(honest().subset(np.zeros(WALL + HIDDEN, bool))) == {}
+    assert suspicious_rows(honest()[np.zeros(WALL + HIDDEN, bool)]) == {}
     flat = gaussians(means=honest().means, scales=[0.2, 0.2, 1e-9])
     assert suspicious_rows(flat) == {}
 

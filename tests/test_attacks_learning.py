@@ -62,7 +62,7 @@ def test_an_attack_gets_cameras_without_their_photographs() -> None:
 @pytest.mark.parametrize("name", ["finetune", "prune_repair"])
 def test_learning_the_appearance_leaves_the_geometry_bit_identical(name: str) -> None:
     attacked = attacked_by(name, learn="appearance")
-    before = blobs(ROWS).subset(~attacked.prune_mask)
+    before = blobs(ROWS)[~attacked.prune_mask]
     assert not changed(before, attacked.model) & GEOMETRY
     assert changed(before, attacked.model) >= {"opacity", "f_dc_0"}
     assert changed(before, attacked_by(name).model) >= GEOMETRY
@@ -72,7 +72,7 @@ def test_prune_repair_keeps_the_rows_above_the_threshold_and_repairs_the_scene()
     attacked = attacked_by("prune_repair", tau=1.5, iterations=60)
     np.testing.assert_array_equal(attacked.prune_mask, plain_prune_mask(WEIGHTS, 1.5))
     damage_of = scene_damage(PublicModel(blobs(ROWS)), VIEWS)
-    pruned = PublicModel(blobs(ROWS).subset(~attacked.prune_mask))
+    pruned = PublicModel(blobs(ROWS)[~attacked.prune_mask])
     assert damage_of(PublicModel(attacked.model)) < damage_of(pruned) - 0.1
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gspure.cameras import Camera, intrinsics, off_path_cameras, orbit_cameras, split
 from gspure.errors import InputError
 from gspure.scenes.camera_path import stage_cameras
+from tests.models import points_of
 from tests.training_cases import ring
 
 
@@ -40,7 +41,7 @@ def test_off_path_views_are_beside_the_path_and_look_at_the_same_target(count):
 
 
 def test_off_path_views_of_an_orbit_are_off_its_ring():
-    path = orbit_cameras(np.eye(3), np.ones(3), count=72)[::3]  # one of three rings
+    path = orbit_cameras(points_of(np.eye(3), np.ones(3)), count=72)[::3]  # one of three rings
     heights = np.array([camera.centre[1] for camera in path])
     assert np.ptp(heights) < 1e-9
     assert all(abs(view.centre[1] - heights[0]) > 0.1 for view in off_path_cameras(path, 8))

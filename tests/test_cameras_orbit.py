@@ -8,6 +8,7 @@ from gspure.cameras.up import guessed_up
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
 from tests.camera_cases import numbers, project
+from tests.models import points_of
 
 RANDOM = np.random.default_rng(1)
 BALL = RANDOM.normal(size=(4000, 3))
@@ -21,7 +22,7 @@ UPS = st.tuples(*[numbers(-1, 1)] * 3).filter(lambda up: np.linalg.norm(up) > 0.
 def test_every_view_looks_at_the_model_upright(generate, up, radius, x):
     means = radius * BALL[:200] + [x, 0, 1]
     centre, _ = bounding_sphere(means, OPAQUE[:200])
-    for camera in generate(means, OPAQUE[:200], count=9, up=up):
+    for camera in generate(points_of(means, OPAQUE[:200]), count=9, up=up):
         rotation = camera.viewmat[:3, :3]
         assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-12)
         assert np.linalg.det(rotation) == pytest.approx(1)
@@ -32,7 +33,7 @@ def test_every_view_looks_at_the_model_upright(generate, up, radius, x):
 
 
 def test_a_ball_fills_the_height_of_every_orbit_view():
-    for camera in orbit_cameras(BALL, OPAQUE):
+    for camera in orbit_cameras(points_of(BALL, OPAQUE)):
         pixels, depths = project(camera, BALL)
         inside = (depths > NEAR_PLANE) & (pixels >= 0).all(axis=1) & (pixels <= [640, 480]).all(axis=1)
         assert inside.mean() > 0.98
@@ -64,7 +65,7 @@ def test_rows_that_are_not_finite_are_passed_over():
 @pytest.mark.parametrize("means", [np.zeros((0, 3)), np.full((3, 3), np.nan)])
 def test_a_model_without_a_finite_row_is_refused(means):
     with pytest.raises(InputError, match="at least one finite row"):
-        orbit_cameras(means, np.ones(len(means)))
+        orbit_cameras(points_of(means, np.ones(len(means))))
 
 
 @pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1), (0, -0.8, 0.6)])
@@ -72,7 +73,9 @@ def test_a_flat_model_stands_on_its_flat_side(up, capsys):
     flat = BALL - 0.7 * np.outer(BALL @ up, up)
     floaters = RANDOM.normal(size=(40, 3)) * 1e4
     for points in (flat, np.concatenate([flat, floaters])):
-        guessed, chosen = (orbit_cameras(points, np.ones(len(points)), up=direction) for direction in (None, up))
+        guessed, chosen = (
+            orbit_cameras(points_of(points, np.ones(len(points))), up=direction) for direction in (None, up)
+        )
         for a, b in zip(guessed, chosen, strict=True):
             assert a.numbers == pytest.approx(b.numbers, abs=0.1)
     lines = capsys.readouterr().err.splitlines()
@@ -87,7 +90,7 @@ def test_a_model_without_a_clear_up_direction_has_that_of_colmap():
 
 
 def test_a_single_point_is_looked_at_from_a_distance():
-    (camera,) = orbit_cameras(np.ones((1, 3)), np.ones(1), count=1)
+    (camera,) = orbit_cameras(points_of(np.ones((1, 3)), np.ones(1)), count=1)
     pixel, depth = project(camera, np.ones((1, 3)))
     assert pixel[0] == pytest.approx([320, 240])
     assert depth[0] > NEAR_PLANE
@@ -95,26 +98,26 @@ def test_a_single_point_is_looked_at_from_a_distance():
 
 @pytest.mark.parametrize("generate", [orbit_cameras, shell_cameras])
 def test_no_gaussian_of_a_tiny_model_falls_before_the_near_plane(generate):
-    for camera in generate(0.02 * BALL, OPAQUE):
+    for camera in generate(points_of(0.02 * BALL, OPAQUE)):
         assert project(camera, 0.02 * BALL)[1].min() > NEAR_PLANE
 
 
 def test_views_are_the_same_every_time_and_sorted_as_made():
-    first, second = (orbit_cameras(BALL, OPAQUE, count=30) for _ in range(2))
+    first, second = (orbit_cameras(points_of(BALL, OPAQUE), count=30) for _ in range(2))
     assert [c.numbers.tolist() for c in first] == [c.numbers.tolist() for c in second]
-    names = [c.name for c in orbit_cameras(BALL, OPAQUE, count=1001)]
+    names = [c.name for c in orbit_cameras(points_of(BALL, OPAQUE), count=1001)]
     assert names == sorted(set(names))
 
 
 def test_the_default_views_train_and_test_from_all_sides_and_heights():
-    for cameras in split(orbit_cameras(BALL, OPAQUE)):
+    for cameras in split(orbit_cameras(points_of(BALL, OPAQUE))):
         directions = np.array([c.centre / np.linalg.norm(c.centre) for c in cameras])
         assert np.linalg.norm(directions[:, [0, 2]].mean(axis=0)) < 0.2
         assert len(set(directions[:, 1].round(1))) == 3
 
 
 def test_shells_surround_the_model_at_their_radii():
-    cameras = shell_cameras(BALL, OPAQUE, count=90)
+    cameras = shell_cameras(points_of(BALL, OPAQUE), count=90)
     distances = np.array([np.linalg.norm(c.centre - bounding_sphere(BALL, OPAQUE)[0]) for c in cameras])
     nearest, middle, farthest = (distances[i::3] for i in range(3))
     assert middle / nearest == pytest.approx(1 / 0.6)
@@ -141,7 +144,7 @@ def test_shells_surround_the_model_at_their_radii():
 def test_a_setting_out_of_range_is_refused_by_name(setting, field):
     for generate in (orbit_cameras, shell_cameras):
         with pytest.raises(InputError) as caught:
-            generate(BALL, OPAQUE, **setting)
+            generate(points_of(BALL, OPAQUE), **setting)
         assert caught.value.field == field
 
 

@@ -406,7 +406,7 @@ def test_contributions_that_no_view_has_are_refused(tmp_path, row):
 
 def test_the_contributions_of_a_model_are_within_their_bounds(energy, style):
     model = blobs(3000, sh_degree=0)  # small ones touch a single pixel, where the sum is the maximum
-    for camera in orbit_cameras(model.means, model.opacities, count=3, width=320, height=240):
+    for camera in orbit_cameras(model, count=3, width=320, height=240):
         stage = Renderer(model, energy=energy, style=style).contributions(camera)
         assert (stage["pixels"] == 1).any()
         require_valid("view", stage)

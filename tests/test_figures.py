@@ -15,7 +15,7 @@ from gspure.figures import gallery, portrait, style
 from gspure.images import write_image
 from gspure.method.clustering.store import Clusters, write_clusters
 from gspure.model import write_model
-from tests.models import gaussians
+from tests.models import gaussians, points_of
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
@@ -82,7 +82,7 @@ def inputs(tmp_path: Path, evidence: gallery.Evidence) -> list[str]:
     write_model(files["model.ply"], gaussians(means=BALL, scales=0.1))
     save_array(files["weights.npy"], evidence.weights)
     write_clusters(files["clusters.npz"], Clusters(evidence.labels, 0), {})
-    write_cameras(files["cameras.json"], orbit_cameras(BALL, np.ones(400), count=4, width=32, height=24))
+    write_cameras(files["cameras.json"], orbit_cameras(points_of(BALL, np.ones(400)), count=4, width=32, height=24))
     options = ("--model", "--weights", "--clusters", "--cameras")
     words = [word for pair in zip(options, map(str, files.values()), strict=True) for word in pair]
     return ["figures", "model", *words, "--out", str(tmp_path / "figures")]

@@ -39,7 +39,7 @@ def test_a_model_without_colour_has_degree_minus_one_and_no_coefficients():
 
 
 def test_an_empty_model_has_empty_arrays_of_the_right_shapes():
-    model = blobs(5).subset(np.zeros(5, bool))
+    model = blobs(5)[np.zeros(5, bool)]
     shapes = [a.shape for a in (model.means, model.quats, model.scales, model.opacities, model.sh_coeffs)]
     assert shapes == [(0, 3), (0, 4), (0, 3), (0,), (0, 16, 3)]
 
@@ -83,7 +83,7 @@ def test_a_row_subset_is_bit_identical_to_its_rows(keep):
     dtype = blobs(1).table.dtype
     model = Gaussians(np.frombuffer(np.random.default_rng(1).bytes(20 * dtype.itemsize), dtype))
     expected = b"".join(model.table[i].tobytes() for i in np.flatnonzero(keep))
-    assert model.subset(np.array(keep)).table.tobytes() == expected
+    assert model[np.array(keep)].table.tobytes() == expected
 
 
 def test_with_columns_leaves_the_original_and_the_other_columns_alone():
@@ -124,3 +124,10 @@ def test_columns_that_are_not_rendered_may_hold_anything():
 )
 def test_a_scheme_is_recognized_by_its_columns(columns, signature):
     assert Signature.of(columns) is signature
+
+
+@pytest.mark.parametrize("rows", [slice(3), [2, 0], np.array([False, True, True, False, False]), 4, -1])
+def test_rows_are_selected_as_in_an_array(rows):
+    model = blobs(5).with_comment("kept")
+    assert model[rows].table.tobytes() == np.atleast_1d(model.table[rows]).tobytes()
+    assert model[rows].comments == ("kept",)

@@ -167,7 +167,7 @@ def test_the_background_is_used(device, style):
 def test_a_row_that_is_not_drawn_has_no_gradient_and_leaves_no_trace(device, style, columns):
     """No Gaussian at all, or one at the camera's centre."""
     model, view = blobs(17, 4), camera(33, 31)
-    broken = model.with_columns({"opacity": 3.0} | columns).subset(np.arange(17) < 3)
+    broken = model.with_columns({"opacity": 3.0} | columns)[np.arange(17) < 3]
     alone = gradients(Renderer(model, device, style=style), view)
     among = gradients(Renderer(joined(model, broken), device, style=style), view)
     for field in fields(alone):

@@ -61,7 +61,7 @@ def test_alignment_finds_how_a_copy_of_the_cameras_was_moved(seed):
 
 
 def test_cameras_all_around_are_aligned_too():
-    cameras = orbit_cameras(blobs(50).means, blobs(50).opacities)
+    cameras = orbit_cameras(blobs(50))
     found = aligning(cameras, cameras)
     np.testing.assert_allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-9)
     assert found.scale == pytest.approx(1.0)

@@ -319,7 +319,7 @@ def test_the_views_are_among_the_results_and_replace_no_other_file(tmp_path: Pat
     command = [*command[:3], "orbit", *command[4:], "--up", "0", "0", "1"]
     for _ in range(2):
         assert main(command) == 0
-        views = orbit_cameras(model().means, model().opacities, up=(0, 0, 1))
+        views = orbit_cameras(model(), up=(0, 0, 1))
         for view, expected in zip(read_cameras(out / "cameras.json"), views, strict=True):
             assert view.numbers == pytest.approx(expected.numbers, abs=1e-5)
     (out / "cameras.json.json").unlink()

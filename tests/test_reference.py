@@ -213,7 +213,7 @@ def test_weights_and_transmittance_add_up_to_one(case, energy):
 def test_the_order_of_rows_does_not_matter(energy):
     model, view = blobs(60, 1), tilted_camera()
     shuffle = np.random.default_rng(0).permutation(60)
-    got, shuffled = render(model, view, energy), render(model.subset(shuffle), view, energy)
+    got, shuffled = render(model, view, energy), render(model[shuffle], view, energy)
     np.testing.assert_array_equal(got.channels, shuffled.channels)
     np.testing.assert_array_equal(got.sums[shuffle], shuffled.sums)
 
@@ -241,7 +241,7 @@ def test_the_median_depth_is_where_half_the_light_is_gone():
     model = gaussians(means=means, scales=9.0, opacities=[0.3, 0.3, 0.3])  # T: 0.7, 0.49
     assert render(model, camera(1, 1), "ewa").depth == pytest.approx(4.0)
     assert render(model, camera(1, 1), "ray").depth == pytest.approx(4.0, rel=1e-3)
-    assert render(model.subset(np.array([1, 0, 0], bool)), camera(1, 1), "ewa").depth == np.inf
+    assert render(model[np.array([1, 0, 0], bool)], camera(1, 1), "ewa").depth == np.inf
 
 
 @pytest.mark.parametrize("energy", ENERGIES)

@@ -149,7 +149,7 @@ def test_nothing_in_sight_leaves_the_background(device, style, energy):
 )
 def test_a_row_that_cannot_be_drawn_changes_nothing(device, style, energy, columns):
     model, view = blobs(17, 4), camera(33, 31)
-    broken = model.with_columns(columns | {"opacity": columns.get("opacity", 3.0)}).subset(np.arange(17) < 3)
+    broken = model.with_columns(columns | {"opacity": columns.get("opacity", 3.0)})[np.arange(17) < 3]
     alone = Renderer(model, device, energy=energy, style=style)
     among = Renderer(joined(model, broken), device, energy=energy, style=style)
     for product in ("image", "depth", "contributions"):
@@ -187,7 +187,7 @@ def test_rows_behind_or_too_faint_leave_no_trace(device, style, energy):
     """Interspersed rows that are not drawn change no bit of what is."""
     model, view = blobs(40, 6, sh_degree=0), camera(33, 31)
     unseen = gaussians(means=np.tile([[0.0, 0, -4], [0, 0, 4]], (20, 1)), scales=1.0, opacities=0.5 / 255)
-    mixed = joined(unseen, model).subset(np.ones(80, bool))
+    mixed = joined(unseen, model)[np.ones(80, bool)]
     interleaved = type(model)(mixed.table.reshape(2, 40).T.ravel())
     alone, among = (Renderer(m, device, energy=energy, style=style) for m in (model, interleaved))
     assert_same_bits([alone.image(view), alone.depth(view)], [among.image(view), among.depth(view)])

@@ -148,7 +148,7 @@ def test_pruning_anchors_removes_exactly_their_gaussians():
     left, owners = without(public, pruned).gaussians(view)
     assert np.flatnonzero(~pruned)[owners].tolist() == rows[~pruned[rows]].tolist()
     names = whole.table.dtype.names
-    np.testing.assert_allclose(left.columns(*names), whole.subset(~pruned[rows]).columns(*names), rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(left.columns(*names), whole[~pruned[rows]].columns(*names), rtol=1e-4, atol=1e-5)
 
 
 def test_the_constant_opacities_of_the_file_are_not_used():

@@ -247,7 +247,7 @@ def mirrored(tmp_path, monkeypatch):
     write_model(tmp_path / "shown.ply", shown)
     write_model(tmp_path / "recognized.ply", Gaussians(table))
     write_model(tmp_path / "named.ply", Gaussians(repack_fields(table[list(shown.table.dtype.names)])))
-    write_cameras(tmp_path / "cameras.json", orbit_cameras(shown.means, shown.opacities, count=4, width=48, height=32))
+    write_cameras(tmp_path / "cameras.json", orbit_cameras(shown, count=4, width=48, height=32))
     return tmp_path
 
 

@@ -14,6 +14,7 @@ from gspure.schemes.readability import readability
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import hide
 from gspure.training.dataset import Dataset
+from tests.models import points_of
 
 
 def photographed(means, scale, colours) -> Capture:
@@ -27,7 +28,7 @@ def photographed(means, scale, colours) -> Capture:
         sh_coeffs=((colours - 0.5) / SH_DC)[:, None].astype(np.float32),
     )
     corners = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3), axis=-1).reshape(-1, 3)
-    views = orbit_cameras(corners, np.ones(8), count=24, width=48, height=36)
+    views = orbit_cameras(points_of(corners, np.ones(8)), count=24, width=48, height=36)
     images = [Renderer(model).image(view).clip(0, 1) for view in views]
     dataset = Dataset(Path("object"), views, [], means, np.round(255 * colours).astype(np.uint8))
     return Capture(dataset, images, list(zip(views, images, strict=True))[:2])

@@ -190,7 +190,7 @@ def test_tensor_views_and_broadcast_gradients_are_accepted():
 
 
 def test_without_gaussians_there_is_the_background():
-    leaves = tensors(blobs(1).subset(np.zeros(1, bool)), background=(0.2, 0.4, 0.6))
+    leaves = tensors(blobs(1)[np.zeros(1, bool)], background=(0.2, 0.4, 0.6))
     image = TorchRenderer()(camera(5, 3), **leaves)
     assert (image == leaves["background"]).all()
     image.sum().backward()

@@ -236,7 +236,7 @@ def test_views_are_counted_where_a_gaussian_is_in_sight(device, style):
 
 
 def test_no_gaussians_can_learn_nothing(device, style):
-    model = learner(scene(3).subset(np.zeros(3, bool)), device, style)
+    model = learner(scene(3)[np.zeros(3, bool)], device, style)
     loss = model.step(VIEWS[0], 0, RATES, background=BACKGROUND)
     flat = np.broadcast_to(BACKGROUND, photographs()[0].shape)
     assert loss == pytest.approx(image_loss(flat, photographs()[0], 0.2)[0], rel=1e-5)

@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from gspure.cameras import Camera, intrinsics, orbit_cameras
 from gspure.figures import viewpoint
+from tests.models import points_of
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
@@ -66,7 +67,7 @@ def test_the_front_is_where_the_cameras_stand() -> None:
     cameras = [looking_at(np.zeros(3), eye) for eye in eyes]
     assert viewpoint.world_axes(BALL, cameras)[2] == pytest.approx([0, 0, 1], abs=0.05)
     assert viewpoint.world_axes(BALL, [])[2] == pytest.approx([0, 0, -1])
-    ring = orbit_cameras(BALL, np.ones(400), count=12, up=(0, 0, 1))
+    ring = orbit_cameras(points_of(BALL, np.ones(400)), count=12, up=(0, 0, 1))
     assert viewpoint.world_axes(BALL, ring)[2] == pytest.approx([0, -1, 0], abs=0.05)
 
 
@@ -75,7 +76,7 @@ def test_a_room_is_drawn_from_inside_and_an_object_from_outside() -> None:
     dense = np.concatenate([shell, shell[shell[:, 0] > 3] * 0.99])
     inside = [looking_at(np.array([x, 0.0, 0.0]), np.array([0.1, 0, 0]), name=f"view_{x}") for x in (-9.0, 9.0)]
     assert viewpoint.choose(dense, inside).name == "view_9.0"
-    assert viewpoint.choose(dense, orbit_cameras(dense, np.ones(len(dense)))).name == "overview"
+    assert viewpoint.choose(dense, orbit_cameras(points_of(dense, np.ones(len(dense))))).name == "overview"
     assert viewpoint.choose(dense, []).name == "overview"
 
 

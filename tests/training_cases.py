@@ -10,6 +10,7 @@ from gspure.cameras import Camera, intrinsics, orbit_cameras
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 from gspure.renderer import Renderer
+from tests.models import points_of
 
 RATES = LearningRates(means=1e-3, quats=1e-3, scales=5e-3, opacities=0.05, sh_dc=2.5e-3, sh_rest=1.25e-4)
 
@@ -17,7 +18,7 @@ RATES = LearningRates(means=1e-3, quats=1e-3, scales=5e-3, opacities=0.05, sh_dc
 def ring(count=9, width=32, height=24) -> list[Camera]:
     """Views from all sides of the unit cube around the origin."""
     corners = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3), axis=-1).reshape(-1, 3)
-    return orbit_cameras(corners, np.ones(8), count=count, width=width, height=height)
+    return orbit_cameras(points_of(corners, np.ones(8)), count=count, width=width, height=height)
 
 
 def parameters(count, seed=0, *, bands=16, size=0.05) -> Parameters:

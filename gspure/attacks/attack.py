@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gspure import __version__
 from gspure.attacks.strength import Damage, Match, Strength, search
 from gspure.cameras.camera import Camera
+from gspure.display import Described
 from gspure.errors import InputError
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
@@ -59,8 +60,11 @@ PUBLIC: Final = frozenset({"columns", "public", "cameras", "device"})
 (`PublicModel.columns`), the public model with the files beside it, its cameras without photographs, and a device."""
 
 
-@dataclass(frozen=True, eq=False)
-class Attacked:
+NO_EVIDENCE: Final = Evidence()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Attacked(Described):
     """An attacked model and the origin of its rows.
 
     Parameters
@@ -82,6 +86,14 @@ class Attacked:
     transform: NDArray[np.float64] | None = None
 
     @property
+    def facts(self) -> dict[str, str]:
+        """How many rows remain."""
+        return {
+            "rows": f"{len(self.model):,}",
+            "kept": f"{self.count - int(self.prune_mask.sum()):,} of {self.count:,}",
+        }
+
+    @property
     def prune_mask(self) -> Mask:
         """Rows [K] of the public model that are gone, whatever the order and number of the rest."""
         mask = np.ones(self.count, np.bool_)
@@ -91,7 +103,7 @@ class Attacked:
     @classmethod
     def without(cls, model: Gaussians, prune_mask: Mask) -> Self:
         """Return `model` without the rows where `prune_mask` [K] is true."""
-        return cls(model.subset(~prune_mask), np.flatnonzero(~prune_mask), len(model))
+        return cls(model[~prune_mask], np.flatnonzero(~prune_mask), len(model))
 
     @classmethod
     def changed(
@@ -155,7 +167,7 @@ class Attack:
     def apply(
         self,
         public: PublicModel | Gaussians,
-        evidence: Evidence,
+        evidence: Evidence = NO_EVIDENCE,
         *,
         seed: int = 0,
         cameras: Sequence[Camera] = (),

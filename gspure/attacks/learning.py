@@ -100,7 +100,7 @@ def prune_repair(
 ) -> Attacked:
     """Remove the rows with ω_k < ω̄ / `tau`, then train the rest on renders of the unpruned model, as `finetune`."""
     prune_mask = plain_prune_mask(weights, tau)
-    pruned = public.with_model(public.model.subset(~prune_mask))
+    pruned = public.with_model(public.model[~prune_mask])
     rows = Teacher("prune_repair", public, cameras, device).train(pruned, rng, iterations, learn)
     return Attacked(rows, np.flatnonzero(~prune_mask), len(prune_mask))
 

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import TEST_EVERY
+from gspure.display import Described
 
 Float64 = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Camera:
+@dataclass(frozen=True, eq=False, repr=False)
+class Camera(Described):
     """One view: its pose, intrinsics and image size.
 
     Axes are COLMAP's (x right, y down, z forward). The centre of the pixel in column i and row j lies at (i + 0.5,
@@ -46,6 +47,16 @@ class Camera:
     viewmat: Float64
     image: Path | None = None
     distortion: tuple[float, ...] = ()
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Name, size, focal length and place."""
+        return {
+            "name": self.name,
+            "size": f"{self.width}x{self.height}",
+            "focal length": f"{self.K[0, 0]:.4g} px",
+            "centre": " ".join(f"{x:.3g}" for x in self.centre),
+        }
 
     @property
     def centre(self) -> Float64:

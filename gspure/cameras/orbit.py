@@ -14,6 +14,7 @@ from gspure.cameras.entry import Entry
 from gspure.cameras.up import guessed_up
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
+from gspure.model.gaussians import Gaussians
 from gspure.progress import say
 
 Floats = NDArray[np.floating[Any]]
@@ -34,8 +35,7 @@ _GOLDEN_ANGLE = 180 * (3 - math.sqrt(5))  # degrees
 
 
 def orbit_cameras(
-    means: Floats,
-    opacities: Floats,
+    model: Gaussians,
     *,
     count: int = 24,
     width: int = 640,
@@ -49,8 +49,8 @@ def orbit_cameras(
 
     Parameters
     ----------
-    means, opacities : arrays [K,3] and [K]
-        The model, framed by its `bounding_sphere`.
+    model : Gaussians
+        Framed by its `bounding_sphere`.
     count : int
         Number of views.
     width, height : int
@@ -69,12 +69,11 @@ def orbit_cameras(
     """
     _require_count("orbit", count)
     placements = [(_ELEVATIONS[i % len(_ELEVATIONS)], 360.0 * i / count, 1.0) for i in range(count)]
-    return _views("orbit", means, opacities, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
+    return _views("orbit", model, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
 
 
 def shell_cameras(
-    means: Floats,
-    opacities: Floats,
+    model: Gaussians,
     *,
     count: int = 48,
     width: int = 640,
@@ -92,7 +91,7 @@ def shell_cameras(
     placements = [
         (math.degrees(math.asin(sine)), i * _GOLDEN_ANGLE, _RADII[i % len(_RADII)]) for i, sine in enumerate(sines)
     ]
-    return _views("shell", means, opacities, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
+    return _views("shell", model, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
 
 
 GENERATED: Final[Mapping[str, Callable[..., list[Camera]]]] = {"orbit": orbit_cameras, "shells": shell_cameras}
@@ -134,8 +133,7 @@ def _quantile(values: Float64, weights: Float64, q: float) -> float:
 
 def _views(
     kind: str,
-    means: Floats,
-    opacities: Floats,
+    model: Gaussians,
     placements: Sequence[tuple[float, float, float]],
     *,
     width: int,
@@ -144,6 +142,7 @@ def _views(
     up: Sequence[float] | None,
 ) -> list[Camera]:
     """Place one view at each (elevation, azimuth, radius); angles in degrees, radius 1 fills the view."""
+    means, opacities = model.means, model.opacities
     centre, radius = bounding_sphere(means, opacities)
     up = _guess(means, opacities, centre, radius) if up is None else up
     values = {"width": width, "height": height, "fov_degrees": fov_degrees, "up": up}

@@ -136,7 +136,7 @@ def read_source(source: Path | str, model: Path | None, **settings: Any) -> list
     if model is None:
         raise InputError(source, "--model", expected="the model to look at", found="nothing")
     rows = read_model(model)
-    return GENERATED[source](rows.means, rows.opacities, **settings)
+    return GENERATED[source](rows, **settings)
 
 
 def add_views(parser: Parser, split: str) -> None:

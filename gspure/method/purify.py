@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gspure import __version__
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
+from gspure.display import Described
 from gspure.method import pruning
 from gspure.method.clustering.diagnosis import Diagnosis, diagnose
 from gspure.method.clustering.selection import Labels, Selection, select
@@ -31,8 +32,8 @@ Array = NDArray[Any]
 Weights = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Purification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Purification(Described):
     """The results of `purify`.
 
     Parameters
@@ -55,6 +56,18 @@ class Purification:
     labels: Labels
     prune_mask: Mask
     diagnosis: Diagnosis
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What was pruned, and why."""
+        diagnosis = self.diagnosis
+        return {
+            "rows": f"{diagnosis.gaussians:,}",
+            "clusters": f"{diagnosis.clusters:,}",
+            "pruned rows": f"{diagnosis.pruned_share:.1%}",
+            "pruned weight": f"{diagnosis.pruned_weight_share:.2%}",
+            "warnings": "; ".join(diagnosis.warnings) or "none",
+        }
 
 
 def purify(
@@ -123,7 +136,7 @@ def purify(
     labels, pruned, diagnosis = decide(rows.means, public.opacities(views), weights)
     settings = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
     return Purification(
-        rows.subset(~pruned).with_comment(f"gspure {__version__} purified {settings} selection={selection}"),
+        rows[~pruned].with_comment(f"gspure {__version__} purified {settings} selection={selection}"),
         weights,
         labels,
         pruned,

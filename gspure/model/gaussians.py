@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import digest
 from gspure.constants import MAX_SH_DEGREE
+from gspure.display import Described
 from gspure.model.activations import logit, sigmoid
 
 Float32 = NDArray[np.float32]
@@ -34,8 +35,8 @@ _BACKGROUND = re.compile(r"gspure background ([01]\.\d+) ([01]\.\d+) ([01]\.\d+)
 _BLOCK_ROWS = 4096
 
 
-@dataclass(frozen=True, eq=False)
-class Gaussians:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gaussians(Described):
     """K Gaussians as a structured array, one row per Gaussian, raw values as stored in a 3DGS PLY.
 
     Writing the table reproduces the file byte for byte, and subsets of rows are bit-identical. The properties below are
@@ -57,6 +58,21 @@ class Gaussians:
 
     def __len__(self) -> int:
         return len(self.table)
+
+    def __getitem__(self, rows: Any) -> Gaussians:
+        """Return some rows, bit-identical: a slice, a mask [K], or numbers."""
+        return Gaussians(np.atleast_1d(self.table[rows]), self.comments)
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Size, colour and extent."""
+        low, high = np.nanpercentile(self.means, [5, 95], axis=0) if len(self) else np.zeros((2, 3))
+        return {
+            "rows": f"{len(self):,}",
+            "SH degree": str(self.sh_degree) if self.sh_degree >= 0 else "none",
+            "columns": str(len(self.table.dtype.names or ())),
+            "extent of 90 %": " x ".join(f"{length:.3g}" for length in high - low),
+        }
 
     @cached_property
     def means(self) -> Float32:
@@ -133,10 +149,6 @@ class Gaussians:
             base = base.base if isinstance(base, np.ndarray) else None
         if base is not None:
             base.madvise(MADV_DONTNEED)
-
-    def subset(self, keep: NDArray[np.bool_]) -> Gaussians:
-        """Return the rows where `keep` [K] is true, bit-identical and in the same order."""
-        return Gaussians(self.table[keep], self.comments)
 
     def with_columns(self, values: Mapping[str, NDArray[Any]]) -> Gaussians:
         """Return a copy in which the named columns hold `values` (each [K])."""

@@ -41,7 +41,7 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     The model has its 3-D filter applied (`gspure.surface.filter.filtered`). Raise `InputError` if the views show too
     few Gaussians for a tetrahedron, or none that is half opaque.
     """
-    points = box_points(model.subset(opaque(model)))
+    points = box_points(model[opaque(model)])
     points = points[shown(points, cameras)]
     if len(points) < 4:  # the corners of one tetrahedron
         expected = f"Gaussians of an opacity above {OPAQUE} in the views"

@@ -104,7 +104,7 @@ class PlantedKey(Key):
         known = {position.tobytes(): i for i, position in enumerate(self.positions[self.carriers])}
         places = np.array([known.get(position.tobytes(), -1) for position in public.model.means], np.intp)
         rows = np.flatnonzero(places >= 0)
-        survivors, places = public.model.subset(places >= 0), places[rows]
+        survivors, places = public.model[places >= 0], places[rows]
         columns = {name: np.zeros(len(rows), np.float32) for name in survivors.columns_named("f_rest_")}
         columns |= {f"f_dc_{i}": self.f_dc[places, i] for i in range(3)}
         return survivors.with_columns(columns | {"opacity": self.opacity[places]}), rows

@@ -118,7 +118,7 @@ class SplatsInSplatsKey(Key):
         else:
             places = exact_matches(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
         rows = np.flatnonzero(places >= 0)
-        survivors, places = public.model.subset(places >= 0), places[rows]
+        survivors, places = public.model[places >= 0], places[rows]
         if extraction == MESSAGE:
             opacities = self._mapped(survivors.opacities, places)
             sh_coeffs = bits.extract(_of_degree(survivors.sh_coeffs, self.hidden.sh_degree), self.shift)
