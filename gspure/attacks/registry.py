@@ -37,7 +37,7 @@ def find_attack(name: str) -> Attack:
 
 
 def _require_evidence(attack: Attack, source: str) -> None:
-    """Refuse an attack that needs evidence nobody measures."""
+    """Refuse an attack with a parameter that is no evidence."""
     known = EVIDENCE | PUBLIC
     if not attack.parameters <= known:
         needs = ", ".join(sorted(attack.parameters))

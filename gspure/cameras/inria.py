@@ -1,10 +1,10 @@
 """cameras.json as 3DGS training writes it into its output folder, and our superset of it.
 
 A list of objects with ``id``, ``img_name``, ``width``, ``height``, ``position`` (camera centre), ``rotation`` (camera
-to world, by rows), ``fx`` and ``fy`` in pixels of that size. Such a file has its principal point in the image centre
-and knows no photographs. Three optional keys of ours lift that: ``cx`` and ``cy`` (pixels), written where the principal
-point is elsewhere, and ``image``, the photograph's path relative to the file's folder. Programs that read the original
-format read ours.
+to world, by rows), ``fx`` and ``fy`` in pixels of that size. Its principal points are the image centres, and it names
+no photographs. Our superset has three optional keys: ``cx`` and ``cy`` (pixels), if the principal point is elsewhere,
+and ``image``, the path of the photograph, relative to the file's folder. Programs that read the original format read
+ours.
 """
 
 from __future__ import annotations
@@ -29,16 +29,15 @@ def parse(source: Path, content: list[Any]) -> list[Camera]:
     Raise `InputError` if a key is missing or of the wrong type, a size or focal length is not positive, a rotation
     not rigid, or a name not unique.
     """
-    return distinct(
-        [_camera(Entry.of(source, f"[{i}]", value), source.parent) for i, value in enumerate(content)], source
-    )
+    entries = [Entry.of(source, f"[{i}]", value) for i, value in enumerate(content)]
+    return distinct([_camera(entry, source.parent) for entry in entries], source)
 
 
 def write_cameras(path: str | Path, cameras: Sequence[Camera]) -> None:
     """Write cameras as cameras.json, one view per line, with every digit of their float64 values."""
     path = Path(path)
     distinct(cameras, path)
-    lines = (json.dumps(_record(i, camera, path)) for i, camera in enumerate(cameras))
+    lines = (json.dumps(_values(i, camera, path)) for i, camera in enumerate(cameras))
     write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
 
 
@@ -59,9 +58,9 @@ def _camera(entry: Entry, folder: Path) -> Camera:
     )
 
 
-def _record(index: int, camera: Camera, path: Path) -> dict[str, Any]:
+def _values(index: int, camera: Camera, path: Path) -> dict[str, Any]:
     fx, fy, cx, cy = (float(camera.K[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    record: dict[str, Any] = {
+    values: dict[str, Any] = {
         "id": index,
         "img_name": camera.name,
         "width": camera.width,
@@ -72,7 +71,7 @@ def _record(index: int, camera: Camera, path: Path) -> dict[str, Any]:
         "fy": fy,
     }
     if (cx, cy) != (camera.width / 2, camera.height / 2):
-        record |= {"cx": cx, "cy": cy}
+        values |= {"cx": cx, "cy": cy}
     if camera.image is not None:
-        record["image"] = os.path.relpath(camera.image.absolute(), path.parent.resolve())
-    return record
+        values["image"] = os.path.relpath(camera.image.absolute(), path.parent.resolve())
+    return values

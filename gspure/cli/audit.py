@@ -31,8 +31,8 @@ def add_arguments(parser: Parser) -> None:
     parser.reads(
         "source",
         "MODEL|CONFIG",
-        f"file of a 3DGS model, or folder of a training run, for which {_CONFIGURATION} is written; or a "
-        "configuration of the workflow, .yaml",
+        "file of a 3DGS model or folder of a training run, or a configuration of the workflow, .yaml; that of a model "
+        f"is written to {_CONFIGURATION}",
     )
     add_cameras(parser, "views of MODEL", required=False)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")

@@ -23,5 +23,5 @@ def add_factors(parser: Parser, *, by_scheme: bool = False) -> None:
             type=float,
             default=None if by_scheme else value,
             metavar="TAU",
-            help=f"prune {pruned} is below 1/TAU of the mean of all (default: {default})",
+            help=f"prune {pruned} is below the mean weight of all rows / TAU (default: {default})",
         )

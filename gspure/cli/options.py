@@ -88,7 +88,7 @@ def add_energy(parser: Parser, *energies: str) -> None:
         "center_ray": "as ray, but only on the ray through the Gaussian's centre",
     }
     meanings = "; ".join(f"{energy}: {described[energy]}" for energy in energies)
-    parser.choice("--energy", energies, meanings, energies[0])
+    parser.choice("--energy", energies, f"value of a Gaussian at a pixel; {meanings}", energies[0])
 
 
 def camera_source(text: str) -> Path | str:

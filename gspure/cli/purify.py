@@ -38,7 +38,7 @@ files in DIR:
   prune_mask.npy     bool [K]      true where the row was removed
   cameras.json       the views
   diagnosis.json     diagnosis of clustering and renders, with warnings and suspicious rows
-  renders/           held-out views before and after, and between pruning and repair
+  renders/           held-out views of the model before and after pruning, and after repair
   metrics.csv        metrics of the renders after pruning (and repair), against those before
   figures/           clusters, weights, kept and pruned rows, before and after; if one fails, a warning says why
 
@@ -73,8 +73,8 @@ def add_arguments(parser: Parser) -> None:
         nargs="?",
         const=ITERATIONS,
         metavar="ITERATIONS",
-        help="after pruning, train the rest on renders of MODEL at the views of the weights, as the attack "
-        "`prune_repair` (without a number: %(const)s iterations)",
+        help="after pruning, train the remaining Gaussians on renders of MODEL, as the attack `prune_repair` does "
+        "(default: %(const)s iterations)",
     )
     add_device(parser)
 

@@ -22,12 +22,12 @@ OUTLYING: Final = 10.0
 """Distance from the median centre, in extents of the scene, beyond which a row is outlying. Ours."""
 
 STRETCH: Final = 2.0
-"""Most that outlying rows may multiply the standard deviation of a coordinate by; else they are left out. Ours."""
+"""Largest factor of a coordinate's standard deviation due to outlying rows; above it, they are left out. Ours."""
 
 _STRETCH_WARNED: Final = 1.1
 
 LARGEST: Final = 1e6
-"""Rows that are left out get features up to this; others stay within the square root of their number. Ours."""
+"""Largest feature of rows that are left out; those of others are at most the square root of their number. Ours."""
 
 
 def standardize(columns: NDArray[Any], counted: NDArray[np.bool_] | slice = slice(None)) -> NDArray[np.float64]:
@@ -56,8 +56,8 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
         \frac{\omega_k - \mu_\omega}{\sigma_\omega}\right)
 
     (paper, §Geometrically Accurate Feature Clustering.) Positions, in world units, are standardized per coordinate.
-    `OUTLYING` rows that `STRETCH` the positions are left out of means and standard deviations, with a warning: one of
-    them can make all other positions equal.
+    A single far row can make all other positions nearly equal, so `OUTLYING` rows that increase a standard deviation
+    by more than `STRETCH` are left out of means and standard deviations, with a warning.
 
     Raise `InputError` if any value is not finite, with the number of such rows and the first of them.
     """
