@@ -45,6 +45,7 @@ class Limits:
     """Models, as scheme and asset, whose message was not extracted."""
 
     against_renders: list[tuple[str, str]]
+    has_detectors: bool
     views: list[int]
     """The different numbers of views per model and target, in ascending order."""
 
@@ -72,6 +73,7 @@ def limits(outcomes: Sequence[Outcome]) -> Limits:
         one_scene=[condition for condition, known in sorted(scenes.items()) if len(known) == 1],
         without_key=sorted(models - {(o.scheme, o.asset) for o in outcomes if o.messages}),
         against_renders=sorted({(o.scheme, o.asset) for o in outcomes if not o.against_truth}),
+        has_detectors=any(o.detections for o in outcomes),
         views=sorted({count for o in outcomes for count in o.views.values()}),
     )
 
