@@ -207,6 +207,22 @@ def test_a_users_model_is_judged_without_photographs_and_controls():
     assert [row.variant for row in audit.where(True)] == ["gspure"]
 
 
+def test_a_scene_without_the_mark_counts_neither_in_drops_nor_in_scenes(outcomes):
+    values = dict.fromkeys(METRICS, 1.0) | {"psnr": 20.0}
+    targets = {"scene": ViewMetrics("scene", "mean", TRUTH, values)}
+    unmarked = [replace(o, scene="other", detections={}, targets=targets) for o in outcomes[:3]]
+    both = with_references([*outcomes, *unmarked])
+    assert survival(both) == survival(outcomes)
+    (audit,) = audits(both, survival(both), [])
+    assert audit.scenes == 1
+
+
+def test_the_scenes_psnr_is_listed_for_attacks_only():
+    of_own = [replace(outcome(name, 98.0, psnr), reference={}) for name, psnr in (("gspure", 30.0), ("clean", 35.0))]
+    (audit,) = audits(of_own, survival(of_own), [])
+    assert [row.variant for row, _ in audit.scene_psnr] == ["gspure"]
+
+
 def test_tables_have_readings_rates_and_chance(outcomes, tmp_path):
     text = results_markdown(outcomes)
     assert "98.0% (± 0)" in text

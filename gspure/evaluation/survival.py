@@ -141,7 +141,8 @@ def _survival(
     levels: Mapping[str, Cells],
     scene_psnr: Mapping[str, Cells],
 ) -> Survival:
-    attacked, unattacked = ([o for o in alike if o.variant == name] for name in (variant, UNATTACKED))
+    known = [o for o in alike if extraction in o.messages]
+    attacked, unattacked = ([o for o in known if o.variant == name] for name in (variant, UNATTACKED))
     before, after, scene_floor = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
     if is_picture(extraction):
         present_before = _present(before, scene_floor) - _by_retrieval(unattacked, extraction, succeeds=False)

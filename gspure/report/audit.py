@@ -20,6 +20,7 @@ from gspure.evaluation.outcomes import (
     Outcome,
     by_condition,
     condition_of,
+    is_picture,
     ordered,
 )
 from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, known_interval
@@ -157,7 +158,8 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
     by_variant = {variant: row for (extraction, variant), row in left.items() if extraction == judged_by}
     attacks = sorted((row for row in by_variant.values() if row.variant != UNATTACKED), key=_damage)
     judged = [row for row in attacks if row.present and row.reached is not False]
-    cells = {(o.scene, o.seed) for o in outcomes if not o.failure}
+    known = [o for o in outcomes if not o.failure and (is_picture(judged_by) or judged_by in o.messages)]
+    cells = {(o.scene, o.seed) for o in known}
     scenes = {scene for scene, _ in cells}
     as_run = [c for c in contests if isnan(c.damage)]
     return Audit(
@@ -233,7 +235,8 @@ def _drop(outcomes: Sequence[Outcome], target: str) -> Interval | None:
 
 
 def _scene_psnr(outcomes: Sequence[Outcome]) -> list[tuple[Summary, Interval]]:
-    rows = [(row, row.scene) for row in summarize(outcomes) if row.variant != UNATTACKED and row.scene]
+    attacks = [o for o in outcomes if o.variant != UNATTACKED and not o.is_control]
+    rows = [(row, row.scene) for row in summarize(attacks) if row.scene]
     return sorted(rows, key=lambda pair: -pair[1].mean)
 
 
