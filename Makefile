@@ -9,10 +9,11 @@ SNAKEFILES := Snakefile rules
 # Each step of the set-up leaves one of these behind when it is done.
 PACKAGES := $(VENV)/.packages
 DEV_PACKAGES := $(VENV)/.packages-dev
+DOCS_PACKAGES := $(VENV)/.packages-docs
 OPENCL := $(VENV)/.opencl
 GL := $(VENV)/.gl
 
-.PHONY: help demo test setup opencl gl lint format bench torture lock clean
+.PHONY: help demo test setup opencl gl lint format docs bench torture lock clean
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
 
@@ -47,6 +48,10 @@ format: $(DEV_PACKAGES) ## put the code into the style that lint checks
 	@$(BIN)/ruff format .
 	@$(BIN)/snakefmt $(SNAKEFILES)
 
+docs: $(DOCS_PACKAGES) ## build the documentation: build/site
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@echo "The documentation: $(CURDIR)/build/site/index.html"
+
 bench: $(DEV_PACKAGES) $(OPENCL) ## measure speed
 	@$(BIN)/python -m pytest benchmarks
 
@@ -61,6 +66,7 @@ lock: $(DEV_PACKAGES) ## choose the newest versions that pyproject.toml allows, 
 	@$(PIP) install uv
 	@$(LOCK) --upgrade pyproject.toml --output-file setup/requirements.lock
 	@$(LOCK) --upgrade pyproject.toml --output-file setup/requirements-dev.lock --extra dev --constraints setup/requirements.lock
+	@$(LOCK) --upgrade pyproject.toml --output-file setup/requirements-docs.lock --extra docs --constraints setup/requirements-dev.lock
 
 clean: ## remove the set-up and all caches; results and stages stay
 	@rm -rf $(VENV) build dist .pytest_cache .ruff_cache .mypy_cache .hypothesis .benchmarks
@@ -79,6 +85,11 @@ $(PACKAGES): $(BIN)/pip setup/requirements.lock pyproject.toml
 $(DEV_PACKAGES): $(PACKAGES) setup/requirements-dev.lock
 	@echo "setup: installing what the tests need"
 	@$(PIP) install --use-pep517 --no-deps --requirement setup/requirements-dev.lock
+	@touch $@
+
+$(DOCS_PACKAGES): $(PACKAGES) setup/requirements-docs.lock
+	@echo "setup: installing what the documentation needs"
+	@$(PIP) install --use-pep517 --no-deps --requirement setup/requirements-docs.lock
 	@touch $@
 
 $(OPENCL): $(PACKAGES) setup/opencl.sh

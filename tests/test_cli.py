@@ -82,7 +82,7 @@ def test_every_command_shows_examples_that_it_accepts(command):
     for example in examples(command):
         _, named, *arguments = example
         assert named == command
-        cli._parser(command).parse_args(arguments)
+        cli.parser_of(command).parse_args(arguments)
 
 
 def test_examples_of_the_stages_pasted_one_after_the_other_purify_a_model(asset, monkeypatch):

@@ -66,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not argv or argv[0] not in COMMANDS:
         _overview(argv)
     try:
-        args = _parser(argv[0]).parse_args(argv[1:])
+        args = parser_of(argv[0]).parse_args(argv[1:])
         progress.quiet = getattr(args, "quiet", False)
         require_distinct(args)
         return _costed(args)
@@ -100,7 +100,7 @@ def _refuse(command: str, reason: str) -> int:
     return 2
 
 
-def _parser(name: str) -> argparse.ArgumentParser:
+def parser_of(name: str) -> argparse.ArgumentParser:
     """Return the parser of one command; the others are not imported."""
     module = _module(name)
     parser = Parser(

@@ -1,0 +1,142 @@
+"""What mkdocs needs to build the site: pages from outside docs/, generated references, links and formulas."""
+
+from __future__ import annotations
+
+import html
+import os
+import posixpath
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+ROOT = Path(__file__).parents[1]
+REPORT = ROOT / "results" / "report.html"
+OUTSIDE = {
+    "README.md": "index.md",
+    "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "RESPONSIBLE_USE.md": "responsible-use.md",
+    "benchmarks/results.md": "benchmarks.md",
+    "benchmarks/torture.md": "torture.md",
+    "config/README.md": "configuration.md",
+}
+"""Pages of the repository, and their places on the site."""
+
+CLASSES = (
+    "gspure.model.Gaussians",
+    "gspure.cameras.Camera",
+    "gspure.method.purify.Purification",
+    "gspure.attacks.Attack",
+    "gspure.attacks.Attacked",
+    "gspure.public_model.PublicModel",
+    "gspure.schemes.scheme.Scheme",
+    "gspure.schemes.scheme.Key",
+)
+"""What the functions of the public interface take and return."""
+
+
+def python_page() -> str:
+    """Return the reference of the public interface."""
+    import gspure
+
+    names = [f"gspure.{name}" for name in gspure.__all__ if name != "__version__"]
+    parts = (f"## {title}\n\n" + "".join(f"::: {name}\n" for name in listed) for title, listed in _parts(names))
+    return "# Python\n\n" + "\n".join(parts)
+
+
+def _parts(names: list[str]) -> Iterator[tuple[str, list[str]]]:
+    yield "The public interface", names
+    yield "Models, cameras, results", list(CLASSES)
+
+
+def commands_page() -> str:
+    """Return the help of every command."""
+    os.environ["COLUMNS"] = "100"
+    from gspure.cli import COMMANDS, parser_of
+
+    return "# Commands\n\n" + "\n".join(
+        f"## gspure {name}\n\n```text\n{parser_of(name).format_help()}```\n" for name in COMMANDS
+    )
+
+
+def settings_page() -> str:
+    """Return a table of every setting of the workflow."""
+    schema = yaml.safe_load((ROOT / "schemas" / "config.schema.yaml").read_text(encoding="utf-8"))
+    lines = ["# Settings", "", schema["description"], ""]
+    for name, settings in schema["properties"].items():
+        lines += [f"## {name}", "", settings["description"], ""]
+        rows = list(_settings(settings, ""))
+        lines += ["| setting | default | meaning |", "| --- | --- | --- |", *rows, ""] if rows else []
+    return "\n".join(lines)
+
+
+def _settings(schema: dict[str, Any], prefix: str) -> Iterator[str]:
+    for name, setting in schema.get("properties", {}).items():
+        default = f"`{setting['default']}`" if "default" in setting else ""
+        meaning = " ".join(setting.get("description", "").split()).replace("|", "\\|")
+        yield f"| `{prefix}{name}` | {default} | {meaning} |"
+        yield from _settings(setting, f"{prefix}{name}.")
+    if isinstance(schema.get("additionalProperties"), dict):
+        yield from _settings(schema["additionalProperties"], f"{prefix}NAME.")
+
+
+REFERENCE = {
+    "reference/python.md": python_page,
+    "reference/commands.md": commands_page,
+    "reference/settings.md": settings_page,
+}
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the pages from outside docs/, the references and, if there is one, the report of the demo."""
+    from mkdocs.structure.files import File
+
+    for source, place in OUTSIDE.items():
+        files.append(File.generated(config, place, content=(ROOT / source).read_text(encoding="utf-8")))
+    for place, page in REFERENCE.items():
+        files.append(File.generated(config, place, content=page()))
+    if REPORT.is_file():
+        files.append(File.generated(config, "report.html", abs_src_path=str(REPORT)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Let links lead to pages of the site; those to other files of the repository become text."""
+    place = page.file.src_uri
+    source = next((path for path, at in OUTSIDE.items() if at == place), f"docs/{place}")
+    if place == "results.md" and REPORT.is_file():
+        markdown += "\n[The report of the demo](report.html), with its model in 3-D.\n"
+    parts = re.split(r"(^```.*?^```$)", markdown, flags=re.MULTILINE | re.DOTALL)
+    parts[::2] = (relinked(part, source, place) for part in parts[::2])
+    return "".join(parts)
+
+
+def relinked(text: str, source: str, place: str) -> str:
+    """Return Markdown of a file `source` whose links fit a page at `place`."""
+
+    def link(match: re.Match[str]) -> str:
+        mark, label, target = match.groups()
+        path, hash_, anchor = target.partition("#")
+        if not path or "://" in path:
+            return match[0]
+        path = posixpath.normpath(posixpath.join(posixpath.dirname(source), path))
+        if path not in OUTSIDE and not path.startswith("docs/"):
+            return label if not mark else ""
+        at = OUTSIDE.get(path, path.removeprefix("docs/"))
+        return f"{mark}[{label}]({posixpath.relpath(at, posixpath.dirname(place) or '.')}{hash_}{anchor})"
+
+    return re.sub(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)", link, text)
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Turn formulas into MathML, which browsers show without scripts."""
+    from latex2mathml.converter import convert
+
+    def formula(match: re.Match[str]) -> str:
+        display = "block" if match[1] == "div" else "inline"
+        return convert(html.unescape(match[2]), display=display)
+
+    return re.sub(r'<(div|span) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', formula, content, flags=re.DOTALL)

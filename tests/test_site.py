@@ -1,0 +1,80 @@
+"""The documentation site: its tutorial runs, its references are complete, and it builds without warnings."""
+
+import importlib.util
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+import gspure
+from gspure.cli import COMMANDS, main
+from gspure.scenes import lighting
+from tests.documentation import PAGES, ROOT, blocks
+
+SPEC = importlib.util.spec_from_file_location("site_pages", ROOT / "setup" / "site.py")
+site = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(site)
+
+
+def test_the_commands_of_the_tutorial_run_one_after_the_other(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, value in {"NODE_SPACING": 0.5, "DIRECTIONS": 4, "LAMP_SAMPLES": 2}.items():
+        monkeypatch.setattr(lighting, name, value)  # light maps that are quick to bake
+    smaller = {"pair": ["--width", "48", "--height", "36"], "embed": ["--set", "gaussians=600"]}
+    lines = [line for block in blocks(ROOT / "docs" / "tutorial.md", "sh") for line in block.splitlines()]
+    for program, *arguments in map(shlex.split, lines):
+        if program == "cp":
+            shutil.copy(*arguments)
+        elif arguments[0] == "audit":
+            command = [sys.executable, "-m", "gspure", *arguments, "--dry-run"]
+            assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+        else:
+            assert main([*arguments, *smaller.get(arguments[0], [])]) == 0, arguments
+    assert {path.name for path in Path("purified", "figures").glob("*.png")} >= {"kept.png", "weights.png"}
+
+
+def test_the_references_name_everything():
+    assert all(f"::: gspure.{name}\n" in site.python_page() for name in gspure.__all__ if name != "__version__")
+    assert all(f"## gspure {name}\n" in site.commands_page() for name in COMMANDS)
+    schema = yaml.safe_load((ROOT / "schemas" / "config.schema.yaml").read_text())
+    page = site.settings_page()
+    assert all(f"## {name}\n" in page for name in schema["properties"])
+    assert all(f"| `{name}` |" in page for name in schema["properties"]["method"]["properties"])
+
+
+@pytest.mark.parametrize("name", site.CLASSES)
+def test_the_classes_of_the_reference_exist(name):
+    module, _, attribute = name.rpartition(".")
+    assert getattr(importlib.import_module(module), attribute).__doc__
+
+
+@pytest.mark.parametrize(
+    ("source", "place", "link", "expected"),
+    [
+        ("README.md", "index.md", "[a](docs/method.md#p)", "[a](method.md#p)"),
+        ("README.md", "index.md", "![a](docs/pictures/x.png)", "![a](pictures/x.png)"),
+        ("docs/method.md", "method.md", "[a](../README.md)", "[a](index.md)"),
+        ("docs/method.md", "method.md", "[`a`](../gspure/constants.py)", "`a`"),
+        ("docs/method.md", "method.md", "[a](#here) [b](https://example.org)", "[a](#here) [b](https://example.org)"),
+    ],
+)
+def test_links_lead_to_pages_of_the_site_or_nowhere(source, place, link, expected):
+    assert site.relinked(link, source, place) == expected
+
+
+def test_every_page_is_in_the_navigation():
+    text = (ROOT / "mkdocs.yml").read_text()
+    places = {site.OUTSIDE.get(str(page.relative_to(ROOT)), page.name) for page in PAGES}
+    assert [place for place in sorted(places) if f": {place}\n" not in text] == []
+
+
+def test_the_site_builds_without_warnings(tmp_path):
+    pytest.importorskip("mkdocs", reason="gspure[docs] is not installed")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "<math" in (tmp_path / "method" / "index.html").read_text()
