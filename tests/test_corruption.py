@@ -137,6 +137,13 @@ def test_stages_are_pruned_by_the_indices_alone(capsys):
     assert sorted(path.name for path in STAGES.glob("*.npy")) == ["a.key.npy", "b.key.npy", "c.key.npy"]
 
 
+def test_stages_of_another_project_are_not_pruned(tmp_path, capsys):
+    save_array(tmp_path / "other" / "a.key.npy", np.zeros(0, CONTRIBUTION))
+    assert main(["stages", "prune", "--stages", str(tmp_path / "other")]) == 2
+    assert "other: stages: expected some that" in capsys.readouterr().err
+    assert (tmp_path / "other" / "a.key.npy").exists()
+
+
 def test_a_corrupt_artifact_is_kept_aside_without_its_checksum():
     flipped(OMEGA)
     content = OMEGA.read_bytes()

@@ -1,6 +1,7 @@
 """Pairs: a scene and a message from the same poses, ray-traced or of captures that have worlds of their own."""
 
 import re
+import shutil
 from dataclasses import replace
 from itertools import islice
 
@@ -210,3 +211,11 @@ def test_a_message_photograph_of_another_size_is_resized_to_the_view(pair_folder
     pair = read_pair(folder)
     assert pair.message.images[0].shape == (36, 48, 3)
     assert np.abs(pair.message.images[0] - read_pair(pair_folder).message.images[0]).mean() < 0.01
+
+
+def test_scene_and_message_of_two_pairs_are_refused(pair_folder, own_pair_folder, tmp_path):
+    shutil.copytree(pair_folder, tmp_path / "pair")
+    shutil.rmtree(tmp_path / "pair" / "message")
+    shutil.copytree(own_pair_folder / "message", tmp_path / "pair" / "message")
+    with pytest.raises(InputError, match=r"message/cameras\.json: pair: expected the settings of"):
+        read_pair(tmp_path / "pair")

@@ -113,6 +113,15 @@ def test_copies_of_message_scene_and_decoys_are_no_further_candidates(tmp_path: 
     assert read_table(tmp_path / "r.csv", Retrieved)[0].retrieval == alone
 
 
+def test_two_extractions_of_one_variant_are_refused(tmp_path: Path, capsys) -> None:
+    retrieved(tmp_path, lambda image: image)
+    second = photographs(tmp_path / "other" / "gspure" / "renders" / "message", 0)
+    extractions = [tmp_path / "gspure" / "renders" / "message", second]
+    words = [tmp_path / "pair" / "message", "--extractions", *extractions, "--out", tmp_path / "r.csv"]
+    assert main(["retrieve", *map(str, words)]) == 2
+    assert f"{second}: gspure: expected one folder" in capsys.readouterr().err
+
+
 def test_blank_decoys_of_a_blank_view_are_candidates(tmp_path: Path) -> None:
     for folder in ("pair/scene", "pair/message", "gspure/renders/message", "decoy"):
         write_image(tmp_path / folder / "view_0.png", np.zeros((8, 8, 3)))

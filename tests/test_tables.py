@@ -1,21 +1,23 @@
 """Tables over schemes, scenes and variants."""
 
 import csv
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gspure.artifacts import write_json
+from gspure.artifacts import save_array, write_json
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import RENDER, compare, pair_images, read_metrics, write_metrics
+from gspure.evaluation.comparison import RENDER, TRUTH, compare, pair_images, read_metrics, write_metrics
+from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.metrics import METRICS, Metric
 from gspure.evaluation.outcomes import collect
 from gspure.evaluation.results import read_results, write_results
-from gspure.evaluation.retrieval import Retrieval
+from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.evaluation.summary import summarize
 from gspure.failures import Failure, status_of
 from gspure.images import write_image
@@ -97,6 +99,27 @@ def test_a_variant_measured_in_other_views_is_refused(tmp_path: Path, of_variant
         write_metrics(tmp_path / "planted" / "room" / variant / "metrics.csv", rows)
     with pytest.raises(InputError, match=message):
         collect(sorted(tmp_path.rglob("metrics.csv")))
+
+
+def test_a_variant_compared_with_renders_has_no_drop_from_photographs(tmp_path: Path) -> None:
+    for variant, reference in (("unattacked", TRUTH), ("gspure", RENDER)):
+        rows = [measured("scene", 30.0, reference=reference, view="a")]
+        write_metrics(tmp_path / "planted" / "room" / variant / "metrics.csv", rows)
+    with pytest.raises(InputError, match="scene: expected reference truth, as unattacked has, found render"):
+        collect(sorted(tmp_path.rglob("metrics.csv")))
+
+
+def test_two_masks_or_retrievals_of_one_model_are_refused(tmp_path: Path) -> None:
+    metrics, masks = results(tmp_path)[:2]
+    copy = masks[0].parent / "copy" / masks[0].name
+    save_array(copy, np.load(masks[0]))
+    with pytest.raises(InputError, match=f"a second one beside {re.escape(str(masks[0]))}"):
+        collect(metrics, [*masks, copy])
+    retrievals = [tmp_path / run / "planted" / "room" / "retrieval.csv" for run in "ab"]
+    for path in retrievals:
+        write_table(path, Retrieved, [])
+    with pytest.raises(InputError, match="one file for every model, found 2 of 1"):
+        collect(metrics, retrievals=retrievals)
 
 
 @pytest.mark.parametrize("second", ["e2/planted/room", "e1/planted/room@0", "e1/planted/room"])

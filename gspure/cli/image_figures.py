@@ -64,7 +64,7 @@ def _draw_attacks(args: Arguments) -> Drawn:
     from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, ordered
     from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, typical, write_lineup
-    from gspure.images import read_image
+    from gspure.images import read_image, require_same_cameras
 
     folders, results = args.column, read_results(args.table)
     of_asset = [o for o in results if f"{o.scheme}/{o.asset}" == args.asset]
@@ -89,6 +89,8 @@ def _draw_attacks(args: Arguments) -> Drawn:
         images = {target: _target_folder(folders[title], target) / f"{view}.png" for target in rendered}
         columns.append(_variant(title, images, outcome))
         files |= {f"{title} {target}": path for target, path in images.items()}
+        for target, path in images.items():
+            require_same_cameras(_target_folder(folders[reference], target), path.parent, [view])
     write_lineup(args.out, targets, columns)
     caption = f"View {view} of {len(views)} after every attack: the one with the median {compared} PSNR before attacks."
     if any(column.unreached for column in columns):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
+from gspure.errors import InputError
 
 HELP = "test whether extractions retrieve the message among candidates"
 EXAMPLES = """\
@@ -23,6 +24,8 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the table."""
+    from pathlib import Path
+
     from gspure.artifacts import write_provenance
     from gspure.cameras.off_path import PREFIX
     from gspure.evaluation.comparison import pair_images
@@ -30,7 +33,8 @@ def run(args: Arguments) -> None:
     from gspure.evaluation.retrieval import Retrieved, compare_candidates, false_candidates, retrieval
     from gspure.progress import track
 
-    rows, used = [], set()
+    rows: list[Retrieved] = []
+    used: set[Path] = set()
     for folder in track(args.extractions, "retrieval"):
         views = [pair for pair in pair_images(args.message, folder)[0] if not pair.view.startswith(PREFIX)]
         similarities = []
@@ -38,6 +42,9 @@ def run(args: Arguments) -> None:
             files = false_candidates(pair, index, args.decoys)
             similarities.append(compare_candidates(pair, files))
             used |= {pair.reference, pair.image, *files}
-        rows.append(Retrieved(folder.resolve().parts[-3], folder.name, retrieval(similarities)))
+        variant, target = folder.resolve().parts[-3], folder.resolve().name
+        if any(row[:2] == (variant, target) for row in rows):
+            raise InputError(folder, variant, expected="one folder for every variant and target", found="a second one")
+        rows.append(Retrieved(variant, target, retrieval(similarities)))
     write_table(args.out, Retrieved, rows)
     write_provenance(args.out, inputs={path.as_posix(): path for path in sorted(used)}, settings={})

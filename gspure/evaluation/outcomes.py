@@ -230,10 +230,14 @@ def collect(
         raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
     rows = {path: read_metrics(path) for path in metrics}
     _require_distinct(metrics)
+    _require_equal_references(rows)
     _require_equal_views(rows)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.resolve().parts[-3:-1]: read_table(path, Retrieved) for path in retrievals}
+    if len(retrieved) < len(retrievals):
+        found = f"{len(retrievals)} of {len(retrieved)}"
+        raise InputError("table", "retrievals", expected="one file for every model", found=found)
     outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.asset), ()))) for o in outcomes]
     for model in conditions.keys() - {f"{o.scheme}/{o.asset}" for o in outcomes} if not failures else ():
         raise InputError("table", "condition", expected="a model with metrics", found=model)
@@ -318,6 +322,16 @@ def _require_distinct(metrics: Sequence[Path]) -> None:
             raise InputError(path, o.variant, expected=expected, found=f"a second one beside {first}")
 
 
+def _require_equal_references(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
+    """Raise `InputError` if a variant is compared with renders and the unattacked model with photographs."""
+    references_of = {path.resolve(): {row.target: row.reference for row in rows} for path, rows in rows_of.items()}
+    for path, references in references_of.items():
+        before = references_of.get(path.parent.parent / UNATTACKED / path.name, {})
+        for target, reference in references.items():
+            if (expected := before.get(target, reference)) != reference:
+                raise InputError(path, target, expected=f"reference {expected}, as {UNATTACKED} has", found=reference)
+
+
 def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
     """Raise `InputError` if two means would be over different views: their difference would not be a drop."""
     views_of = {path.resolve(): _views_in_means(rows) for path, rows in rows_of.items()}
@@ -379,7 +393,12 @@ def _verdict(verdict: Path | None) -> dict[str, Any]:
 
 
 def _below(folder: Path, files: Iterable[Path]) -> Path | None:
-    return next((file for file in files if file.resolve().is_relative_to(folder)), None)
+    """Return the file below a folder, or None; raise `InputError` if there are several."""
+    below = {path: file for file in files if (path := file.resolve()).is_relative_to(folder)}
+    first, *others = below.values() or [None]
+    if others:
+        raise InputError(str(others[0]), "file", expected="one for every folder", found=f"a second one beside {first}")
+    return first
 
 
 def _difference(a: float, b: float) -> float:

@@ -225,10 +225,14 @@ def _stage(index: Path, row: Sequence[str]) -> Stage:
 def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
     """Delete the stage files below `folder` that none of `indices` lists, with their checksums.
 
-    Return the number of deleted stages and of freed bytes.
+    Return the number of deleted stages and of freed bytes. Raise `InputError` if the indices list none of the stages.
     """
     listed = {stage.path.resolve() for index in indices for stage in read_index(index)}
-    unlisted = [path for path in sorted(folder.rglob("*.npy")) if path.resolve() not in listed]
+    stages = sorted(folder.rglob("*.npy"))
+    unlisted = [path for path in stages if path.resolve() not in listed]
+    if stages and len(unlisted) == len(stages):
+        hint = "to drop every stage, delete the folder"
+        raise InputError(folder, "stages", expected=f"some that {indices[0]} or others list", found="none", hint=hint)
     files = [file for stage in unlisted for file in (stage, record_file(stage)) if file.exists()]
     freed = sum(path.stat().st_size for path in files)
     for path in files:

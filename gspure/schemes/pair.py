@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from gspure.artifacts.checksums import record_of
 from gspure.cameras import Camera
+from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.staging import Staging, scene_builder
@@ -135,7 +136,11 @@ class Pair:
 
 
 def read_pair(folder: Path, initialization: str = "both") -> Pair:
-    """Read a pair, or raise `InputError` if a file is missing or unreadable."""
+    """Read a pair, or raise `InputError` if a file is missing or unreadable, or scene and message are of two pairs."""
+    cameras = [path / "cameras.json" for path in (Path(folder), message_folder(folder))]
+    first, second = ((record_of(path) or {}).get("settings") for path in cameras)
+    if first and second and first != second:
+        raise InputError(cameras[1], "pair", expected=f"the settings of {cameras[0]}", found="those of another pair")
     scene, message = (Capture.read(path) for path in (Path(folder), message_folder(folder)))
     return Pair(scene, message, initialization, _staging(Path(folder) / "cameras.json"))
 
