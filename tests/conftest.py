@@ -25,6 +25,14 @@ def pytest_generate_tests(metafunc):
         metafunc.parametrize("device", devices, ids=[f"device{device.index}" for device in devices], scope="session")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def storage_order_of_large_models():
+    """Small models are stored along the curve, too."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gspure.opencl.storage.FEW", 0)
+        yield
+
+
 @pytest.fixture(params=["cpu", "gpu"])
 def style(request):
     return request.param

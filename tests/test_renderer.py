@@ -208,6 +208,16 @@ def test_a_second_run_gives_the_same_bits(device, style, energy):
     assert_same_bits(everything(first, view), expected)
 
 
+def test_the_storage_order_does_not_matter(device, style, energy, monkeypatch):
+    model, view = blobs(257, 7), tilted_camera()
+    sorted_along_the_curve = Renderer(model, device, energy=energy, style=style)
+    monkeypatch.setattr("gspure.opencl.storage.FEW", 257)
+    as_in_the_file = Renderer(model, device, energy=energy, style=style)
+    assert np.array_equal(as_in_the_file._storage.order, np.arange(257))
+    assert not np.array_equal(sorted_along_the_curve._storage.order, np.arange(257))
+    assert_same_bits(everything(as_in_the_file, view), everything(sorted_along_the_curve, view))
+
+
 def test_bands_give_the_same_bits(device, style, energy):
     model, view = blobs(257, 8), tilted_camera(65, 97)
     whole = everything(Renderer(model, device, energy=energy, style=style), view)

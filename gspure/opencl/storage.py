@@ -15,6 +15,9 @@ from gspure.model.activations import sigmoid
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.engine import Engine
 
+FEW = 1 << 14
+"""Gaussians that caches hold in any order: sorting them takes longer than it saves."""
+
 _CHUNK = 1 << 14  # Gaussians converted at a time, to avoid a second copy of the model
 _GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
 _BITS = 10  # of a cell of the Morton curve, per axis
@@ -71,7 +74,7 @@ def store(engine: Engine, model: Gaussians) -> Storage:
         stored[:, 10] = sigmoid(stored[:, 10])
         return stored
 
-    order = morton_order(model.means)
+    order = storage_order(model.means)
     return Storage.along(engine, order, upload_attributes(engine, order, GEOMETRY_ATTRIBUTES, geometry))
 
 
@@ -113,6 +116,11 @@ def positions_of(order: Rows) -> Rows:
     positions = np.empty_like(order)
     positions[order] = np.arange(len(order), dtype=np.uint32)
     return positions
+
+
+def storage_order(means: NDArray[np.float32]) -> Rows:
+    """Return the row at each position; results do not depend on it. `FEW` rows stay as they are."""
+    return morton_order(means) if len(means) > FEW else np.arange(len(means), dtype=np.uint32)
 
 
 def morton_order(means: NDArray[np.float32]) -> NDArray[np.uint32]:

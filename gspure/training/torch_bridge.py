@@ -23,13 +23,10 @@ from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import by_row
 from gspure.opencl.passes import backward, forward
-from gspure.opencl.storage import Storage, morton_order, upload_attributes
+from gspure.opencl.storage import Storage, storage_order, upload_attributes
 from gspure.training.pytorch import torch
 
 Float32 = NDArray[np.float32]
-
-FEW = 1 << 14
-"""Gaussians that caches hold in any order: fewer are stored as they come. Results do not depend on it."""
 
 _BANDS = (1, 4, 9, 16)
 """Spherical-harmonic coefficients per colour, of degrees 0 to 3."""
@@ -128,8 +125,7 @@ class _Frames:
     ) -> int:
         """Render, and return the frame's number; `channels` are features [K,C] or spherical harmonics [K,S,3]."""
         self.last += 1
-        engine = self._engine
-        order = morton_order(means) if len(means) > FEW else np.arange(len(means), dtype=np.uint32)
+        engine, order = self._engine, storage_order(means)
         sh_degree = _BANDS.index(channels.shape[1]) if channels.ndim == 3 else -1
         traversal = Traversal("ewa", channels=channels.shape[-1], sh_degree=sh_degree)
 
