@@ -27,21 +27,9 @@ _SIGNALED: Final = 128
 
 @dataclass(frozen=True)
 class Failure:
-    """A failed job.
+    """A failed job: its rule, the reason in one line, its log, and Snakemake's own log of the run.
 
-    Parameters
-    ----------
-    rule : str
-        Its rule.
-    reason : str
-        One line.
-    log : str
-        Path of its log.
-    run : str
-        Path of Snakemake's own log of the run.
-    missing : sequence of str
-        Results that do not exist because of it: its own, and those of all jobs that need them.
-
+    `missing` are the results that do not exist because of it: its own, and those of all jobs that need them.
     """
 
     rule: str

@@ -147,13 +147,8 @@ class Renderer:
         """Return the opacity [P] that a view's rays have met at each of the world `points` [P,3] (GOF).
 
         Each Gaussian counts by its energy "ray" up to the point: by its maximum if that lies before the point, else by
-        its value at the point. The opacity is 1 where the view does not show the point.
-
-        Raises
-        ------
-        ValueError
-            If the renderer's energy is not "ray".
-
+        its value at the point. The opacity is 1 where the view does not show the point. Raise ValueError if the
+        renderer's energy is not "ray".
         """
         if self.energy != "ray":
             raise ValueError("opacities of points exist for the energy 'ray'")

@@ -28,19 +28,10 @@ _REASON: Final = re.compile(r"^(?:error: *(.*)|(?:\w+\.)*(\w*Error: .*))", re.MU
 
 @dataclass(frozen=True)
 class Trial:
-    """The result of a trivial program and a small frame on one device.
+    """The result of a trivial program and a small frame on one device (`gspure.opencl.device.Device`).
 
-    Parameters
-    ----------
-    index, kind, name, platform, driver
-        As in `gspure.opencl.device.Device`.
-    selected : bool
-        Whether it matches the environment variable GSPURE_DEVICE.
-    problem : str or None
-        Why it does not work; None if it does.
-    seconds : float
-        Time to the frame, with the start of Python, the driver and the builds.
-
+    `selected` says whether it matches the environment variable GSPURE_DEVICE, `problem` why it does not work. The time
+    to the frame includes the start of Python, the driver and the builds.
     """
 
     index: int

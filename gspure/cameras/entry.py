@@ -24,15 +24,7 @@ _RIGID_TOLERANCE = 1e-3  # admits rotations printed with four digits, not scaled
 class Entry:
     """One object of a camera file: every reader method returns a checked value or raises `InputError` naming it.
 
-    Parameters
-    ----------
-    source : Path or str
-        The file, or what else the values came from.
-    where : str
-        Place of the object in the file, such as ``[3]`` or ``camera 1``; empty for the whole file.
-    values : mapping
-        The raw values by key.
-
+    `where` is the place of the object in the `source`, such as ``[3]`` or ``camera 1``; empty for the whole file.
     """
 
     source: Path | str

@@ -29,18 +29,7 @@ _CHECKOUT: Final = Path(gspure.__file__).resolve().parents[1]  # of an editable 
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the report.
-
-    Parameters
-    ----------
-    cells : tuple of str
-        The line, column by column.
-    needed : bool
-        Whether gspure cannot run without it.
-    fix : str, optional
-        The command that fixes it.
-
-    """
+    """One line of the report, column by column; whether gspure cannot run without it, and the command that fixes it."""
 
     ok: bool
     cells: tuple[str, ...]

@@ -14,19 +14,10 @@ from gspure.errors import InputError
 
 @dataclass(frozen=True)
 class Archive:
-    """A zip file of captures, each a COLMAP project.
+    """A zip file of captures, each a COLMAP project, in a `folder` of the archive.
 
-    Parameters
-    ----------
-    url : str
-        Where its publisher has it.
-    terms : str
-        What is known of the terms of use, in a sentence or two.
-    photographs : mapping
-        By scene, the folder of the photographs that papers compare on.
-    folder : str
-        Folder in the archive in which the scenes lie.
-
+    `terms` says what is known of the terms of use, in a sentence or two; `photographs` are, by scene, the folder of
+    those that papers compare on.
     """
 
     url: str

@@ -33,21 +33,10 @@ class Scale:
 
 @dataclass(frozen=True)
 class Cloud:
-    """A coloured point cloud.
+    """A coloured point cloud: world coordinates [N,3] and sRGB colours [N,3].
 
-    Parameters
-    ----------
-    points : float32 array [N,3]
-        World coordinates.
-    colours : uint8 array [N,3]
-        sRGB.
-    scalars : mapping of str to array [N]
-        The data behind the colours, for export.
-    legend : rows of (label, colour)
-        The colours' meaning; empty if there is a scale.
-    scale : Scale, optional
-        The scale of continuous colours.
-
+    `scalars` [N] are the data behind the colours, for export. The rows of the legend are labels with their colours; it
+    is empty if there is a `scale` of continuous colours.
     """
 
     points: NDArray[np.float32]

@@ -31,25 +31,9 @@ _RANKS: Final = (
 
 @dataclass(frozen=True)
 class Evidence:
-    """The data of the figures of one model.
+    """The data of the figures of one model with K >= 1 rows, Gaussians or anchors.
 
-    Parameters
-    ----------
-    means : float32 array [K,3]
-        Centres; K is at least 1.
-    labels : int32 array [K]
-        Clusters, -1 for noise.
-    weights : float32 array [K]
-        Weights ω_k.
-    pruned : bool array [K]
-        True where a Gaussian is pruned.
-    hidden : float32 array [K], optional
-        Weights in views of the message, if there is one.
-    tau_c, tau_n : float
-        Pruning factors.
-    rows : str
-        Gaussians or anchors.
-
+    `pruned` is true where a row is pruned; `hidden` are weights in views of the message, if there is one.
     """
 
     means: NDArray[np.float32]

@@ -35,19 +35,9 @@ _LINES: Final = 6  # and its lines
 
 @dataclass(frozen=True)
 class Column:
-    """The images of one variant.
+    """The images [H,W,3] of one variant, or of the reference, by target; none if it failed.
 
-    Parameters
-    ----------
-    name : str
-        The variant, or the reference.
-    images : mapping of str to float32 array [H,W,3]
-        By target; none if it failed.
-    unreached : collection of str
-        Targets whose carrier the attack did not reach.
-    failure : str
-        Why there are no images.
-
+    `unreached` are the targets whose carrier the attack did not reach; `failure` says why there are no images.
     """
 
     name: str

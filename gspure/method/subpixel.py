@@ -18,14 +18,9 @@ from gspure.model.rotations import principal_axes
 
 @dataclass(frozen=True)
 class Subpixel:
-    """Rows of weight 0 inside an image that cover less than a pixel in every view.
+    """Rows [S] of weight 0 inside an image that cover less than a pixel in every view.
 
-    Parameters
-    ----------
-    rows : int array [S]
-    magnification : float
-        Factor of the views' width at which half of the rows would cover a pixel.
-
+    At `magnification` times the width of the views, half of them would cover a pixel.
     """
 
     rows: NDArray[np.intp]

@@ -23,30 +23,12 @@ _NORMALS = ("nx", "ny", "nz")
 class Summary:
     """Statistics of a model.
 
-    Parameters
-    ----------
-    gaussians : int
-        Rows.
-    sh_degree : int
-        Degree of the spherical harmonics; -1 without colour.
-    signature : Signature
-        The kind of model.
-    columns, further_columns : tuple of str
-        All columns in the file's order, and those that vanilla models do not have.
-    quantiles : dict of str to tuple of float
-        At `LEVELS`, over the finite values: x, y, z (world units), opacity (0 to 1), largest_scale and smallest_scale
-        (of each Gaussian's three standard deviations, world units). Empty if no value is finite.
-    non_finite_rows : int
-        Rows with an infinity or a not-a-number in any column.
-    non_finite_columns : dict of str to (int, int)
-        For each column with such rows: their number, and the first of them.
-    zero_quaternion_rows : int
-        Rows whose rotation is (0, 0, 0, 0).
-    repeated_position_rows : int
-        Rows whose centre is exactly that of an earlier row.
-    suspicious : dict of str to array [n]
-        See `gspure.model.suspicious`.
-
+    `sh_degree` is -1 without colour; `further_columns` are those that vanilla models do not have. The quantiles at
+    `LEVELS` are those of the finite values of x, y, z (world units), opacity (0 to 1), largest_scale and smallest_scale
+    (of each Gaussian's three standard deviations, world units); empty if no value is finite. `non_finite_rows` have an
+    infinity or a not-a-number in any column; `non_finite_columns` are, for each such column, the number of these rows
+    and the first of them. `repeated_position_rows` have exactly the centre of an earlier row. For `suspicious`, see
+    `gspure.model.suspicious`.
     """
 
     gaussians: int

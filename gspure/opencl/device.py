@@ -32,17 +32,10 @@ kernel void scale(global const float16 *input, global float16 *output) {
 
 @dataclass(frozen=True)
 class Device:
-    """One OpenCL device of this machine.
+    """One OpenCL device of this machine, as its driver reports it; `version` is the platform's.
 
-    Parameters
-    ----------
-    index : int
-        Its place in `list_devices`, stable as long as the installed drivers stay the same.
-    kind : "gpu" or "cpu"
-        Everything but a GPU counts as a CPU.
-    name, platform, version, driver : str
-        As reported by the driver; `version` is the platform's.
-
+    `index` is its place in `list_devices`, stable as long as the installed drivers stay the same. Everything but a GPU
+    counts as a CPU.
     """
 
     index: int

@@ -80,16 +80,10 @@ class TrainState:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Statistics of densification by row, since the last reset.
+    """Statistics of densification by row, since the last reset: the number of views that show it, and its gradients.
 
-    Parameters
-    ----------
-    gradient_norms : array [K]
-        Sum over the views that show a Gaussian of the norm of dL/d(projected centre), in 3DGS's NDC units (an image is
-        2 wide and 2 high).
-    views : array [K]
-        Number of those views.
-
+    These are the sum over those views of the norm of dL/d(projected centre), in 3DGS's NDC units (an image is 2 wide
+    and 2 high).
     """
 
     gradient_norms: Float32

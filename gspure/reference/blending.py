@@ -63,19 +63,7 @@ def render(
     features: NDArray[Any] | None = None,
     background: NDArray[Any] | None = None,
 ) -> Reference:
-    """Render a model.
-
-    Parameters
-    ----------
-    model : Gaussians
-    camera : Camera
-    energy : "ewa" or "ray"
-    features : array [K,C], optional
-        One row of channels per Gaussian; the model's view-dependent colours when absent.
-    background : array [C], optional
-        Zero when absent.
-
-    """
+    """Render a model, or `features` [K,C] of its Gaussians; the background [C] is zero by default."""
     if features is None:
         features = sh_colors(model.sh_coeffs, model.means, camera.centre)
     features = np.asarray(features, np.float64)

@@ -34,20 +34,8 @@ Energy = Literal["ewa", "ray"]
 class Projected:
     """The V visible Gaussians of a view, front to back: by (view z of the centre, row of the model).
 
-    Parameters
-    ----------
-    rows : int array [V]
-        Rows of the model.
-    depths : array [V]
-        View-space z of the centres.
-    opacities : array [V]
-    means : array [V,3]
-        Centres in view space.
-    covs : array [V,3,3]
-        Covariances in view space.
-    means2d : array [V,2]
-        Projected centres in pixels.
-
+    `depths` are the view z of the centres, `means` [V,3] and `covs` [V,3,3] are in view space, `means2d` [V,2] in
+    pixels.
     """
 
     rows: NDArray[np.intp]

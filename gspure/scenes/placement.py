@@ -18,15 +18,7 @@ WALL_HEIGHT = 3.7
 class Placement:
     """How far a stage's surfaces stand before those of an unmoved one.
 
-    Parameters
-    ----------
-    floor : float
-        Height of the floor, metres.
-    inset : float
-        Metres by which the walls come nearer.
-    faces : tuple of int
-        The faces of the room that exist.
-
+    The floor lies `floor` metres higher, the walls come `inset` metres nearer, and only some `faces` of the room exist.
     """
 
     floor: float = 0.0

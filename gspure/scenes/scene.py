@@ -18,17 +18,9 @@ _RAYS_AT_ONCE = 8192
 
 @dataclass(frozen=True)
 class Lamp:
-    """A horizontal square that shines downwards.
+    """A horizontal square that shines downwards: its centre and edge length in metres, and its linear RGB radiance.
 
-    Parameters
-    ----------
-    centre : vector
-        Metres.
-    side : float
-        Edge length, metres: the wider, the softer its shadows.
-    radiance : vector
-        Linear red, green and blue.
-
+    The longer its edge, the softer its shadows.
     """
 
     centre: Vector
@@ -40,13 +32,8 @@ class Lamp:
 class Scene:
     """Solids under a lamp.
 
-    Parameters
-    ----------
-    sky : vector
-        Linear radiance that comes from where a ray leaves the scene; it fills the shadows.
-    background : vector
-        Display colour of a pixel whose ray leaves the scene.
-
+    Where a ray leaves the scene, `sky` is the linear radiance that comes from there and fills the shadows, and
+    `background` the display colour of the pixel.
     """
 
     solids: tuple[Solid, ...]

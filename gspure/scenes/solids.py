@@ -71,21 +71,11 @@ class Solid(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box, turned by `yaw` about the vertical.
+    """A box, turned by `yaw` radians about the vertical; centre and edge lengths are in metres.
 
-    Parameters
-    ----------
-    centre, size : vectors
-        Centre and edge lengths, metres.
-    textures : tuple of Texture
-        One for all faces, or six in the order of the face numbers.
-    yaw : float
-        Radians.
-    detail : float
-        How much its errors count when Gaussians are dealt out to surfaces; a wall's count 1.
-    faces : tuple of int
-        The faces that exist; by default all but the bottom, on which it stands.
-
+    It has one texture for all faces, or six in the order of the face numbers. `detail` is how much its errors count
+    when Gaussians are dealt out to surfaces; a wall's count 1. Only some `faces` exist, by default all but the bottom,
+    on which it stands.
     """
 
     centre: Vector

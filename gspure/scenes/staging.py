@@ -38,18 +38,7 @@ def scene_builder(name: str) -> BuildScene | None:
 
 @dataclass(frozen=True)
 class Staging:
-    """A scene and a message.
-
-    Parameters
-    ----------
-    scene, message : str
-        Of `NAMES`.
-    placement : str
-        Position of the message's surfaces, a name in `gspure.scenes.placement.PLACEMENTS`.
-    protocol : str
-        Of `PROTOCOLS`.
-
-    """
+    """A scene and a message of `NAMES`, the `PLACEMENTS` of the message's surfaces, and one of `PROTOCOLS`."""
 
     scene: str
     message: str

@@ -38,19 +38,10 @@ _TILE = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class Surfels:
-    """N flat Gaussians.
+    """N flat Gaussians: centres [N,3] in metres, and display colours [N,3] in 0..1.
 
-    Parameters
-    ----------
-    means : array [N,3]
-        Centres, metres.
-    frames : array [N,3,3]
-        Principal axes by rows, unit and right-handed: the two sides of the tile, and one across the surface.
-    scales : array [N,3]
-        Standard deviations along them, metres.
-    colours : array [N,3]
-        Display values in 0..1.
-
+    The rows of a frame [N,3,3] are its principal axes, unit and right-handed: the two sides of the tile, and one across
+    the surface. `scales` [N,3] are the standard deviations along them, in metres.
     """
 
     means: Float64

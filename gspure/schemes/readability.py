@@ -22,15 +22,9 @@ VIEWS: Final = 4
 
 @dataclass(frozen=True)
 class Readability:
-    """PSNR over all pixels of a few training views, dB.
+    """PSNR over all pixels of a few training views, dB: of the owner's extraction, and of negative controls.
 
-    Parameters
-    ----------
-    message : float
-        Of the owner's extraction.
-    controls : dict of str to float
-        Of the controls: black, the photographs' mean colour, an extraction with a wrong key.
-
+    These are black, the photographs' mean colour, and an extraction with a wrong key.
     """
 
     message: float

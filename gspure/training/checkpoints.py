@@ -30,15 +30,8 @@ _CONTENT: Final = "a checkpoint of training"
 class Snapshot:
     """The state of a run between two densifications (`gspure.training.schedule.Schedule.rests`).
 
-    Parameters
-    ----------
-    iteration : int
-        Iterations done.
-    pending_views : tuple of int
-        Training views left in the current pass over all of them; the last is next.
-    rng : dict
-        State of the run's only bit generator.
-
+    `pending_views` are the training views left in the current pass over all of them; the last is next. `rng` is the
+    state of the run's only bit generator.
     """
 
     iteration: int

@@ -42,15 +42,8 @@ _GREY: Final = 128
 class Dataset:
     """Views at training size, split into training and held-out ones, and initial points.
 
-    Parameters
-    ----------
-    source : Path
-        The file or folder that it was read from.
-    train, test : list of Camera
-        Each with a photograph.
-    xyz, rgb : arrays [P,3]
-        Points in world units, and their 8-bit colours.
-
+    Each view has a photograph. Points [P,3] are in world units, their colours 8-bit. `source` is the file or folder
+    that it was read from.
     """
 
     source: Path

@@ -40,15 +40,9 @@ RESET_OPACITY: Final = 0.01
 class Growth:
     """The N Gaussians after densification: remaining ones, clones, first halves, second halves.
 
-    Parameters
-    ----------
-    rows : array [N]
-        The Gaussian before densification that each one is or comes from.
-    new, half : bool [N]
-        New ones, and those that are halves of a split Gaussian.
-    offsets : array [halves,3]
-        From the centre of a split Gaussian to those of its halves.
-
+    `rows` [N] are those before densification that each one is or comes from; `new` and `half` [N] mark new ones, and
+    those that are halves of a split Gaussian; `offsets` [halves,3] lead from the centre of a split Gaussian to those of
+    its halves.
     """
 
     rows: NDArray[np.intp]

@@ -48,16 +48,10 @@ LEAST_RESET: Final = 600
 class Schedule:
     """A run's schedule. Iterations count from 1; events follow the optimizer step of their iteration.
 
-    Parameters
-    ----------
-    sh_every : int
-        Iterations per band of spherical harmonics.
-    densify_from, densify_until, densify_every : int
-        Densification happens at the multiples of `densify_every` strictly between the other two.
-    reset_every : int
-        A multiple of `densify_every`. Opacities are reset, after densification, at its multiples before
-        `densify_until`; after the first reset, big Gaussians are pruned too.
-
+    A band of spherical harmonics is added every `sh_every` iterations. Densification happens at the multiples of
+    `densify_every` strictly between `densify_from` and `densify_until`. Opacities are reset, after densification, at
+    the multiples of `reset_every`, a multiple of `densify_every`, before `densify_until`; after the first reset, big
+    Gaussians are pruned too.
     """
 
     iterations: int

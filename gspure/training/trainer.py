@@ -21,23 +21,9 @@ RECOVERY: Final = 150
 class Trainer:
     """A run; iterating over it trains and yields the loss of each iteration.
 
-    The same snapshot, views and schedule give a bit-identical model, whether or not the run was interrupted.
-
-    Parameters
-    ----------
-    model : TrainableModel
-        Created from ``snapshot.state`` and ``snapshot.iteration``; its targets are the photographs of `views`.
-    views : sequence of Camera
-        The training views.
-    snapshot : Snapshot
-        The start: `beginning`, or a checkpoint.
-    extent : float
-        Of the scene, in world units.
-    background : sequence of 3 floats
-        Colour behind the model.
-    max_gaussians : int, optional
-        Upper bound of growth.
-
+    The same snapshot, views and schedule give a bit-identical model, whether or not the run was interrupted. The model
+    was created from `snapshot`, the `beginning` or a checkpoint; its targets are the photographs of `views`. `extent`
+    is that of the scene in world units, `max_gaussians` the upper bound of growth.
     """
 
     def __init__(

@@ -18,15 +18,9 @@ BLENDER_HELD_OUT: Final = ("transforms_test.json", "transforms_val.json")
 
 
 class Views(NamedTuple):
-    """All views of a capture.
+    """All views of a capture, in the order of their file.
 
-    Parameters
-    ----------
-    cameras : list of Camera
-        In the order of their file.
-    held_out : frozenset of str, optional
-        Names of the held-out views; None if the capture does not define them and `gspure.cameras.split` decides.
-
+    `held_out` names the held-out ones; None if the capture does not define them and `gspure.cameras.split` decides.
     """
 
     cameras: list[Camera]
