@@ -16,8 +16,10 @@ from gspure.cli import main
 from gspure.errors import InputError
 from gspure.method.pruning import plain_prune_mask
 from gspure.model import read_model, write_model
+from gspure.opencl.trainable import TrainableModel
 from gspure.public_model import PublicModel
 from tests.attack_cases import changed, public
+from tests.documentation import ROOT, blocks
 from tests.models import blobs, camera, tilted_camera
 
 VIEWS = [camera(name="a"), tilted_camera(name="b")]
@@ -104,6 +106,36 @@ def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
 def test_bad_settings_are_refused(name: str, settings: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         attacked_by(name, **settings)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("iterations", [1, 7])
+def test_the_budget_is_the_number_of_training_steps(name: str, iterations: int, monkeypatch) -> None:
+    views, train = [], TrainableModel.step
+
+    def step(self, camera, *numbers, **settings):
+        views.append(camera)
+        return train(self, camera, *numbers, **settings)
+
+    monkeypatch.setattr(TrainableModel, "step", step)
+    attacked_by(name, iterations=iterations)
+    assert len(views) == iterations
+    assert all(view.image is None for view in views)
+
+
+@pytest.mark.parametrize("scheme", ["vanilla", "gs_hider"])
+def test_an_attack_of_another_package_learns_like_the_built_in_ones(scheme: str) -> None:
+    module: dict = {}
+    exec(next(code for code in blocks(ROOT / "docs" / "extending.md", "python") if "recolour" in code), module)  # noqa: S102
+    if scheme == "gs_hider":
+        pytest.importorskip("torch")
+        from tests.test_attacks_learning_networks import gs_hider
+
+    asset = PublicModel(blobs(ROWS)) if scheme == "vanilla" else gs_hider()
+    ours = module["ATTACK"].apply(asset, Evidence(), cameras=VIEWS, iterations=6)
+    assert changed(asset.model, ours.model) <= {*asset.columns["colour"]}
+    built_in = find_attack("finetune").apply(asset, Evidence(), cameras=VIEWS, iterations=6, learn="colour")
+    assert ours.model.table.tobytes() == built_in.model.table.tobytes()
 
 
 def test_without_views_there_is_nothing_to_learn_from() -> None:
