@@ -30,6 +30,7 @@ from tests.models import blobs, without
 ROOT = Path(__file__).parents[1]
 SMALL = {
     "splats_in_splats": {"iterations": 60, "max_gaussians": 800},
+    "splats_in_splats_hardened": {"iterations": 60, "max_gaussians": 800},
     "gs_hider": {"iterations": 4, "max_gaussians": 400},
     "secure_gs": {"iterations": 4, "max_anchors": 100},
     "planted": {"gaussians": 800},
@@ -279,7 +280,8 @@ def test_every_command_draws_a_model_as_its_scheme_does(mirrored, file, options)
 
 
 def test_built_in_schemes_have_the_settings_that_all_have():
-    assert list(schemes()) == ["splats_in_splats", "gs_hider", "secure_gs", "planted"]
+    splats = ["splats_in_splats", "splats_in_splats_hardened"]
+    assert list(schemes()) == [*splats, "gs_hider", "secure_gs", "planted"]
     assert all("message_weight" in scheme.settings for scheme in schemes().values())
 
 

@@ -16,9 +16,10 @@ from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
 from gspure.model import Gaussians, write_model
 from gspure.model.signature import Signature
+from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.pair import message_folder, read_pair
 from gspure.schemes.scheme import hide
-from gspure.schemes.splats_in_splats import SCHEME
+from gspure.schemes.splats_in_splats import HARDENED, SCHEME
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.matching import adaptive_matches
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
@@ -72,6 +73,24 @@ def test_scene_and_message_can_both_be_seen(public, key, quality, pair):
     assert quality(public.scene(), "scene") > 20
     assert quality(key.message(public, ORACLE)) > mean_colour + 6
     assert quality(key.message(public, LITERAL)) > mean_colour + 4
+
+
+def test_a_hardened_message_lies_on_rows_that_the_scene_needs_and_outlives_their_pruning(pair, embedded, quality):
+    def left(scheme_public, scheme_key):
+        """Share of the message on low rows, and its PSNR before and after they are pruned."""
+        weights = accumulate(map(scheme_public.contributions(), pair.scene.views), len(scheme_public.model))
+        hidden = hidden_weights(scheme_public, scheme_key, ORACLE, pair.message.views, "ray")
+        pruned = without(scheme_public, plain_prune_mask(weights, 2.0))
+        psnrs = [quality(scheme_key.message(public, LITERAL)) for public in (scheme_public, pruned)]
+        return share_on_low(weights, hidden, 2.0), *psnrs
+
+    hardened = hide(HARDENED, pair, **SETTINGS)
+    low, before, after = left(*hardened)
+    published_low, published_before, published_after = left(*embedded)
+    assert low < 0.1 < published_low
+    assert before - after < 0.5 < published_before - published_after - 3
+    assert after > published_after + 1
+    assert quality(embedded[0].scene(), "scene") - quality(hardened[0].scene(), "scene") < 1
 
 
 def test_embedding_the_message_costs_the_scene_little(public, clean, quality):

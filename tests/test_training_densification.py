@@ -146,6 +146,17 @@ def test_a_reset_lowers_opacities_and_clears_only_their_moments():
             np.testing.assert_array_equal(getattr(getattr(after, part), name), getattr(getattr(before, part), name))
 
 
+def test_a_reset_of_some_rows_leaves_the_others_and_its_input_alone():
+    before, rows = state(30), np.arange(30) % 3 == 0
+    content = before.parameters.opacity_logits.copy()
+    after, everywhere = reset_opacities(before, rows), reset_opacities(before)
+    for part in ("parameters", "first", "second"):
+        old, new, reset = (getattr(s, part).opacity_logits for s in (before, after, everywhere))
+        np.testing.assert_array_equal(new, np.where(rows, reset, old))
+        assert (old != reset).any()
+    np.testing.assert_array_equal(before.parameters.opacity_logits, content)
+
+
 def test_all_rows_may_be_removed():
     faint = Parameters(**{**vars(parameters(3)), "opacity_logits": np.full(3, -9, np.float32)})
     assert len(grow(TrainState.fresh(faint), np.zeros(3)).parameters) == 0

@@ -15,6 +15,7 @@ _NAMES: Final = {
     "message_adaptive": "message (adaptive)",
     "message_oracle": "message (oracle)",
     "splats_in_splats": "Splats in Splats",
+    "splats_in_splats_hardened": "Splats in Splats (hardened)",
     "gs_hider": "GS-Hider",
     "secure_gs": "SecureGS",
     "tradeoff": "trade-off",

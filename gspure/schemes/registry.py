@@ -11,7 +11,7 @@ from gspure.public_model import PublicModel
 from gspure.schemes import gs_hider, planted, secure_gs, splats_in_splats
 from gspure.schemes.scheme import REQUIRED, Scheme
 
-BUILT_IN = (splats_in_splats.SCHEME, gs_hider.SCHEME, secure_gs.SCHEME, planted.SCHEME)
+BUILT_IN = (splats_in_splats.SCHEME, splats_in_splats.HARDENED, gs_hider.SCHEME, secure_gs.SCHEME, planted.SCHEME)
 GROUP = "gspure.schemes"
 
 

@@ -7,6 +7,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -112,6 +113,12 @@ class Scheme:
         """The settings of `embed` and their defaults."""
         parameters = inspect.signature(self.embed).parameters.values()
         return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+
+    @property
+    def module(self) -> str:
+        """The module that defines `embed`."""
+        embed = self.embed.func if isinstance(self.embed, partial) else self.embed
+        return embed.__module__
 
     def require_settings(self, settings: Mapping[str, Setting]) -> None:
         """Refuse settings that the scheme does not have."""

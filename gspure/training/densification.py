@@ -7,6 +7,7 @@ test, so no published model was trained with it.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from types import EllipsisType
 from typing import Any, Final
 
 import numpy as np
@@ -111,15 +112,15 @@ def grow(state: TrainState, growth: Growth) -> TrainState:
     return TrainState(after, first, second)
 
 
-def reset_opacities(state: TrainState) -> TrainState:
-    """Clip opacities to `RESET_OPACITY` and zero the moments of opacities."""
-    bound = logit(RESET_OPACITY)
-    logits = state.parameters.opacity_logits
-    none = np.zeros_like(logits)
+def reset_opacities(state: TrainState, rows: NDArray[np.bool_] | EllipsisType = ...) -> TrainState:
+    """Clip the opacities of some rows, by default of all, to `RESET_OPACITY`, and zero their moments."""
+    logits, first, second = (part.opacity_logits.copy() for part in (state.parameters, state.first, state.second))
+    logits[rows] = np.minimum(logits[rows], logit(RESET_OPACITY))
+    first[rows] = second[rows] = 0
     return TrainState(
-        replace(state.parameters, opacity_logits=np.minimum(logits, bound)),
-        replace(state.first, opacity_logits=none),
-        replace(state.second, opacity_logits=none.copy()),
+        replace(state.parameters, opacity_logits=logits),
+        replace(state.first, opacity_logits=first),
+        replace(state.second, opacity_logits=second),
     )
 
 

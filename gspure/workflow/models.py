@@ -157,7 +157,7 @@ class Model:
 
     def code(self, command: str) -> str:
         """Return a digest of the code of its scheme and of a command."""
-        return code_digest(f"gspure.cli.{command}", self.plan.schemes[self.scheme].embed.__module__)
+        return code_digest(f"gspure.cli.{command}", self.plan.schemes[self.scheme].module)
 
     def camera_source(self, target: str) -> str:
         """Return the source of the views of a target: a file or folder, or a way to generate them."""

@@ -7,6 +7,7 @@ mapped opacities, which extraction uses instead of the trained ones.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -45,12 +46,15 @@ def embed(
     message_weight: float = 1.0,
     max_gaussians: int = 30_000,
     shift: int = bits.SHIFT,
+    hardened: float = 0.0,
 ) -> tuple[PublicModel, SplatsInSplatsKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     The joint training takes `iterations` steps; `message_weight` is the share of the message's loss, that of the scene
-    is 1; `shift` is k of `gspure.schemes.splats_in_splats.bits`.
+    is 1; `shift` is k of `gspure.schemes.splats_in_splats.bits`; `hardened` keeps the message off the rows that
+    ``plain_weight`` removes with this tau, 0 trains as in the paper.
     """
+    require("splats_in_splats", "hardened", hardened, "at least 0", fits=0 <= hardened < math.inf)
     least, most = bits.SHIFT_RANGE
     require("splats_in_splats", "shift", shift, f"{least} to {most}", fits=least <= shift <= most)
     begin = initial_gaussians("splats_in_splats", pair, max_gaussians, seed)
@@ -65,6 +69,7 @@ def embed(
         message_weight=message_weight,
         max_gaussians=max_gaussians,
         seed=seed,
+        hardened=hardened,
         device=device,
     )
 

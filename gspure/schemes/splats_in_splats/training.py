@@ -9,19 +9,26 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.method.pruning import plain_prune_mask
+from gspure.method.weights import accumulate
 from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 from gspure.opencl.twins import States, TwinModel
+from gspure.public_model import PublicModel
 from gspure.schemes.pair import Capture, Pair
 from gspure.training.densification import grow, plan, reset_opacities
+from gspure.training.output import as_gaussians
 from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, Schedule, shuffled
 
 Float32 = NDArray[np.float32]
 
 REFINING: Final = LearningRates(0.0, 0.0, 0.0, 0.0, SH_DC_RATE, SH_REST_RATE)
 """Rates of `refine`: colours only."""
+
+HELD_EVERY: Final = 10
+"""Interval of the resets that keep the message off low rows, in iterations. Ours."""
 
 
 class TwinTrainer:
@@ -37,6 +44,8 @@ class TwinTrainer:
         The initial Gaussians of both scenes.
     message_weight : float
         Share of the message's loss; that of the scene is 1.
+    hardened : float
+        Factor tau of the pruning in the loop: see `_harden`. 0 for none.
 
     """
 
@@ -49,6 +58,7 @@ class TwinTrainer:
         message_weight: float,
         max_gaussians: int,
         seed: int,
+        hardened: float = 0.0,
         device: Device | None = None,
     ) -> None:
         state = TrainState.fresh(begin)
@@ -57,6 +67,9 @@ class TwinTrainer:
         self._pair = pair
         self._schedule = schedule
         self._max_gaussians = max_gaussians
+        self._hardened = hardened
+        self._device = device
+        self._low = np.zeros(0, np.bool_)
         self._rng = np.random.default_rng(seed)
 
     def __iter__(self) -> Iterator[float]:
@@ -70,6 +83,24 @@ class TwinTrainer:
                 first, second = self._grown(iteration)
                 resets = self._schedule.resets_opacities(iteration)
                 self.model.replace((reset_opacities(first), reset_opacities(second)) if resets else (first, second))
+            if self._hardened:
+                self._harden(iteration)
+
+    def _harden(self, iteration: int) -> None:
+        """Take the message off the rows that `plain_weight` removes from the public model, and keep it off them.
+
+        They are measured at every interval of the densification. Once it has ended, hidden opacities that grow again
+        are reset so often that the message moves to rows that the scene needs.
+        """
+        measures = iteration % self._schedule.densify_every == 0 or iteration == self._schedule.iterations
+        if not (measures or (iteration >= self._schedule.densify_until and iteration % HELD_EVERY == 0)):
+            return
+        shown, hidden = self.model.states()
+        if measures:
+            public = PublicModel(as_gaussians(shown.parameters))
+            weights = accumulate(map(public.contributions(self._device), self._pair.scene.views), len(public.model))
+            self._low = plain_prune_mask(weights, self._hardened)
+        self.model.replace((shown, reset_opacities(hidden, self._low)))
 
     def _grown(self, iteration: int) -> States:
         first, second = self.model.states()
