@@ -30,16 +30,10 @@ HALF: Final = 16
 def feature_scaling(
     model: Gaussians, _rng: Rng, columns: Columns, *, factor: float = FACTOR, attributes: str = "colour"
 ) -> Attacked:
-    """Multiply attributes of every row by `factor` (paper, §Intuitive Methods, 2).
+    """Multiply attributes of every row by `factor`, 0 or more (paper, §Intuitive Methods, 2).
 
-    Parameters
-    ----------
-    factor : float
-        At least 0.
-    attributes : str
-        Of ``colour`` (stored coefficients or features), ``base_colour``, and ``opacity`` (the activated one). The
-        paper scales both in §Intuitive Methods and colour alone in §Baselines, the default here.
-
+    Attributes are ``colour`` (stored coefficients or features), ``base_colour``, and ``opacity`` (the activated one).
+    The paper scales both in §Intuitive Methods and colour alone in §Baselines, the default here.
     """
     require_nonnegative("feature_scaling", "factor", factor)
     names = select_columns(columns, attributes, ("colour", "base_colour", "opacity"))
@@ -52,16 +46,10 @@ def feature_scaling(
 def quantize(
     model: Gaussians, _rng: Rng, columns: Columns, *, bits: int = BITS, attributes: str = QUANTIZED
 ) -> Attacked:
-    """Round stored values to few bits, as files for the web do.
+    """Round stored values of some `ATTRIBUTES` to few bits, as files for the web do.
 
-    Parameters
-    ----------
-    bits : int
-        16: half precision; greater numbers become its largest, with a warning. 1 to 8: 2^bits equally spaced levels
-        between a column's extremes, so one extreme value coarsens all others.
-    attributes : str
-        Of ``colour``, ``base_colour``, ``opacity``, ``scale``, ``rotation``, ``position``.
-
+    16 `bits` are half precision; greater numbers become its largest, with a warning. 1 to 8 are 2^bits equally spaced
+    levels between a column's extremes, so one extreme value coarsens all others.
     """
     require("quantize", "bits", bits, "1 to 8, or 16", fits=bits in {*range(1, 9), HALF})
     names = select_columns(columns, attributes, ATTRIBUTES)

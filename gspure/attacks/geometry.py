@@ -52,21 +52,14 @@ def rigid_transform(
     axis: str = AXIS,
     translation: str = TRANSLATION,
 ) -> Attacked:
-    """Rotate the model about an axis through the world's origin, then translate it.
+    """Rotate the model about an axis through the world's origin, in degrees, then translate it.
+
+    `axis` are three numbers separated by commas, of any length but zero; so is `translation`, in radii of the model,
+    none beyond `FARTHEST`.
 
     Centres, rotations and spherical harmonics rotate, so that the model looks the same from views that move along.
     Features without direction, as GS-Hider's, stay. Anchors can only be translated: their networks read the viewing
     direction in world coordinates.
-
-    Parameters
-    ----------
-    angle : float
-        Degrees.
-    axis : str
-        Three numbers separated by commas, of any length but zero.
-    translation : str
-        Three numbers separated by commas, in radii of the model, none beyond `FARTHEST`.
-
     """
     require("rigid_transform", "angle", angle, "a number", fits=bool(np.isfinite(angle)))
     direction, shift = _vector("axis", axis), _vector("translation", translation)

@@ -72,15 +72,10 @@ def finetune(
     iterations: int = ITERATIONS,
     learn: str = "all",
 ) -> Attacked:
-    """Train the model on its own renders, without adding or removing rows.
+    """Train the model on its own renders for `iterations` steps, without adding or removing rows.
 
-    Parameters
-    ----------
-    iterations : int
-        Steps, one view each.
-    learn : {"all", "appearance", "colour"}
-        The attributes to train. All but "all" keep the geometry, by which an extraction recognizes rows.
-
+    `learn` names the trained attributes: all, appearance or colour. All but "all" keep the geometry, by which an
+    extraction recognizes rows.
     """
     rows = Teacher("finetune", public, cameras, device).train(public, rng, iterations, learn)
     return Attacked(rows, np.arange(len(rows)), len(rows))

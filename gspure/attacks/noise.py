@@ -28,14 +28,8 @@ def gaussian_noise(
 ) -> Attacked:
     """Add independent Gaussian noise to stored attributes of every row (paper, §Intuitive Methods, 3).
 
-    Parameters
-    ----------
-    sigma : float
-        Standard deviation, at least 0, the same for every column.
-    attributes : str
-        Of ``colour`` (spherical harmonics or features: the paper's "photometric features"), ``base_colour``, and
-        ``opacity`` (the logit).
-
+    Its standard deviation `sigma` is the same for every column. Attributes are ``colour`` (spherical harmonics or
+    features: the paper's "photometric features"), ``base_colour``, and ``opacity`` (the logit).
     """
     require_nonnegative("gaussian_noise", "sigma", sigma)
     names = select_columns(columns, attributes, ("colour", "base_colour", "opacity"))

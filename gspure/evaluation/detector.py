@@ -18,24 +18,13 @@ from gspure.images import require_all_images
 
 
 def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:
-    """Return what a command reads from each PNG file of a folder.
+    """Return what a command reads from each PNG file of a folder, within `timeout` seconds.
 
     The folder is appended to the words of the command. The last line that it prints is a JSON object with an entry for
     each image, by its name without ``.png``: bits, as a text of 0 and 1, or a score, a number that is higher the surer
-    the mark is present.
+    the mark is present. `message` are the embedded bits; empty if the command returns scores.
 
-    Parameters
-    ----------
-    message : str
-        The embedded bits; empty if the command returns scores.
-    timeout : float
-        Seconds.
-
-    Raises
-    ------
-    InputError
-        If the command cannot be run, fails, takes too long or prints anything else.
-
+    Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
     require_all_images(images)
     views, answer = {path.stem for path in images.glob("*.png")}, _answer(command, images, timeout)

@@ -72,13 +72,7 @@ class Traversal:
 class Frame:
     """One view of a model on an engine.
 
-    Parameters
-    ----------
-    storage : Storage
-        The model's geometry.
-    channels : pyopencl.Buffer, optional
-        SH coefficients or features, as `traversal` says, in the order of `storage`.
-
+    `channels` are SH coefficients or features, as `traversal` says, in the order of `storage`, the model's geometry.
     """
 
     engine: Engine

@@ -31,15 +31,8 @@ Rows = NDArray[np.uint32]
 class Storage:
     """The geometry of a model on the device, and where each Gaussian lies.
 
-    Parameters
-    ----------
-    order : array [K]
-        The row at each position.
-    rows, positions : pyopencl.Buffer
-        `order` on the device, and its inverse.
-    geometry : pyopencl.Buffer
-        Activated means, quaternions, scales and opacities, in blocks.
-
+    `order` [K] is the row at each position; `rows` and `positions` are it on the device, and its inverse. `geometry`
+    holds activated means, quaternions, scales and opacities, in blocks.
     """
 
     order: Rows

@@ -93,17 +93,8 @@ class Statistics:
 class TrainableModel:
     """Gaussians that learn from photographs, one step at a time.
 
-    Results are the same to the last bit from run to run and for any number of threads.
-
-    Parameters
-    ----------
-    state : TrainState
-        The start.
-    step_count : int
-        Steps already taken (Adam's bias correction).
-    beside : TrainableModel, optional
-        Share its device and queue, but not its buffers.
-
+    Results are the same to the last bit from run to run and for any number of threads. `step_count` steps were taken
+    before (Adam's bias correction). A model `beside` another one shares its device and queue, but not its buffers.
     """
 
     def __init__(

@@ -20,15 +20,8 @@ States = tuple[TrainState, TrainState]
 class TwinModel:
     """Gaussians that learn two scenes: means, quaternions and scales from both, opacities and colours from one each.
 
-    Results are the same to the last bit from run to run and for any number of threads.
-
-    Parameters
-    ----------
-    states : two of TrainState
-        The start, with the same geometry in both, bit for bit.
-    weight : float
-        Weight of the second scene's loss for the geometry; that of the first is 1.
-
+    Results are the same to the last bit from run to run and for any number of threads. Both states have the same
+    geometry, bit for bit. The second scene's loss has this `weight` for the geometry, that of the first 1.
     """
 
     def __init__(self, states: States, weight: float, device: Device | None = None, style: Style | None = None) -> None:

@@ -40,17 +40,9 @@ _ARRAYS: Final[dict[str, Kind]] = {
 class PlantedKey(Key):
     """What is private of the M rows that carry a message.
 
-    Parameters
-    ----------
-    carriers : bool [K]
-        True where a row of the public model carries the message.
-    positions : float32 [K,3]
-        Centres of all rows, by which carriers are found again in an attacked model.
-    opacity : float32 [M]
-        Private opacity, logit.
-    f_dc : float32 [M,3]
-        Private colour: the zeroth spherical-harmonic coefficient.
-
+    `carriers` [K] is true where a row of the public model carries the message, and `positions` [K,3] are the centres of
+    all rows, by which carriers are found again in an attacked model. `opacity` [M] is the private logit, `f_dc` [M,3]
+    the private zeroth spherical-harmonic coefficient.
     """
 
     carriers: NDArray[np.bool_]

@@ -43,17 +43,9 @@ _HIDDEN: Final = "hidden.ply"
 class SplatsInSplatsKey(Key):
     """The private part of the scheme.
 
-    Parameters
-    ----------
-    positions : float32 [I,3]
-        Centres of the message's Gaussians, along a space-filling curve.
-    mapping : OpacityMapping
-        From their public opacities, in this order, to their hidden ones.
-    shift : int
-        k of `gspure.schemes.splats_in_splats.bits`.
-    hidden : Gaussians
-        All Gaussians with their hidden opacity and colour.
-
+    `positions` [I,3] are the centres of the message's Gaussians, along a space-filling curve; `mapping` leads from
+    their public opacities, in this order, to their hidden ones; `shift` is k of `gspure.schemes.splats_in_splats.bits`;
+    `hidden` are all Gaussians with their hidden opacity and colour.
     """
 
     positions: Float32

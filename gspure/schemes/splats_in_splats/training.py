@@ -36,17 +36,7 @@ class TwinTrainer:
 
     The rules are those of 3DGS, with three changes: growth follows the gradient of the summed losses; a Gaussian is
     pruned only if it is transparent in both scenes, so that some can serve the message alone; opacities of both are
-    reset.
-
-    Parameters
-    ----------
-    begin : Parameters
-        The initial Gaussians of both scenes.
-    message_weight : float
-        Share of the message's loss; that of the scene is 1.
-    hardened : float
-        Factor tau of the pruning in the loop: see `_harden`. 0 for none.
-
+    reset. `message_weight` is the share of the message's loss; that of the scene is 1.
     """
 
     def __init__(
