@@ -8,11 +8,14 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks import drivers
+from gspure.opencl.device import choose_device
 from tests.hostile import journal, page
 from tests.hostile.corruption import CORRUPTIONS
 from tests.hostile.journal import Journal
 from tests.hostile.kills import hooked
 from tests.hostile.mutants import CORE, ROOT, mutants
+from tests.models import AWKWARD
 
 WRITER = "from pathlib import Path\nfor i in range(5):\n    Path(f'{i}.txt').write_text('x')\n"
 
@@ -93,3 +96,10 @@ def test_the_page_is_that_of_the_records(tmp_path, monkeypatch):
     monkeypatch.setattr(page, "PAGE", tmp_path / "torture.md")
     page.write()
     assert page.PAGE.read_text() == committed
+
+
+def test_the_comparison_of_drivers_finds_agreement_in_every_product(monkeypatch):
+    monkeypatch.setattr(drivers, "CASES", {"flakes": AWKWARD["flakes"]})
+    errors = drivers.errors(choose_device(None), "cpu")
+    assert errors.keys() == {"image", "contributions", "gradients"}
+    assert max(errors.values()) < 1e-4
