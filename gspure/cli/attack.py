@@ -52,7 +52,7 @@ def add_arguments(parser: Parser) -> None:
 
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
     parser.text("name", "NAME", f"one of {names}, or one of an installed plug-in")
-    parser.reads("--model", "MODEL", "the public model's .ply; its other files are copied")
+    parser.reads("--model", "MODEL", "the public model's file; its other files are copied")
     evidence = parser.add_argument_group("measurements, for attacks that need them")
     for option, origin in _EVIDENCE.items():
         evidence.add_argument(option, type=Path, metavar="FILE", help=origin)

@@ -16,7 +16,7 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("--model", "MODEL", "the model's .ply")
+    parser.reads("--model", "MODEL", "the model's file")
     add_scheme(parser)
     add_views(parser, split="train")
     parser.reads("--stages", "DIR", "folder of the stage files")

@@ -25,7 +25,7 @@ FIT_STEPS: Final = 300
 def add_arguments(parser: Parser) -> None:
     from gspure.cli.options import add_device, add_off_path, add_views
 
-    parser.reads("model", "MODEL", "the model's .ply, or its folder")
+    parser.reads("model", "MODEL", "the model's file, or its folder")
     parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
     parser.text("--extraction", "NAME", "an extraction of the scheme (default: `message`)")

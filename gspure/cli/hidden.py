@@ -16,7 +16,7 @@ EXAMPLES = """\
 def add_arguments(parser: Parser) -> None:
     from gspure.constants import TAU_N
 
-    parser.reads("--model", "MODEL", "the watermarked model's .ply")
+    parser.reads("--model", "MODEL", "the watermarked model's file")
     parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
     parser.reads("--key", "DIR", "the owner's key")
     add_views(parser, split="train")

@@ -12,7 +12,7 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("--model", "MODEL", "the model's .ply")
+    parser.reads("--model", "MODEL", "the model's file")
     add_scheme(parser)
     add_views(parser, split="train")
     parser.writes("--out", "NPY", "opacities: float32 [K]")

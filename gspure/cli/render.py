@@ -26,7 +26,7 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("model", "MODEL", "the model's .ply, or the output folder of a training run")
+    parser.reads("model", "MODEL", "the model's file, or the output folder of a training run")
     add_scheme(parser)
     add_views(parser, split="all")
     add_off_path(parser)

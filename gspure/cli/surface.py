@@ -31,7 +31,7 @@ MOST_OPAQUE = 250_000
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("--model", "MODEL", "the model's .ply")
+    parser.reads("--model", "MODEL", "the model's file")
     add_scheme(parser)
     add_views(parser, split="train")
     parser.writes("--out", "NPY", "distances in scales: float32 [K]")
