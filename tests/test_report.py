@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -310,6 +311,20 @@ def test_the_first_screen_answers_for_every_scheme_and_shows_it(tmp_path: Path, 
     assert "only the owner, with the key" in verdicts
     assert evidence.startswith(' class="evidence" open>')
     assert evidence.count("<img") == 4
+
+
+def test_a_picture_that_others_are_compared_with_has_no_distance(tmp_path: Path, attacks: Path) -> None:
+    shown = attacks.parents[3].joinpath("vanilla", "chair")
+    shutil.copytree(attacks.parents[1], shown)
+    figure = shown / attacks.relative_to(attacks.parents[1])
+    renders = {f"{attack} scene": shown / attack / "renders/scene/view_007.png" for attack in ("unattacked", "gspure")}
+    write_provenance(figure, inputs=renders, settings={})
+    write_report(tmp_path / "report.html", "Title", VANILLA, figures=[figure])
+    captions = re.findall("<figcaption>(.*?)</figcaption>", Page(tmp_path / "report.html").source.split("<nav")[0])
+    assert [re.sub("<.*?>", " ", caption).split()[-2:] for caption in captions] == [
+        ["the", "reference"],
+        ["35.50", "dB"],
+    ]
 
 
 def test_renders_of_the_attacks_figure_replace_it(tmp_path: Path, attacks: Path) -> None:
