@@ -100,7 +100,7 @@ class Pair:
         scene, message = ([camera.numbers for camera in capture.views] for capture in (self.scene, self.message))
         return len(scene) == len(message) and all(map(np.array_equal, scene, message))
 
-    @property
+    @cached_property
     def extent(self) -> float:
         """Size of what all training views cover, in world units, which scales 3DGS's learning rates and thresholds."""
         return extent([*self.scene.views, *([] if self.shares_poses else self.message.views)])

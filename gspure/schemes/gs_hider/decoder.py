@@ -19,7 +19,7 @@ Float32 = NDArray[np.float32]
 WIDTH: Final = 64
 LAYERS: Final = 5
 
-BFLOAT16: Final = torch.cpu._is_avx512_bf16_supported()  # noqa: SLF001  (public from PyTorch 2.11 on)
+BFLOAT16: Final = torch.cpu._is_avx512_bf16_supported()  # noqa: SLF001  (PyTorch 2.6 has no public function)
 """Whether training multiplies in bfloat16, at twice the speed; sums, parameters and their moments have 32 bits."""
 
 NOISE: Final = 1e-3
