@@ -6,6 +6,8 @@ million and 2.1 M.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,16 @@ def camera(width: int, height: int) -> Camera:
     """Return the view from the origin along z."""
     focal = 0.5 * width / np.tan(0.5 * FIELD_OF_VIEW)
     return Camera("room", width, height, intrinsics(focal, focal, width / 2, height / 2), np.eye(4))
+
+
+def panning(views: int, width: int, height: int) -> list[Camera]:
+    """Return views from the origin that turn by 60 degrees about the vertical."""
+    cameras = []
+    for i, angle in enumerate(np.radians(np.linspace(-30.0, 30.0, views))):
+        viewmat = np.eye(4)
+        viewmat[::2, ::2] = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+        cameras.append(replace(camera(width, height), name=f"view_{i:03d}", viewmat=viewmat))
+    return cameras
 
 
 def room(count: int, seed: int = 14) -> Gaussians:
