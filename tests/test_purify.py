@@ -1,6 +1,7 @@
 """The whole method on one model in one process."""
 
 import errno
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,6 +103,19 @@ def test_views_that_see_nothing_are_refused() -> None:
     behind = [replace(view, viewmat=np.diag([-1.0, 1, -1, 1]) @ view.viewmat) for view in cameras()]
     with pytest.raises(InputError, match="in view"):
         purify(model(), behind, **SETTINGS)
+
+
+def test_the_memory_is_announced_before_any_view_and_grows_with_the_model(capsys) -> None:
+    def announced(rows: Gaussians) -> float:
+        purify(rows, cameras(2), **SETTINGS)
+        memory, views = re.search(r"memory: .* ([0-9.]+) GB(.*)", capsys.readouterr().err, re.DOTALL).groups()
+        assert "contributions: 2 done" in views
+        return float(memory)
+
+    small, table = model(), np.zeros(400_000, model().table.dtype)
+    table[: len(small)] = small.table
+    table["opacity"][len(small) :] = -20
+    assert announced(Gaussians(table)) > announced(small) + table.nbytes / 1e9
 
 
 def test_no_views_are_refused() -> None:

@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 Weights = NDArray[np.float32]
 
+_MEMORY = 500e6, 900
+"""Bytes that purification takes beside the stored rows: Python and the driver, and of each Gaussian. Measured up to six
+million Gaussians and 1600 px (benchmarks/results.md)."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Purification(Described):
@@ -128,6 +132,8 @@ def purify(
 
     device = device or choose_device()
     say(f"{len(rows)} Gaussians, {len(cameras)} views, on {device}")
+    if public.rows_are_gaussians:
+        say(f"memory: at most about {peak_memory(rows) / 1e9:.1f} GB")
     views = sorted(cameras, key=lambda camera: camera.name)
     stages = map(public.contributions(device, energy), track(views, "contributions"))
     weights = accumulate(stages, len(rows), reduction)
@@ -142,3 +148,9 @@ def purify(
         pruned,
         diagnosis,
     )
+
+
+def peak_memory(model: Gaussians) -> float:
+    """Return an estimate from above of the memory in bytes that `purify` takes, with the rows of a mapped file."""
+    fixed, each = _MEMORY
+    return fixed + model.table.nbytes + each * len(model)
