@@ -63,15 +63,17 @@ def test_blending_against_the_peak(
     stages = Stages(engine, scene.model, scene.camera, replace(TRAVERSAL, contributions=False))
     for stage in (stages.project, stages.sort, stages.bin):
         stage()
-    peaks = {"FMA, OpenCL": peak.opencl(engine), "FMA, native": peak.native(engine, tmp_path)}
+    width = peak.lanes(engine)
+    peaks = {"FMA, OpenCL": peak.opencl(engine, width), "FMA, native": peak.native(width, tmp_path)}
     times = measure({"blend": stages.blend} | {name: run for name, run in peaks.items() if run}, rounds=scene.rounds)
 
     evals = count_evals(stages)
+    findings.figure("floats in a vector", width)
     findings.figure("evaluations per pixel", evals / (scene.width * scene.height))
     findings.figure("blend, 10^9 evaluations per second", 1e-9 * evals / np.median(times["blend"].per_core))
     for name in (name for name, run in peaks.items() if run):
-        findings.figure(f"{name}, GFLOP/s", 1e-9 * peak.flops(engine) / np.median(times[name].per_core))
-        share = FLOPS_PER_EVAL * evals / peak.flops(engine) * (times[name] / times["blend"])
+        findings.figure(f"{name}, GFLOP/s", 1e-9 * peak.flops(width) / np.median(times[name].per_core))
+        share = FLOPS_PER_EVAL * evals / peak.flops(width) * (times[name] / times["blend"])
         findings.figure(f"blend, share of {name}", share, at_least=scene.peak_share)
         assert float(share) < 1, "blending cannot do more than the processor can: the peak is wrong"
 

@@ -1,6 +1,7 @@
 """The harness: every benchmark gets `findings` to fill; all of them are shown at the end, and kept on request.
 
-pytest benchmarks --record     # writes benchmarks/results.json and benchmarks/results.md
+pytest benchmarks --record           # writes benchmarks/results.json and benchmarks/results.md
+pytest benchmarks --record avx2      # the same of another kind of processor: results-avx2.json and .md
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ unlike wall time it hardly changes while other programs run. Ratios are of CPU t
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--record", action="store_true", help="write benchmarks/results.json and benchmarks/results.md")
+    parser.addoption(
+        "--record", nargs="?", const="", metavar="KIND", help="write benchmarks/results[-KIND].json and .md"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -74,10 +77,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
         return
     text = report(config.stash[MACHINE], config.stash[FOUND])
     terminalreporter.write_line(f"\n{text}")
-    if config.getoption("--record"):
+    if (kind := config.getoption("--record")) is not None:
         found = [findings.summary() for findings in config.stash[FOUND]]
-        write_json(HERE / "results.json", {"machine": config.stash[MACHINE], "found": found})
-        write_text(HERE / "results.md", text)
+        page = HERE / "-".join(filter(None, ("results", kind)))
+        write_json(page.with_suffix(".json"), {"machine": config.stash[MACHINE], "found": found})
+        write_text(page.with_suffix(".md"), text)
 
 
 def report(machine: dict[str, str], found: list[Findings]) -> str:

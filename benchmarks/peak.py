@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pyopencl as cl
-from timing import CORES
+from timing import CORES, Times
 
 from gspure.opencl.engine import Engine
 
@@ -58,23 +58,32 @@ void fma_chains(uint steps, float a, float b, __global float *sums) {
 
 
 def lanes(engine: Engine) -> int:
-    """Return the number of floats in a vector of the machine."""
-    return int(engine.device.native_vector_width_float)
+    """Return the number of floats in a vector of the machine: that with the most FMA per second.
+
+    The driver's answer is about the processor, even if the driver compiles for another one.
+    """
+    rates = {}
+    for width in (4, 8, 16):
+        times, run = Times(), opencl(engine, width)
+        run()
+        times.measure(run)
+        rates[width] = width / times.cpu[0]
+    return max(rates, key=rates.__getitem__)
 
 
-def flops(engine: Engine) -> int:
+def flops(width: int) -> int:
     """Return the floating-point operations of one run, native or OpenCL: as many on each core."""
-    return 2 * lanes(engine) * CHAINS * STEPS * CORES
+    return 2 * width * CHAINS * STEPS * CORES
 
 
-def native(engine: Engine, folder: Path) -> Callable[[], object] | None:
+def native(width: int, folder: Path) -> Callable[[], object] | None:
     """Compile the C program in `folder`; return what runs it on all cores, or None where there is no compiler."""
     compiler = shutil.which("gcc")
     if compiler is None:
         return None
     source, library = folder / "fma.c", folder / "fma.so"
     source.write_text(_NATIVE, encoding="utf-8")
-    options = ["-O3", "-march=native", f"-DCHAINS={CHAINS}", f"-DLANES={lanes(engine)}", "-shared", "-fPIC"]
+    options = ["-O3", "-march=native", f"-DCHAINS={CHAINS}", f"-DLANES={width}", "-shared", "-fPIC"]
     subprocess.run([compiler, *options, str(source), "-o", str(library)], check=True)
     chains = ctypes.CDLL(str(library)).fma_chains
     chains.argtypes, chains.restype = (ctypes.c_long, ctypes.c_float, ctypes.c_float), ctypes.c_float
@@ -87,9 +96,8 @@ def native(engine: Engine, folder: Path) -> Callable[[], object] | None:
     return run
 
 
-def opencl(engine: Engine) -> Callable[[], object]:
+def opencl(engine: Engine, width: int) -> Callable[[], object]:
     """Return what runs the OpenCL program on all cores."""
-    width = lanes(engine)
     options = [f"-DCHAINS={CHAINS}", f"-DLANES={width}", f"-DV=float{width}", f"-DVSTORE=vstore{width}"]
     program = cl.Program(engine.context, _OPENCL).build(options=options)
     kernel = cl.Kernel(program, "fma_chains")
