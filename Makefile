@@ -13,7 +13,7 @@ DOCS_PACKAGES := $(VENV)/.packages-docs
 OPENCL := $(VENV)/.opencl
 GL := $(VENV)/.gl
 
-.PHONY: help demo test setup opencl gl lint format docs bench torture lock clean
+.PHONY: help demo test setup opencl gl lint format docs bench gpu torture lock clean
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
 
@@ -54,6 +54,12 @@ docs: $(DOCS_PACKAGES) ## build the documentation: build/site
 
 bench: $(DEV_PACKAGES) $(OPENCL) ## measure speed
 	@$(BIN)/python -m pytest benchmarks
+
+gpu: $(DEV_PACKAGES) $(OPENCL) ## with a GPU: test its kernels, measure contributions and training, beside gsplat if installed
+	@$(BIN)/python -c "from gspure.opencl.device import choose_device; d = choose_device(); assert d.kind == 'gpu', f'no GPU but {d}'"
+	@$(BIN)/python -m pytest tests/test_kernels_*.py tests/test_renderer.py tests/test_gradients.py tests/test_trainable.py
+	@$(BIN)/python -m benchmarks.drivers
+	@$(BIN)/python -m pytest benchmarks/bench_views.py benchmarks/bench_training.py benchmarks/bench_gsplat.py --record gpu
 
 torture: $(DEV_PACKAGES) $(OPENCL) ## hostile files, kills, full disks, corruption, mutants: benchmarks/torture.md, in hours
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.hostile readers || true
