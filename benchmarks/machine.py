@@ -22,6 +22,7 @@ def describe(device: Device) -> dict[str, str]:
         "load before": f"{os.getloadavg()[0]:.1f}",
         "OpenCL device": device.name,
         "OpenCL driver": f"{device.platform} {device.driver}",
+        "kernels compiled for": os.environ.get("POCL_LLVM_CPU_NAME", "this processor"),
         "software": f"{platform.system()}, Python {platform.python_version()}, numpy {np.__version__}",
     }
 
