@@ -55,6 +55,7 @@ def main() -> int:
 
 def corrupt_files(args: argparse.Namespace) -> bool:
     """Run all cases of all readers; records of earlier runs count."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # for PyTorch, as its threads do not survive a fork
     journal = Journal(args.folder / "readers")
     begun = time.monotonic()
     chunks = [
