@@ -5,7 +5,8 @@
     python spread_spectrum.py embed --key 7 --bits 0110100110010110 photographs marked
     python spread_spectrum.py detect --key 7 --count 16 renders       # JSON: 16 bits for each image
 
-Every photograph gets the same pseudo-random pattern or, with bits, a sum of one pattern for each, with its sign.
+Every photograph gets the same pseudo-random pattern or, with --bits, the sum of one pattern per bit: added for 1,
+subtracted for 0.
 """
 
 import argparse
@@ -16,11 +17,11 @@ import numpy as np
 from PIL import Image
 
 BAND = 0.04, 0.2
-"""Frequencies of the patterns, cycles per pixel: scenes have most power below, and training blurs those above."""
+"""Frequencies of the patterns, cycles per pixel: a scene has most power below them, and training blurs above."""
 
 
 def in_band(shape):
-    """Return which frequencies [H,W/2+1] of an image are in the band."""
+    """Return the mask [H,W/2+1] of the frequencies of an image that are in the band."""
     radius = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1]))
     return (radius >= BAND[0]) & (radius <= BAND[1])
 
@@ -40,7 +41,7 @@ def marked(photograph, key, bits, strength):
 
 
 def correlations(image, key, count):
-    """Return the correlation [N] of an image [H,W,3] with each pattern: standard normal without the mark."""
+    """Return the correlation [N] of an image [H,W,3] with each pattern: standard normal if it has no mark."""
     spectrum = np.fft.rfft2(image.mean(axis=2))
     inside = in_band(image.shape[:2])
     phases = np.where(inside, spectrum / np.maximum(np.abs(spectrum), 1e-9), 0)  # else strong edges outweigh the mark
@@ -58,7 +59,7 @@ def main():
         command.add_argument("--key", type=int, required=True)
         command.add_argument("images", type=Path)
     embed.add_argument("out", type=Path)
-    embed.add_argument("--bits", default="1")
+    embed.add_argument("--bits", default="1", help="such as 0110 (default: a mark without bits)")
     embed.add_argument("--strength", type=float, default=4.0, help="of 255 (default: %(default)g)")
     detect.add_argument("--count", type=int, default=0, help="number of bits (default: a score)")
     args = parser.parse_args()
@@ -70,9 +71,9 @@ def main():
             pixels = np.rint(marked(image, args.key, args.bits, args.strength)).astype(np.uint8)
             Image.fromarray(pixels).save(args.out / path.name)
     else:
-        found = {path.stem: correlations(image, args.key, max(args.count, 1)) for path, image in images.items()}
-        bits = {view: "".join("1" if value > 0 else "0" for value in values) for view, values in found.items()}
-        print(json.dumps(bits if args.count else {view: float(values[0]) for view, values in found.items()}))
+        readings = {path.stem: correlations(image, args.key, max(args.count, 1)) for path, image in images.items()}
+        bits = {view: "".join("1" if value > 0 else "0" for value in values) for view, values in readings.items()}
+        print(json.dumps(bits if args.count else {view: float(values[0]) for view, values in readings.items()}))
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ import pytest
 from scipy.stats import binom
 
 from gspure.artifacts import read_json
-from gspure.cli import main
+from gspure.cli import detect, main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
 from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
@@ -275,6 +275,14 @@ def test_a_reading_needs_a_view_on_the_camera_path(tmp_path):
 
 
 # --- the example ------------------------------------------------------------------------------------------------------
+
+
+def test_the_example_of_the_help_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    write_image(tmp_path / "a.png", np.random.default_rng(0).random((32, 32, 3)))
+    words = shlex.split(detect.EXAMPLES.splitlines()[0])
+    command = words[words.index("--command") + 1].replace("python", shlex.quote(sys.executable), 1)
+    assert [reading.view for reading in read_marks(command, tmp_path, "", 60)] == ["a"]
 
 
 def test_the_example_reads_what_it_embeds(tmp_path):

@@ -6,22 +6,23 @@ from argparse import ArgumentTypeError
 
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "read a mark from a folder of images with a detector of your own"
+HELP = "read a mark from a folder of images with your own detector"
 EXAMPLES = """\
-  gspure detect renders --command "python examples/spread_spectrum.py detect --seed 7" --out spread.csv
+  gspure detect renders --command "python examples/spread_spectrum.py detect --key 7" --out spread.csv
   gspure detect renders --command "python decode.py --weights decoder.pt" --message 0110100110010110 --out bits.csv
 
-The folder is appended to the command. The last line that the command prints is a JSON object with an entry for each
-image, by its name without .png: bits ("0110"; with --message) or a score (0.93; high if the mark is present).
+The detector gets the folder as its last argument. The last line that it prints must be a JSON object that maps the name
+of each image, without .png, to bits, with --message ({"view_000": "0110", ...}), or to a score, which is high if the
+mark is present ({"view_000": 0.93, ...}).
 """
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("images", "DIR", "PNG files")
-    parser.text("--command", "WORDS", "the detector", required=True)
+    parser.reads("images", "DIR", "PNG files, such as renders")
+    parser.text("--command", "WORDS", "the detector: a program and its options", required=True)
     parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)
-    parser.number("--timeout", "S", "seconds to wait for it", 600.0)
-    parser.writes("--out", "CSV", "one row per image")
+    parser.number("--timeout", "S", "seconds after which the detector is stopped", 600.0)
+    parser.writes("--out", "CSV", "the table to write, one row per image")
 
 
 def run(args: Arguments) -> None:
