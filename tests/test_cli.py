@@ -220,6 +220,28 @@ def test_renders_of_views_that_share_only_their_names_are_not_compared(asset, ca
     assert not Path("other.csv").exists()
 
 
+def test_renders_on_other_backgrounds_or_with_other_energies_are_not_compared(asset, capsys, monkeypatch):
+    monkeypatch.chdir(asset)
+    write_model(Path("grey.ply"), read_model("model.ply").with_background((1 / 3, 1, 1)))
+    for model, options, out in (
+        ("grey", "", "grey"),
+        ("model", "--background 0.33333 1 1", "explicit"),
+        ("model", "", "black"),
+        ("grey", "--energy ray", "ray"),
+    ):
+        assert main(["render", f"{model}.ply", "--cameras", "cameras.json", "--out", out, *options.split()]) == 0
+    for other, expected, field in (
+        ("explicit", 0, ""),
+        ("black", 2, "black: background: "),
+        ("ray", 2, "ray: energy: "),
+    ):
+        panels = ["figures", "panels", "--column", "a=grey", "--column", f"b={other}", "--out", "panels.png"]
+        for command in (["metrics", "grey", other], panels):
+            capsys.readouterr()
+            assert main(command) == expected
+            assert field in capsys.readouterr().err
+
+
 def test_render_names_images_after_views(asset):
     out = asset / "renders"
     arguments = ["--cameras", str(asset / "cameras.json"), "--out", str(out), "--split", "test", "--npy"]

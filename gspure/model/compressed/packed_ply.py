@@ -57,13 +57,14 @@ def read_packed(path: Path, header: PlyData, offset: int) -> Gaussians:
         if "min_r" in header["chunk"]:
             colours = _placed(chunks, ("r", "g", "b"), colours)
         three = (_numbers(packed["packed_rotation"], _ROTATION) - 0.5) * np.float32(np.sqrt(2))
-        return Gaussians.from_stored(
+        model = Gaussians.from_stored(
             means=_placed(chunks, ("x", "y", "z"), _numbers(packed["packed_position"], _THREE)),
             quats=smallest_three(three, (packed["packed_rotation"] >> 30).astype(np.intp)),
             log_scales=_placed(chunks, ("scale_x", "scale_y", "scale_z"), _numbers(packed["packed_scale"], _THREE)),
             opacity_logits=byte_logits((packed["packed_color"] & 255).astype(np.uint8)),
             sh_coeffs=np.concatenate([colour_coeffs(colours)[:, None], _harmonics(path, rows, tables.get("sh"))], 1),
         )
+        return Gaussians(model.table, (*header.comments, *header.obj_info))
 
 
 def _tables(path: Path, header: PlyData, offset: int) -> dict[str, NDArray[np.void]]:

@@ -2,12 +2,15 @@
 
 A header of 16 bytes and these streams are compressed by gzip as one; in version 4 the header, 32 bytes then, is plain,
 followed by a table of sizes, and each stream is compressed by Zstandard.
+
+The format has no field for a model's comments: they are the comment of the gzip header, which readers skip.
 """
 
 from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -32,6 +35,11 @@ TURNED_HARMONICS: Final = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1
 """The signs that this half turn gives to rotations (w, x, y, z), and to harmonics of degree 1 to 3."""
 
 _GZIP: Final = b"\x1f\x8b"
+_GZIP_HEADER: Final = 10
+_FLAGS: Final = 3
+_COMMENTED: Final = 16
+"""Size of a gzip header, the place of its flags, and their value if only a comment follows, which ends with a zero."""
+
 _HEADER: Final = struct.Struct("<4sIIBBBB")
 _PLAIN_HEADER: Final = 32
 _EXTENDED: Final = 2
@@ -73,7 +81,24 @@ def read_spz(path: Path) -> Gaussians:
             raise InputError(path, "header", expected="degree 0 to 3, at most 24 fractional bits", found=found)
         require_room(path, len(data), header.rows, COEFFICIENTS[header.degree])
         body = _unzipped(unpack, header) if gzipped else _unpacked(path, data, header)
-        return _model(header, np.frombuffer(body, np.uint8))
+        model = _model(header, np.frombuffer(body, np.uint8))
+        return Gaussians(model.table, _comments(data)) if gzipped else model
+
+
+def with_comments(data: bytes, comments: Sequence[bytes]) -> bytes:
+    """Return a file of version 2 or 3 without a gzip comment with these comment lines."""
+    if not comments:
+        return data
+    comment = b"\n".join(comments).replace(b"\0", b" ") + b"\0"
+    flags = bytes([_COMMENTED])
+    return data[:_FLAGS] + flags + data[_FLAGS + 1 : _GZIP_HEADER] + comment + data[_GZIP_HEADER:]
+
+
+def _comments(data: bytes) -> tuple[str, ...]:
+    """Return the lines of the comment of a gzip header; none if it has other fields."""
+    if data[_FLAGS] != _COMMENTED:
+        return ()
+    return tuple(data[_GZIP_HEADER : data.index(b"\0", _GZIP_HEADER)].decode("ascii").splitlines())
 
 
 def _unzipped(unpack: zlib._Decompress, header: _Header) -> bytes:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gspure.artifacts import replacing
 from gspure.errors import InputError
-from gspure.model.compressed.spz import TURNED, TURNED_HARMONICS, TURNED_QUATS
+from gspure.model.compressed.spz import TURNED, TURNED_HARMONICS, TURNED_QUATS, with_comments
 from gspure.model.gaussians import Gaussians
 
 PACKAGES: Final = {"gsply": "gspure[compression]"}
@@ -39,13 +39,20 @@ def write_compressed(path: Path, model: Gaussians) -> None:
 
 
 def _write_packed_ply(gsply: Any, path: Path, model: Gaussians) -> None:
-    path.write_bytes(gsply.compress_to_bytes(_parts(gsply, model.means, model.quats, model.sh_coeffs, model)))
+    data = gsply.compress_to_bytes(_parts(gsply, model.means, model.quats, model.sh_coeffs, model))
+    magic, encoding, rest = data.split(b"\n", 2)
+    path.write_bytes(b"\n".join([magic, encoding, *(b"comment " + line for line in _comments(model)), rest]))
 
 
 def _write_spz(gsply: Any, path: Path, model: Gaussians) -> None:
     coeffs = model.sh_coeffs.copy()
     coeffs[:, 1:] *= TURNED_HARMONICS[: coeffs.shape[1] - 1]
     gsply.write_spz(path, _parts(gsply, model.means * TURNED, model.quats * TURNED_QUATS, coeffs, model))
+    path.write_bytes(with_comments(path.read_bytes(), _comments(model)))
+
+
+def _comments(model: Gaussians) -> list[bytes]:
+    return [line.encode("ascii", "replace") for comment in model.comments for line in comment.splitlines()]
 
 
 def _parts(gsply: Any, means: Any, quats: Any, coeffs: Any, model: Gaussians) -> Any:
