@@ -53,6 +53,24 @@ def test_a_search_over_integers_prefers_too_little_damage_to_too_much() -> None:
     assert match == ("bits", 6, 0.9)
 
 
+def test_a_search_takes_the_weak_end_if_every_other_strength_does_too_much() -> None:
+    tried = []
+    match = search(Strength("fraction", 1.0, 0.0), lambda x: tried.append(x) or (0.0 if x == 1 else 14.0), 1.0)
+    assert match == ("fraction", 1.0, 0.0)
+    assert len(tried) == EVALUATIONS + 1
+
+
+def test_a_search_steps_back_from_strengths_that_are_refused() -> None:
+    def damage(fraction: float) -> float:
+        if fraction > 0.7:
+            raise InputError("attack", "rows", expected="some to remain", found="0")
+        return 10 * fraction
+
+    assert 0.69 < search(Strength("fraction", 0.0, 1.0), damage, 20).value <= 0.7
+    with pytest.raises(InputError, match="some to remain"):
+        search(Strength("fraction", 0.8, 1.0), damage, 20)
+
+
 @pytest.mark.parametrize("attack", STRONG, ids=lambda attack: attack.name)
 def test_both_ends_of_every_strength_are_valid_and_the_strong_one_damages_more(attack) -> None:
     public = PublicModel(blobs(200))
@@ -152,8 +170,20 @@ def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, 
     record = read_json(tmp_path / "out.ply.json")["settings"]
     assert record["fraction"] == 1
     assert record["scene_drop"] < record["damage"] == 30
-    assert f"an estimated {record['scene_drop']:.2f} dB" in capsys.readouterr().err
+    printed = capsys.readouterr().err
+    assert "warning: densify_clone: fraction=1 " in printed
+    assert f"an estimated {record['scene_drop']:.2f} dB" in printed
     assert record["damage_reference"] == "render"
+
+
+@pytest.mark.parametrize("name", ["random_pruning", "crop"])
+def test_a_damage_that_only_an_empty_model_would_have_leaves_rows(folder: Path, tmp_path: Path, capsys, name) -> None:
+    out = tmp_path / "out.ply"
+    assert attack(folder, name, "--damage", "200", "--out", str(out), "--verdict", str(out) + ".verdict", "-q") == 0
+    drop = read_json(tmp_path / "out.ply.json")["settings"]["scene_drop"]
+    assert len(read_model(out))
+    assert f"{drop:.2f} dB, not by 200 dB" in capsys.readouterr().err
+    assert read_json(Path(f"{out}.verdict"))["strength"].endswith(f", {drop:.2f} dB reached")
 
 
 @pytest.mark.parametrize(

@@ -249,7 +249,7 @@ class Attack:
         def damage_at(value: float) -> float:
             chosen = {**settings, strength.setting: value}
             attacked = self.apply(public, evidence, seed=seed, cameras=cameras, device=device, **chosen)
-            return damage_of(public.with_model(attacked.model))
+            return damage_of(public.with_model(attacked.model)) if len(attacked.model) else math.inf
 
         return search(strength, damage_at, wanted)
 

@@ -26,7 +26,7 @@ Damage = Callable[[PublicModel], float]
 """From an attacked model to the drop of the scene's PSNR, dB."""
 
 EVALUATIONS: Final = 10
-"""Most models that a search renders."""
+"""Most models that a search renders, besides that at the weak end."""
 
 NOMINAL_PSNR: Final = 30.0
 """Assumed PSNR of every view of the unattacked model where no photographs are known, dB. Ours."""
@@ -68,6 +68,10 @@ class Match(NamedTuple):
     damage: float
     """Drop of the scene's PSNR, dB."""
 
+    def misses(self, wanted: float) -> bool:
+        """Return whether the damage is farther from `wanted` dB than `DAMAGE_TOLERANCE`."""
+        return abs(self.damage - wanted) > DAMAGE_TOLERANCE
+
     def comment(self, wanted: float) -> str:
         """Return the comment line of a model attacked with it, for a search for a damage of `wanted` dB."""
         return f"gspure {__version__} damage {self.damage:.3f} dB of {wanted:g} dB"
@@ -76,19 +80,26 @@ class Match(NamedTuple):
 def search(strength: Strength, damage_at: Callable[[float], float], wanted: float) -> Match:
     """Return the value whose damage is nearest to `wanted` dB, by bisection.
 
-    `damage_at` maps a value of the setting to the drop of the scene's PSNR; it is called at most `EVALUATIONS` times. A
-    damage of at most `wanted` + `DAMAGE_TOLERANCE` is preferred over a larger one. If the strong end does less than
-    `wanted`, it is returned.
+    `damage_at` maps a value of the setting to the drop of the scene's PSNR. It is called at most `EVALUATIONS` times,
+    and at the weak end if all others do more. A value that it refuses by `InputError` is too strong; only the refusal
+    of the weak end is raised. A damage of at most `wanted` + `DAMAGE_TOLERANCE` is preferred over a larger one. If the
+    strong end does less than `wanted`, it is returned.
     """
     matches: list[Match] = []
     low, high, position = 0.0, 1.0, 1.0
     while len(matches) < EVALUATIONS:
         value = strength.at(position)
-        matches.append(Match(strength.setting, value, damage_at(value)))
+        try:
+            damage = damage_at(value)
+        except InputError:
+            damage = np.inf
+        matches.append(Match(strength.setting, value, damage))
         if (position == 1 and matches[-1].damage < wanted) or abs(matches[-1].damage - wanted) < DAMAGE_TOLERANCE / 2:
             break
         low, high = (position, high) if matches[-1].damage < wanted else (low, position)
         position = (low + high) / 2
+    if all(m.damage > wanted + DAMAGE_TOLERANCE for m in matches):
+        matches.append(Match(strength.setting, value := strength.at(0.0), damage_at(value)))
     return min(matches, key=lambda m: (m.damage > wanted + DAMAGE_TOLERANCE, abs(m.damage - wanted)))
 
 

@@ -22,8 +22,8 @@ from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
-    from gspure.attacks import Evidence
-    from gspure.attacks.strength import Damage
+    from gspure.attacks import Attacked, Evidence
+    from gspure.attacks.strength import Damage, Match
     from gspure.cameras import Camera
     from gspure.public_model import PublicModel
 
@@ -90,12 +90,9 @@ def run(args: Arguments) -> None:
 
     from gspure.artifacts import save_array, write_json, write_provenance
     from gspure.attacks import find_attack
-    from gspure.attacks.carrier import reached
     from gspure.cli.options import parsed_settings
     from gspure.cost import spent
     from gspure.evaluation.comparison import RENDER, TRUTH
-    from gspure.progress import say
-    from gspure.schemes.registry import find_scheme
 
     attack = find_attack(args.name)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
@@ -115,10 +112,9 @@ def run(args: Arguments) -> None:
     used = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
     if search:
         attacked = replace(attacked, model=attacked.model.with_comment(search.comment(args.damage)))
-        reference, estimated = (TRUTH, "") if args.photographs else (RENDER, "an estimated ")
+        reference = TRUTH if args.photographs else RENDER
         used |= {"damage": args.damage, "scene_drop": search.damage, "damage_reference": reference}
-        drop = f"{estimated}{search.damage:.2f} dB"
-        say(f"{attack.name}: {search.setting}={search.value:.4g} lowers the scene's PSNR by {drop}")
+        _print_damage(args, search)
     kept, count = int((~attacked.prune_mask).sum()), attacked.count
     if not len(attacked.model):
         hint = " ".join(f"{name}={value}" for name, value in used.items() if name != "attack")
@@ -129,15 +125,35 @@ def run(args: Arguments) -> None:
     if args.transform:
         save_array(args.transform, np.eye(4) if attacked.transform is None else attacked.transform)
     if args.verdict:
-        carriers = find_scheme(args.scheme).extractions if args.scheme else {}
-        touched = {name: reached(public.model, attacked, columns) for name, columns in carriers.items()}
-        strength = attack.strength and f"{attack.strength.setting}={used[attack.strength.setting]:.4g}"
-        write_json(args.verdict, {"reached": touched, "strength": strength or ""})
+        strength = f"{attack.strength.setting}={used[attack.strength.setting]:.4g}" if attack.strength else ""
+        missed = f", {search.damage:.2f} dB reached" if search and search.misses(args.damage) else ""
+        write_json(args.verdict, {"reached": _reached(args, public, attacked), "strength": strength + missed})
     for path in filter(None, (args.out, args.removed, args.transform, args.verdict)):
         kind = "removed rows" if path == args.removed else ""
         write_provenance(path, inputs=sources, settings=used, kind=kind)
     _write_cost(args, searching)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
+
+
+def _print_damage(args: Arguments, search: Match) -> None:
+    """Print strength and damage, as a warning where the damage misses the target."""
+    from gspure.progress import say, warn
+
+    estimated = "" if args.photographs else "an estimated "
+    drop = f"{search.setting}={search.value:.4g} lowers the scene's PSNR by {estimated}{search.damage:.2f} dB"
+    if search.misses(args.damage):
+        warn(f"{args.name}: {drop}, not by {args.damage:g} dB")
+    else:
+        say(f"{args.name}: {drop}")
+
+
+def _reached(args: Arguments, public: PublicModel, attacked: Attacked) -> dict[str, bool]:
+    """Return for each extraction of ``--scheme`` whether the attack changed its carrier."""
+    from gspure.attacks.carrier import reached
+    from gspure.schemes.registry import find_scheme
+
+    carriers = find_scheme(args.scheme).extractions if args.scheme else {}
+    return {name: reached(public.model, attacked, columns) for name, columns in carriers.items()}
 
 
 def _write_cost(args: Arguments, searching: float) -> None:
