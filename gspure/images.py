@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ MOST_PIXELS: Final = 1 << 27
 """A compressed file of any size may claim any number of pixels; no camera takes as many. Ours."""
 
 RENDERED: Final = "rendered.json"
-"""Record of the views that a folder of images has to hold, and of their cameras."""
+"""Record of the views that a folder of images has to hold, and of how they were rendered."""
 
 _STDERR: Final = 2
 
@@ -117,38 +117,49 @@ def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
         raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
 
 
-def record_views(folder: Path, views: Mapping[str, Sequence[float]]) -> None:
-    """Write the record of a finished folder of images: its views, each with the numbers of its camera, if known."""
-    record = {"views": {name: [*views[name]] for name in sorted(views)}}
+def record_views(
+    folder: Path, views: Mapping[str, Sequence[float]], background: Sequence[float] = (), energy: str = ""
+) -> None:
+    """Write the record of a finished folder of images: its views, each with the numbers of its camera, if known.
+
+    Renders of a scene also have their background and energy.
+    """
+    colour = " ".join(f"{round(channel, 4):g}" for channel in background)  # as exact as a model's comment
+    record = {"views": {name: [*views[name]] for name in sorted(views)}, "background": colour, "energy": energy}
     write_json(folder / RENDERED, {**record, "record": record_checksum(record)})
 
 
-def _recorded(folder: Path) -> dict[str, list[float]]:
-    """Return the views of a folder of images, with the numbers of their cameras; none without a record."""
+def _recorded(folder: Path) -> dict[str, Any]:
+    """Return the record of a folder of images; one of no views if it has none."""
     file = folder / RENDERED
     if not file.is_file():
-        return {}
+        return {"views": {}}
     record = read_json(file)
     match record:
-        case {"views": dict(views), "record": str(checksum)} if checksum == record_checksum(record):
-            return views
+        case {"views": dict(), "record": str(checksum)} if checksum == record_checksum(record):
+            return {**record}
     raise InputError(file, "record", expected="the views of a finished folder", found="damage")
 
 
 def require_all_images(folder: Path) -> None:
     """Refuse a folder that lacks the image of a view in its record; a folder without a record passes."""
-    views = _recorded(folder)
+    views = _recorded(folder)["views"]
     if missing := [view for view in views if not (folder / f"{view}.png").is_file()]:
         found = f"all but {len(missing)}: {missing[0]}.png" + ", ..." * (len(missing) > 1)
         hint = f"render them again; if deleted on purpose, delete {RENDERED} too"
         raise InputError(folder, "images", expected=f"all {len(views)} views", found=found, hint=hint)
 
 
-def require_same_cameras(folder: Path, other: Path, views: Iterable[str]) -> None:
-    """Refuse two folders with images of a view by different cameras, as far as their records know them."""
-    known, others = _recorded(folder), _recorded(other)
+def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
+    """Refuse images of one view by different cameras, energies or backgrounds, as far as records name them."""
+    record, record_of_other = _recorded(folder), _recorded(other)
+    for setting in ("background", "energy"):
+        first, second = record.get(setting), record_of_other.get(setting)
+        if first and second and first != second:
+            hint = f"render both with one --{setting}"
+            raise InputError(other, setting, expected=f"{first}, as {folder}", found=second, hint=hint)
     for view in views:
-        first, second = known.get(view), others.get(view)
+        first, second = record["views"].get(view), record_of_other["views"].get(view)
         if first and second and not np.allclose(first, second, rtol=1e-6, atol=1e-6):
             hint = "render both with one cameras.json"
             raise InputError(other, view, expected=f"the camera of {folder}", found="another of this name", hint=hint)

@@ -64,7 +64,7 @@ def _draw_attacks(args: Arguments) -> Drawn:
     from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, ordered
     from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, typical, write_lineup
-    from gspure.images import read_image, require_same_cameras
+    from gspure.images import read_image, require_comparable
 
     folders, results = args.column, read_results(args.table)
     of_asset = [o for o in results if f"{o.scheme}/{o.asset}" == args.asset]
@@ -90,7 +90,7 @@ def _draw_attacks(args: Arguments) -> Drawn:
         columns.append(_variant(title, images, outcome))
         files |= {f"{title} {target}": path for target, path in images.items()}
         for target, path in images.items():
-            require_same_cameras(_target_folder(folders[reference], target), path.parent, [view])
+            require_comparable(_target_folder(folders[reference], target), path.parent, [view])
     write_lineup(args.out, targets, columns)
     caption = f"View {view} of {len(views)} after every attack: the one with the median {compared} PSNR before attacks."
     if any(column.unreached for column in columns):
@@ -120,7 +120,7 @@ def _target_folder(folder: Path, target: str) -> Path:
 def _common_views(folders: Iterable[Path]) -> list[str]:
     """Return the sorted names of the views in all folders, without those off the camera path."""
     from gspure.cameras.off_path import PREFIX
-    from gspure.images import require_same_cameras
+    from gspure.images import require_comparable
 
     folders = list(folders)
     names = set.intersection(*({path.stem for path in folder.glob("*.png")} for folder in folders))
@@ -128,7 +128,7 @@ def _common_views(folders: Iterable[Path]) -> list[str]:
     if not views:
         raise InputError(folders[0], "*.png", expected="a view of all columns", found="none")
     for folder in folders[1:]:
-        require_same_cameras(folders[0], folder, views)
+        require_comparable(folders[0], folder, views)
     return views
 
 

@@ -191,7 +191,7 @@ def _compare(
         scene = public.scene(device, background)
         for camera in track(views, f"render {title}"):
             write_image(renders / title / f"{camera.name}.png", scene(camera))
-        record_views(renders / title, {camera.name: camera.numbers.tolist() for camera in views})
+        record_views(renders / title, {view.name: view.numbers.tolist() for view in views}, background, "ewa")
     pairs = [
         pair._replace(target=_RENDERS[title])
         for title in reversed([*models][1:])

@@ -55,7 +55,7 @@ def run(args: Arguments) -> None:
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
-        record_views(folder, unmoved(args, views))
+        record_views(folder, unmoved(args, views), background, args.energy)
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
     for camera in [] if args.npy else views:  # of an earlier model

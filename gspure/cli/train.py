@@ -214,6 +214,7 @@ def _compare(folder: Path, args: Arguments, dataset: Dataset, model: Path, devic
         write_image(pair.reference, photograph)
         write_image(pair.image, renderer.image(camera, background=args.background))
         rows.append(compare(pair))
-    for images in (truth, renders):
-        record_views(images, {camera.name: camera.numbers.tolist() for camera in dataset.test})
+    views = {camera.name: camera.numbers.tolist() for camera in dataset.test}
+    record_views(truth, views)
+    record_views(renders, views, args.background, "ewa")
     return rows

@@ -15,7 +15,7 @@ from gspure.errors import InputError
 from gspure.evaluation.controls import BLACK
 from gspure.evaluation.csv_tables import PerMetric, read_table, write_table
 from gspure.evaluation.metrics import METRICS
-from gspure.images import read_image, require_all_images, require_same_cameras
+from gspure.images import read_image, require_all_images, require_comparable
 
 Reference = Literal["truth", "render"]
 TRUTH: Final = "truth"
@@ -61,7 +61,7 @@ def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None
     return the number of images of `reference` without a counterpart: a reference may cover more views.
 
     Raise `InputError` if a folder holds no PNG file or lacks one of its record, or `images` has one that `reference`
-    lacks, no target of `against`, or a view by another camera.
+    lacks, no target of `against`, or views by other cameras, or on another background or with another energy.
     """
     available, compared = _png_files(reference), _png_files(images)
     renamed, targets = against or {}, {path.parent.as_posix() for path in compared}
@@ -74,7 +74,7 @@ def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None
             raise InputError(reference / counterpart, "file", expected=expected, found="nothing")
     pairs = [Pair(p.parent.as_posix(), p.stem, reference / q, images / p) for p, q in counterparts.items()]
     for folders, alike in groupby(sorted(pairs), key=lambda pair: (pair.reference.parent, pair.image.parent)):
-        require_same_cameras(*folders, (pair.view for pair in alike))
+        require_comparable(*folders, (pair.view for pair in alike))
     return sorted(pairs), len(available - {*counterparts.values()})
 
 
