@@ -13,7 +13,7 @@ class Described(ABC):
     @property
     @abstractmethod
     def facts(self) -> Mapping[str, str]:
-        """What to show, by name."""
+        """The facts to show, by name."""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{name}: {fact}' for name, fact in self.facts.items())})"

@@ -52,7 +52,7 @@ def add_arguments(parser: Parser) -> None:
 
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
     parser.text("name", "NAME", f"one of {names}, or one of an installed plug-in")
-    parser.reads("--model", "MODEL", "the public model's file; its other files are copied")
+    parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
     evidence = parser.add_argument_group("measurements, for attacks that need them")
     for option, origin in _EVIDENCE.items():
         evidence.add_argument(option, type=Path, metavar="FILE", help=origin)
@@ -61,9 +61,7 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--out", "PLY", "the attacked model to write")
     parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
     add_scheme(parser)
-    parser.writes(
-        "--verdict", "JSON", "also write whether the attack changed anything that each extraction reads", required=False
-    )
+    parser.writes("--verdict", "JSON", "also write, for each extraction, whether the attack reached it", required=False)
     parser.writes("--transform", "NPY", "also write the rigid transform applied: float64 [4,4]", required=False)
     parser.number(
         "--damage", "DB", "search for the strength that lowers the scene's PSNR by DB; needs --cameras", type=float
@@ -73,19 +71,19 @@ def add_arguments(parser: Parser) -> None:
     parser.reads(
         "--photographs",
         "DIR",
-        "photographs VIEW.png of the scene, for --damage; without them, the drop is estimated for a model with "
-        "30 dB in every view",
+        "photographs VIEW.png of the scene, for --damage; without them, the damage is estimated for a model "
+        "with 30 dB in every view",
         required=False,
     )
     parser.writes(
         "--cost", "JSON", "also write CPU time and peak memory, without the search for --damage", required=False
     )
-    parser.reads("--measured", "JSON", "add the costs of these measurements", nargs="*", default=[])
+    parser.reads("--measured", "JSON", "for --cost: cost files of the measurements, to add", nargs="*", default=[])
     add_device(parser)
 
 
 def run(args: Arguments) -> None:
-    """Write the attacked model, and optionally removed rows, verdict and transform."""
+    """Write the attacked model and, on request, removed rows, verdict, transform and cost."""
     import numpy as np
 
     from gspure.artifacts import save_array, write_json, write_provenance
@@ -157,7 +155,7 @@ def _reached(args: Arguments, public: PublicModel, attacked: Attacked) -> dict[s
 
 
 def _write_cost(args: Arguments, searching: float) -> None:
-    """Write what the attack and its measurements cost, without `searching` seconds; nothing if a cost is unknown."""
+    """Write the cost of the attack and its measurements without `searching` seconds, unless one of them is unknown."""
     from gspure.cost import read_cost, spent, total
 
     if args.cost and all(file.is_file() for file in args.measured):

@@ -1,4 +1,4 @@
-"""``gspure audit``: the workflow on models of one's own, from a checkout or an installed package."""
+"""``gspure audit``: the workflow on the user's models, from a checkout or an installed package."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def add_arguments(parser: Parser) -> None:
     parser.reads(
         "source",
         "MODEL|CONFIG",
-        "file of a 3DGS model or folder of a training run, or a configuration of the workflow, .yaml; that of a model "
-        f"is written to {_CONFIGURATION}",
+        "file of a 3DGS model or folder of a training run, whose configuration is written to "
+        f"{_CONFIGURATION}; or a configuration of the workflow, .yaml",
     )
     add_cameras(parser, "views of MODEL", required=False)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")

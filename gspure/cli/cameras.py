@@ -19,7 +19,7 @@ HELP = "convert cameras of any format, or generate views, and write cameras.json
 EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
   gspure cameras scene/transforms.json --out cameras.json --scale 1/4
-  gspure cameras scene --undistort --out flat/cameras.json            # photographs as a pinhole camera takes them
+  gspure cameras scene --undistort --out flat/cameras.json            # without lens distortion, to flat/images
   gspure cameras output/bicycle --out cameras.json --scale native     # a training run's own cameras.json
   gspure cameras cameras.json --off-path 4 --out off_path.json        # novel views off the camera path
   gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 1 0
@@ -47,7 +47,7 @@ def add_arguments(parser: Parser) -> None:
     parser.number("--off-path", "N", "write N views off the camera path instead")
     parser.flag(
         "--undistort",
-        "write photographs without lens distortion to images/ beside --out, and the points; the cameras name them",
+        "remove lens distortion: also write the photographs to images/, and the points, beside --out",
     )
     parser.flag("--require-images", "refuse views without a photograph of at least their size")
     views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")

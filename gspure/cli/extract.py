@@ -14,12 +14,12 @@ EXAMPLES = """\
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out message
   gspure extract purified.ply --scheme splats_in_splats --key marked/key --cameras pair/cameras.json --out message \\
       --extraction message_oracle                                                    # with the exact hidden values
-  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out stranger \\
+  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out wrong_key \\
       --wrong-key 1                                                                  # a negative control
 """
 
 FIT_STEPS: Final = 300
-"""Training steps of a decoder that is fitted to an attacked model. Ours."""
+"""Training steps of a decoder, or of private networks, on an attacked model. Ours."""
 
 
 def add_arguments(parser: Parser) -> None:
@@ -29,12 +29,12 @@ def add_arguments(parser: Parser) -> None:
     parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
     parser.text("--extraction", "NAME", "an extraction of the scheme (default: `message`)")
-    parser.number("--wrong-key", "SEED", "use an unrelated key of this random seed: a negative control")
+    parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this random seed: a negative control")
     parser.reads(
         "--photographs",
         "DIR",
-        "photographs and cameras of the message (PAIR/message): `message_adaptive` of gs_hider and secure_gs learns "
-        "from their training views",
+        "photographs and cameras of the message (PAIR/message), for `message_adaptive` of gs_hider and secure_gs; "
+        "only the training views are used",
         required=False,
     )
     add_views(parser, split="all")
@@ -82,7 +82,7 @@ def run(args: Arguments) -> None:
 
 
 def _lesson(args: Arguments) -> Lesson:
-    """Read the training views of the message, which move with the model."""
+    """Return what the key learns from: photographs of the message, in training views that move with the model."""
     import numpy as np
 
     from gspure.cameras.reading import read_transform

@@ -1,4 +1,4 @@
-"""Detection of marks that a detector reads from renders: bits, or a score."""
+"""Whether a mark is present in a model, from what a detector reads in its renders: bits, or a score."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
 
 DETECTIONS: Final = "detections"
-"""Folder of the readings of a variant, ``SCHEME/SCENE/VARIANT/detections/DETECTOR.csv``."""
+"""Name of the folder of readings: ``SCHEME/SCENE/VARIANT/detections/DETECTOR.csv``."""
 
 STRICT: Final = 0.001
 """False positive rate of `Detection.tpr_strict`."""
@@ -64,11 +64,11 @@ class Threshold(NamedTuple):
 
     @classmethod
     def of(cls, bits: int, clean: Sequence[float], rate: float) -> Threshold:
-        """Return the lowest threshold that unmarked views exceed at most at this rate.
+        """Return the lowest threshold that unmarked views exceed at this rate or a lower one.
 
-        For `bits`, it follows from the binomial distribution: an unmarked view has every bit with probability 1/2. For
-        scores (0 bits), it is the level of one of N `clean` views. The rate of the k-th highest is k / (N + 1), higher
-        than wanted if there are few.
+        For `bits`, it follows from the binomial distribution: each bit of an unmarked view is correct with probability
+        1/2. For scores (0 bits), it is the level of one of N `clean` views. The k-th highest has the rate k / (N + 1),
+        which exceeds `rate` for few views.
         """
         from scipy.stats import binom
 
@@ -87,7 +87,7 @@ def share_correct(decoded: NDArray[np.bool_], message: NDArray[np.bool_]) -> flo
 
 
 def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
-    """Return what one or more readings of a model say, given the levels of views of unmarked models."""
+    """Return the detection of a model from its readings; `clean` holds the levels of views of unmarked models."""
     from scipy.stats import binom
 
     levels, bits = np.array([reading.level for reading in readings]), readings[0].bits

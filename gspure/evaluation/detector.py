@@ -1,4 +1,4 @@
-"""Detectors: commands of the user's that read a mark from images, with code and weights of their own."""
+"""Detectors: the user's commands that read a mark from images, with their own code and weights."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from gspure.images import require_all_images
 def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:
     """Return what a command reads from each PNG file of a folder, within `timeout` seconds.
 
-    The folder is appended to the words of the command. The last line that it prints is a JSON object with an entry for
-    each image, by its name without ``.png``: bits, as a text of 0 and 1, or a score, a number that is higher the surer
-    the mark is present. `message` are the embedded bits; empty if the command returns scores.
+    The command gets the folder as its last argument. The last line that it prints is a JSON object that maps the name
+    of each image, without ``.png``, to bits, as a text of 0 and 1, or to a score, which is high if the mark is present.
+    `message` holds the embedded bits, and is empty if the command returns scores.
 
     Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """

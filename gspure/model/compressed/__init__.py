@@ -1,4 +1,4 @@
-"""Models in the compressed formats of converters and viewers: all are read, two are written."""
+"""Models in the compressed formats of converters and viewers: five are read, two of them also written."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ READERS: Final[dict[str, Callable[[Path], Gaussians]]] = {
     ".spz": read_spz,
     INDEX: read_sog,
 }
-"""By suffix, or by name. A compressed ``.ply`` is known by its header: see `gspure.model.ply`."""
+"""By suffix, or by name. A compressed ``.ply`` is recognized by its header: see `gspure.model.ply`."""
 
 STREAMED: Final = "lod-meta.json"
-"""The index of a model in levels of detail, each a model of its own."""
+"""The index of a streamed model: several levels of detail, each of which is a model."""
 
 
 def is_compressed(path: Path) -> bool:
-    """Return whether the name is that of a model in one of these formats, or of a streamed one."""
+    """Return whether this is the name of a model in one of these formats, or of a streamed model."""
     return bool({path.name, path.suffix.lower()} & {STREAMED, *READERS})
 
 

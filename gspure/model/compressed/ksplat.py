@@ -44,12 +44,14 @@ _SECTION: Final = np.dtype(
     }
 )
 _TYPES: Final = (("<f4", "<f4", "<f4"), ("<u2", "<f2", "<f2"), ("<u2", "<f2", "u1"))
-"""Of positions, of scales and quaternions, and of spherical harmonics, by level of compression."""
+"""By level of compression: types of positions, of scales and quaternions, and of spherical harmonics."""
 
 _RANGE: Final = 32767
+"""Range of positions, if a section names none."""
+
 _LIMITS: Final = ("least", "largest")
 _HARMONICS: Final = (-1.5, 1.5)
-"""Of positions and of spherical harmonics, unless the file has others."""
+"""Limits of spherical harmonics, if the header names none."""
 
 
 def read_ksplat(path: Path) -> Gaussians:
@@ -81,7 +83,7 @@ def read_ksplat(path: Path) -> Gaussians:
 
 
 def _part(data: NDArray[np.uint8], at: int, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
-    """Return `count` records at a place of the file, which must hold them."""
+    """Return `count` records at byte `at`; raise `ValueError` if the file ends before."""
     if at + count * dtype.itemsize > len(data):
         raise ValueError(f"{len(data)} bytes, too few for its header")
     return np.frombuffer(data, dtype, count, at)
@@ -117,7 +119,7 @@ def _rows(data: NDArray[np.uint8], at: int, section: np.void, level: int) -> tup
 
 
 def _harmonics(stored: NDArray[Any], coefficients: int, header: np.void) -> Float32:
-    """Return coefficients [K,S,3], zero beyond those stored; each degree is stored channel by channel."""
+    """Return coefficients [K,S,3], zero where none is stored; the file holds each degree channel by channel."""
     values: Float32 = stored.astype(np.float32)
     if stored.dtype == np.uint8:
         least, largest = (float(header[name]) or limit for name, limit in zip(_LIMITS, _HARMONICS, strict=True))

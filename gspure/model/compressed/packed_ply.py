@@ -28,7 +28,7 @@ from gspure.model.compressed.quantization import (
 from gspure.model.gaussians import Gaussians
 
 Bits = tuple[tuple[int, int], ...]
-"""The place of the lowest bit of each number, and how many bits it has."""
+"""The lowest bit of each number, and its number of bits."""
 
 _CHUNK: Final = 256
 _THREE: Final = ((21, 11), (11, 10), (0, 11))
@@ -83,14 +83,14 @@ def _tables(path: Path, header: PlyData, offset: int) -> dict[str, NDArray[np.vo
 
 
 def _numbers(packed: NDArray[np.uint32], bits: Bits) -> Float32:
-    """Return numbers from 0 to 1, one column for each place."""
+    """Return numbers from 0 to 1, one column for each pair of `bits`."""
     if packed.dtype != np.uint32:
         raise ValueError(f"packed numbers of type {packed.dtype}, not uint32")
     return np.stack([(packed >> at & (1 << count) - 1) / np.float32((1 << count) - 1) for at, count in bits], 1)
 
 
 def _harmonics(path: Path, rows: int, stored: NDArray[np.void] | None) -> Float32:
-    """Return coefficients [K,S,3]; the lowest and highest level are the ends of their range, others are centred."""
+    """Return coefficients [K,S,3]: the ends of their range for levels 0 and 255, else the centre of the level."""
     if stored is None:
         return np.empty((rows, 0, 3), np.float32)
     names = [f"f_rest_{i}" for i in range(len(stored.dtype.names or ()))]
@@ -103,7 +103,7 @@ def _harmonics(path: Path, rows: int, stored: NDArray[np.void] | None) -> Float3
 
 
 def _placed(chunks: NDArray[np.void], names: tuple[str, ...], shares: Float32) -> Float32:
-    """Return values at these shares of the range of each row's chunk."""
+    """Return the values that shares from 0 to 1 stand for, in the range of each row's chunk."""
     chunk = np.arange(len(shares)) // _CHUNK
     least, largest = (np.stack([chunks[f"{end}_{name}"] for name in names], 1)[chunk] for end in ("min", "max"))
     return np.asarray(least * (1 - shares) + largest * shares, np.float32)

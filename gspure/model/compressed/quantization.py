@@ -25,7 +25,7 @@ _OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 
 def require_room(path: Path, size: int, rows: int, coefficients: int = 0) -> None:
-    """Refuse a file without rows, or of `size` bytes that unpack to far more than a model's, before they do."""
+    """Refuse a file without rows, and one whose `size` bytes would unpack to far more, before it is unpacked."""
     if rows < 1:
         raise InputError(path, "rows", expected="at least one", found=str(rows))
     unpacked, most = 4 * rows * (_COLUMNS + 3 * coefficients), max(UNPACKED_ROOM, UNPACKED_RATIO * size)
@@ -44,12 +44,12 @@ def byte_logits(opacities: NDArray[np.uint8]) -> Float32:
 
 
 def positive_log(scales: NDArray[Any]) -> Float32:
-    """Return logarithms; of the least float32 for scales that were rounded to 0."""
+    """Return the logarithms of scales; those rounded to 0 become the least normal float32 first."""
     return np.log(np.maximum(scales.astype(np.float32), np.finfo(np.float32).tiny))
 
 
 def smallest_three(three: NDArray[Any], largest: NDArray[np.intp]) -> Float32:
-    """Return unit quaternions [K,4] of their three smallest components [K,3] and the place [K] of the largest."""
+    """Return unit quaternions [K,4] from their three smallest components [K,3] and the index [K] of the largest."""
     quats = np.empty((len(three), 4), np.float32)
     np.put_along_axis(quats, _OTHERS[largest], three, 1)
     rest = np.sqrt(np.maximum(0, 1 - np.sum(np.square(three), 1, keepdims=True)))

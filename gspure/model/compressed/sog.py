@@ -1,7 +1,7 @@
 """SOG, versions 1 and 2: numbers of 8 bits in the pixels of WebP images, in an archive or beside their ``meta.json``.
 
-Version 2 looks them up in a table of 256 values; version 1 scales them to a range. Positions have two images, of their
-lower and upper 8 bits; spherical harmonics are looked up in an image of those of up to 65 536 Gaussians.
+Scales and colours are indices into tables of 256 values (version 2) or scaled to a range (version 1). Positions have
+two images, of their lower and upper 8 bits. Spherical harmonics are indices into an image of up to 65 536 entries.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ _PER_ROW: Final = 64
 _LONGEST_NAME: Final = 255
 _MOST_ENTRIES: Final = 1 << 16
 _BORDER: Final = 1 << 12
-"""An image of one pixel per Gaussian may have this many more, and twice as many anyway."""
+"""An image may have this many pixels more than two per Gaussian."""
 
 _LARGEST_IS_W: Final = 252
-"""The fourth channel of a rotation; the next three numbers stand for x, y and z as the largest component."""
+"""The fourth channel of a rotation whose largest component is w; the next three numbers stand for x, y and z."""
 
 
 def read_sog(path: Path) -> Gaussians:
@@ -60,7 +60,7 @@ def _member(archive: zipfile.ZipFile, most: int, name: str) -> bytes:
     if (size := archive.getinfo(name).file_size) > most:
         raise ValueError(f"{size} bytes unpacked, at most {most} are read")
     with archive.open(name) as stream:
-        return stream.read(size)  # no more, whatever it unpacks to
+        return stream.read(size)  # an archive may understate its size
 
 
 def _model(path: Path, member: Member) -> Gaussians:
@@ -103,7 +103,7 @@ def _pixels(data: bytes, most: int) -> Bytes:
 
 
 def _values(settings: Any, stored: Bytes) -> Float32:
-    """Return the values that bytes stand for: those of a table, or linear in a range by column."""
+    """Return the values that bytes stand for, from a table or linearly in the range of each column."""
     if "codebook" in settings:
         return np.asarray(settings["codebook"], np.float32)[stored]
     least, largest = (np.asarray(settings[name], np.float32) for name in ("mins", "maxs"))
@@ -111,7 +111,7 @@ def _values(settings: Any, stored: Bytes) -> Float32:
 
 
 def _means(settings: Any, low: Bytes, high: Bytes) -> Float32:
-    """Return positions; their logarithms are stored, of distances plus 1, and their signs."""
+    """Return positions x, stored as sign(x) log(1 + |x|)."""
     least, largest = (np.asarray(settings[name], np.float64) for name in ("mins", "maxs"))
     stored = low[:, :3].astype(np.uint16) | high[:, :3].astype(np.uint16) << 8
     logs = least + (largest - least) * (stored / 65535)
@@ -126,7 +126,7 @@ def _quats(stored: Bytes) -> Float32:
 
 
 def _entries(settings: Any, data: bytes) -> Float32:
-    """Return the spherical harmonics [N,S,3] that Gaussians refer to by number."""
+    """Return the entries [N,S,3] of spherical harmonics, which Gaussians refer to by index."""
     image = _pixels(data, _MOST_ENTRIES * COEFFICIENTS[-1])
     coefficients = image.shape[1] // _PER_ROW
     if coefficients not in COEFFICIENTS[1:]:

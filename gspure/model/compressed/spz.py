@@ -1,9 +1,9 @@
 """``.spz``, versions 2 to 4: all positions, then all opacities, colours, scales, rotations and spherical harmonics.
 
-A header of 16 bytes and these streams are compressed by gzip as one; in version 4 the header, 32 bytes then, is plain,
-followed by a table of sizes, and each stream is compressed by Zstandard.
+In versions 2 and 3, gzip compresses a header of 16 bytes and these streams together. In version 4, a plain header of 32
+bytes and a table of sizes precede the streams, and Zstandard compresses each of them.
 
-The format has no field for a model's comments: they are the comment of the gzip header, which readers skip.
+The format has no field for a model's comments, so they are in the comment of the gzip header, which readers skip.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from gspure.model.compressed.quantization import (
 from gspure.model.gaussians import Gaussians
 
 TURNED: Final = np.array([1, -1, -1], np.float32)
-"""SPZ has y up and z backwards, models have them down and forwards: half a turn about x."""
+"""SPZ has y up and z backwards, models have y down and z forwards: a rotation by 180 degrees about x."""
 
 TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)
 TURNED_HARMONICS: Final = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.float32)[:, None]
-"""The signs that this half turn gives to rotations (w, x, y, z), and to harmonics of degree 1 to 3."""
+"""The signs by which this multiplies rotations (w, x, y, z), and harmonics of degree 1 to 3."""
 
 _GZIP: Final = b"\x1f\x8b"
 _GZIP_HEADER: Final = 10
@@ -43,11 +43,11 @@ _COMMENTED: Final = 16
 _HEADER: Final = struct.Struct("<4sIIBBBB")
 _PLAIN_HEADER: Final = 32
 _EXTENDED: Final = 2
-"""Flag of a file with more streams, which are not read."""
+"""Flag of a file with further streams, which are not read."""
 
 _COLOUR_SCALE: Final = 0.15
 _STEPS: Final = 511
-"""Of a rotation's component: 9 bits and a sign."""
+"""Largest magnitude of a rotation's component: 9 bits, beside the sign."""
 
 
 class _Header(NamedTuple):
@@ -148,14 +148,14 @@ def _model(header: _Header, body: NDArray[np.uint8]) -> Gaussians:
 
 
 def _fixed_point(stored: NDArray[np.uint8], fraction_bits: int) -> Float32:
-    """Return numbers of 24 bits, the highest of them the sign."""
+    """Return fixed-point numbers of 24 bits, in two's complement."""
     low, middle, high = stored.reshape(len(stored), 3, 3).astype(np.int32).transpose(2, 0, 1)
     values = (low | middle << 8 | high << 16) << 8 >> 8
     return np.asarray(values / (1 << fraction_bits), np.float32)
 
 
 def _quats(stored: NDArray[np.uint8]) -> Float32:
-    """Return quaternions (w, x, y, z) of version 2, [K,3], or later, [K,4]; both are stored as (x, y, z, w)."""
+    """Return quaternions (w, x, y, z), stored as (x, y, z) in 3 bytes (version 2), or as three of four in 4 bytes."""
     if stored.shape[1] == 3:
         return smallest_three(stored / np.float32(127.5) - 1, np.zeros(len(stored), np.intp))
     bits = np.ascontiguousarray(stored).view("<u4")[:, 0]

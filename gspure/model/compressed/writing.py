@@ -1,4 +1,4 @@
-"""Compressed models by gsply (MIT), an optional package."""
+"""Compressed models, written by gsply (MIT), an optional package."""
 
 from __future__ import annotations
 
@@ -21,8 +21,10 @@ SPZ: Final = ".spz"
 def write_compressed(path: Path, model: Gaussians) -> None:
     """Write a model with colours as compressed ``.ply`` or as SPZ 3, whole or not at all.
 
-    A chunk of 256 rows of a compressed ``.ply`` shares one range of values: sort neighbours together first. Raise
-    `InputError` if the name is that of another format, the model has no colours, or gsply is not installed.
+    In a compressed ``.ply``, 256 successive rows share one range of values: sort them along a space-filling curve
+    before.
+
+    Raise `InputError` if the name is that of another format, the model has no colours, or gsply is not installed.
     """
     write = _WRITERS.get(PACKED_PLY if path.name.endswith(PACKED_PLY) else path.suffix.lower())
     if write is None:
