@@ -5,6 +5,7 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -96,12 +97,27 @@ def test_controls_and_failed_variants_are_left_out() -> None:
 
 def test_at_equal_damage_the_sweeps_are_compared_scene_by_scene() -> None:
     outcomes = benchmark(
-        {"a": {"gspure": (0.7, 10.0), "weak": (0.5, 4.0), "strong": (2.5, 10.0)}, "b": {"gspure": (2.0, 10.0)}}
+        {
+            "a": {"gspure": (0.6, 10.0), "tau_2": (2.5, 12.0), "weak": (0.5, 4.0), "strong": (2.5, 10.0)},
+            "b": {"gspure": (2.0, 10.0)},
+        }
     )
-    rows = [row for row in contest(outcomes, {"theirs": ["weak", "strong", "absent"]}) if not math.isnan(row.damage)]
+    sweeps = {"gspure": ["gspure", "tau_2"], "theirs": ["weak", "strong", "absent"]}
+    rows = [row for row in contest(outcomes, sweeps) if not math.isnan(row.damage)]
     # At 0.3 dB, neither was tested so gently.
     assert [(row.attack, row.damage, row.cells) for row in rows] == [("theirs", at, 1) for at in MATCHED_DAMAGES[1:]]
-    assert [row.difference.mean for row in rows] == pytest.approx([10 - 4.6, 10 - 7, 10 - 8.5])
+    ours = np.interp(MATCHED_DAMAGES[1:], [0.6, 2.5], [10, 12])
+    assert [row.difference.mean for row in rows] == pytest.approx(ours - [4.6, 7, 8.5])
+
+
+@pytest.mark.parametrize(("gspure", "other"), [((-0.45, 10.0), (1.0, 2.0)), ((1.0, 10.0), (0.007, 2.0))])
+def test_at_equal_damage_a_bound_has_no_difference(gspure, other) -> None:
+    bounded = benchmark({"a": {"gspure@1dB": gspure, "x@1dB": other}})
+    met = benchmark({"b": {"gspure@1dB": (1.0, 10.0), "x@1dB": (1.03, 7.0)}})
+    sweeps = {"gspure": ["gspure@1dB"], "x": ["x@1dB"]}
+    assert [row for row in contest(bounded, sweeps) if not math.isnan(row.damage)] == []
+    (row,) = (row for row in contest(bounded + met, sweeps) if not math.isnan(row.damage))
+    assert (row.cells, row.difference.mean) == (1, pytest.approx(3))
 
 
 def test_a_sweep_of_gspure_replaces_the_single_variant() -> None:
@@ -149,14 +165,16 @@ def test_the_command_writes_its_tables_with_where_they_come_from(tmp_path: Path)
     files = {"--table": "results.csv", "--out": "contest.csv", "--survival": "survival.csv", "--matched": "matched.csv"}
     files["--markdown"] = "contest.md"
     words = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
-    assert main(["contest", *words, "--sweep", f"theirs={','.join(SWEEPS['theirs'])}"]) == 0
+    words += ["--sweep", f"theirs={','.join(SWEEPS['theirs'])}", "--sweep", "gspure=gspure,weaker"]
+    assert main(["contest", *words]) == 0
     with (tmp_path / "contest.csv").open(newline="") as stream:
         rows = {(row["attack"], row["quantity"], row["damage"]): row for row in csv.DictReader(stream)}
-    assert rows["weaker", "score", ""]["difference_mean"] == "9.5"
+    assert rows["better", "score", ""]["difference_mean"] == "-2.5"
     assert any(attack == "theirs" and damage for attack, _, damage in rows)
     matched = read_table(tmp_path / "matched.csv", Matched)
     assert (matched[0].sweep, matched[0].strengths, len(matched)) == ("theirs", 2, len(match(SCENES, SWEEPS)))
-    expected = conditions_markdown(survival(SCENES), contest(SCENES, SWEEPS), match(SCENES, SWEEPS))
+    sweeps = {**SWEEPS, "gspure": ["gspure", "weaker"]}
+    expected = conditions_markdown(survival(SCENES), contest(SCENES, sweeps), match(SCENES, sweeps))
     assert (tmp_path / "contest.md").read_text() == expected
     for name in ("contest.csv", "survival.csv", "matched.csv"):
         record = json.loads((tmp_path / f"{name}.json").read_text())

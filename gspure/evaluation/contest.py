@@ -99,11 +99,11 @@ def _as_run(drops: DropsByVariant, quantity: Quantity) -> dict[str, Cells]:
 
 
 def _at_equal_damage(attacks: Sequence[Outcome], extraction: str, sweeps: Sweeps, damage: float) -> dict[str, Cells]:
-    """Return the message's drop by sweep at a permitted drop of the scene, without models that it damages more."""
+    """Return the message's drop by sweep at a permitted drop of the scene, in the models that it damages so much."""
     by_sweep = {name: curves([o for o in attacks if o.variant in of], extraction) for name, of in sweeps.items()}
     points = {name: {cell: Point.at(damage, c) for cell, c in known.items()} for name, known in by_sweep.items()}
     return {
-        name: {cell: point.message for cell, point in cells.items() if point and point.scene <= damage}
+        name: {cell: point.message for cell, point in cells.items() if point and point.scene == damage}
         for name, cells in points.items()
     }
 
