@@ -199,11 +199,13 @@ def test_the_audit_names_an_attack_that_is_stronger_at_equal_damage() -> None:
     assert re.search(r"No other attack has a higher mean Score.*However.*GOF removes more", text)
     untested = told(of_scenes(2, gspure=(3.0, 20.0), gof=(3.0, 15.0)))[1]["Compared with other attacks"]
     assert "equal damage" not in untested
-    weaker = told(of_scenes(2, **{**drops, "gof@0.3dB": (0.3, 5.0)}), sweeps)[1]["Compared with other attacks"]
-    assert "However" not in weaker
-    assert re.search(r"\(0.3 dB\), no other attack .*removes more", weaker)
-    once = told(of_scenes(2, gspure=(1.8, 20.0), gof=(1.8, 15.0)))[1]["Compared with other attacks"]
-    assert "(2 dB)" in once
+    drops["gof@0.3dB"] = (0.3, 5.0)
+    once = told(of_scenes(2, **drops), sweeps)[1]["Compared with other attacks"]
+    assert "However" not in once
+    assert re.search(r"\(0.3 dB\), no other attack .*removes more", once)
+    drops |= {"gspure@2dB": (2.0, 25.0), "gof@2dB": (2.0, 20.0)}
+    sweeps = {name: [variant for variant in drops if variant.startswith(name)] for name in sweeps}
+    assert "(0.3 to 2 dB)" in told(of_scenes(2, **drops), sweeps)[1]["Compared with other attacks"]
 
 
 @pytest.mark.parametrize(("scenes", "significant"), [(4, []), (8, ["gof"])])
