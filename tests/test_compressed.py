@@ -87,12 +87,25 @@ def test_a_written_model_is_read_nearly_as_it_was(tmp_path, suffix, degree):
     assert (tmp_path / f"m{suffix}").stat().st_size < 300 * 4 * len(before.table.dtype) / 3
 
 
+@pytest.mark.parametrize("suffix", [".compressed.ply", ".spz"])
+def test_comments_and_the_background_among_them_survive(tmp_path, suffix):
+    gsply = pytest.importorskip("gsply", reason="gspure[compression] is not installed")
+    path = tmp_path / f"m{suffix}"
+    before = blobs(300).with_background((1, 0.5, 0)).with_comment("another\nof two lines")
+    write_model(path, before)
+    after = read_model(path)
+    assert after.background == (1, 0.5, 0)
+    assert after.comments[-2:] == ("another", "of two lines")
+    read_by_others = gsply.read_spz(path) if suffix == ".spz" else gsply.plyread(path)
+    assert len(read_by_others) == 300
+
+
 def test_spz_turns_a_model_by_half_a_turn_about_x(tmp_path, monkeypatch):
     """As converters do: SPZ has y up, 3DGS has it down."""
     gsply = pytest.importorskip("gsply", reason="gspure[compression] is not installed")
     before = blobs(50)
     stored = []
-    monkeypatch.setattr(gsply, "write_spz", lambda path, parts: (stored.append(parts), path.touch()))
+    monkeypatch.setattr(gsply, "write_spz", lambda path, parts, **_: (stored.append(parts), path.touch()))
     write_model(tmp_path / "turned.spz", before)
     (parts,) = stored
     np.testing.assert_allclose(parts.means, before.means * [1, -1, -1])
