@@ -55,12 +55,13 @@ def opened(path: str | Path) -> Iterator[ImageFile]:
 
 
 def read_image(
-    path: str | Path, size: tuple[int, int] | None = None, background: Sequence[float] = (0.0, 0.0, 0.0)
+    path: str | Path, size: tuple[int, int] | None = None, background: Sequence[float] | None = (0.0, 0.0, 0.0)
 ) -> Float32:
     """Read an 8-bit image of one of `FORMATS` as float32 [H,W,3] in 0..1.
 
-    Grey images get three equal channels. Transparent ones are composited on the background, rounded to 8 bits. An
-    orientation noted in the file's EXIF data is not applied, as camera poses belong to the pixels as stored.
+    Grey images get three equal channels. Transparent ones are composited on the background, rounded to 8 bits; if it is
+    None, they keep their alpha, [H,W,4]. An orientation noted in the file's EXIF data is not applied, as camera poses
+    belong to the pixels as stored.
 
     An image larger than `size` (width, height) is reduced by Pillow's antialiased bicubic filter before it becomes
     float, which is what 3DGS compares with; a smaller one is refused, since enlarging invents detail.
@@ -77,7 +78,7 @@ def read_image(
         with _quiet() if image.format == "TIFF" else nullcontext():
             image.load()
         pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")
-    if pixels.mode == "RGBA":
+    if pixels.mode == "RGBA" and background is not None:
         red, green, blue = (round(255 * channel) for channel in background)
         behind = Image.new("RGBA", pixels.size, (red, green, blue, 255))
         pixels = Image.alpha_composite(behind, pixels).convert("RGB")
@@ -90,7 +91,7 @@ def read_image(
 
 
 def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
-    """Write the `levels` of an array [H,W,3] as an 8-bit PNG, whole or not at all."""
+    """Write the `levels` of an array [H,W,3], or [H,W,4] with alpha, as an 8-bit PNG, whole or not at all."""
     from PIL import Image
 
     with replacing(Path(path)) as temporary:
