@@ -121,6 +121,16 @@ def test_tables_show_the_cost_of_attacks_and_sweeps(tmp_path: Path) -> None:
         )
 
 
+def test_a_sweep_and_its_variant_of_the_same_name_have_costs_of_their_own(tmp_path: Path) -> None:
+    sweeps = {"weak": ["weak", "strong"]}
+    costs = attack_costs(OUTCOMES, sweeps, written(tmp_path))
+    assert [(row.kind, row.cpu) for row in costs if row.attack == "weak"] == [("variant", 2.0), ("sweep", 6.0)]
+    markdown = conditions_markdown(survival(OUTCOMES), (), match(OUTCOMES, sweeps), costs)
+    for table, cpu in zip(markdown.split("Drop of the message at"), ("2.0", "6.0"), strict=True):
+        (row,) = (line for line in table.splitlines() if line.startswith("| weak "))
+        assert f" {cpu} " in row
+
+
 def test_the_result_of_an_attack_does_not_hold_its_cost(model: Path) -> None:
     attack(model)
     expected = find_attack("gaussian_noise").apply(read_model(model), Evidence()).model

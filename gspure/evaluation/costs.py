@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from gspure.cost import Cost, cost_of, read_cost
 from gspure.evaluation.matched import Sweeps
 from gspure.evaluation.outcomes import Outcome, by_condition
+
+Kind = Literal["variant", "sweep"]
 
 
 class AttackCost(NamedTuple):
@@ -19,6 +21,9 @@ class AttackCost(NamedTuple):
     scheme: str
     protocol: str
     initialization: str
+    kind: Kind
+    """A sweep may have the name of one of its variants."""
+
     attack: str
     cpu: float
     """CPU time of the attack and of all measurements that it needs, s."""
@@ -31,10 +36,12 @@ def attack_costs(outcomes: Sequence[Outcome], sweeps: Sweeps, folder: Path) -> l
     """Return the costs that `gspure attack` has written to ``SCHEME/SCENE/VARIANT/attack.cost.json`` in a folder."""
     rows = []
     for condition, alike in by_condition(outcomes).items():
-        for name, variants in {**{o.variant: [o.variant] for o in alike}, **sweeps}.items():
+        groups: dict[tuple[Kind, str], Sequence[str]] = {("variant", o.variant): [o.variant] for o in alike}
+        groups |= {("sweep", name): variants for name, variants in sweeps.items()}
+        for (kind, name), variants in groups.items():
             files = (
                 cost_of(folder / o.scheme / o.asset / o.variant / "attack") for o in alike if o.variant in variants
             )
             if known := [read_cost(file) for file in files if file.is_file()]:
-                rows.append(AttackCost(*condition, name, *Cost(*map(float, np.mean(known, axis=0)))))
+                rows.append(AttackCost(*condition, kind, name, *Cost(*map(float, np.mean(known, axis=0)))))
     return rows

@@ -78,12 +78,13 @@ def condition_tables(
     costs: Sequence[AttackCost] = (),
 ) -> list[Table]:
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
-    cost = {row.attack: row for row in costs if condition_of(row) == condition}
+    known = [row for row in costs if condition_of(row) == condition]
+    cost, of_sweeps = ({row.attack: row for row in known if row.kind == kind} for kind in ("variant", "sweep"))
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
         (partial(survival_table, cost=cost), survivals),
         (other_attacks_table, [row for row in contests if isnan(row.damage)]),
         (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
-        (partial(matched_table, cost=cost), matched),
+        (partial(matched_table, cost=cost | of_sweeps), matched),
     ]
     alike = [(kind, [row for row in rows if condition_of(row) == condition]) for kind, rows in kinds]
     extractions = ordered({row.extraction for _, rows in alike for row in rows})
