@@ -76,7 +76,7 @@ def add_arguments(parser: Parser) -> None:
         required=False,
     )
     parser.writes(
-        "--cost", "JSON", "also write CPU time and peak memory, without the search for --damage", required=False
+        "--cost", "JSON", "also write CPU time without the search for --damage, and peak memory with it", required=False
     )
     parser.reads("--measured", "JSON", "for --cost: cost files of the measurements, to add", nargs="*", default=[])
     add_device(parser)
@@ -155,7 +155,7 @@ def _reached(args: Arguments, public: PublicModel, attacked: Attacked) -> dict[s
 
 
 def _write_cost(args: Arguments, searching: float) -> None:
-    """Write the cost of the attack and its measurements without `searching` seconds, unless one of them is unknown."""
+    """Write the cost of the attack and its measurements without `searching` CPU seconds, unless one is unknown."""
     from gspure.cost import read_cost, spent, total
 
     if args.cost and all(file.is_file() for file in args.measured):

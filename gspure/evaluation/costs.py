@@ -26,10 +26,10 @@ class AttackCost(NamedTuple):
 
     attack: str
     cpu: float
-    """CPU time of the attack and of all measurements that it needs, s."""
+    """CPU time of the attack and of all measurements that it needs, without the search for its strength, s."""
 
     memory: float
-    """Peak memory, MiB."""
+    """Peak memory, with the search, MiB."""
 
 
 def attack_costs(outcomes: Sequence[Outcome], sweeps: Sweeps, folder: Path) -> list[AttackCost]:
