@@ -20,7 +20,7 @@ rule compare_attacks:
         code=code_digest("gspure.cli.contest"),
         templates=TEMPLATE_DIGESTS,
         sweeps=PLAN.sweep_options,
-        benchmarks=COSTS,
+        benchmarks=subpath(output.costs, parent=True),
     message:
         "Comparing GSPure with every other attack"
     shell:

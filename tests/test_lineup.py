@@ -113,6 +113,15 @@ def test_the_command_shows_what_is_in_the_table(results: Path) -> None:
     assert main(command(results, "unattacked", "noise")) == 0, "without a truth"
 
 
+def test_a_message_with_views_of_its_own_is_shown_in_a_view_of_its_own(results: Path) -> None:
+    for variant in ("truth", "unattacked", "noise"):
+        for view in "abc":
+            (results / variant / "scene" / f"{view}.png").rename(results / variant / "scene" / f"desk_{view}.png")
+    assert main(command(results, "truth", "unattacked", "noise")) == 0
+    inputs = json.loads((results / "attacks.png.json").read_text())["inputs"]
+    assert (inputs["noise scene"]["file"], inputs["noise message"]["file"]) == ("desk_b.png", "b.png")
+
+
 def test_without_the_unattacked_model_there_is_nothing_to_compare(results: Path, capsys) -> None:
     assert main(command(results, "truth", "noise")) == 2
     assert "expected unattacked of planted/room" in capsys.readouterr().err

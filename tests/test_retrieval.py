@@ -101,6 +101,16 @@ def test_candidates_of_other_sizes_and_views_off_the_path_do_not_count(tmp_path:
     assert read_json(tmp_path / "r.csv.json")["inputs"].keys() == compared
 
 
+def test_a_message_with_views_of_its_own_is_compared_with_other_photographs_of_the_scene(tmp_path: Path) -> None:
+    alone = retrieved(tmp_path, lambda image: image)
+    for view in range(VIEWS):
+        (tmp_path / "pair" / "scene" / f"view_{view}.png").rename(tmp_path / "pair" / "scene" / f"desk_{view}.png")
+    arguments = [tmp_path / "pair" / "message", "--extractions", tmp_path / "gspure" / "renders" / "message"]
+    arguments += ["--decoys", *tmp_path.glob("decoy_*"), "--out", tmp_path / "r.csv"]
+    assert main(["retrieve", *map(str, arguments)]) == 0
+    assert read_table(tmp_path / "r.csv", Retrieved)[0].retrieval == alone
+
+
 def test_copies_of_message_scene_and_decoys_are_no_further_candidates(tmp_path: Path) -> None:
     alone = retrieved(tmp_path, noise)
     copies = [photographs(tmp_path / f"copy_{seed}", seed) for seed in (0, 1, 2)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,8 +63,8 @@ def _draw_panels(args: Arguments) -> Drawn:
 def _draw_attacks(args: Arguments) -> Drawn:
     from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, ordered
     from gspure.evaluation.results import read_results
-    from gspure.figures.lineup import chosen, typical, write_lineup
-    from gspure.images import read_image, require_comparable
+    from gspure.figures.lineup import chosen, write_lineup
+    from gspure.images import require_comparable
 
     folders, results = args.column, read_results(args.table)
     of_asset = [o for o in results if f"{o.scheme}/{o.asset}" == args.asset]
@@ -77,22 +77,23 @@ def _draw_attacks(args: Arguments) -> Drawn:
             args.table, "variant", expected=f"{UNATTACKED} of {args.asset}, among the columns", found="none"
         )
     compared = MESSAGE if MESSAGE in targets else SCENE
-    of_target = [_target_folder(folders[name], compared) for name in (reference, UNATTACKED)]
-    views = _common_views(of_target)
-    view = typical(*({name: read_image(folder / f"{name}.png") for name in views} for folder in of_target))
+    view, count = _typical_view([folders[reference], folders[UNATTACKED]], compared)
+    views = dict.fromkeys(targets, view)
+    if not (_target_folder(folders[reference], SCENE) / f"{view}.png").is_file():  # a message with views of its own
+        views[SCENE], _ = _typical_view([folders[reference], folders[UNATTACKED]], SCENE)
 
     shown = chosen(outcomes, read_sweeps(args, results))
     columns: list[Column] = []
     files: dict[str, Path] = {}
     for title, outcome in [(reference, None), *((o.variant, o) for o in shown if o.variant != reference)]:
         rendered = targets if outcome is None else ordered(outcome.targets)
-        images = {target: _target_folder(folders[title], target) / f"{view}.png" for target in rendered}
+        images = {target: _target_folder(folders[title], target) / f"{views[target]}.png" for target in rendered}
         columns.append(_variant(title, images, outcome))
         files |= {f"{title} {target}": path for target, path in images.items()}
         for target, path in images.items():
-            require_comparable(_target_folder(folders[reference], target), path.parent, [view])
+            require_comparable(_target_folder(folders[reference], target), path.parent, [views[target]])
     write_lineup(args.out, targets, columns)
-    caption = f"View {view} of {len(views)} after every attack: the one with the median {compared} PSNR before attacks."
+    caption = f"View {view} of {count} after every attack: the one with the median {compared} PSNR before attacks."
     if any(column.unreached for column in columns):
         caption += " † The attack did not change the carrier of this extraction."
     if len(shown) < sum(not o.is_control for o in outcomes):
@@ -110,6 +111,16 @@ def _variant(title: str, files: dict[str, Path], outcome: Outcome | None) -> Col
         return Column(title, images)
     unreached = frozenset(target for target, reached in outcome.reached.items() if not reached)
     return Column(title, images, unreached, outcome.failure)
+
+
+def _typical_view(folders: Sequence[Path], target: str) -> tuple[str, int]:
+    """Return the view of a target with the median PSNR of the second folder against the first, and of how many."""
+    from gspure.figures.lineup import typical
+    from gspure.images import read_image
+
+    of_target = [_target_folder(folder, target) for folder in folders]
+    views = _common_views(of_target)
+    return typical(*({view: read_image(folder / f"{view}.png") for view in views} for folder in of_target)), len(views)
 
 
 def _target_folder(folder: Path, target: str) -> Path:

@@ -72,13 +72,13 @@ def retrieval(similarities: Sequence[Float64]) -> Retrieval:
 
 
 def false_candidates(pair: Pair, index: int, decoys: Sequence[Path]) -> list[Path]:
-    """Return the scene's photograph of a pair's view, and a picture of every folder of decoys.
+    """Return a photograph of the scene, and a picture of every folder of decoys.
 
-    `index` is the number of the view: it selects the picture of a decoy without a view of this name. Raise `InputError`
-    if a folder holds no picture.
+    It shows the pair's view; in a folder without a view of this name, `index`, the number of the view, selects one.
+    Raise `InputError` if a folder holds no picture.
     """
-    pictures = [pair.reference.parents[1] / "scene" / pair.reference.name]
-    for folder in decoys:
+    pictures = []
+    for folder in (pair.reference.parents[1] / "scene", *decoys):
         files = sorted(folder.glob("*.png"))
         if not files:
             raise InputError(folder, "folder", expected="PNG files", found="none")

@@ -82,14 +82,15 @@ def lineup(figure: Path, outcomes: Sequence[Outcome], further: str = "") -> Line
     include in any case.
     """
     match record_of(figure):
-        case {"inputs": {"unattacked scene": {"file": str(view)}, **titles}}:
-            variants = {"unattacked", further, *(str(title).rpartition(" ")[0] for title in titles)}
+        case {"inputs": {"unattacked scene": {"file": str(view)}} as inputs}:
+            variants = {"unattacked", further, *(str(title).rpartition(" ")[0] for title in inputs)}
         case _:
             return None
     images: dict[str, dict[str, str]] = {}
     for outcome in (o for o in outcomes if o.variant in variants and not o.is_control):
         for target in ordered(outcome.targets):
-            file = figure.parents[1] / outcome.variant / "renders" / target / view
+            shown = inputs.get(f"unattacked {target}", {}).get("file", view)
+            file = figure.parents[1] / outcome.variant / "renders" / target / shown
             if file.is_file():
                 with opened(file) as image:
                     images.setdefault(outcome.variant, {})[target] = _embedded(image, _RENDER)
