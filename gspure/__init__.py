@@ -3,9 +3,10 @@
 The names below are the public interface; each is imported when it is first used, so that ``import gspure`` is quick.
 
 >>> import gspure
+>>> from gspure.cameras import split
 >>> model = gspure.read_model("point_cloud.ply")  # doctest: +SKIP
->>> cameras = gspure.read_cameras("cameras.json")  # doctest: +SKIP
->>> purified = gspure.purify(model, cameras).model  # doctest: +SKIP
+>>> train, test = split(gspure.read_cameras("cameras.json"))  # doctest: +SKIP
+>>> purified = gspure.purify(model, train).model  # doctest: +SKIP
 >>> gspure.write_model("purified.ply", purified)  # doctest: +SKIP
 
 Models

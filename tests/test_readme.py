@@ -51,6 +51,8 @@ def test_the_program_runs(folder, planted):
     assert names["gradients"].means.shape == names["purified"].model.means.shape
     kept = ~names["purified"].prune_mask
     assert read_model(Path("purified.ply")).table.tobytes() == planted.table[kept].tobytes()
+    assert main(["purify", "point_cloud.ply", "--cameras", "cameras.json", "--out", "purified"]) == 0
+    np.testing.assert_array_equal(np.load("purified/weights.npy"), names["purified"].weights)
 
 
 def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys):

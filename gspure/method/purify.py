@@ -95,11 +95,13 @@ def purify(
     model : Gaussians or PublicModel
         The input; for models of a scheme, that of `gspure.schemes.registry.read_public_model`.
     cameras : sequence of Camera
-        The N views, processed in the order of their names.
+        The N views that weights are averaged over, all of them, at their size. ``gspure purify`` takes the training
+        views at most 1600 px wide: ``split(scaled(cameras, "1600px"))[0]`` of `gspure.cameras`.
     device : Device, optional
         Default: the first that works.
-    energy : {"ray", "ewa"}
-        Evaluation of a Gaussian at a pixel: the maximum along its ray (the paper's equation), or the 2-D splat.
+    energy : {"ray", "ewa", "center_ray"}
+        Evaluation of a Gaussian at a pixel: the maximum along its ray (the paper's equation), the 2-D splat, or as
+        `ray`, but only on the ray through the Gaussian's centre.
     reduction : {"sum", "max", "mean_touched"}
         Reduction over the pixels of a view.
     min_samples, min_cluster_size, selection, max_cluster_share
