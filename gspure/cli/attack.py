@@ -124,7 +124,7 @@ def run(args: Arguments) -> None:
         save_array(args.transform, np.eye(4) if attacked.transform is None else attacked.transform)
     if args.verdict:
         strength = f"{attack.strength.setting}={used[attack.strength.setting]:.4g}" if attack.strength else ""
-        missed = f", {search.damage:.2f} dB reached" if search and search.misses(args.damage) else ""
+        missed = f", {search.damage:z.2f} dB reached" if search and search.misses(args.damage) else ""
         write_json(args.verdict, {"reached": _reached(args, public, attacked), "strength": strength + missed})
     for path in filter(None, (args.out, args.removed, args.transform, args.verdict)):
         kind = "removed rows" if path == args.removed else ""
@@ -138,7 +138,7 @@ def _print_damage(args: Arguments, search: Match) -> None:
     from gspure.progress import say, warn
 
     estimated = "" if args.photographs else "an estimated "
-    drop = f"{search.setting}={search.value:.4g} lowers the scene's PSNR by {estimated}{search.damage:.2f} dB"
+    drop = f"{search.setting}={search.value:.4g} lowers the scene's PSNR by {estimated}{search.damage:z.2f} dB"
     if search.misses(args.damage):
         warn(f"{args.name}: {drop}, not by {args.damage:g} dB")
     else:

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, by_condition, ordered
 from gspure.evaluation.statistics import (
     DAMAGE_TOLERANCE,
@@ -91,6 +92,13 @@ def wanted_damage(variant: str) -> float | None:
     """Return the damage, in dB, in a name from `variant_at`; None for other names."""
     match = _WANTED.search(variant)
     return float(match[1]) if match else None
+
+
+def reached_name(variant: str, scene_drop: float) -> str:
+    """Return the display name of a variant, with the drop of the scene, in dB, where it misses the `wanted_damage`."""
+    wanted = wanted_damage(variant)
+    missed = wanted is not None and DAMAGE_TOLERANCE < abs(scene_drop - wanted) < math.inf
+    return f"{display_name(variant)}: {scene_drop:z.2f} dB reached" if missed else display_name(variant)
 
 
 def damages(variants: Iterable[str]) -> Sequence[float]:

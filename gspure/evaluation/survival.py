@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
+from gspure.evaluation.matched import reached_name
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.statistics import (
@@ -68,6 +69,11 @@ class Survival(NamedTuple):
 
     detectability: Detectability | None
     """AUC against that kind, with one value per scene."""
+
+    @property
+    def name(self) -> str:
+        """Its display name, with the damage that its search reached if that is not the wanted one."""
+        return reached_name(self.variant, self.scene_drop.mean if self.scene_drop else math.nan)
 
     @property
     def survives(self) -> bool | None:

@@ -11,7 +11,7 @@ from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.costs import AttackCost
-from gspure.evaluation.matched import Matched
+from gspure.evaluation.matched import Matched, reached_name
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import (
@@ -47,6 +47,7 @@ from gspure.report.templates import say
 
 NOTES: Final = "notes.j2"
 SHARES: Final = ("pruned_share", "precision", "recall")
+NO_NAMES: Final[Mapping[str, str]] = MappingProxyType({})
 NO_COSTS: Final[Mapping[str, AttackCost]] = MappingProxyType({})
 _COST: Final = [Column("CPU time [s]"), Column("peak memory [MiB]", main=False)]
 
@@ -80,9 +81,10 @@ def condition_tables(
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
     known = [row for row in costs if condition_of(row) == condition]
     cost, of_sweeps = ({row.attack: row for row in known if row.kind == kind} for kind in ("variant", "sweep"))
+    names = {row.variant: row.name for row in survivals if condition_of(row) == condition}
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
         (partial(survival_table, cost=cost), survivals),
-        (other_attacks_table, [row for row in contests if isnan(row.damage)]),
+        (partial(other_attacks_table, names=names), [row for row in contests if isnan(row.damage)]),
         (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
         (partial(matched_table, cost=cost | of_sweeps), matched),
     ]
@@ -129,7 +131,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
         if is_best := o.score == best:
             scores[0] = scores[0]._replace(best=True)
         cells = [
-            Cell(display_name(o.variant)),
+            Cell(reached_name(o.variant, o.psnr_drop(SCENE))),
             *[Cell(o.strength or UNKNOWN)] * has_strengths,
             *(cell for target in targets for cell in _metrics(o, target)),
             *scores,
@@ -160,7 +162,7 @@ def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] =
         columns += [Column("detectability", main=False)] * (scenes > 1)
     rows = []
     for row in attacks:
-        name = display_name(row.variant) + (" †" if row.reached is False and row.variant != UNATTACKED else "")
+        name = row.name + (" †" if row.reached is False and row.variant != UNATTACKED else "")
         cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop)]
         cells += [*_cost(row.variant, cost), *[Cell(plain(row.rms_ratio))] * is_shown]
         if has_floor:
@@ -174,8 +176,8 @@ def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] =
     return Table(f"Survival of the {extraction_name(attacks[0].extraction)}", columns, rows, note)
 
 
-def other_attacks_table(contests: Sequence[Contest]) -> Table:
-    """Return GSPure minus every other attack as both were run."""
+def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str] = NO_NAMES) -> Table:
+    """Return GSPure minus every other attack as both were run; some have other `names` than their display names."""
     by_attack: dict[str, dict[str, Contest]] = {}
     for row in contests:
         by_attack.setdefault(row.attack, {})[row.quantity] = row
@@ -190,7 +192,7 @@ def other_attacks_table(contests: Sequence[Contest]) -> Table:
         cells = [interval(row.difference) for row in shown]
         if has_score and scenes > 1:
             cells.append(Cell(f"{shown[0].p_adjusted:.2g}", f"(≥ {shown[0].p_attainable:.2g})"))
-        rows.append(Row([Cell(display_name(attack)), *cells]))
+        rows.append(Row([Cell(names.get(attack, display_name(attack))), *cells]))
     title = f"GSPure minus other attacks: {extraction_name(extraction)}"
     return Table(title, columns, rows, say(NOTES, "other_attacks", scenes, has_score))
 
@@ -239,9 +241,12 @@ def summary_table(rows: Sequence[Summary]) -> Table:
     columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, numbers)]
     body = []
     for condition, group in groupby(rows, key=condition_of):
-        for i, row in enumerate(group):
+        alike = [*group]
+        before = next((row.scene.mean for row in alike if row.variant == UNATTACKED and row.scene), nan)
+        for i, row in enumerate(alike):
+            name = reached_name(row.variant, before - row.scene.mean if row.scene else nan)
             extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
-            names = [Cell("" if i else condition_name(*condition)), Cell(display_name(row.variant) + extraction)]
+            names = [Cell("" if i else condition_name(*condition)), Cell(name + extraction)]
             scenes = Cell(f"{_scenes((row.scene, row.message, row.score))}")
             psnr = [metric(value.mean if value else nan) for value in (row.scene, row.message)]
             body.append(Row([*names, scenes, *psnr, interval(row.score), Cell(plain(row.paper_score))], begins=not i))

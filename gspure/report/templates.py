@@ -104,7 +104,7 @@ def cost(row: Survival) -> str:
     known = [f"{name} {tenths(-drop.mean)} {of}" for name, drop, of in drops if drop]
     scenes = row.survived or row.only_retrieved
     counted = f"; {scenes} of {row.present} scenes" if 0 < scenes < row.present else ""
-    return f"{display_name(row.variant)} ({', '.join(known) or 'drops unknown'}{counted})"
+    return f"{row.name} ({', '.join(known) or 'drops unknown'}{counted})"
 
 
 PHRASES: Final = (plural, listed, sentence_case, tenths, unit, extraction_name, db, size, cost)
