@@ -9,6 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from gspure.attacks import Evidence, find_attack
 from gspure.errors import InputError
 from gspure.model import model_file, read_model, write_model
 from gspure.model.rotations import rotation_matrices
@@ -100,6 +101,61 @@ def test_comments_and_the_background_among_them_survive(tmp_path, suffix):
     assert len(read_by_others) == 300
 
 
+def test_spz_keeps_far_positions_in_coarser_steps_and_says_so(tmp_path, capsys):
+    pytest.importorskip("gsply", reason="gspure[compression] is not installed")
+    before = blobs(60, size=(0.05, 0.1))
+    before.table["x"][:3] = -2000, 2050, 8133
+    write_model(tmp_path / "m.spz", before)
+    np.testing.assert_allclose(read_model(tmp_path / "m.spz").means, before.means, atol=1 / 1024)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "position" in line]
+    assert "2 of 60 rows" in line
+
+
+def test_spz_refuses_centres_so_far_that_gaussians_would_move_by_their_size(tmp_path):
+    pytest.importorskip("gsply", reason="gspure[compression] is not installed")
+    before = blobs(60, size=(0.05, 0.1))
+    before.table["z"][7] = 1e6
+    with pytest.raises(InputError, match=r"m\.spz: x, y, z"):
+        write_model(tmp_path / "m.spz", before)
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("write", ["model", "attack"])
+@pytest.mark.parametrize(("suffix", "columns"), [(".compressed.ply", 2), (".spz", 3)])
+def test_rows_whose_values_a_format_cannot_hold_are_counted(tmp_path, capsys, suffix, columns, write):
+    pytest.importorskip("gsply", reason="gspure[compression] is not installed")
+
+    def warnings(model):
+        if write == "model":
+            write_model(tmp_path / f"m{suffix}", model)
+        else:
+            codec = suffix[1:].replace(".", "_")
+            find_attack("compression").apply(model, Evidence(), codec=codec)
+        return capsys.readouterr().err.splitlines()
+
+    model = blobs(60, sh_degree=1)
+    model = model.with_columns({f"f_dc_{i}": np.zeros(60) for i in range(3)})
+    assert warnings(model) == []
+    for rows, (name, value) in enumerate([("f_rest_4", 4.1), ("scale_1", -21.0), ("f_dc_2", 3.4)], 1):
+        model.table[name][:rows] = value
+    lines = warnings(model)
+    assert len(lines) == columns
+    assert {f"{rows} of 60 rows" in "".join(lines) for rows in range(1, columns + 1)} == {True}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("suffix", [".compressed.ply", ".spz"])
+def test_rows_that_are_not_finite_are_written_as_invisible(tmp_path, capsys, suffix):
+    pytest.importorskip("gsply", reason="gspure[compression] is not installed")
+    before = blobs(60)
+    before.table["opacity"][:3] = np.inf, -np.inf, 120
+    before.table["x"][4] = np.nan
+    write_model(tmp_path / f"m{suffix}", before)
+    after = read_model(tmp_path / f"m{suffix}").opacities
+    np.testing.assert_array_equal(after[[0, 1, 2, 4]] > 0.5, [False, False, True, False])
+    assert "3 of 60 rows are not finite" in capsys.readouterr().err
+
+
 def test_spz_turns_a_model_by_half_a_turn_about_x(tmp_path, monkeypatch):
     """As converters do: SPZ has y up, 3DGS has it down."""
     gsply = pytest.importorskip("gsply", reason="gspure[compression] is not installed")
@@ -113,8 +169,8 @@ def test_spz_turns_a_model_by_half_a_turn_about_x(tmp_path, monkeypatch):
     np.testing.assert_allclose(parts.shN, turned[:, 1:], atol=1e-6)
 
 
-@pytest.mark.parametrize("suffix", [".sog", ".splat", ".ksplat"])
-def test_a_format_that_is_only_read_is_not_written(tmp_path, suffix):
+@pytest.mark.parametrize("suffix", [".sog", ".splat", ".ksplat", ".txt", ""])
+def test_names_of_other_formats_are_not_written(tmp_path, suffix):
     with pytest.raises(InputError, match=r"format: expected \.ply, \.compressed\.ply or \.spz"):
         write_model(tmp_path / f"m{suffix}", blobs(3))
     assert list(tmp_path.iterdir()) == []

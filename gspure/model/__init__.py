@@ -37,7 +37,7 @@ def write_model(path: str | Path, model: Gaussians) -> None:
     `InputError` for the name of a format that is only read.
     """
     path = Path(path)
-    if is_compressed(path) or path.name.endswith(PACKED_PLY):
-        write_compressed(path, model)
-    else:
+    if path.suffix.lower() == ".ply" and not path.name.endswith(PACKED_PLY):
         write_ply(path, model)
+    else:
+        write_compressed(path, model)

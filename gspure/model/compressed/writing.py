@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -11,24 +12,35 @@ import numpy as np
 from gspure.artifacts import replacing
 from gspure.errors import InputError
 from gspure.model.compressed.spz import TURNED, TURNED_HARMONICS, TURNED_QUATS, with_comments
+from gspure.model.finite import drawable
 from gspure.model.gaussians import Gaussians
+from gspure.progress import warn
 
 PACKAGES: Final = {"gsply": "gspure[compression]"}
 PACKED_PLY: Final = ".compressed.ply"
 SPZ: Final = ".spz"
+
+_CERTAIN: Final = 20.0
+"""Logit of an opacity that 8 bits round to 1."""
+
+_FRACTION_BITS: Final = 12
+_FIXED_POINT: Final = (1 << 23) - 1
+"""Usual fractional bits of positions in SPZ, and the largest number of 24 bits."""
 
 
 def write_compressed(path: Path, model: Gaussians) -> None:
     """Write a model with colours as compressed ``.ply`` or as SPZ 3, whole or not at all.
 
     In a compressed ``.ply``, 256 successive rows share one range of values: sort them along a space-filling curve
-    before.
+    before. Values beyond the range of a format are clipped, and rows that are not finite become invisible, with a
+    warning.
 
-    Raise `InputError` if the name is that of another format, the model has no colours, or gsply is not installed.
+    Raise `InputError` if the name is that of another format, the model has no colours, SPZ would round positions by
+    more than the size of Gaussians, or gsply is not installed.
     """
     write = _WRITERS.get(PACKED_PLY if path.name.endswith(PACKED_PLY) else path.suffix.lower())
     if write is None:
-        raise InputError(path, "format", expected=f".ply, {PACKED_PLY} or {SPZ}", found=path.suffix)
+        raise InputError(path, "format", expected=f".ply, {PACKED_PLY} or {SPZ}", found=path.suffix or "no suffix")
     if model.sh_degree < 0:
         raise InputError(path, "colour", expected="columns f_dc_*", found="features")
     try:
@@ -37,20 +49,45 @@ def write_compressed(path: Path, model: Gaussians) -> None:
         hint = f"pip install {PACKAGES['gsply']}"
         raise InputError(path, "gsply", expected="the package gsply", found=str(error), hint=hint) from None
     with replacing(path) as temporary:
-        write(gsply, temporary, model)
+        write(gsply, temporary, drawable(model, path.name))
 
 
 def _write_packed_ply(gsply: Any, path: Path, model: Gaussians) -> None:
+    _warn_of_clipping(model, f_rest_=(-4, 4), scale_=(-20, 20))
     data = gsply.compress_to_bytes(_parts(gsply, model.means, model.quats, model.sh_coeffs, model))
     magic, encoding, rest = data.split(b"\n", 2)
     path.write_bytes(b"\n".join([magic, encoding, *(b"comment " + line for line in _comments(model)), rest]))
 
 
 def _write_spz(gsply: Any, path: Path, model: Gaussians) -> None:
+    _warn_of_clipping(model, f_dc_=(-10 / 3, 10 / 3), f_rest_=(-1, 1), scale_=(-10, 6))
     coeffs = model.sh_coeffs.copy()
     coeffs[:, 1:] *= TURNED_HARMONICS[: coeffs.shape[1] - 1]
-    gsply.write_spz(path, _parts(gsply, model.means * TURNED, model.quats * TURNED_QUATS, coeffs, model))
+    parts = _parts(gsply, model.means * TURNED, model.quats * TURNED_QUATS, coeffs, model)
+    gsply.write_spz(path, parts, fractional_bits=_fraction_bits(path, model))
     path.write_bytes(with_comments(path.read_bytes(), _comments(model)))
+
+
+def _warn_of_clipping(model: Gaussians, **ranges: tuple[float, float]) -> None:
+    """Warn of rows with values beyond the range of their column, named by its prefix."""
+    for prefix, (least, largest) in ranges.items():
+        values = model.columns(*model.columns_named(prefix))
+        if rows := int(((values < least) | (values > largest)).any(axis=1).sum()):
+            warn(f"{prefix}* of {rows} of {len(model)} rows are clipped to the format's {least:.3g} to {largest:.3g}")
+
+
+def _fraction_bits(path: Path, model: Gaussians) -> int:
+    """Return as many fractional bits as leave room for the farthest centre; warn if positions become coarser."""
+    distances = np.abs(model.means).max(axis=1)
+    farthest, size = float(distances.max()), float(np.median(model.scales.max(axis=1)))
+    bits = min(_FRACTION_BITS, math.floor(math.log2(_FIXED_POINT / max(farthest, 1))))
+    if bits < 1 or 2.0**-bits > size:
+        found, hint = f"{2.0**-bits:.3g}, for coordinates up to {farthest:.3g}", "`gspure info` names rows that are far"
+        raise InputError(path, "x, y, z", expected=f"steps of at most {size:.3g}", found=found, hint=hint)
+    if bits < _FRACTION_BITS:
+        far = int((distances > _FIXED_POINT / 2**_FRACTION_BITS).sum())
+        warn(f"{far} of {len(model)} rows are beyond 2048: all positions are rounded to 1/{2**bits}, not to 1/4096")
+    return bits
 
 
 def _comments(model: Gaussians) -> list[bytes]:
@@ -63,7 +100,7 @@ def _parts(gsply: Any, means: Any, quats: Any, coeffs: Any, model: Gaussians) ->
         means,
         model.columns("scale_0", "scale_1", "scale_2"),
         quats / np.maximum(norms, np.finfo(np.float32).tiny),
-        model.table["opacity"].copy(),
+        np.clip(model.table["opacity"], -_CERTAIN, _CERTAIN),
         coeffs[:, 0],
         coeffs[:, 1:],
         format="ply",
