@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 from pathlib import Path
 
@@ -104,6 +105,23 @@ def test_a_dry_run_names_the_configuration_of_an_equal_audit(folder, words):
     audit = ["audit", "my model.ply", "--cameras", "orbit"]
     assert main(audit) == main([*audit, "--dry-run"]) == 0
     assert words.count("results/audit.yaml") == 2
+
+
+def test_a_folder_that_a_killed_run_locked_is_refused_with_the_command_that_unlocks_it(folder, words, capsys):
+    lock = Path(".snakemake/locks/0.input.lock")
+    lock.parent.mkdir(parents=True)
+    lock.touch()
+    audit = ["audit", "my model.ply", "--cameras", "orbit"]
+    assert main([*audit, "--dry-run"]) == 0
+    words.clear()
+    assert main(audit) == 2
+    (error,) = capsys.readouterr().err.splitlines()
+    _, *unlock = shlex.split(error[error.index("gspure audit results/") : -1])
+    assert not words
+    assert main(unlock) == 0
+    assert words[-1] == "--unlock"
+    lock.unlink()
+    assert main(audit) == 0
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,11 @@ def test_both_cluster_profiles_request_the_same_resources():
     assert slurm["groups"] == kubernetes["groups"]
 
 
+def test_no_solver_outlives_a_run_that_is_killed():
+    """Snakemake's default scheduler starts a solver as a child, and may wait for it with the lock held."""
+    assert profile("default")["scheduler"] == "greedy"
+
+
 @pytest.mark.parametrize("name", CLUSTERS)
 def test_jobs_of_a_cluster_do_not_take_turns(name):
     assert "opencl_device=1 # jobs" in (ROOT / "profiles" / "default" / "config.yaml").read_text()

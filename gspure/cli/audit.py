@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -24,6 +25,7 @@ EXAMPLES = """\
 """
 
 _CONFIGURATION = Path("results/audit.yaml")
+_LOCKS = Path(".snakemake/locks")
 _DRY_RUN = re.compile("--dry-?r.*|-[a-zA-Z]*n[a-zA-Z]*")
 
 
@@ -47,7 +49,11 @@ def run(args: Arguments) -> int:
         with TemporaryDirectory() as folder:
             configuration = _configuration(args, Path(folder) / _CONFIGURATION.name)
             return subprocess.call(_command(args, configuration))
-    return os.execv(sys.executable, _command(args, _configuration(args, _CONFIGURATION)))  # noqa: S606
+    configuration = _configuration(args, _CONFIGURATION)
+    if any(_LOCKS.glob("*.lock")) and not {"--unlock", "--nolock"} & {*args.passed_on}:
+        hint = f"if none runs: gspure audit {shlex.quote(str(configuration))} -- --unlock"
+        raise InputError(_LOCKS, "lock", expected="no other run here", found="one that runs or was killed", hint=hint)
+    return os.execv(sys.executable, _command(args, configuration))  # noqa: S606
 
 
 def _command(args: Arguments, configuration: Path) -> list[str]:
