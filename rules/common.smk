@@ -11,6 +11,7 @@ from gspure.evaluation.controls import BASELINES, CONTROLS
 from gspure.evaluation.detector import words_of
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
+from gspure.scenes.procedural import DECOYS
 from gspure.workflow.captures import capture_files, content_digest
 from gspure.workflow.decisions import DEFAULT
 from gspure.workflow.models import OWNER, Model, Plan

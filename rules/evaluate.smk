@@ -110,29 +110,26 @@ rule detect_mark:
 
 rule trace_decoys:
     output:
-        scene=directory("results/decoys/{width}x{height}x{views}/{seed}/scene"),
-        message=directory("results/decoys/{width}x{height}x{views}/{seed}/message"),
+        directory(expand("results/decoys/{{width}}x{{height}}x{{views}}/{seed}", seed=DECOYS)),
     log:
-        "results/logs/decoys/{width}x{height}x{views}/{seed}.log",
+        "results/logs/decoys/{width}x{height}x{views}.log",
     benchmark:
-        "results/benchmarks/decoys/{width}x{height}x{views}/{seed}.tsv"
+        "results/benchmarks/decoys/{width}x{height}x{views}.tsv"
     wildcard_constraints:
         width="[0-9]+",
         height="[0-9]+",
         views="[0-9]+",
-        seed="[0-9]+",
     conda:
         "../envs/gspure.yaml"
     params:
-        code=code_digest("gspure.cli.pair"),
-        folder="results/decoys/{width}x{height}x{views}/{seed}",
-        other=lambda wildcards: int(wildcards.seed) + 1,
+        code=code_digest("gspure.cli.decoys"),
+        folder="results/decoys/{width}x{height}x{views}",
     message:
         "Ray-tracing random scenes as candidates of the retrieval"
     shell:
         job(
-            "pair interior-{wildcards.seed} interior-{params.other} --placement coincident --views {wildcards.views}"
-            " --width {wildcards.width} --height {wildcards.height} --out {params.folder:q}"
+            "decoys --views {wildcards.views} --width {wildcards.width} --height {wildcards.height}"
+            " --out {params.folder:q}"
         )
 
 

@@ -35,8 +35,8 @@ def coarse(monkeypatch):
     monkeypatch.setattr(lighting, "LAMP_SAMPLES", 2)
 
 
-def lit(*solids, lamp=DARK, sky=(1.0, 1.0, 1.0), background=(0.0, 0.0, 0.0)):
-    return bake(Scene(solids, lamp, sky, background))
+def lit(*solids, lamp=DARK, sky=(1.0, 1.0, 1.0), background=(0.0, 0.0, 0.0), coarseness=1):
+    return bake(Scene(solids, lamp, sky, background), coarseness=coarseness)
 
 
 def light_at(scene, index, face, uv):
@@ -135,9 +135,10 @@ def test_even_numbers_of_samples_are_refused(coarse, samples):
         trace(lit(SOLIDS["sphere"]), camera(4, 4), samples=samples)
 
 
-def test_an_open_floor_gathers_exactly_the_sky():
+@pytest.mark.parametrize("coarseness", [1, 2])
+def test_an_open_floor_gathers_exactly_the_sky(coarseness):
     floor = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
-    scene = lit(floor, sky=(0.6, 0.6, 0.6))
+    scene = lit(floor, sky=(0.6, 0.6, 0.6), coarseness=coarseness)
     assert light_at(scene, 0, 5, [[0.1, 0.9], [0.5, 0.5]]) == pytest.approx(0.6)
 
 
@@ -149,6 +150,15 @@ def test_light_of_a_small_lamp_falls_as_the_inverse_square():
     ]
     assert at[0] == pytest.approx(1000.0 * 0.1**2 / (np.pi * 16.0), rel=1e-3)
     assert at[0] / at[1] == pytest.approx(4.0, rel=1e-2)
+
+
+def test_coarser_light_has_fewer_nodes_and_nearly_the_same_values():
+    solids = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY), Box((-1.0, 0.0, 0.5), (0.5, 0.5, 1.0), GREY)
+    fine, coarse = (lit(*solids, lamp=Lamp((0.0, 0.0, 4.0), 1.0, (50.0,) * 3), coarseness=n) for n in (1, 2))
+    assert coarse.lightmaps[0].size < 0.3 * fine.lightmaps[0].size
+    places = np.random.default_rng(0).random((200, 2))
+    expected = light_at(fine, 0, 5, places)
+    assert np.abs(light_at(coarse, 0, 5, places) - expected).mean() < 0.02 * expected.mean()
 
 
 def test_a_shadow_is_dark_inside_and_soft_at_its_edge():

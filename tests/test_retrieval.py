@@ -12,10 +12,11 @@ from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.retrieval import Retrieval, Retrieved, retrieval
 from gspure.evaluation.survival import not_embedded, survival
-from gspure.images import write_image
+from gspure.images import read_image, write_image
 from gspure.report.audit import audits
 from gspure.report.tables import survival_table
 from gspure.report.templates import say
+from gspure.scenes import procedural
 from tests.contest_cases import benchmark, measured
 
 VIEWS = 4
@@ -216,3 +217,17 @@ def test_the_tables_hold_the_retrieval_and_warn_of_what_is_not_embedded(tmp_path
         assert outcomes["black"].retrieval == {}
     write_results(tmp_path / "again.csv", [*outcomes.values()])
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "r.csv").read_bytes()
+
+
+def test_decoys_are_pictures_of_different_rooms_in_the_views_and_size_asked_for(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(procedural, "DECOYS", range(9000, 9002))
+    assert main(["decoys", "--views", "2", "--width", "24", "--height", "18", "--out", str(tmp_path / "decoys")]) == 0
+    pictures = [read_image(path) for path in sorted(tmp_path.glob("decoys/*/*.png"))]
+    assert {picture.shape for picture in pictures} == {(18, 24, 3)}
+    assert len({picture.tobytes() for picture in pictures}) == 4
+
+
+@pytest.mark.parametrize("option", ["views", "width", "height"])
+def test_decoys_of_no_views_or_pixels_are_refused(tmp_path: Path, option: str) -> None:
+    assert main(["decoys", f"--{option}", "0", "--out", str(tmp_path / "decoys")]) == 2
+    assert not (tmp_path / "decoys").exists()

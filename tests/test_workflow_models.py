@@ -56,7 +56,7 @@ def test_candidates_of_the_retrieval_are_other_messages_and_random_scenes_of_the
     others, traced = ([path for path in again.decoys if ("/pairs/" in path) == is_pair] for is_pair in (True, False))
     assert others == ["results/pairs/front/message"]
     assert len(traced) == 10
-    assert all(path.startswith("results/decoys/160x120x4/") for path in traced)
+    assert traced == [f"results/decoys/160x120x4/{seed}" for seed in range(9000, 9010)]
 
 
 def test_there_is_a_model_of_each_asset_and_of_each_scheme_pair_and_repetition(plan):

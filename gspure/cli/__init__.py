@@ -49,6 +49,7 @@ JOBS = (
     "tree",
     "cluster",
     "prune",
+    "decoys",
     "retrieve",
     "table",
     "contest",

@@ -10,7 +10,7 @@ HELP = "test whether extractions retrieve the message among candidates"
 EXAMPLES = """\
   gspure retrieve pair/message --extractions results/planted/room/*/renders/message --out retrieval.csv
   gspure retrieve pair/message --extractions results/planted/room/*/renders/message \\
-      --decoys other_pair/message decoys/scene decoys/message --out retrieval.csv
+      --decoys other_pair/message decoys/* --out retrieval.csv
 """
 
 

@@ -6,6 +6,7 @@ the same maps, so both show the same view-independent colours, free of sampling 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,32 +62,36 @@ class LitScene:
         return out, distances
 
 
-def bake(scene: Scene) -> LitScene:
-    """Return the scene with its light: what reaches each node from the lamp, from the sky, and from other surfaces."""
-    points, normals = (np.concatenate(parts) for parts in zip(*map(_nodes, scene.solids), strict=True))
-    direct = _from_lamp(scene, points, normals)
-    once = LitScene(scene, _maps(scene, direct))
-    return LitScene(scene, _maps(scene, direct + _gathered(once, points, normals)))
+def bake(scene: Scene, *, coarseness: int = 1) -> LitScene:
+    """Return the scene with its light: what reaches each node from the lamp, from the sky, and from other surfaces.
+
+    Nodes lie `coarseness` times as far apart, and the lamp's squares and the directions of the bounce are that many
+    times as wide, along each of two axes. The cost falls with the fourth power.
+    """
+    counts = [_nodes_along(solid, NODE_SPACING * coarseness) for solid in scene.solids]
+    points, normals = (np.concatenate(parts) for parts in zip(*map(_nodes, scene.solids, counts), strict=True))
+    direct = _from_lamp(scene, points, normals, LAMP_SAMPLES // coarseness)
+    once = LitScene(scene, _maps(scene, direct, counts))
+    bounced = _gathered(once, points, normals, DIRECTIONS // coarseness**2)
+    return LitScene(scene, _maps(scene, direct + bounced, counts))
 
 
-def _nodes(solid: Solid) -> tuple[Float64, Float64]:
-    """Return points and normals [len(faces) * n * n, 3] of a solid's nodes."""
-    n = _nodes_along(solid)
+def _nodes(solid: Solid, n: int) -> tuple[Float64, Float64]:
+    """Return points and normals [len(faces) * n * n, 3] of a solid's nodes, n along each side of a face."""
     line = np.clip(np.linspace(0.0, 1.0, n), 0.01 / n, 1.0 - 0.01 / n)
     uv = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     points, normals = (np.concatenate(parts) for parts in zip(*(solid.chart(f, uv) for f in solid.faces), strict=True))
     return points + _CLEARANCE * normals, normals
 
 
-def _nodes_along(solid: Solid) -> int:
-    return int(np.clip(np.ceil(solid.extents.max() / NODE_SPACING) + 1, *NODES))
+def _nodes_along(solid: Solid, spacing: float) -> int:
+    return int(np.clip(np.ceil(solid.extents.max() / spacing) + 1, *NODES))
 
 
-def _maps(scene: Scene, light: Float64) -> tuple[Lightmap, ...]:
+def _maps(scene: Scene, light: Float64, counts: Sequence[int]) -> tuple[Lightmap, ...]:
     """Deal the light of all nodes out to the solids' maps; faces that do not exist stay dark."""
     maps, start = [], 0
-    for solid in scene.solids:
-        n = _nodes_along(solid)
+    for solid, n in zip(scene.solids, counts, strict=True):
         lightmap = np.zeros((len(solid.extents), n, n, 3))
         lightmap[list(solid.faces)] = light[start : start + len(solid.faces) * n * n].reshape(-1, n, n, 3)
         maps.append(lightmap)
@@ -105,10 +110,10 @@ def _interpolated(lightmap: Lightmap, faces: NDArray[np.intp], uv: Float64) -> F
     return out
 
 
-def _from_lamp(scene: Scene, points: Float64, normals: Float64) -> Float64:
+def _from_lamp(scene: Scene, points: Float64, normals: Float64, squares: int) -> Float64:
     """Return irradiance / pi [N,3] from the lamp: the mean of cos cos / distance^2 over its squares in sight."""
     total = np.zeros(len(points))
-    for sample in _lamp_samples(scene.lamp):
+    for sample in _lamp_samples(scene.lamp, squares):
         to_lamp = sample - points
         squared = np.einsum("ij,ij->i", to_lamp, to_lamp)
         # both cosines carry 1 / distance; the lamp faces straight down
@@ -116,25 +121,25 @@ def _from_lamp(scene: Scene, points: Float64, normals: Float64) -> Float64:
         rows = np.flatnonzero((form > 0.0) & (to_lamp[:, 2] > 0.0))
         lit = first_hits(scene, points[rows], to_lamp[rows])[0] >= 1.0
         total[rows[lit]] += form[rows[lit]]
-    share = total * scene.lamp.side**2 / (np.pi * LAMP_SAMPLES**2)
+    share = total * scene.lamp.side**2 / (np.pi * squares**2)
     return np.multiply.outer(share, scene.lamp.radiance)
 
 
-def _lamp_samples(lamp: Lamp) -> Float64:
-    line = ((np.arange(LAMP_SAMPLES) + 0.5) / LAMP_SAMPLES - 0.5) * lamp.side
+def _lamp_samples(lamp: Lamp, squares: int) -> Float64:
+    line = ((np.arange(squares) + 0.5) / squares - 0.5) * lamp.side
     x, y = np.meshgrid(line, line)
     return np.array(lamp.centre) + np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
 
 
-def _gathered(lit: LitScene, points: Float64, normals: Float64) -> Float64:
+def _gathered(lit: LitScene, points: Float64, normals: Float64, directions: int) -> Float64:
     """Return the mean radiance [N,3] seen from points over cosine-distributed directions about their normals."""
     helper = np.where(np.abs(normals[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     tangents = np.cross(helper, normals)
     tangents /= np.sqrt(np.einsum("ij,ij->i", tangents, tangents))[:, None]
     bitangents = np.cross(normals, tangents)
     total = np.zeros((len(points), 3))
-    for i in range(DIRECTIONS):
-        across, turn = np.sqrt((i + 0.5) / DIRECTIONS), i * np.pi * (3.0 - 5.0**0.5)
+    for i in range(directions):
+        across, turn = np.sqrt((i + 0.5) / directions), i * np.pi * (3.0 - 5.0**0.5)
         around = across * (np.cos(turn) * tangents + np.sin(turn) * bitangents)
         total += lit.seen(points, around + np.sqrt(1.0 - across**2) * normals)[0]
-    return total / DIRECTIONS
+    return total / directions

@@ -18,6 +18,9 @@ Random = np.random.Generator
 FRONT_HALF: Final = ((-2.0, 2.0), (-0.5, 2.2))
 """Range of x and y that all cameras see well, metres: where objects stand."""
 
+DECOYS: Final = range(9000, 9010)
+"""Seeds of the interiors that are false candidates of the retrieval. Ours."""
+
 GRID: Final = 10
 """A landscape has this many by this many steps of terrain."""
 

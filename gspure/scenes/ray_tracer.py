@@ -32,12 +32,9 @@ def trace(scene: LitScene, camera: Camera, *, samples: int = 3) -> tuple[Float32
     flat, depth = _colours(scene, camera, columns.ravel(), rows.ravel())
     image = flat.reshape(camera.height, camera.width, 3)
     edges = np.nonzero(_at_edges(image))
-    fine = np.zeros((len(edges[0]), 3))
-    offsets = (np.arange(samples) + 0.5) / samples
-    for down in offsets:
-        for right in offsets:
-            fine += _colours(scene, camera, edges[1] + right, edges[0] + down)[0]
-    image[edges] = fine / samples**2
+    down, right = (np.indices((samples, samples)).reshape(2, -1) + 0.5) / samples
+    fine, _ = _colours(scene, camera, np.add.outer(edges[1], right).ravel(), np.add.outer(edges[0], down).ravel())
+    image[edges] = fine.reshape(-1, samples**2, 3).sum(axis=1) / samples**2
     return image.astype(np.float32), depth.reshape(camera.height, camera.width).astype(np.float32)
 
 

@@ -11,6 +11,7 @@ from gspure.constants import TAU_C, TAU_N, TEST_EVERY
 from gspure.evaluation.controls import CLEAN, CONTROLS, OTHER_SCENE
 from gspure.evaluation.detection import DETECTIONS
 from gspure.evaluation.outcomes import SCENE, Condition
+from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
 from gspure.workflow.captures import camera_files, content_digest, model_files
@@ -21,9 +22,6 @@ from gspure.workflow.sources import code_digest
 
 OWNER: Final = "message_"
 """Prefix of files that only the owner has: the views of the message."""
-
-DECOYS: Final = range(9000, 9010, 2)
-"""Random seeds of the decoys of the retrieval: interiors N and N + 1 are traced as one pair."""
 
 VANILLA: Final = "vanilla"
 """Folder of the user's own models."""
@@ -234,7 +232,7 @@ class Model:
             return decoys
         views = max(3, -(-settings["views"] // TEST_EVERY))  # as many as are held out; a pair has at least three
         folder = f"results/decoys/{settings['width']}x{settings['height']}x{views}"
-        return decoys + [f"{folder}/{seed}/{kind}" for seed in DECOYS for kind in ("scene", "message")]
+        return decoys + [f"{folder}/{seed}" for seed in DECOYS]
 
     @property
     def hidden(self) -> list[str]:

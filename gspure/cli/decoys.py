@@ -1,0 +1,44 @@
+"""``gspure decoys``: pictures of random rooms, for `gspure retrieve`."""
+
+from __future__ import annotations
+
+from gspure.cli.options import add_quiet, require_least
+from gspure.cli.parser import Arguments, Parser
+
+HELP = "ray-trace random rooms, as false candidates of `gspure retrieve`"
+EXAMPLES = """\
+  gspure decoys --views 4 --width 160 --height 120 --out decoys
+
+Writes a folder of pictures for each room, with coarser light than that of `gspure pair`.
+"""
+
+COARSENESS = 2
+"""Of the light (`gspure.scenes.lighting.bake`). Ours: pictures differ from those of finer light by 37 dB."""
+
+
+def add_arguments(parser: Parser) -> None:
+    parser.number("--views", "N", "views of each room", 4)
+    parser.number("--width", "PX", "image width; that of the message", 160)
+    parser.number("--height", "PX", "image height; that of the message", 120)
+    parser.writes("--out", "DIR", "pictures, in folders SEED")
+    add_quiet(parser)
+
+
+def run(args: Arguments) -> None:
+    """Write the pictures, all of them or none."""
+    from gspure.artifacts import filling
+    from gspure.images import record_views
+    from gspure.progress import track
+    from gspure.scenes.camera_path import stage_cameras
+    from gspure.scenes.lighting import bake
+    from gspure.scenes.photography import picture
+    from gspure.scenes.placement import PLACEMENTS
+    from gspure.scenes.procedural import DECOYS, Interior
+
+    require_least(args, "decoys", {"views": 1, "width": 16, "height": 16})
+    views = stage_cameras(args.views, args.width, args.height)
+    with filling(args.out) as folder:
+        for seed in track(DECOYS, "decoys"):
+            lit = bake(Interior(seed)(PLACEMENTS["coincident"]), coarseness=COARSENESS)
+            picture(lit, views, folder / str(seed))
+            record_views(folder / str(seed), {view.name: [] for view in views})
