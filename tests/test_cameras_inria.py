@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from gspure.cameras import Camera, intrinsics, read_cameras, write_cameras
+from gspure.cameras.reading import read_lenses
 from gspure.errors import InputError
 from tests.camera_cases import cameras
 
@@ -63,6 +64,15 @@ def test_a_principal_point_off_the_centre_is_kept(tmp_path):
     assert camera.K[1, 2] == 25.0
 
 
+def test_a_distorted_view_is_refused_except_where_lenses_are_read(tmp_path):
+    straight = {"k1": 0, "p2": 0.0, "distortion": [0, 0]}
+    assert read_cameras(written(tmp_path, VIEW | straight))[0].distortion == ()
+    path = written(tmp_path, VIEW | {"k1": 0.1, "k4": -0.2})
+    with pytest.raises(InputError, match=r"a\.distortion"):
+        read_cameras(path)
+    assert read_lenses(path)[0].distortion == (0.1, 0, 0, 0, 0, -0.2, 0, 0)
+
+
 def test_photographs_are_found_from_wherever_the_file_is_written(tmp_path, monkeypatch):
     photo = tmp_path / "photos" / "a.jpg"
     camera = Camera("a", 4, 3, intrinsics(4, 4, 2, 1.5), np.eye(4), photo)
@@ -96,6 +106,8 @@ def test_photographs_are_found_from_wherever_the_file_is_written(tmp_path, monke
         ({"img_name": ".."}, "[1].img_name"),
         ({"cx": float("inf")}, "[1].cx"),
         ({"image": 3}, "[1].image"),
+        ({"k1": "0"}, "[1].k1"),
+        ({"distortion": [0.1, 0]}, "[1].distortion"),
     ],
 )
 def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):

@@ -130,19 +130,26 @@ def test_cameras_without_photographs_are_refused(tmp_path):
     assert "view orbit_000, view orbit_001" in refusal(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["points3D.ply", "sparse_pc.ply"])
-def test_points_beside_a_transforms_file_are_read(tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "stated"), [("points3D.ply", {}), ("sparse_pc.ply", {}), ("init.ply", {"ply_file_path": "init.ply"})]
+)
+def test_points_that_a_transforms_file_names_or_has_beside_it_are_read(tmp_path, name, stated):
     frames = []
     for view in ring():
         Image.new("RGB", (32, 24)).save(tmp_path / f"{view.name}.png")
         pose = np.linalg.inv(view.viewmat) @ np.diag([1.0, -1, -1, 1])
         frames.append({"file_path": f"{view.name}.png", "transform_matrix": pose.tolist()})
     fx = ring()[0].K[0, 0]
-    (tmp_path / "transforms.json").write_text(json.dumps({"w": 32, "h": 24, "fl_x": fx, "fl_y": fx, "frames": frames}))
+    content = {"w": 32, "h": 24, "fl_x": fx, "fl_y": fx, "frames": frames, **stated}
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
     write_point_ply(tmp_path / name, POINTS, np.full((20, 3), 7, np.uint8))
-    found = read_dataset(tmp_path / "transforms.json", "native")
-    np.testing.assert_array_equal(found.xyz, POINTS.astype(np.float32))
-    assert (found.rgb == 7).all()
+    for source in (tmp_path, tmp_path / "transforms.json"):
+        found = read_dataset(source, "native")
+        np.testing.assert_array_equal(found.xyz, POINTS.astype(np.float32))
+        assert (found.rgb == 7).all()
+    if stated:
+        (tmp_path / name).rename(tmp_path / "points3D.ply")
+        assert "init.ply: no such file" in refusal(tmp_path)
 
 
 def test_points_read_back_are_those_written(tmp_path):

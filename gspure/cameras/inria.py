@@ -2,15 +2,16 @@
 
 A list of objects with ``id``, ``img_name``, ``width``, ``height``, ``position`` (camera centre), ``rotation`` (camera
 to world, by rows), ``fx`` and ``fy`` in pixels of that size. Its principal points are the image centres, and it names
-no photographs. Our superset has three optional keys: ``cx`` and ``cy`` (pixels), if the principal point is elsewhere,
-and ``image``, the path of the photograph, relative to the file's folder. Programs that read the original format read
-ours.
+no photographs. Our superset has optional keys: ``cx`` and ``cy`` (pixels), if the principal point is elsewhere;
+``image``, the path of the photograph, relative to the file's folder; and ``k1 k2 p1 p2 k3 k4 k5 k6``, the distortion of
+the lens. Programs that read the original format read ours.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import reprlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from gspure.artifacts import write_text
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, view_name
+from gspure.cameras.undistortion import COEFFICIENTS
 
 
 def parse(source: Path, content: list[Any]) -> list[Camera]:
@@ -45,6 +47,9 @@ def _camera(entry: Entry, folder: Path) -> Camera:
     width, height = entry.pixels("width"), entry.pixels("height")
     cx = entry.number("cx") if "cx" in entry else width / 2
     cy = entry.number("cy") if "cy" in entry else height / 2
+    if np.array(entry.values.get("distortion", 0), object).any():
+        found = reprlib.repr(entry.values["distortion"])
+        raise entry.refusal("distortion", expected=f"a key for each of {', '.join(COEFFICIENTS)}", found=found)
     viewmat = np.eye(4)
     viewmat[:3, :3] = entry.rotation("rotation", entry.array("rotation", (3, 3))).T
     viewmat[:3, 3] = -viewmat[:3, :3] @ entry.array("position", (3,))
@@ -55,6 +60,7 @@ def _camera(entry: Entry, folder: Path) -> Camera:
         K=intrinsics(entry.positive("fx"), entry.positive("fy"), cx, cy),
         viewmat=viewmat,
         image=folder / entry.text("image") if "image" in entry else None,
+        distortion=entry.distortion(COEFFICIENTS),
     )
 
 

@@ -108,7 +108,7 @@ def _undistorted(args: Arguments, cameras: Sequence[Camera]) -> list[Camera]:
     from gspure.model.points import write_point_ply
     from gspure.training.dataset import stored_points
 
-    xyz, rgb = stored_points(args.source if args.source.is_dir() else args.source.parent)
+    xyz, rgb = stored_points(args.source)
     if len(xyz):
         write_point_ply(args.out.parent / "points3D.ply", xyz, rgb)
     return undistort(cameras, args.out.parent / "images", args.source)

@@ -10,12 +10,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import digest
+from gspure.artifacts import digest, read_json
 from gspure.cameras import Camera, require_images, scaled
 from gspure.cameras.camera import spread
 from gspure.cameras.colmap import find_sparse, read_points
+from gspure.cameras.entry import Entry
 from gspure.cameras.naming import safe_name
 from gspure.cameras.photographs import missing_photographs, photograph, photograph_size, require_present
+from gspure.cameras.reading import camera_file
 from gspure.errors import InputError
 from gspure.images import read_image
 from gspure.model.points import read_point_ply
@@ -141,7 +143,7 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
 
 def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """Return the stored points, or random grey ones if fewer than `LEAST_POINTS` are stored."""
-    xyz, rgb = stored_points(source if source.is_dir() else source.parent)
+    xyz, rgb = stored_points(source)
     if len(xyz) >= LEAST_POINTS:
         return xyz, rgb
     xyz = random_points(train, extent(train), RANDOM_POINTS, np.random.default_rng(seed))
@@ -151,9 +153,15 @@ def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[NDArray[n
     return xyz, np.full(xyz.shape, _GREY, np.uint8)
 
 
-def stored_points(folder: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Return the sparse points of a capture's folder, or none."""
+def stored_points(source: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Return the sparse points of a capture, or none: those that its transforms.json names, or that lie beside it."""
+    folder = source if source.is_dir() else source.parent
     sparse = find_sparse(folder)
+    if source.is_file() or not sparse:
+        file = source if source.is_file() else camera_file(source)
+        content = read_json(file)
+        if isinstance(content, dict) and "ply_file_path" in content:
+            return read_point_ply(file.parent / Entry(file, "", content).text("ply_file_path"))
     if sparse and any((sparse / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt")):
         return read_points(sparse)
     for path in (parent / name for parent in (folder, sparse or folder) for name in POINT_FILES):
