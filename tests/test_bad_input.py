@@ -32,7 +32,7 @@ COMMANDS = {
     "cameras orbit": "cameras orbit --model model.ply --out out",
     "contributions": "contributions --model model.ply --cameras cameras.json --stages out --index out.tsv",
     "features": "features --model model.ply --weights weights.npy --out out",
-    "attack": "attack plain_weight --model model.ply --weights weights.npy --out out --removed out.npy",
+    "attack": "attack plain_weight --model model.ply --weights weights.npy --out out.ply --removed out.npy",
     "prune": "prune --clusters clusters.npz --weights weights.npy --out out",
     "metrics": "metrics a b --out out",
     "figures": "figures model --model model.ply --weights weights.npy --clusters clusters.npz "
@@ -252,7 +252,7 @@ def test_options_out_of_range_are_refused(folder, capsys, options, line):
 @pytest.mark.parametrize("command", sorted({*COMMANDS} - {"info"}))
 def test_an_output_that_cannot_be_written_is_named(folder, capsys, command):
     Path("file").touch()
-    words = ["file/out" if word == "out" else word for word in COMMANDS[command].split()]
+    words = [f"file/{word}" if word in {"out", "out.ply"} else word for word in COMMANDS[command].split()]
     before = sorted(folder.rglob("*"))
     assert main(words) == 2
     error = capsys.readouterr().err.splitlines()[-1]  # others tell of work that was done before
@@ -360,7 +360,6 @@ def test_weights_fit_their_model_after_it_was_recoloured(folder, capsys):
     spoil_row(f_dc_0=0.25)
     for command in ("features", "attack"):
         assert main(COMMANDS[command].split()) == 0
-        Path("out").unlink()
     spoil_row(opacity=0.25)
     capsys.readouterr()
     assert "made from another model" in refusal(folder, capsys, COMMANDS["attack"])
@@ -460,11 +459,11 @@ PRINTING = {
     "prune": "prune --clusters clusters.npz --weights weights.npy --out out --diagnosis out.json",
     "metrics": "metrics a b --out out",
     "paper-check": "paper-check --out out",
-    "attack": "attack random_pruning --model model.ply --damage 1 --cameras cameras.json --out out",
+    "attack": "attack random_pruning --model model.ply --damage 1 --cameras cameras.json --out out.ply",
     "purify": "purify model.ply --cameras cameras.json --out dir",
     "figures": COMMANDS["figures"],
 }
-WRITTEN = {"purify": "dir/figures/kept.png", "figures": "out/weights.png.json"}
+WRITTEN = {"attack": "out.ply", "purify": "dir/figures/kept.png", "figures": "out/weights.png.json"}
 
 
 @pytest.mark.parametrize("command", PRINTING)
