@@ -25,10 +25,10 @@ COEFFICIENTS: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 _MOST_ZOOM: Final = 8.0
 _STEPS: Final = 40
-"""Of the search for the zoom, which halves its range each time."""
+"""Steps of the search for the zoom, each of which halves its range."""
 
 _RADII: Final = 1000
-"""At which the distortion is compared."""
+"""Number of radii at which the distortion is compared."""
 
 
 def undistort(cameras: Sequence[Camera], folder: Path, source: Path | str) -> list[Camera]:
@@ -36,8 +36,8 @@ def undistort(cameras: Sequence[Camera], folder: Path, source: Path | str) -> li
 
     The focal length is the smallest at which the photograph fills the image, whose size and centre stay. Transparent
     photographs keep their alpha. `folder` takes ``VIEW.png``; `source` is the origin of the views. Raise `InputError`
-    if a photograph is missing, unreadable or smaller than its view, or a distortion too strong for a pinhole: if
-    farther points of the image are not farther from the centre of the photograph.
+    if a photograph is missing, unreadable or smaller than its view, or if a distortion folds the image: points farther
+    from its centre are then not farther from that of the photograph.
     """
     require_images(cameras, source)
     pinholes = [_pinhole(camera, source) for camera in cameras]

@@ -42,7 +42,7 @@ files in DIR:
   metrics.csv        metrics of the renders after pruning (and repair), against those before
   figures/           clusters, weights, kept and pruned rows, before and after; if one fails, a warning says why
 
-The model and each array have their provenance beside them, in FILE.json.
+The record of the model and of each array is beside it, in FILE.json: its checksum, origin and settings.
 """
 
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
