@@ -10,11 +10,23 @@ import numpy as np
 import pytest
 
 from gspure.attacks import Evidence, find_attack
+from gspure.cli import main
 from gspure.errors import InputError
 from gspure.model import model_file, read_model, write_model
+from gspure.model.finite import undrawable_rows
 from gspure.model.rotations import rotation_matrices
 from gspure.model.sh_rotation import rotate_sh
-from tests.compressed_cases import ROWS, SPLAT_TRANSFORM, ksplat, model, sog_of_version_1, unpacked_sog, webp, write_all
+from tests.compressed_cases import (
+    ROWS,
+    SPLAT_TRANSFORM,
+    ksplat,
+    model,
+    sog_of_version_1,
+    splat,
+    unpacked_sog,
+    webp,
+    write_all,
+)
 from tests.models import blobs
 
 NAMES = ["model.splat", *(f"level {level}.ksplat" for level in range(3))]
@@ -154,6 +166,23 @@ def test_rows_that_are_not_finite_are_written_as_invisible(tmp_path, capsys, suf
     after = read_model(tmp_path / f"m{suffix}").opacities
     np.testing.assert_array_equal(after[[0, 1, 2, 4]] > 0.5, [False, False, True, False])
     assert "3 of 60 rows are not finite" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("flags", "remarks"), [(0, 0), (1, 1)])
+def test_a_model_trained_with_antialiasing_has_a_remark(tmp_path, capsys, flags, remarks):
+    data = bytearray(gzip.decompress((SPLAT_TRANSFORM / "v3.spz").read_bytes()))
+    data[14] = flags
+    (tmp_path / "m.spz").write_bytes(gzip.compress(data))
+    assert main(["info", str(tmp_path / "m.spz")]) == 0
+    assert capsys.readouterr().out.count("antialiasing") == remarks
+
+
+@pytest.mark.parametrize(("scale", "kept"), [(0.0, True), (1e-42, True), (-1.0, False)])
+def test_rows_with_negative_scales_are_not_finite(tmp_path, scale, kept):
+    rows = np.frombuffer(splat(model()), np.float32).copy()
+    rows[8 * 5 + 3] = scale
+    (tmp_path / "m.splat").write_bytes(rows.tobytes())
+    assert undrawable_rows(read_model(tmp_path / "m.splat")).tolist() == ([] if kept else [5])
 
 
 def test_spz_turns_a_model_by_half_a_turn_about_x(tmp_path, monkeypatch):

@@ -396,7 +396,7 @@ def test_repair_raises_the_psnr_of_the_scene_and_keeps_the_rows(tmp_path: Path, 
     assert diagnosis["psnr"]["mean"] == before
     assert "psnr_before_repair" not in diagnosis
     assert len(read_model(out / "purified.ply")) == rows
-    assert not [*(out / "renders" / "pruned").glob("*.png")]
+    assert not (out / "renders" / "pruned").exists()
 
 
 def test_a_repair_without_iterations_is_refused_before_anything_is_computed(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -225,10 +226,14 @@ def _remove_older(folder: Path) -> None:
     from gspure.images import RENDERED
 
     older = [folder / "figures" / f"{name}{suffix}" for name in _FIGURES for suffix in _SUFFIXES]
-    for renders in (folder / "renders" / title for title in _RENDERS):
-        older += [*renders.glob("*.png"), renders / RENDERED]
+    renders = [folder / "renders" / title for title in _RENDERS]
+    for views in renders:
+        older += [*views.glob("*.png"), views / RENDERED]
     for path in (*older, folder / "metrics.csv"):
         path.unlink(missing_ok=True)
+    for emptied in (*renders, folder / "renders"):
+        with suppress(OSError):  # another file is in it, or there is none
+            emptied.rmdir()
 
 
 def _draw(

@@ -44,8 +44,9 @@ def byte_logits(opacities: NDArray[np.uint8]) -> Float32:
 
 
 def positive_log(scales: NDArray[Any]) -> Float32:
-    """Return the logarithms of scales; those rounded to 0 become the least normal float32 first."""
-    return np.log(np.maximum(scales.astype(np.float32), np.finfo(np.float32).tiny))
+    """Return the logarithms of scales: of the least normal float32 if they are 0, not-a-number if negative."""
+    least = np.finfo(np.float32).tiny
+    return np.log(np.where(scales < 0, np.nan, np.maximum(scales.astype(np.float32), least)), dtype=np.float32)
 
 
 def smallest_three(three: NDArray[Any], largest: NDArray[np.intp]) -> Float32:

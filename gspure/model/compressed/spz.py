@@ -42,8 +42,12 @@ _COMMENTED: Final = 16
 
 _HEADER: Final = struct.Struct("<4sIIBBBB")
 _PLAIN_HEADER: Final = 32
+_ANTIALIASED: Final = 1
 _EXTENDED: Final = 2
-"""Flag of a file with further streams, which are not read."""
+"""Flags of models trained with antialiasing, and of files with further streams; neither is applied."""
+
+_ANTIALIASED_REMARK: Final = "SPZ: trained with antialiasing, which is not applied"
+"""The comment of such a model, which `gspure info` prints."""
 
 _COLOUR_SCALE: Final = 0.15
 _STEPS: Final = 511
@@ -82,7 +86,8 @@ def read_spz(path: Path) -> Gaussians:
         require_room(path, len(data), header.rows, COEFFICIENTS[header.degree])
         body = _unzipped(unpack, header) if gzipped else _unpacked(path, data, header)
         model = _model(header, np.frombuffer(body, np.uint8))
-        return Gaussians(model.table, _comments(data)) if gzipped else model
+        remarks = (_ANTIALIASED_REMARK,) if header.flags & _ANTIALIASED else ()
+        return Gaussians(model.table, (*(_comments(data) if gzipped else ()), *remarks))
 
 
 def with_comments(data: bytes, comments: Sequence[bytes]) -> bytes:
