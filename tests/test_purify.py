@@ -356,6 +356,14 @@ def test_the_worst_view_is_in_the_diagnosis_with_a_warning_if_it_is_far_below_th
     assert any(low.view in warning for warning in diagnosis["warnings"])
 
 
+def test_a_single_view_is_not_called_held_out(tmp_path: Path, command: list[str], capsys) -> None:
+    write_cameras(tmp_path / "cameras.json", cameras(1))
+    assert main(command) == 0
+    printed = capsys.readouterr()
+    assert "warning: a single view" in printed.err
+    assert "held-out" not in printed.out
+
+
 def test_renders_of_other_views_in_the_folder_are_refused_before_anything_is_computed(
     tmp_path: Path, command: list[str], monkeypatch, capsys
 ) -> None:

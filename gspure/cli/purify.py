@@ -83,7 +83,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
     from gspure.artifacts import filling, save_array, write_json, write_provenance
-    from gspure.cameras import scaled, split, write_cameras
+    from gspure.cameras import scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
     from gspure.evaluation.comparison import as_text
     from gspure.images import require_no_other_images
@@ -102,15 +102,15 @@ def run(args: Arguments) -> None:
     if args.repair and not public.visible:
         raise InputError(args.model, "--repair", expected="a model with colours", found="none")
     cameras = scaled(read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
-    train, test = split(cameras)
+    train, test = _split(cameras)
     writes_views = _writes_views(args)
     for title in _RENDERS:
         require_no_other_images(args.out / "renders" / title, (camera.name for camera in test))
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
     with filling(args.out) as folder:
-        purification = purify(public, train or test, device=device, energy=args.energy, **settings)
-        models = _models(public, purification, train or test, args.repair, device)
+        purification = purify(public, train, device=device, energy=args.energy, **settings)
+        models = _models(public, purification, train, args.repair, device)
         files = [folder / "purified.ply", *(folder / f"{name}.npy" for name in _ARRAYS)]
         models["purified"].write(files[0])
         for name, path in zip(_ARRAYS, files[1:], strict=True):
@@ -132,9 +132,20 @@ def run(args: Arguments) -> None:
     captions = _draw(args, public, purification, cameras, [camera.name for camera in test], models)
     print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(public.model))]))
     measures_rays = args.energy == "ray" and public.rows_are_gaussians
-    if measures_rays and (small := subpixel_rows(public.model, purification.weights, train or test)):
+    if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
         print(small.line(len(public.model), cameras[0].width))
     print("\n".join([*_repair_lines(diagnosis), f"results in {args.out}", *(as_text(rows) if rows else []), *captions]))
+
+
+def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
+    """Return the views that measure weights, and the held-out ones to compare; a single view does both."""
+    from gspure.cameras import split
+    from gspure.progress import warn
+
+    train, test = split(cameras)
+    if not train:
+        warn("a single view: it measures the weights, and none is held out for the metrics")
+    return train or test, test
 
 
 def _writes_views(args: Arguments) -> bool:
@@ -244,7 +255,7 @@ def _draw(
     views: Sequence[str],
     titles: Collection[str],
 ) -> list[str]:
-    """Draw some held-out `views` before and after, and the model; return a line for each that succeeds."""
+    """Draw some of the compared `views` before and after, and the model; return a line for each that succeeds."""
     from gspure.figures.gallery import Drawing, Evidence, drawings
     from gspure.model.signature import Signature
     from gspure.progress import warn
@@ -256,7 +267,7 @@ def _draw(
     figures = [*drawings(folder, evidence, cameras)]
     if public.visible:
         shown = views[:: -(-len(views) // _SHOWN)]
-        caption = f"{len(shown)} of {len(views)} held-out views before and after, and the difference."
+        caption = f"{len(shown)} of {len(views)} compared views before and after, and the difference."
         before_after = folder / "before_after.png"
         draw_views = partial(_draw_views, before_after, args.out / "renders", titles, shown)
         figures.insert(0, Drawing(before_after, caption, draw_views))
