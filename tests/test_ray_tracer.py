@@ -91,6 +91,28 @@ def test_the_nearest_solid_is_hit_first_in_any_order():
         assert hit.tolist() == [index, -1]
 
 
+@pytest.mark.parametrize("name", ["room", "vault", "interior-1", "landscape-1", "object-1"])
+@pytest.mark.parametrize("spread", [0.0, 0.01, 0.3, 3.0])
+@pytest.mark.parametrize("count", [0, 1, 4000])
+def test_first_hits_are_the_nearest_of_all_solids_for_narrow_and_wide_beams(name, spread, count):
+    scene = scene_builder(name)(PLACEMENTS["coincident"])
+    rng = np.random.default_rng(0)
+    beams = rng.normal(size=(2, count // 20 + 1, 3)).repeat(20, axis=1)[:, :count]
+    origins, directions = beams + spread * rng.normal(size=beams.shape)
+    distances, hit = first_hits(scene, origins, directions)
+    alone = np.array([solid.distance(origins, directions) for solid in scene.solids])
+    assert distances.tobytes() == alone.min(axis=0).tobytes()
+    assert np.array_equal(hit, np.where(np.isinf(distances), -1, alone.argmin(axis=0)))
+
+
+@pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS.keys())
+def test_a_solid_is_inside_its_bound(solid):
+    centre, radius = solid.bound
+    uv = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, 21)] * 2), axis=-1).reshape(-1, 2)
+    for face in solid.faces:
+        assert np.linalg.norm(solid.chart(face, uv)[0] - centre, axis=1).max() <= radius + 1e-9
+
+
 def test_a_room_is_open_where_it_has_no_face():
     room = Room((0.0, 0.0, 1.0), (2.0, 2.0, 2.0), GREY, faces=(BACK, BOTTOM))
     directions = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
@@ -188,7 +210,8 @@ def test_photographs_are_the_same_bits_again_and_for_any_batch_of_rays(coarse, m
     view = stage_cameras(3, 40, 30)[1]
     first = trace(bake(build(PLACEMENTS["raised"])), view)
     monkeypatch.setattr(ray_tracer, "_RAYS_AT_ONCE", 77)
-    monkeypatch.setattr(scene_module, "_RAYS_AT_ONCE", 1000)
+    monkeypatch.setattr(scene_module, "_PACKET", 7)
+    monkeypatch.setattr(scene_module, "_PACKETS_AT_ONCE", 10)
     again = trace(bake(build(PLACEMENTS["raised"])), view)
     assert first[0].tobytes() == again[0].tobytes()
     assert first[1].tobytes() == again[1].tobytes()

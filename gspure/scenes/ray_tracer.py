@@ -15,7 +15,7 @@ Float64 = NDArray[np.float64]
 EDGE = 1.0 / 64.0
 """A pixel whose display value differs by more than this from a neighbour's is sampled more finely."""
 
-_RAYS_AT_ONCE = 1 << 17
+_RAYS_AT_ONCE = 1 << 15
 """Rays traced together: bounds the memory that a large photograph takes."""
 
 

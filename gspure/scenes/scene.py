@@ -12,8 +12,14 @@ from gspure.scenes.textures import GAMMA
 
 Float64 = NDArray[np.float64]
 
-_RAYS_AT_ONCE = 8192
-"""Rays followed together: few enough for their arrays to stay in the cache."""
+_PACKET = 12
+"""Successive rays that are tested together for solids out of their reach."""
+
+_ROUNDING = 1e-6
+"""Metres by which bounds are too large, so that rounding makes no solid seem out of reach."""
+
+_PACKETS_AT_ONCE = 512
+"""Packets followed together: few enough for their arrays to stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +50,44 @@ class Scene:
 
 def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float64, NDArray[np.intp]]:
     """Return distances and numbers [N] of the solids that rays [N,3] meet first; inf and -1 if there is none."""
-    distances = np.full(len(origins), np.inf)
-    solids = np.full(len(origins), -1, np.intp)
-    for start in range(0, len(origins), _RAYS_AT_ONCE):
-        part = slice(start, start + _RAYS_AT_ONCE)
-        for index, solid in enumerate(scene.solids):
-            there = solid.distance(origins[part], directions[part])
-            nearer = there < distances[part]
-            solids[part][nearer] = index
-            distances[part][nearer] = there[nearer]
-    return distances, solids
+    count = len(origins)
+    origins, directions = (
+        np.pad(rays, ((0, -count % _PACKET), (0, 0)), mode="edge").reshape(-1, _PACKET, 3)
+        for rays in (origins, directions)
+    )
+    distances = np.full(origins.shape[:2], np.inf)
+    solids = np.full(origins.shape[:2], -1, np.intp)
+    reached = _reached(scene, origins, directions)
+    for index, solid in enumerate(scene.solids):
+        packets = np.flatnonzero(reached[:, index])
+        for start in range(0, len(packets), _PACKETS_AT_ONCE):
+            part = packets[start : start + _PACKETS_AT_ONCE]
+            there = solid.distance(origins[part].reshape(-1, 3), directions[part].reshape(-1, 3)).reshape(-1, _PACKET)
+            before = distances[part]
+            solids[part] = np.where(there < before, index, solids[part])
+            distances[part] = np.minimum(there, before)
+    return distances.ravel()[:count], solids.ravel()[:count]
+
+
+def _reached(scene: Scene, origins: Float64, directions: Float64) -> NDArray[np.bool_]:
+    """Return the solids [P,S] that packets of rays [P,K,3] may meet: their bounds meet a cone around the rays.
+
+    The cone starts at the origin of one ray; bounds grow by the distance of the others' origins from it.
+    """
+    centres, radii = (np.array(part) for part in zip(*(solid.bound for solid in scene.solids), strict=True))
+    apex, axis = origins[:, _PACKET // 2], directions[:, _PACKET // 2]
+    axis = axis / np.sqrt(np.einsum("pi,pi->p", axis, axis))[:, None]
+    lengths = np.sqrt(np.einsum("pki,pki->pk", directions, directions))
+    cosine = (np.einsum("pki,pi->pk", directions, axis) / lengths).min(axis=1, keepdims=True) - _ROUNDING**2
+    sine = np.sqrt(1.0 - np.minimum(cosine**2, 1.0))
+    apart = origins - apex[:, None]
+    reach = radii + np.sqrt(np.einsum("pki,pki->pk", apart, apart).max(axis=1, keepdims=True)) + _ROUNDING
+    along = axis @ centres.T - np.einsum("pi,pi->p", apex, axis)[:, None]
+    squared = (centres**2).sum(axis=1) + (apex**2).sum(axis=1, keepdims=True) - 2.0 * apex @ centres.T
+    across = np.sqrt(np.maximum(squared - along**2, 0.0))
+    beside, ahead = across * cosine - along * sine, along * cosine + across * sine  # of the cone's nearest side
+    reached: NDArray[np.bool_] = (cosine < 0.0) | ((beside < reach) & (ahead > -reach))
+    return reached
 
 
 def albedo(solid: Solid, faces: NDArray[np.intp], uv: Float64) -> Float64:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import hypot
 from typing import Protocol
 
 import numpy as np
@@ -52,6 +53,11 @@ class Solid(Protocol):
         """Length in metres [F,2] of each face along u and v."""
         ...
 
+    @property
+    def bound(self) -> tuple[Vector, float]:
+        """Centre and radius of a sphere around all places where rays hit it; an infinite radius where none is known."""
+        ...
+
     def distance(self, origins: Float64, directions: Float64) -> Float64:
         """Return the ray parameter [N] of the first hit of rays [N,3]; inf where there is none."""
         ...
@@ -89,6 +95,11 @@ class Box:
     def extents(self) -> Float64:
         """Edge lengths [6,2] along u and v."""
         return np.array([[self.size[axis] for axis in _IN_FACE_AXES[face // 2]] for face in range(6)])
+
+    @property
+    def bound(self) -> tuple[Vector, float]:
+        """Sphere through the corners."""
+        return self.centre, 0.5 * hypot(*self.size)
 
     def distance(self, origins: Float64, directions: Float64) -> Float64:
         """Ray parameter [N] where rays enter the box."""
@@ -153,6 +164,11 @@ class Room(Box):
     detail: float = 1.0
     faces: tuple[int, ...] = (LEFT, RIGHT, BACK, BOTTOM)
 
+    @property
+    def bound(self) -> tuple[Vector, float]:
+        """Everywhere: a room surrounds its rays."""
+        return self.centre, np.inf
+
     def distance(self, origins: Float64, directions: Float64) -> Float64:
         """Ray parameter [N] where rays leave the box through one of its faces."""
         near = np.full(len(origins), -np.inf)
@@ -185,6 +201,11 @@ class Sphere:
     def extents(self) -> Float64:
         """Lengths [1,2] of the equator and of a meridian."""
         return np.array([[2.0 * np.pi * self.radius, np.pi * self.radius]])
+
+    @property
+    def bound(self) -> tuple[Vector, float]:
+        """The sphere itself."""
+        return self.centre, self.radius
 
     def distance(self, origins: Float64, directions: Float64) -> Float64:
         """Ray parameter [N] where rays enter the sphere."""
