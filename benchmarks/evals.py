@@ -9,7 +9,7 @@ import numpy as np
 import pyopencl as cl
 from stages import Stages
 
-from gspure.opencl.engine import LANES, Engine, Program
+from gspure.opencl.engine import LANES, Engine, Program, by_name
 from gspure.opencl.program import build_options, kernel_source
 from gspure.renderer import CONTRIBUTION
 
@@ -33,7 +33,7 @@ class _CountingEngine(Engine):
             return super().program(*sources, **defines)
         text = kernel_source(*shared) + _COUNTING + kernel_source(blending)
         options = build_options({"LANES": LANES[self.style], **defines})
-        return Program(cl.Program(self.context, text).build(options=options), self.queue, 1)
+        return Program(by_name(cl.Program(self.context, text).build(options=options)), self.queue, 1)
 
 
 def count_evals(stages: Stages) -> int:

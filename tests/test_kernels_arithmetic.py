@@ -3,7 +3,7 @@
 import numpy as np
 import pyopencl as cl
 
-from gspure.opencl.engine import Engine, Program
+from gspure.opencl.engine import Engine, Program, by_name
 from gspure.opencl.program import build_options, kernel_source
 
 EVALUATE = """
@@ -19,5 +19,5 @@ def test_exp2_is_within_four_ten_millionths(device, style):
     source = kernel_source("vector") + EVALUATE
     program = cl.Program(engine.context, source).build(options=build_options({"LANES": lanes}))
     result = engine.allocate(x.nbytes)
-    Program(program, engine.queue, 1).launch("evaluate", x.size // lanes, engine.uploaded(x), result)
+    Program(by_name(program), engine.queue, 1).launch("evaluate", x.size // lanes, engine.uploaded(x), result)
     np.testing.assert_allclose(engine.read(result, x.shape, np.float32), np.exp2(x.astype(np.float64)), rtol=4e-7)

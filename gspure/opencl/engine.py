@@ -53,11 +53,15 @@ def _kernels(
 ) -> dict[str, cl.Kernel]:
     """Return the kernels of a program by name, built once per process and `thread`."""
     try:
-        program = built(context, kernel_source(*sources), build_options(dict(defines)))
-        return {kernel.function_name: kernel for kernel in program.all_kernels()}
+        return by_name(built(context, kernel_source(*sources), build_options(dict(defines))))
     except cl.Error as error:
         expected, hint = "a driver that builds them", "memory may be short"
         raise InputError("OpenCL", "kernels", expected=expected, found=first_line(str(error)), hint=hint) from None
+
+
+def by_name(program: cl.Program) -> dict[str, cl.Kernel]:
+    """Return the kernels of a built program."""
+    return {kernel.function_name: kernel for kernel in program.all_kernels()}
 
 
 class Program:
