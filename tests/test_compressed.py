@@ -113,6 +113,13 @@ def test_comments_and_the_background_among_them_survive(tmp_path, suffix):
     assert len(read_by_others) == 300
 
 
+def test_spz_files_hold_no_time(tmp_path):
+    pytest.importorskip("gsply", reason="gspure[compression] is not installed")
+    for gaussians in (blobs(3), blobs(3).with_comment("a comment")):
+        write_model(tmp_path / "m.spz", gaussians)
+        assert (tmp_path / "m.spz").read_bytes()[4:8] == bytes(4)
+
+
 def test_spz_keeps_far_positions_in_coarser_steps_and_says_so(tmp_path, capsys):
     pytest.importorskip("gsply", reason="gspure[compression] is not installed")
     before = blobs(60, size=(0.05, 0.1))

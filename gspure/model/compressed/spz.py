@@ -91,12 +91,10 @@ def read_spz(path: Path) -> Gaussians:
 
 
 def with_comments(data: bytes, comments: Sequence[bytes]) -> bytes:
-    """Return a file of version 2 or 3 without a gzip comment with these comment lines."""
-    if not comments:
-        return data
-    comment = b"\n".join(comments).replace(b"\0", b" ") + b"\0"
-    flags = bytes([_COMMENTED])
-    return data[:_FLAGS] + flags + data[_FLAGS + 1 : _GZIP_HEADER] + comment + data[_GZIP_HEADER:]
+    """Return a file of version 2 or 3 with comment lines and without a time; its gzip header has no further fields."""
+    comment = b"\n".join(comments).replace(b"\0", b" ") + b"\0" if comments else b""
+    flags = bytes([_COMMENTED if comments else 0])
+    return data[:_FLAGS] + flags + bytes(4) + data[_FLAGS + 5 : _GZIP_HEADER] + comment + data[_GZIP_HEADER:]
 
 
 def _comments(data: bytes) -> tuple[str, ...]:
