@@ -310,7 +310,7 @@ def test_a_faulty_plug_in_is_named(monkeypatch, loaded, line):
 
 
 def test_an_unknown_scheme_is_refused_with_the_known_ones():
-    with pytest.raises(InputError, match="expected one of splats_in_splats, gs_hider, secure_gs, planted, found 'sis'"):
+    with pytest.raises(InputError, match=f"expected one of {', '.join(schemes())}, found 'sis'"):
         find_scheme("sis")
 
 

@@ -69,7 +69,7 @@ def test_the_output_is_a_model_folder_to_other_commands(trained, capsys):
     renders = trained / "again"
     assert main(["render", str(trained), "--cameras", str(trained), "--out", str(renders), "--split", "test"]) == 0
     held_out = trained / "test" / f"ours_{ITERATIONS}" / "renders"
-    for file in held_out.iterdir():
+    for file in held_out.glob("*.png"):
         assert (renders / file.name).read_bytes() == file.read_bytes()
 
 

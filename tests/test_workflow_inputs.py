@@ -24,6 +24,7 @@ from tests.training_cases import colmap_project, ring
 
 TRACED = {"scene": "room", "message": "vault", "protocol": "own", "placement": "raised", "seed": 1}
 TRACED |= {"views": 9, "width": 32, "height": 24}
+NOTHING_ELSE = {"pairs": {}, "schemes": {}, "variants": {}, "detectors": {}}
 PHOTOGRAPHED = {
     "scene": "garden",
     "message": "captures/playroom",
@@ -56,7 +57,7 @@ def test_photographs_of_a_folder_in_the_project_are_relative(tmp_path, monkeypat
     """With absolute paths, a project that was moved would be trained again."""
     colmap_project(tmp_path / "photos", ring(), np.eye(3))
     monkeypatch.chdir(tmp_path)
-    config = {"pairs": {}, "schemes": {}, "variants": {}, "assets": {"desk": {"train": "photos"}}}
+    config = {**NOTHING_ELSE, "assets": {"desk": {"train": "photos", "clean": None}}}
     for photograph in resolved(config, "mine.yaml")["assets"]["desk"]["photographs"]:
         assert Path(photograph).parent == Path("photos/images")
 
@@ -79,7 +80,7 @@ def test_the_held_out_views_of_a_blender_scene_are_files_of_its_training(tmp_pat
     for split in ("train", "test"):
         content = {"w": 8, "h": 6, "fl_x": 8.0, "frames": [{**frame, "file_path": f"{split}/r_{split}"}]}
         (tmp_path / f"transforms_{split}.json").write_text(json.dumps(content))
-    config = {"pairs": {}, "schemes": {}, "variants": {}, "assets": {"lego": {"train": "."}}}
+    config = {**NOTHING_ELSE, "assets": {"lego": {"train": ".", "clean": None}}}
     photographs = resolved(config, "mine.yaml")["assets"]["lego"]["photographs"]
     assert photographs == ["train/r_train.png", "test/r_test.png"]
     assert capture_files(".", photographs) == ["transforms_train.json", "transforms_test.json", *photographs]
