@@ -139,7 +139,7 @@ def _recorded(folder: Path) -> dict[str, Any]:
     match record:
         case {"views": dict(), "record": str(checksum)} if checksum == record_checksum(record):
             return {**record}
-    raise InputError(file, "record", expected="the views of a finished folder", found="damage")
+    raise InputError(file, "record", expected="the views of a finished folder", found="a corrupt record")
 
 
 def require_all_images(folder: Path) -> None:

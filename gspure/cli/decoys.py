@@ -13,7 +13,7 @@ Writes a folder of pictures for each room, with coarser light than that of `gspu
 """
 
 COARSENESS = 2
-"""Of the light (`gspure.scenes.lighting.bake`). Ours: on four rooms, pictures have 37 dB against finer light."""
+"""Of the light (`gspure.scenes.lighting.bake`). Ours."""
 
 
 def add_arguments(parser: Parser) -> None:
