@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gspure.cameras import Camera, intrinsics, off_path_cameras, orbit_cameras, split
 from gspure.errors import InputError
-from gspure.scenes.camera_path import stage_cameras
+from gspure.scenes.photography import stage_cameras
 from tests.models import points_of
 from tests.training_cases import ring
 

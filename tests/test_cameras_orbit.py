@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.cameras import bounding_sphere, orbit_cameras, shell_cameras, split
-from gspure.cameras.up import guessed_up
+from gspure.cameras.orbit import guessed_up
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
 from tests.camera_cases import numbers, project

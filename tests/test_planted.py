@@ -13,8 +13,7 @@ from gspure.model import read_model, write_model
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel
 from gspure.scenes import lighting
-from gspure.scenes.camera_path import stage_cameras
-from gspure.scenes.photography import PER_VIEW, seen_points
+from gspure.scenes.photography import PER_VIEW, seen_points, stage_cameras
 from gspure.scenes.ray_tracer import trace
 from gspure.scenes.scene import Lamp, Scene
 from gspure.scenes.solids import Box, Sphere

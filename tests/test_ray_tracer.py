@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from gspure.scenes import lighting, ray_tracer
 from gspure.scenes import scene as scene_module
-from gspure.scenes.camera_path import stage_cameras
 from gspure.scenes.lighting import bake
+from gspure.scenes.photography import stage_cameras
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.ray_tracer import trace
 from gspure.scenes.scene import Lamp, Scene, displayed, first_hits

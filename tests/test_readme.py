@@ -13,7 +13,7 @@ from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.model import read_model, write_model
 from gspure.scenes import lighting
-from gspure.scenes.camera_path import stage_cameras
+from gspure.scenes.photography import stage_cameras
 from tests.documentation import ROOT, blocks, edges, workflow_edges
 from tests.planted_cases import planted_model
 from tests.training_cases import colmap_project, ring

@@ -8,7 +8,7 @@ from plyfile import PlyData
 from scipy.spatial import Delaunay
 
 from gspure.attacks import Evidence, find_attack
-from gspure.cameras.projection import points_shown
+from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
 from gspure.model.points import Mesh, write_mesh_ply
 from gspure.model.rotations import principal_axes, rotation_matrices

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.constants import TEST_EVERY
+from gspure.constants import NEAR_PLANE, TEST_EVERY
 from gspure.display import Described
 
 Float64 = NDArray[np.float64]
@@ -109,3 +110,22 @@ def spread(cameras: Sequence[Camera]) -> float:
     """Return the largest distance of a camera from the mean of all, in world units."""
     centres = np.array([camera.centre for camera in cameras])
     return float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
+
+
+def points_shown(
+    camera: Camera, points: NDArray[Any], margin: float = 0.0
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return the rows [S] of world `points` [P,3] in the image and behind the near plane, and their positions [S,3].
+
+    Positions are column and row in pixels, and depth along the view axis. `margin` extends the image on every side, as
+    a share of its size. A point that is not finite is not shown.
+    """
+    with np.errstate(invalid="ignore"):
+        view = points @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
+        behind = np.flatnonzero(view[:, 2] > NEAR_PLANE)
+        x, y, z = view[behind].T
+        u = camera.K[0, 0] * x / z + camera.K[0, 2]
+        v = camera.K[1, 1] * y / z + camera.K[1, 2]
+        left, top = margin * camera.width, margin * camera.height
+        inside = (u >= -left) & (u < camera.width + left) & (v >= -top) & (v < camera.height + top)
+    return behind[inside], np.stack([u, v, z], axis=1)[inside]

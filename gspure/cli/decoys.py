@@ -29,9 +29,8 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import filling
     from gspure.images import record_views
     from gspure.progress import track
-    from gspure.scenes.camera_path import stage_cameras
     from gspure.scenes.lighting import bake
-    from gspure.scenes.photography import picture
+    from gspure.scenes.photography import picture, stage_cameras
     from gspure.scenes.placement import PLACEMENTS
     from gspure.scenes.procedural import DECOYS, Interior
 

@@ -98,8 +98,7 @@ def _traced(args: Arguments) -> dict[str, Any]:
     import numpy as np
 
     from gspure.cameras import off_path_cameras
-    from gspure.scenes.camera_path import stage_cameras
-    from gspure.scenes.photography import photograph, picture
+    from gspure.scenes.photography import photograph, picture, stage_cameras
     from gspure.scenes.staging import Staging
 
     views = stage_cameras(args.views, args.width, args.height)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, intrinsics
-from gspure.cameras.up import guessed_up
+from gspure.cameras.orbit import guessed_up
 
 Float64 = NDArray[np.float64]
 

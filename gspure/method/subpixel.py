@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
-from gspure.cameras.projection import points_shown
+from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import ALPHA_MIN
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import principal_axes

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
-from gspure.cameras.projection import points_shown
+from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import TILE
 from gspure.opencl.binning import TileLists, bands, bin_tiles, gather_footprints
 from gspure.opencl.engine import LANES, Engine

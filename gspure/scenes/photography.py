@@ -1,4 +1,4 @@
-"""Photographs of a lit scene as files, and points on what they show."""
+"""Cameras on a closed, smooth path in front of a stage, its photographs as files, and points on what they show."""
 
 from __future__ import annotations
 
@@ -8,11 +8,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
+from gspure.cameras.camera import Camera, intrinsics, looking_at
 from gspure.images import write_image
 from gspure.progress import track
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.ray_tracer import trace
+
+Float64 = NDArray[np.float64]
+
+TARGET = (0.0, 0.5, 0.75)
+"""Where all cameras look, metres."""
+
+UP = np.array([0.0, 0.0, 1.0])
 
 PER_VIEW = 200
 """Points of each view. Ours: a few thousand in all for a default pair."""
@@ -51,3 +58,23 @@ def seen_points(
     there = np.linalg.solve(camera.K, pixels) * depth[rows, columns]
     xyz = (there - camera.viewmat[:3, 3:]).T @ camera.viewmat[:3, :3]
     return xyz, np.floor(255 * image[rows, columns] + 0.5).astype(np.uint8)
+
+
+def stage_cameras(count: int, width: int, height: int) -> list[Camera]:
+    """Return `count` views, 62 degrees wide, along a path that sways to both sides, to and fro, up and down."""
+    focal = 0.83 * width
+    K = intrinsics(focal, focal, width / 2, height / 2)
+    digits = max(3, len(str(count - 1)))
+    return [
+        Camera(f"view_{i:0{digits}d}", width, height, K, looking_at(_station(i / count), np.array(TARGET), UP))
+        for i in range(count)
+    ]
+
+
+def _station(phase: float) -> Float64:
+    """Return the camera centre [3] at a phase 0..1 of the path."""
+    turn = 2.0 * np.pi * phase
+    azimuth = np.radians(38.0) * np.sin(turn)
+    radius = 3.7 + 0.5 * np.cos(3.0 * turn)
+    height = 1.75 + 0.55 * np.sin(2.0 * turn + 0.6)
+    return np.array([radius * np.sin(azimuth), TARGET[1] - radius * np.cos(azimuth), height])

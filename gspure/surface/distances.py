@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras import Camera
-from gspure.cameras.projection import points_shown
+from gspure.cameras.camera import points_shown
 from gspure.model import Gaussians
 from gspure.model.points import Mesh
 from gspure.model.rotations import principal_axes

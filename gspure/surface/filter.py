@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras import Camera
-from gspure.cameras.projection import points_shown
+from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
 from gspure.model import Gaussians
 
