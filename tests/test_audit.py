@@ -74,6 +74,16 @@ def test_an_attack_names_the_scenes_in_which_only_retrieval_identifies_the_messa
     assert cost(row._replace(survived=0, only_retrieved=1)).endswith("; 1 of 2 scenes)")
 
 
+def test_an_attack_that_was_measured_in_fewer_scenes_is_named_and_not_judged() -> None:
+    weak, strong = {"weak": (1.0, 3.0)}, {"weak": (1.0, 3.0), "strong": (1.0, 25.0)}
+    found = benchmark({"a": strong, "b": weak, "c": weak})
+    audit = audit_of(found)
+    assert (named(audit.attacks), named(audit.incomplete)) == (["weak"], ["strong"])
+    assert audit.strongest.variant == "weak"
+    points = told(found)[1]
+    assert [text for label, text in points.items() if "fewer scenes" in label] == ["strong (1)."]
+
+
 def test_attacks_are_sorted_by_damage_and_split_by_survival() -> None:
     outcomes = of_scenes(2, gspure=(0.5, 20.0), gof=(3.0, 4.0), noise=(0.1, 0.2))
     audit = audit_of(outcomes)

@@ -117,18 +117,41 @@ def test_the_command_writes_readings_and_their_mean(renders, tmp_path, capsys):
 @pytest.mark.parametrize("bits", [8, 16, 32, 48])
 def test_the_threshold_of_bits_is_the_lowest_that_keeps_the_rate(bits, rate):
     threshold = Threshold.of(bits, [], rate)
-    correct = round(threshold.level * bits / 100)
-    assert threshold.rate == pytest.approx(binom.sf(correct, bits, 0.5))
+    assert threshold.rate == pytest.approx(binom.sf(threshold.value, bits, 0.5))
     assert threshold.rate <= rate
-    assert binom.sf(correct - 1, bits, 0.5) > rate
+    assert binom.sf(threshold.value - 1, bits, 0.5) > rate
+
+
+@pytest.mark.parametrize("bits", [24, 30, 48, 56, 96, 131])
+def test_views_at_the_threshold_do_not_exceed_it(tmp_path, bits):
+    correct = int(Threshold.of(bits, [], 0.01).value)
+    message = np.ones(bits, bool)
+    rows = [
+        Reading(view, share_correct(np.arange(bits) < correct + more, message), bits)
+        for more in (0, 1)
+        for view in "abcd"
+    ]
+    write_table(tmp_path / "rows.csv", Reading, rows)
+    stored = read_table(tmp_path / "rows.csv", Reading)
+    assert stored == rows
+    at, above = detection(stored[:4], []), detection(stored[4:], [])
+    assert (at.tpr, at.present, above.tpr, above.present) == (0, False, 1, True)
+
+
+def test_large_scores_keep_their_order(tmp_path):
+    write_table(tmp_path / "rows.csv", Reading, [Reading(view, 1234566.0 + i, 0) for i, view in enumerate("ab")])
+    first, second = read_table(tmp_path / "rows.csv", Reading)
+    assert detection([second], [first.level] * 99).tpr == 1
 
 
 def test_random_bits_exceed_the_threshold_at_its_rate():
     rng = np.random.default_rng(0)
     message = rng.random(32) < 0.5
-    levels = [share_correct(rng.random(32) < 0.5, message) for _ in range(20_000)]
+    readings = [Reading("", share_correct(rng.random(32) < 0.5, message), 32) for _ in range(20_000)]
     threshold = Threshold.of(32, [], 0.01)
-    assert np.mean(np.array(levels) > threshold.level) == pytest.approx(threshold.rate, abs=0.002)
+    assert np.mean(np.array([reading.value for reading in readings]) > threshold.value) == pytest.approx(
+        threshold.rate, abs=0.002
+    )
 
 
 def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_not_claimed():

@@ -88,7 +88,35 @@ def test_strengths_searched_for_a_damage_are_read_not_interpolated() -> None:
         ("noise", 2.0): (3.0, 0, 2.6),
     }
     texts = {str(row.cells[0]): str(row.cells[-1]) for row in matched_table(rows).rows}
-    assert texts == {"pruning": "≥ 7.00 at 0.70 dB", "noise": "3.00 at 2.60 dB"}
+    assert texts == {"pruning": "≥ 7.00 at 0.70 dB", "noise": "≤ 3.00 at 2.60 dB"}
+
+
+def test_searches_that_missed_in_both_directions_have_no_mean() -> None:
+    names = {"noise": ["noise@1dB"]}
+    for drops in ((0.5, 2.5), (0.5, 1.5)):
+        assert not match(outcomes(a={"noise@1dB": (drops[0], 5.0)}, b={"noise@1dB": (drops[1], 20.0)}), names)
+    (row,) = match(outcomes(a={"noise@1dB": (1.5, 5.0)}, b={"noise@1dB": (1.0, 20.0)}), names)
+    assert str(matched_table([row]).rows[0].cells[-1]) == "≤ 12.50 (5.00 to 20.00) at 1.25 dB"
+
+
+def test_a_damage_that_every_model_has_is_exact_in_the_mean() -> None:
+    scenes = {f"s{i}": {"noise@0.3dB": (0.3, 5.0)} for i in range(14)}
+    (row,) = match(outcomes(**scenes), {"noise": ["noise@0.3dB"]})
+    assert row.scene_drop == row.damage
+
+
+def test_the_name_of_a_variant_states_misses_that_cancel_in_the_mean() -> None:
+    assert reached_name("noise@1dB", 0.5, 1.5) == "noise, 1 dB: 0.50 to 1.50 dB reached"
+    assert reached_name("noise@1dB", 0.98, 1.02) == "noise, 1 dB"
+
+
+def test_rows_over_fewer_scenes_than_the_table_state_their_number() -> None:
+    both, one = {"x": (1.0, 5.0), "y": (1.0, 6.0)}, {"x": (1.0, 5.0)}
+    found = benchmark({"a": both, "b": one, "c": one})
+    tables = condition_tables(found[0].condition, survival(found), contest(found, {}), match(found, {}))
+    names = {str(row.cells[0]) for table in tables for row in table.rows}
+    assert "y (1 of 3 scenes)" in names
+    assert "x" in names
 
 
 @pytest.mark.parametrize("damage", [0.3, 1, 2.0, 1e-05, 20])

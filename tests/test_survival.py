@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gspure.errors import InputError
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.metrics import rms_ratio
+from gspure.evaluation.retrieval import Retrieval
 from gspure.evaluation.statistics import detectability
 from gspure.evaluation.survival import MARGIN, Survival, floor, not_embedded, survival
 from gspure.report.audit import audits
@@ -56,6 +57,32 @@ def test_less_than_the_margin_above_the_controls_is_gone() -> None:
 def test_survival_in_some_scenes_is_undecided() -> None:
     row = by_variant(benchmark({"a": {"x": (1.0, 2.0)}, "b": {"x": (1.0, 25.0)}}))["x"]
     assert (row.survived, row.above_floor.scenes, row.survives) == (1, 2, None)
+
+
+def test_the_share_left_is_that_of_scenes_with_the_message() -> None:
+    found = benchmark({scene: {"x": (1.0, 5.0)} for scene in "ab"} | {"c": {"x": (1.0, 30.0)}})
+    retrieved = {"a": 1.0, "b": 1.0, "c": 0.0}
+    seen = [
+        replace(o, retrieval={"message": Retrieval(retrieved[o.scene], 0.5, 0.5, 3, 20)}) if not o.is_control else o
+        for o in found
+    ]
+    all_scenes, present = by_variant(found)["x"], by_variant(seen)["x"]
+    assert (all_scenes.present, present.present) == (3, 2)
+    assert (all_scenes.share_left.scenes, present.share_left.scenes) == (3, 2)
+    assert present.share_left.mean == pytest.approx(1.5 * all_scenes.share_left.mean)
+
+
+def test_the_share_left_is_a_ratio_of_means_over_seeds() -> None:
+    above = BEFORE["message"] - CONTROLS["mean_colour"]
+    first = benchmark({"a": {"x": (1.0, above / 2)}})
+    weak = MARGIN / 2  # of the second seed, before and after
+    second = [
+        replace(o, seed=1, targets=o.targets | {"message": measured("message", CONTROLS["mean_colour"] + weak)})
+        if o.variant in ("unattacked", "x")
+        else replace(o, seed=1)
+        for o in first
+    ]
+    assert by_variant(first + second)["x"].share_left.mean == pytest.approx((above / 2 + weak) / (above + weak))
 
 
 def test_a_message_below_a_flat_colour_is_lost_even_above_the_clean_model() -> None:

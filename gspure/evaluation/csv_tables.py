@@ -33,6 +33,9 @@ class PerMetric(NamedTuple):
     """Whether to keep every digit of `gspure.evaluation.metrics.Metric.stored`, and refuse empty cells."""
 
 
+Exact = Annotated[float, "every digit"]
+"""A number that is compared with others, stored as it is."""
+
 Values = Annotated[Mapping[str, float], PerMetric()]
 """Metrics by name."""
 
@@ -84,6 +87,8 @@ def _fields(kind: type) -> dict[str, _Field]:
 
 
 def _field(name: str, hint: Any) -> _Field:
+    if hint == Exact:
+        return _Field([name], lambda value: [repr(float(value))], lambda cells: float(next(cells)))
     if get_origin(hint) is Annotated:
         return _metrics(*(extra for extra in get_args(hint) if isinstance(extra, PerMetric)))
     if get_origin(hint) is Literal:

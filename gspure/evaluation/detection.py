@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gspure.cameras.off_path import PREFIX
 from gspure.errors import InputError
 from gspure.evaluation.controls import MESSAGE_FREE
-from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.csv_tables import Exact, read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
 
 DETECTIONS: Final = "detections"
@@ -27,17 +27,22 @@ class Reading(NamedTuple):
     """What a detector reads from one view."""
 
     view: str
-    level: float
+    level: Exact
     """Share of correct bits in percent, or the score."""
 
     bits: int
     """Number of bits; 0 for a score."""
 
+    @property
+    def value(self) -> float:
+        """The number of correct bits, or the score."""
+        return round(self.level * self.bits / 100) if self.bits else self.level
+
 
 class Detection(NamedTuple):
     """The readings of one detector over the views on the camera path."""
 
-    level: float
+    level: Exact
     """Mean over views."""
 
     spread: float
@@ -57,9 +62,9 @@ class Detection(NamedTuple):
 
 
 class Threshold(NamedTuple):
-    """A level that unmarked views exceed at a known rate."""
+    """A number of correct bits, or a score, that unmarked views exceed at a known rate."""
 
-    level: float
+    value: float
     rate: float
 
     @classmethod
@@ -67,14 +72,14 @@ class Threshold(NamedTuple):
         """Return the lowest threshold that unmarked views exceed at this rate or a lower one.
 
         For `bits`, it follows from the binomial distribution: each bit of an unmarked view is correct with probability
-        1/2. For scores (0 bits), it is the level of one of N `clean` views. The k-th highest has the rate k / (N + 1),
+        1/2. For scores (0 bits), it is the score of one of N `clean` views. The k-th highest has the rate k / (N + 1),
         which exceeds `rate` for few views.
         """
         from scipy.stats import binom
 
         if bits:
             correct = float(binom.isf(rate, bits, 0.5))
-            return cls(100 * correct / bits, float(binom.sf(correct, bits, 0.5)))
+            return cls(correct, float(binom.sf(correct, bits, 0.5)))
         if not clean:
             return cls(math.nan, 1.0)
         above = max(int(rate * (1 + len(clean))) - 1, 0)
@@ -87,12 +92,13 @@ def share_correct(decoded: NDArray[np.bool_], message: NDArray[np.bool_]) -> flo
 
 
 def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
-    """Return the detection of a model from its readings; `clean` holds the levels of views of unmarked models."""
+    """Return the detection of a model from its readings; `clean` holds the scores of views of unmarked models."""
     from scipy.stats import binom
 
     levels, bits = np.array([reading.level for reading in readings]), readings[0].bits
+    values = np.array([reading.value for reading in readings])
     loose, strict = (Threshold.of(bits, clean, rate) for rate in (FALSE_POSITIVES, STRICT))
-    hits, strict_hits = (int(np.count_nonzero(levels > threshold.level)) for threshold in (loose, strict))
+    hits, strict_hits = (int(np.count_nonzero(values > threshold.value)) for threshold in (loose, strict))
     return Detection(
         float(levels.mean()),
         float(levels.std()),

@@ -74,7 +74,7 @@ class Matched(NamedTuple):
     """Permitted drop of the scene's PSNR, dB."""
 
     drop: Interval
-    """Drop of the message's PSNR, dB; a lower bound if `gentle` is not 0."""
+    """Drop of the message's PSNR, dB; a lower bound if `scene_drop` is below `damage`, an upper one if it is above."""
 
     gentle: int
     """Number of models that no tested strength damages this much; there, the largest drop of the message counts."""
@@ -94,11 +94,12 @@ def wanted_damage(variant: str) -> float | None:
     return float(match[1]) if match else None
 
 
-def reached_name(variant: str, scene_drop: float) -> str:
-    """Return the display name of a variant, with the drop of the scene, in dB, where it misses the `wanted_damage`."""
+def reached_name(variant: str, *scene_drops: float) -> str:
+    """Return the display name of a variant, with the drops of scenes, in dB, where any misses the `wanted_damage`."""
     wanted = wanted_damage(variant)
-    missed = wanted is not None and DAMAGE_TOLERANCE < abs(scene_drop - wanted) < math.inf
-    return f"{display_name(variant)}: {scene_drop:z.2f} dB reached" if missed else display_name(variant)
+    missed = wanted is not None and any(DAMAGE_TOLERANCE < abs(drop - wanted) < math.inf for drop in scene_drops)
+    reached = " to ".join(dict.fromkeys(f"{drop:z.2f}" for drop in scene_drops))
+    return f"{display_name(variant)}: {reached} dB reached" if missed else display_name(variant)
 
 
 def damages(variants: Iterable[str]) -> Sequence[float]:
@@ -110,7 +111,8 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
     """Compare sweeps at equal `damages`, for every condition and extraction of the message, in their order.
 
     Variants that a condition lacks, or that failed on its models, are skipped. An attack in none of the sweeps is one
-    of a single strength. A sweep has no row at a damage that all its strengths exceed on some model.
+    of a single strength. A sweep has no row at a damage that all its strengths exceed on some model, or that the search
+    missed from above on some models and from below on others.
     """
     rows = []
     at = damages(o.variant for o in outcomes)
@@ -122,7 +124,8 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
                 strengths = max(map(len, drops.values()), default=0)
                 for damage in at:
                     points = {cell: point for cell, curve in drops.items() if (point := Point.at(damage, curve))}
-                    if points and len(points) == len(drops):
+                    sides = {point.scene > damage for point in points.values() if point.scene != damage}
+                    if points and len(points) == len(drops) and len(sides) < 2:
                         known = (*condition, extraction, name, strengths, damage)
                         rows.append(Matched(*known, *_mean_drop(points, damage)))
     return rows
@@ -148,4 +151,5 @@ def _mean_drop(points: Mapping[tuple[str, int], Point], damage: float) -> tuple[
     """Return the mean drop of the message, the number of models that no strength damages this much, and the damage."""
     mean = mean_interval(by_scene({cell: point.message for cell, point in points.items()}))
     scenes = [point.scene for point in points.values()]
-    return mean, sum(scene < damage for scene in scenes), float(np.mean(scenes))
+    reached = damage if {*scenes} == {damage} else float(np.mean(scenes))
+    return mean, sum(scene < damage for scene in scenes), reached

@@ -59,7 +59,7 @@ class Survival(NamedTuple):
     """The message's PSNR minus the floor of the same scene, dB; or the same of a detector's mean readings."""
 
     share_left: Interval | None
-    """`above_floor` as a share of what it was before the attack, in scenes in which the message was present."""
+    """`above_floor` as a share of what it was before the attack, in the `present` scenes."""
 
     above_wrong_key: Interval | None
     """The message's PSNR minus that of a wrong key applied to the unattacked model, dB."""
@@ -73,7 +73,12 @@ class Survival(NamedTuple):
     @property
     def name(self) -> str:
         """Its display name, with the damage that its search reached if that is not the wanted one."""
-        return reached_name(self.variant, self.scene_drop.mean if self.scene_drop else math.nan)
+        return reached_name(self.variant, *((self.scene_drop.low, self.scene_drop.high) if self.scene_drop else ()))
+
+    @property
+    def scenes(self) -> int:
+        """The number of scenes in which the attack was measured."""
+        return max((known.scenes for known in (self.message_drop, self.above_floor) if known), default=0)
 
     @property
     def survives(self) -> bool | None:
@@ -173,7 +178,7 @@ def _survival(
         known_interval(_drops(attacked, SCENE)),
         _rms_ratio(variant, levels, scene_psnr) if is_picture(extraction) else math.nan,
         _mean(differences(after, scene_floor)),
-        known_interval(_shares_left(before, after, scene_floor)),
+        known_interval(_shares_left(before, after, scene_floor, present_before)),
         _mean(differences(after, levels.get(WRONG_KEY, {}))),
         hardest,
         auc.get(hardest),
@@ -191,12 +196,14 @@ def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, C
     return rms_ratio(np.transpose(columns[:2]), np.transpose(columns[2:]))
 
 
-def _shares_left(before: Cells, after: Cells, scene_floor: Cells) -> Cells:
-    return {
-        cell: max(0.0, after[cell] - scene_floor[cell]) / margin
-        for cell in before.keys() & after.keys() & scene_floor.keys()
-        if (margin := before[cell] - scene_floor[cell]) >= MARGIN
-    }
+def _shares_left(before: Cells, after: Cells, scene_floor: Cells, present: set[str]) -> Cells:
+    """Return the share of each `present` scene, of means over seeds, as cells with one seed."""
+    known = before.keys() & after.keys() & scene_floor.keys()
+    cells = sorted(cell for cell in known if cell[0] in present)
+    margins = [differences({cell: psnr[cell] for cell in cells}, scene_floor) for psnr in (before, after)]
+    means = [[seeds.mean() for seeds in by_seed] for by_seed in margins]
+    scenes = dict.fromkeys(scene for scene, _ in cells)
+    return {(scene, 0): max(0.0, left) / whole for scene, whole, left in zip(scenes, *means, strict=True) if whole > 0}
 
 
 def _present(psnr: Cells, scene_floor: Cells) -> set[str]:

@@ -101,6 +101,9 @@ class Audit:
     attacks: list[Survival]
     """Attacks that can be judged, the gentlest first; if none can, all of them."""
 
+    incomplete: list[Survival]
+    """Attacks that were measured in fewer scenes than others, and are not judged."""
+
     before: Survival | None
     gspure: Survival | None
     other_extractions: list[Survival]
@@ -157,7 +160,8 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
     contests = [c for c in contests if c.extraction == judged_by]
     by_variant = {variant: row for (extraction, variant), row in left.items() if extraction == judged_by}
     attacks = sorted((row for row in by_variant.values() if row.variant != UNATTACKED), key=_damage)
-    judged = [row for row in attacks if row.present and row.reached is not False]
+    most = max((row.scenes for row in attacks), default=0)
+    judged = [row for row in attacks if row.present and row.reached is not False and row.scenes == most]
     known = [o for o in outcomes if not o.failure and (is_picture(judged_by) or judged_by in o.messages)]
     cells = {(o.scene, o.seed) for o in known}
     scenes = {scene for scene, _ in cells}
@@ -170,6 +174,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         models=len({o.asset for o in outcomes}),
         verdict="judged" if judged else _why_not_judged(outcomes, by_variant),
         attacks=judged or attacks,
+        incomplete=[row for row in attacks if judged and row.scenes < most],
         before=by_variant.get(UNATTACKED),
         gspure=by_variant.get(GSPURE),
         other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != judged_by],

@@ -149,7 +149,7 @@ def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] =
     """Return the survival of one extraction of the message after each attack, with the cost of each."""
     is_shown = is_picture(attacks[0].extraction)
     has_floor = any(row.above_floor or row.present for row in attacks)
-    scenes = _scenes(row.message_drop for row in attacks)
+    scenes = max(row.scenes for row in attacks)
     columns = [Column("attack"), Column(*_dropped(attacks[0].extraction)), Column("scene", "PSNR drop")]
     columns += [*_COST * bool(cost), *[Column("RMS ratio", main=False)] * is_shown]
     if has_floor:
@@ -163,7 +163,7 @@ def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] =
     rows = []
     for row in attacks:
         name = row.name + (" †" if row.reached is False and row.variant != UNATTACKED else "")
-        cells = [Cell(name), interval(row.message_drop), interval(row.scene_drop)]
+        cells = [_over(Cell(name), row.scenes, scenes), interval(row.message_drop), interval(row.scene_drop)]
         cells += [*_cost(row.variant, cost), *[Cell(plain(row.rms_ratio))] * is_shown]
         if has_floor:
             retrieved = f"(+{row.only_retrieved})" if row.only_retrieved else ""
@@ -192,7 +192,8 @@ def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str] = 
         cells = [interval(row.difference) for row in shown]
         if has_score and scenes > 1:
             cells.append(Cell(f"{shown[0].p_adjusted:.2g}", f"(≥ {shown[0].p_attainable:.2g})"))
-        rows.append(Row([Cell(names.get(attack, display_name(attack))), *cells]))
+        compared = _scenes(row.difference for row in shown)
+        rows.append(Row([_over(Cell(names.get(attack, display_name(attack))), compared, scenes), *cells]))
     title = f"GSPure minus other attacks: {extraction_name(extraction)}"
     return Table(title, columns, rows, say(NOTES, "other_attacks", scenes, has_score))
 
@@ -200,37 +201,35 @@ def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str] = 
 def equal_damage_table(contests: Sequence[Contest]) -> Table:
     """Return GSPure minus every other attack at equal damage to the scene."""
     by_attack = {row.attack: {c.damage: c for c in contests if c.attack == row.attack} for row in contests}
-    damages = dict.fromkeys(row.damage for row in contests)
-    rows = [
-        Row(
-            [
-                Cell(display_name(attack)),
-                *(interval(by_damage[d].difference) if d in by_damage else Cell() for d in damages),
-            ]
-        )
-        for attack, by_damage in by_attack.items()
-    ]
+    damages, scenes = dict.fromkeys(row.damage for row in contests), _scenes(row.difference for row in contests)
+    rows = []
+    for attack, by_damage in by_attack.items():
+        known = [by_damage[damage].difference if damage in by_damage else None for damage in damages]
+        cells = [_over(interval(mean), mean.scenes, scenes) if mean else Cell() for mean in known]
+        rows.append(Row([Cell(display_name(attack)), *cells]))
     extraction = contests[0].extraction
     title = f"GSPure minus other attacks at equal damage to the scene: {extraction_name(extraction)}"
-    note = say(NOTES, "equal_damage", _scenes(row.difference for row in contests), is_picture(extraction))
+    note = say(NOTES, "equal_damage", scenes, is_picture(extraction))
     return Table(title, [Column("attack"), *_permitted(damages)], rows, note)
 
 
 def matched_table(matched: Sequence[Matched], cost: Mapping[str, AttackCost] = NO_COSTS) -> Table:
     """Return the drop of one extraction in each sweep at equal damage to the scene, the largest in bold."""
     most: dict[float, float] = {}
+    scenes = _scenes(row.drop for row in matched)
     for row in matched:
         if row.scene_drop <= row.damage:
             most[row.damage] = max(row.drop.mean, most.get(row.damage, -inf))
     damages, rows = sorted({row.damage for row in matched}), []
     for sweep, group in groupby(matched, key=lambda row: row.sweep):
         at = {row.damage: row for row in group}
-        drops = [_drop_at(at[damage], most.get(damage)) if damage in at else Cell() for damage in damages]
+        drops = [_drop_at(at[damage], most.get(damage), scenes) if damage in at else Cell() for damage in damages]
         strengths = Cell(f"{next(iter(at.values())).strengths}")
         rows.append(Row([Cell(display_name(sweep)), strengths, *_cost(sweep, cost), *drops]))
-    extraction, gentle = matched[0].extraction, any(row.gentle for row in matched)
+    gentle, harsh = (any(sign * (row.damage - row.scene_drop) > 0 for row in matched) for sign in (1, -1))
+    extraction = matched[0].extraction
     title = f"Drop of the {extraction_name(extraction)} at equal damage to the scene"
-    note = say(NOTES, "matched", _scenes(row.drop for row in matched), gentle, bool(cost), is_picture(extraction))
+    note = say(NOTES, "matched", scenes, gentle, harsh, bool(cost), is_picture(extraction))
     columns = [Column("attack"), Column("strengths", main=False), *_COST * bool(cost), *_permitted(damages)]
     return Table(title, columns, rows, note)
 
@@ -324,12 +323,19 @@ def _permitted(damages: Iterable[float]) -> list[Column]:
     return [Column(f"{damage:g} dB", "scene drop of") for damage in damages]
 
 
-def _drop_at(row: Matched, most: float | None) -> Cell:
+def _over(cell: Cell, measured: int, scenes: int) -> Cell:
+    """Return a cell, with the number of its scenes if that is not the table's."""
+    few = f"({measured} of {scenes} scenes)" if 0 < measured < scenes else ""
+    return cell._replace(detail=f"{cell.detail} {few}".strip())
+
+
+def _drop_at(row: Matched, most: float | None, scenes: int) -> Cell:
     """Return a drop, with the drop of the scene where it is not the permitted one."""
-    cell = interval(row.drop)._replace(best=row.scene_drop <= row.damage and row.drop.mean == most)
+    cell = _over(interval(row.drop), row.drop.scenes, scenes)
+    cell = cell._replace(best=row.scene_drop <= row.damage and row.drop.mean == most)
     if row.scene_drop == row.damage:
         return cell
-    bound = "≥ " if row.gentle else ""
+    bound = "≥ " if row.scene_drop < row.damage else "≤ "
     return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {plain(row.scene_drop)} dB".lstrip())
 
 
