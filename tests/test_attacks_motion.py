@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.artifacts import save_array
 from gspure.attacks import Evidence, find_attack
 from gspure.cameras import write_cameras
 from gspure.cli import main
@@ -124,20 +123,31 @@ def test_commands_pass_the_rigid_transform_on(tmp_path: Path) -> None:
     write_model(tmp_path / "model.ply", blobs(COUNT))
     write_cameras(tmp_path / "cameras.json", [tilted_camera()])
     files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
-    for name, transform in (("rigid_transform", moved(blobs(COUNT), 30.0).transform), ("reorder", np.eye(4))):
+    for name, transform in (("reorder", np.eye(4)), ("rigid_transform", moved(blobs(COUNT), 30.0).transform)):
         assert main(["attack", name, *files, "--transform", str(tmp_path / "transform.npy")]) == 0
         np.testing.assert_array_equal(np.load(tmp_path / "transform.npy"), transform)
-    save_array(tmp_path / "transform.npy", moved(blobs(COUNT), 30.0).transform)
     (view,) = read_views(Arguments(tmp_path))
     expected = tilted_camera().moved(moved(blobs(COUNT), 30.0).transform).viewmat
     np.testing.assert_allclose(view.viewmat, expected, atol=1e-12)
 
 
+def test_views_of_a_model_that_another_attack_moved_are_refused(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
+    for angle, out in (("30", "out"), ("60", "further")):
+        files = f"--model {tmp_path}/model.ply --out {tmp_path}/{out}.ply --transform {tmp_path}/transform.npy"
+        assert main(["attack", "rigid_transform", "--set", f"angle={angle}", *files.split()]) == 0
+    with pytest.raises(InputError, match=r"out\.ply: transform: expected .*transform.npy, digest"):
+        read_views(Arguments(tmp_path))
+    (tmp_path / "out.ply.json").unlink()
+    assert len(read_views(Arguments(tmp_path))) == 1
+
+
 class Arguments:
-    split, model, up = "all", None, None
+    split, up = "all", None
 
     def __init__(self, folder: Path) -> None:
-        self.cameras, self.transform = folder / "cameras.json", folder / "transform.npy"
+        self.cameras, self.transform, self.model = (folder / f for f in ("cameras.json", "transform.npy", "out.ply"))
 
 
 def distances(means: np.ndarray) -> np.ndarray:

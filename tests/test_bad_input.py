@@ -385,6 +385,53 @@ def test_clusters_and_weights_of_two_models_are_refused(folder, capsys):
     assert refusal(folder, capsys, PRUNED).startswith("weights.npy: model: ")
 
 
+def cluster(weights, tree="tree.npy", clusters="clusters.npz"):
+    for command in (
+        f"features --model model.ply --weights {weights} --out features.npy",
+        f"tree --features features.npy --out {tree}",
+        f"cluster --tree {tree} --min-cluster-size 5 --out {clusters}",
+    ):
+        assert main(command.split()) == 0
+
+
+def test_clusters_of_other_weights_of_the_same_model_are_refused(folder, capsys):
+    measured = "--model model.ply --cameras cameras.json --split all --index 1.tsv --stages stages"
+    averaged = "weights --index 1.tsv --model model.ply"
+    for command in (
+        f"contributions {measured}",
+        f"{averaged} --out highest.npy --reduction max",
+        f"{averaged} --out weights.npy",
+        "attack unattacked --model model.ply --out out.ply",
+    ):
+        assert main(command.split()) == 0
+    cluster("highest.npy")
+    assert main(PRUNED.replace("weights.npy", "highest.npy").split()) == 0
+    matched = "attack lowest_weight_matched --model model.ply --prune-mask mask.npy --weights {} --out matched.ply"
+    scaled = "attack gspure_scaled --model model.ply --labels clusters.npz --weights {} --out scaled.ply"
+    for command in (
+        PRUNED.replace("weights.npy", "{}"),
+        COMMANDS["figures"].replace("weights.npy", "{}"),
+        matched,
+        scaled,
+    ):
+        capsys.readouterr()
+        line = refusal(folder, capsys, command.format("weights.npy"))
+        assert re.match(r"(weights.npy|mask.npy|clusters.npz): weights: expected digest \w+, as of ", line)
+        assert main(command.format("highest.npy").split()) == 0
+    cluster("weights.npy", clusters="others.npz")
+    Path("weights.npy.json").unlink()
+    assert main(f"{PRUNED}".replace("mask.npy", "out.npy").split()) == 0
+
+
+def test_results_of_two_runs_of_purify_are_refused_together(folder, capsys):
+    for out, energy in (("rays", "ray"), ("splats", "ewa")):
+        assert main(f"purify model.ply --cameras cameras.json --out {out} --energy {energy}".split()) == 0
+    capsys.readouterr()
+    command = "attack lowest_weight_matched --model model.ply --prune-mask rays/prune_mask.npy --out out.ply --weights "
+    assert "rays/prune_mask.npy" in refusal(folder, capsys, f"{command}splats/weights.npy")
+    assert main(f"{command}rays/weights.npy".split()) == 0
+
+
 def test_an_array_of_another_kind_is_refused_though_type_and_shape_fit(folder, capsys):
     cameras = "--cameras cameras.json"
     assert main(f"opacities --model model.ply {cameras} --out opacities.npy".split()) == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array, write_json
+from gspure.artifacts import save_array, write_json, write_provenance
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH, compare, pair_images, read_metrics, write_metrics
@@ -120,6 +120,20 @@ def test_two_masks_or_retrievals_of_one_model_are_refused(tmp_path: Path) -> Non
         write_table(path, Retrieved, [])
     with pytest.raises(InputError, match="one file for every model, found 2 of 1"):
         collect(metrics, retrievals=retrievals)
+
+
+def test_metrics_and_retrieval_of_different_renders_are_refused(tmp_path: Path) -> None:
+    folder, image = tmp_path / "planted" / "room", tmp_path / "view.png"
+    metrics, retrieval = folder / "gspure" / "metrics.csv", folder / "retrieval.csv"
+    write_metrics(metrics, [measured("scene", 30.0, view="a")])
+    write_table(retrieval, Retrieved, [])
+    for path, content in ((metrics, "first"), (retrieval, "second")):
+        image.write_text(content)
+        write_provenance(path, inputs={image.as_posix(): image}, settings={})
+    with pytest.raises(InputError, match=f"^{metrics}: {image}: expected digest .*, as of {retrieval}"):
+        collect([metrics], retrievals=[retrieval])
+    write_provenance(metrics, inputs={image.as_posix(): image}, settings={})
+    assert len(collect([metrics], retrievals=[retrieval])) == 1
 
 
 @pytest.mark.parametrize("second", ["e2/planted/room", "e1/planted/room@0", "e1/planted/room"])

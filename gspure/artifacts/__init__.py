@@ -3,7 +3,13 @@
 from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
 from gspure.artifacts.files import filling, read_json, replacing, write_json, write_text
-from gspure.artifacts.provenance import require_input, require_kind, require_made_from, write_provenance
+from gspure.artifacts.provenance import (
+    require_input,
+    require_kind,
+    require_made_from,
+    require_same_inputs,
+    write_provenance,
+)
 
 __all__ = [
     "digest",
@@ -18,6 +24,7 @@ __all__ = [
     "require_input",
     "require_kind",
     "require_made_from",
+    "require_same_inputs",
     "save_array",
     "save_arrays",
     "verify",

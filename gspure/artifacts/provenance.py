@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ def write_provenance(
 
     `geometry` is the digest of the model that it was made from (`gspure.model.Gaussians.geometry_digest`). If `inputs`
     has no model, it is that of all inputs, if they have the same. `kind` names what an array holds, where others have
-    its type and shape.
+    its type and shape. `require_made_from` compares ancestors: the digests of the inputs of this geometry that have a
+    kind, and of the ancestors of these inputs.
     """
     from gspure import __version__
 
@@ -38,14 +40,17 @@ def write_provenance(
         "inputs": digests,
         "settings": dict(settings),
     }
-    write_record(path, record | {name: text for name, text in (("geometry", geometry), ("kind", kind)) if text})
+    ancestors = {kind: digest for source in files.values() for kind, digest in _ancestors(source, geometry).items()}
+    known = {"geometry": geometry, "kind": kind, "ancestors": ancestors}
+    write_record(path, record | {name: value for name, value in known.items() if value})
 
 
 def require_made_from(geometry: str, *artifacts: Path) -> None:
-    """Check artifacts whose records name the geometry that they were made from; others pass.
+    """Check that artifacts are of one model, and made from each other; those without records pass.
 
-    If `geometry`, the digest of a model (`gspure.model.Gaussians.geometry_digest`), is empty, all should be of one
-    model. Raise `InputError` naming the first that was made from another.
+    If `geometry`, the digest of a model (`gspure.model.Gaussians.geometry_digest`), is empty, all should be of any one
+    model. Raise `InputError` naming the first that was made from another, or two that were made from different
+    artifacts of one kind, such as clusters of other weights.
     """
     for artifact in artifacts:
         origin = _geometry_of(artifact)
@@ -53,6 +58,24 @@ def require_made_from(geometry: str, *artifacts: Path) -> None:
         if origin not in {"", geometry}:
             hint = f"made from another model; if it fits this one too, delete {record_file(artifact).name}"
             raise InputError(artifact, "model", expected=f"geometry {geometry}", found=origin, hint=hint)
+    for first, second in combinations(artifacts, 2):
+        _require_agreement(first, second, _ancestors(first, geometry), _ancestors(second, geometry))
+
+
+def require_same_inputs(artifact: Path, *others: Path) -> None:
+    """Raise `InputError` if two artifacts were made from different versions of a file; without records, they pass."""
+    inputs = _inputs(artifact)
+    for other in others:
+        _require_agreement(artifact, other, inputs, _inputs(other))
+
+
+def _require_agreement(first: Path, second: Path, expected: Mapping[str, str], found: Mapping[str, str]) -> None:
+    """Refuse two artifacts if the digests of what they were made from, by name, differ for some name."""
+    for name, digest in expected.items():
+        if digest != found.get(name, digest):
+            hint = f"not made from the same {name}; if they belong together, delete {record_file(second).name}"
+            of_first = f"digest {digest}, as of {first}"
+            raise InputError(second, name, expected=of_first, found=f"digest {found[name]}", hint=hint)
 
 
 def require_kind(artifact: Path, *kinds: str) -> None:
@@ -64,15 +87,32 @@ def require_kind(artifact: Path, *kinds: str) -> None:
 
 def require_input(artifact: Path, name: str, source: Path) -> None:
     """Raise `InputError` if an artifact was made from another file than `source`; without a record, pass."""
-    inputs = (record_of(artifact) or {}).get("inputs")
-    known = inputs.get(name) if isinstance(inputs, dict) else None
-    if isinstance(known, dict) and known.get("digest") != (digest := _known_digest(source)):
-        raise InputError(artifact, name, expected=f"{source}, digest {digest}", found=f"digest {known.get('digest')}")
+    known = _inputs(artifact).get(name)
+    if known and known != (digest := _known_digest(source)):
+        raise InputError(artifact, name, expected=f"{source}, digest {digest}", found=f"digest {known}")
 
 
 def _geometry_of(artifact: Path) -> str:
     geometry = (record_of(artifact) or {}).get("geometry")
     return geometry if isinstance(geometry, str) else ""
+
+
+def _inputs(artifact: Path) -> dict[str, str]:
+    """Return the digests of the direct inputs of an artifact, by name."""
+    match record_of(artifact):
+        case {"inputs": dict(inputs)}:
+            return {name: str(known.get("digest")) for name, known in inputs.items() if isinstance(known, dict)}
+    return {}
+
+
+def _ancestors(artifact: Path, geometry: str) -> dict[str, str]:
+    """Return the digests of an artifact of this geometry and of those that it was made from, by kind."""
+    if not geometry or _geometry_of(artifact) != geometry:
+        return {}
+    record = record_of(artifact) or {}
+    ancestors = record.get("ancestors")
+    digests = dict(ancestors) if isinstance(ancestors, dict) else {}
+    return digests | ({kind: record.get("digest")} if isinstance(kind := record.get("kind"), str) else {})
 
 
 def _known_digest(source: Path) -> str:

@@ -126,9 +126,11 @@ def run(args: Arguments) -> None:
         strength = f"{attack.strength.setting}={used[attack.strength.setting]:.4g}" if attack.strength else ""
         missed = f", {search.damage:z.2f} dB reached" if search and search.misses(args.damage) else ""
         write_json(args.verdict, {"reached": _reached(args, public, attacked), "strength": strength + missed})
-    for path in filter(None, (args.out, args.removed, args.transform, args.verdict)):
+    for path in filter(None, (args.removed, args.transform, args.verdict)):
         kind = "removed rows" if path == args.removed else ""
         write_provenance(path, inputs=sources, settings=used, kind=kind)
+    moved = {"transform": args.transform} if args.transform else {}
+    write_provenance(args.out, inputs=sources | moved, settings=used)
     _write_cost(args, searching)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 

@@ -28,7 +28,7 @@ def run(args: Arguments) -> None:
     tree = read_tree(args.tree)
     settings = {name: getattr(args, name) for name in ("min_cluster_size", "selection", "max_cluster_share")}
     write_clusters(args.out, Clusters(select(tree, **settings), coincident_points(tree)), settings)
-    write_provenance(args.out, inputs={"tree": args.tree}, settings=settings)
+    write_provenance(args.out, inputs={"tree": args.tree}, settings=settings, kind="labels")
 
 
 def add_selection(parser: Parser) -> None:

@@ -36,8 +36,9 @@ def run(args: Arguments) -> None:
 
     readings = read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
-    images = {reading.view: args.images / f"{reading.view}.png" for reading in readings}
-    write_provenance(args.out, inputs=images, settings={"command": args.command, "message": args.message})
+    images = [args.images / f"{reading.view}.png" for reading in readings]
+    settings = {"command": args.command, "message": args.message}
+    write_provenance(args.out, inputs={path.as_posix(): path for path in images}, settings=settings)
     unit = "% of the bits are correct" if args.message else "score"
     print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")
 

@@ -49,10 +49,10 @@ def run(args: Arguments) -> None:
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau) if hidden.any() else None
-    inputs = {"model": args.model, "cameras": args.cameras, "weights": args.weights}
+    inputs = {"model": args.model, "cameras": args.cameras}
     settings = {"scheme": scheme.name, "tau": args.tau, "energy": args.energy, "reduction": args.reduction}
     write_json(args.out, {"hidden_low_share": share})
-    write_provenance(args.out, inputs=inputs, settings=settings)
+    write_provenance(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
     if args.hidden:
         save_array(args.hidden, hidden)
         write_provenance(args.hidden, inputs=inputs, settings=settings, geometry=geometry, kind="hidden")

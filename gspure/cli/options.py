@@ -167,8 +167,10 @@ def read_split(args: Arguments) -> list[Camera]:
 
 def read_views(args: Arguments) -> list[Camera]:
     """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--transform``."""
+    from gspure.artifacts import require_input
     from gspure.cameras import read_cameras
     from gspure.cameras.reading import read_transform
+    from gspure.model import model_file
 
     views = read_split(args)
     if getattr(args, "off_path", None):
@@ -177,6 +179,7 @@ def read_views(args: Arguments) -> list[Camera]:
         found = f"{args.cameras} around {args.model}"
         raise InputError(args.transform, "--transform", expected="cameras of the unmoved model", found=found)
     if args.transform:
+        require_input(model_file(args.model), "transform", args.transform)
         transform = read_transform(args.transform)
         views = [camera.moved(transform) for camera in views]
     return views

@@ -82,7 +82,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
-    from gspure.artifacts import filling, save_array, write_json, write_provenance
+    from gspure.artifacts import filling, write_json, write_provenance
     from gspure.cameras import scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
     from gspure.evaluation.comparison import as_text
@@ -111,17 +111,16 @@ def run(args: Arguments) -> None:
     with filling(args.out) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train, args.repair, device)
-        files = [folder / "purified.ply", *(folder / f"{name}.npy" for name in _ARRAYS)]
+        files = [folder / "purified.ply"]
         models["purified"].write(files[0])
-        for name, path in zip(_ARRAYS, files[1:], strict=True):
-            save_array(path, getattr(purification, name))
         if writes_views:
             files.append(folder / "cameras.json")
             write_cameras(files[-1], [replace(camera, image=None) for camera in cameras])
         inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.model.geometry_digest()
         used = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
         for path in files:
-            write_provenance(path, inputs=inputs, settings=used, geometry=geometry, kind=path.stem)
+            write_provenance(path, inputs=inputs, settings=used, geometry=geometry)
+        _write_arrays(folder, purification, inputs, settings=used, geometry=geometry)
         rows = _compare(folder, models, test, device) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
@@ -188,6 +187,17 @@ def _models(
     rows = teacher.train(pruned, np.random.default_rng(0), repair, "all")
     rows = rows.with_comment(f"gspure {__version__} repaired iterations={repair}")
     return {"unattacked": public, "pruned": pruned, "purified": public.with_model(rows)}
+
+
+def _write_arrays(folder: Path, purification: Purification, inputs: Mapping[str, Path], **origin: Any) -> None:
+    """Write the arrays with their records; each is made from those before it."""
+    from gspure.artifacts import save_array, write_provenance
+
+    for name in _ARRAYS:
+        path = folder / f"{name}.npy"
+        save_array(path, getattr(purification, name))
+        write_provenance(path, inputs=inputs, kind=name, **origin)
+        inputs = {**inputs, name: path}
 
 
 def _compare(

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import load_array, read_json
+from gspure.artifacts import load_array, read_json, require_same_inputs
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
@@ -221,8 +221,8 @@ def collect(
     ------
     InputError
         If a file cannot be read, two masks of one model have different lengths, a variant was measured in other views
-        than the unattacked model, a variant of a model occurs twice, a condition is of no model (unless
-        jobs failed), or every variant failed.
+        than the unattacked model, or in other images than its retrieval or detections, a variant of a model occurs
+        twice, a condition is of no model (unless jobs failed), or every variant failed.
     """
     failed = _failed(failures)
     if not metrics:
@@ -232,6 +232,7 @@ def collect(
     _require_distinct(metrics)
     _require_equal_references(rows)
     _require_equal_views(rows)
+    _require_equal_images(metrics, [*retrievals, *detections])
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.resolve().parts[-3:-1]: read_table(path, Retrieved) for path in retrievals}
@@ -342,6 +343,14 @@ def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
                 expected = f"the views of {UNATTACKED}, {len(before[target])} in the mean PSNR"
                 names = ", ".join(sorted(different)[:3])
                 raise InputError(path, target, expected=expected, found=f"{len(views[target])}; not in both: {names}")
+
+
+def _require_equal_images(metrics: Sequence[Path], readings: Iterable[Path]) -> None:
+    """Raise `InputError` if an image changed between its metrics and its retrieval or detection, by their records."""
+    for path in readings:
+        folder = path.resolve().parent  # of a model, or of the detections of a variant
+        folder = folder.parent if folder.name == DETECTIONS else folder
+        require_same_inputs(path, *(file for file in metrics if file.resolve().is_relative_to(folder)))
 
 
 def _views_in_means(rows: Sequence[ViewMetrics]) -> dict[str, set[str]]:
