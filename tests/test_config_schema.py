@@ -208,6 +208,14 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
             f"pairs.room: expected both of {NAMES}, or both paths, found room and no",
         ),
         (
+            {"pairs": {"a": {"seed": 1}, "b": {"seed": 2}}, "schemes": {"splats_in_splats": {}}},
+            "pairs.b: expected another pair, found the settings of a",
+        ),
+        (
+            {"pairs": {"a": {"scene": "interior-01"}}, "schemes": {"splats_in_splats": {}}},
+            f"pairs.a: expected both of {NAMES}, or both paths, found interior-01 and vault",
+        ),
+        (
             {"pairs": {"room": {"scene": "no", "message": "no"}}, "schemes": {"splats_in_splats": {}}},
             "pairs.room.scene: expected an existing file or folder, found no",
         ),

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gspure.artifacts import read_json
+from gspure.artifacts import read_json, write_provenance
 from gspure.cli import detect, main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
 from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
 from gspure.evaluation.csv_tables import read_table, write_table
-from gspure.evaluation.detection import Reading, Threshold, detection, share_correct
+from gspure.evaluation.detection import Reading, Threshold, detection, read_detections, share_correct
 from gspure.evaluation.detector import read_marks
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome, collect, with_references
@@ -269,6 +269,20 @@ def test_readings_are_collected_with_the_clean_models_as_null(tmp_path):
     assert (marked.detections["mine"].tpr, marked.detections["mine"].views) == (1.0, 150)
     assert clean.detections["mine"].tpr <= 0.01
     assert marked.detections_before["mine"] == marked.detections["mine"]
+
+
+def test_an_image_that_two_models_share_as_control_counts_once(tmp_path):
+    (tmp_path / "images").mkdir()
+    images = {f"view_{i}": tmp_path / "images" / f"{i}.png" for i in range(60)}
+    for i, image in enumerate(images.values()):
+        image.write_bytes(b"%d" % i)
+    files = []
+    for scene, variant, score in [("a", "gspure", 9.0), ("a", "clean", 0.0), ("b", "gspure", 9.0), ("b", "clean", 0.0)]:
+        files.append(tmp_path / "vanilla" / scene / variant / "detections" / "mine.csv")
+        write_table(files[-1], Reading, [Reading(view, score + i / 100, 0) for i, view in enumerate(images)])
+        write_provenance(files[-1], inputs=images, settings={})
+    known = read_detections(files)
+    assert math.isnan(known["vanilla", "a", "gspure"]["mine"].tpr)  # 60 unmarked views, not 120
 
 
 def test_a_failed_detector_is_named_with_its_reason_and_leaves_the_metrics(tmp_path):

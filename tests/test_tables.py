@@ -22,7 +22,7 @@ from gspure.evaluation.summary import summarize
 from gspure.failures import Failure, status_of
 from gspure.images import write_image
 from gspure.report.tables import model_table, results_markdown
-from tests.contest_cases import measured
+from tests.contest_cases import benchmark, measured
 
 ROWS = {  # scene PSNR, message PSNR of two views
     "unattacked": ((30.0, 26.0), (25.0, 23.0)),
@@ -143,6 +143,14 @@ def test_two_files_of_one_variant_are_refused(tmp_path: Path, second: str) -> No
         write_metrics(file, [measured("scene", 30.0, view="a")])
     with pytest.raises(InputError, match="gspure: expected one file for every variant of a model"):
         collect(files)
+
+
+def test_a_table_of_two_runs_of_one_model_is_refused(tmp_path: Path) -> None:
+    write_results(tmp_path / "a.csv", benchmark({"room": {"gspure": (1.0, 10.0)}}))
+    header, *rows = (tmp_path / "a.csv").read_text().splitlines()
+    (tmp_path / "both.csv").write_text("\n".join([header, *rows, *rows, ""]))
+    with pytest.raises(InputError, match="one for every target of every variant"):
+        read_results(tmp_path / "both.csv")
 
 
 def test_a_condition_of_no_model_is_refused(tmp_path: Path) -> None:

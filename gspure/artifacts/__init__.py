@@ -4,6 +4,7 @@ from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_ar
 from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
 from gspure.artifacts.files import filling, read_json, replacing, write_json, write_text
 from gspure.artifacts.provenance import (
+    recorded_inputs,
     require_input,
     require_kind,
     require_made_from,
@@ -20,6 +21,7 @@ __all__ = [
     "load_arrays",
     "read_json",
     "record_of",
+    "recorded_inputs",
     "replacing",
     "require_input",
     "require_kind",

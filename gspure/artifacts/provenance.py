@@ -64,9 +64,9 @@ def require_made_from(geometry: str, *artifacts: Path) -> None:
 
 def require_same_inputs(artifact: Path, *others: Path) -> None:
     """Raise `InputError` if two artifacts were made from different versions of a file; without records, they pass."""
-    inputs = _inputs(artifact)
+    inputs = recorded_inputs(artifact)
     for other in others:
-        _require_agreement(artifact, other, inputs, _inputs(other))
+        _require_agreement(artifact, other, inputs, recorded_inputs(other))
 
 
 def _require_agreement(first: Path, second: Path, expected: Mapping[str, str], found: Mapping[str, str]) -> None:
@@ -87,7 +87,7 @@ def require_kind(artifact: Path, *kinds: str) -> None:
 
 def require_input(artifact: Path, name: str, source: Path) -> None:
     """Raise `InputError` if an artifact was made from another file than `source`; without a record, pass."""
-    known = _inputs(artifact).get(name)
+    known = recorded_inputs(artifact).get(name)
     if known and known != (digest := _known_digest(source)):
         raise InputError(artifact, name, expected=f"{source}, digest {digest}", found=f"digest {known}")
 
@@ -97,7 +97,7 @@ def _geometry_of(artifact: Path) -> str:
     return geometry if isinstance(geometry, str) else ""
 
 
-def _inputs(artifact: Path) -> dict[str, str]:
+def recorded_inputs(artifact: Path) -> dict[str, str]:
     """Return the digests of the direct inputs of an artifact, by name."""
     match record_of(artifact):
         case {"inputs": dict(inputs)}:

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.artifacts import recorded_inputs
 from gspure.cameras.off_path import PREFIX
 from gspure.errors import InputError
 from gspure.evaluation.controls import MESSAGE_FREE
@@ -113,18 +114,22 @@ def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
 def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[str, Detection]]:
     """Return the detections of every variant by detector, from the files of `gspure detect`.
 
-    The unmarked views of a detector are those of all controls without a message.
+    The unmarked views of a detector are those of all controls without a message. An image counts once, also if several
+    models share it as a control.
     """
-    readings, clean = {path: read_table(path, Reading) for path in tables}, dict[str, list[float]]()
+    readings, clean = {path: read_table(path, Reading) for path in tables}, dict[str, dict[str, float]]()
     for path, rows in readings.items():
         rows[:] = [row for row in rows if not row.view.startswith(PREFIX)]
         if not rows:
             raise InputError(path, "rows", expected="at least one view on the camera path", found="none")
         if variant_of(path)[-1] in MESSAGE_FREE:
-            clean.setdefault(path.stem, []).extend(row.level for row in rows)
+            images = recorded_inputs(path)
+            known = {images.get(row.view, f"{row.view} of {path}"): row.level for row in rows}
+            clean.setdefault(path.stem, {}).update(known)
     by_variant: dict[tuple[str, str, str], dict[str, Detection]] = {}
     for path, rows in readings.items():
-        by_variant.setdefault(variant_of(path), {})[path.stem] = detection(rows, clean.get(path.stem, []))
+        unmarked = [*clean.get(path.stem, {}).values()]
+        by_variant.setdefault(variant_of(path), {})[path.stem] = detection(rows, unmarked)
     return by_variant
 
 

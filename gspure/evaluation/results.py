@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Final, Literal, NamedTuple
 
+from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, ViewMetrics
 from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
 from gspure.evaluation.detection import Detection
@@ -56,9 +58,12 @@ def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
 def read_results(path: Path) -> list[Outcome]:
     """Return the outcomes that `write_results` has written, in their order.
 
-    Raise `InputError` if the file is not such a table.
+    Raise `InputError` if the file is not such a table, or has two rows for the same target of the same variant.
     """
     rows = read_table(path, Result)
+    keys = Counter((*condition_of(row), row.scene, row.seed, row.variant, row.target) for row in rows)
+    for key in (key for key, count in keys.items() if count > 1):
+        raise InputError(path, "rows", expected="one for every target of every variant", found=f"{keys[key]} of {key}")
     variants = groupby(rows, key=lambda row: (condition_of(row), row.scene, row.seed, row.variant))
     return with_references(_outcome(list(targets)) for _, targets in variants)
 

@@ -31,7 +31,7 @@ of its surface points then lie outside all views of the scene. Ours."""
 def scene_builder(name: str) -> BuildScene | None:
     """Return the builder of a ray-traced scene; None if no such scene has this name."""
     kind, _, seed = name.partition("-")
-    if seed.isdecimal() and kind in PROCEDURAL:
+    if seed.isdecimal() and seed == str(int(seed)) and kind in PROCEDURAL:
         return PROCEDURAL[kind](int(seed))
     return {"room": room, "vault": vault}.get(name)
 

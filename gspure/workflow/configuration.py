@@ -75,6 +75,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
             raise InputError(source, f"detectors.{name}", expected=expected, found=name)
     for name, pair in settled["pairs"].items():
         _settle_pair(pair, source, f"pairs.{name}")
+    _require_different(settled["pairs"], source)
     available = {name: attack.settings for name, attack in attacks().items()}
     for variant, settings in settled["variants"].items():
         attack = settings.setdefault("attack", variant)
@@ -133,6 +134,18 @@ def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:
         pair["own_photographs"] = _photographs(pair["message"])
     elif message.suffix != ".ply" and not saved_iterations(message) and not (message / "point_cloud.ply").is_file():
         pair["message_photographs"] = _photographs(pair["message"])
+
+
+def _require_different(pairs: Mapping[str, Mapping[str, Any]], source: str | Path) -> None:
+    """Refuse a pair that repeats another one, perhaps with another seed: it would count as another scene."""
+    first: dict[str, str] = {}
+    for name, pair in pairs.items():
+        settings = repr(sorted((setting, value) for setting, value in pair.items() if setting != "seed"))
+        if (twin := first.setdefault(settings, name)) != name:
+            hint = "repeat a pair by `repetitions`"
+            raise InputError(
+                source, f"pairs.{name}", expected="another pair", found=f"the settings of {twin}", hint=hint
+            )
 
 
 def _require_path(path: str, source: str | Path, place: str) -> None:
