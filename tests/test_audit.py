@@ -19,7 +19,7 @@ from gspure.evaluation.statistics import Interval
 from gspure.evaluation.survival import MARGIN, survival
 from gspure.report.audit import ALLOWED, SIGNIFICANT, Audit, audits
 from gspure.report.templates import cost, db, listed, render, say, size
-from tests.contest_cases import attacked, benchmark, measured, outcome
+from tests.contest_cases import BEFORE, attacked, benchmark, measured, outcome
 from tests.test_report import Page
 
 
@@ -118,6 +118,20 @@ def test_a_message_that_a_wrong_key_extracts_leaks() -> None:
     assert "part of the message shows" in told(leaking)[1]["Without the key"]
     secret = outcomes + [outcome("wrong_key", f"s{i}", targets={"message": 9.0}) for i in range(2)]
     assert "does not stand out" in told(secret)[1]["Without the key"]
+
+
+def test_sentences_are_about_the_scenes_in_which_the_message_was_present() -> None:
+    found = [o for o in benchmark({s: {"gspure": (1.0, 20.0)} for s in "ab"}) if (o.scene, o.variant) != ("a", "clean")]
+    verdict, points = told([*found, outcome("clean", "a", targets={"message": 27.5})])
+    assert "scene" not in verdict
+    assert "present in 1 of 2 scenes" in points["Before any attack"]
+    assert "to" not in points["GSPure"].split()  # of one scene: no range
+
+
+def test_a_wrong_key_that_extracts_more_is_called_higher() -> None:
+    found = [o for o in benchmark({"a": {"x": (1.0, 5.0)}}) if o.variant != "wrong_key"]
+    points = told([*found, outcome("wrong_key", "a", targets={"message": BEFORE["message"] + 2})])[1]
+    assert "2.0 dB higher" in points["Without the key"]
 
 
 def test_scenes_in_which_the_message_survives_are_counted() -> None:

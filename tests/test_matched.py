@@ -72,6 +72,11 @@ def test_drops_are_not_extrapolated_beyond_the_strongest_setting() -> None:
     assert [row.gentle for row in rows] == [1, 1, 1]
 
 
+def test_a_lower_bound_has_the_damage_of_its_own_strength() -> None:
+    rows = match(outcomes(room={"weak": (-0.5, 9.0), "strong": (-0.2, 4.0)}), {"ours": ["weak", "strong"]})
+    assert [(row.drop.mean, row.scene_drop) for row in rows] == [(9.0, -0.5)] * len(rows)
+
+
 AIMED = {"pruning": ["half", "pruning@1dB", "pruning@2dB"], "noise": ["noise@1dB", "noise@2dB"]}
 
 

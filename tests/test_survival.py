@@ -100,7 +100,8 @@ def test_the_wrong_key_does_not_raise_the_floor() -> None:
 def test_a_message_that_was_not_embedded_cannot_survive() -> None:
     outcomes = [o for o in benchmark({s: {"x": (1.0, 1.0)} for s in "ab"}) if (o.scene, o.variant) != ("a", "clean")]
     row = by_variant([*outcomes, outcome("clean", "a", targets={"message": 27.5})])["x"]
-    assert (row.present, row.survived, row.above_floor.scenes, row.survives) == (1, 1, 2, True)
+    assert (row.present, row.survived, row.above_floor.scenes, row.survives) == (1, 1, 1, True)
+    assert row.message_drop.scenes == row.scene_drop.scenes == row.share_left.scenes == 1
 
 
 def test_detectability_is_against_the_hardest_control_with_one_value_per_scene() -> None:

@@ -39,7 +39,7 @@ class Point(NamedTuple):
     """Drop of the message's PSNR, dB."""
 
     scene: float
-    """Drop of the scene's PSNR, dB: the permitted one, unless no strength comes near it."""
+    """Drop of the scene's PSNR by the same strength, dB: the permitted one, unless no strength comes near it."""
 
     @classmethod
     def at(cls, damage: float, curve: Curve) -> Point | None:
@@ -56,7 +56,8 @@ class Point(NamedTuple):
         drop = matched_message_drop(scenes, messages, damage)
         if drop is not None:
             return cls(drop, damage)
-        return cls(float(messages.max()), float(scenes.max())) if scenes.max() < damage else None
+        most = messages.argmax()
+        return cls(float(messages[most]), float(scenes[most])) if scenes.max() < damage else None
 
 
 class Matched(NamedTuple):

@@ -51,15 +51,17 @@ class Survival(NamedTuple):
     """Whether the attack changed the extraction's carrier in any scene."""
 
     message_drop: Interval | None
+    """Like all means below, over the `present` scenes, or over all scenes if there are none."""
+
     scene_drop: Interval | None
     rms_ratio: float
-    """Damage to the message divided by that to the scene, over all scenes (`gspure.evaluation.metrics.rms_ratio`)."""
+    """Damage to the message divided by that to the scene (`gspure.evaluation.metrics.rms_ratio`)."""
 
     above_floor: Interval | None
     """The message's PSNR minus the floor of the same scene, dB; or the same of a detector's mean readings."""
 
     share_left: Interval | None
-    """`above_floor` as a share of what it was before the attack, in the `present` scenes."""
+    """`above_floor` as a share of what it was before the attack; None if no scene is `present`."""
 
     above_wrong_key: Interval | None
     """The message's PSNR minus that of a wrong key applied to the unattacked model, dB."""
@@ -162,6 +164,8 @@ def _survival(
         present_before = _detected(unattacked, extraction)
         survived = present_before & _detected(attacked, extraction)
     lost = present_before & {scene for scene, _ in after} - survived
+    attacked = [o for o in attacked if o.scene in present_before or not present_before]
+    after = {cell: level for cell, level in after.items() if cell[0] in present_before or not present_before}
     reached = [o.reached[extraction] for o in attacked if extraction in o.reached]
     kinds = [kind for kind in MESSAGE_FREE if after and kind in levels]
     auc = {kind: detectability(_scene_means(after), _scene_means(levels[kind])) for kind in kinds}
@@ -176,7 +180,7 @@ def _survival(
         any(reached) if reached else None,
         known_interval(_drops(attacked, extraction)),
         known_interval(_drops(attacked, SCENE)),
-        _rms_ratio(variant, levels, scene_psnr) if is_picture(extraction) else math.nan,
+        _rms_ratio(variant, {**levels, variant: after}, scene_psnr) if is_picture(extraction) else math.nan,
         _mean(differences(after, scene_floor)),
         known_interval(_shares_left(before, after, scene_floor, present_before)),
         _mean(differences(after, levels.get(WRONG_KEY, {}))),

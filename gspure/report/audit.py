@@ -128,6 +128,11 @@ class Audit:
         return [row for row in self.attacks if row.survives is survives and row not in self.only_retrieved]
 
     @property
+    def judged_scenes(self) -> int:
+        """The number of scenes in which the message was present before."""
+        return max((row.present for row in self.attacks), default=0)
+
+    @property
     def only_retrieved(self) -> list[Survival]:
         """The judged attacks after which the message is present in no scene, but still retrieved in some."""
         return [row for row in self.attacks if row.only_retrieved and not row.survived]
