@@ -151,6 +151,12 @@ def require_all_images(folder: Path) -> None:
         raise InputError(folder, "images", expected=f"all {len(views)} views", found=found, hint=hint)
 
 
+def background_of(*folders: Path) -> tuple[float, ...]:
+    """Return the background that the record of the first of some folders of images names; black if none does."""
+    named = (record["background"] for record in map(_recorded, folders) if record.get("background"))
+    return tuple(map(float, next(named, "0 0 0").split()))
+
+
 def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
     """Refuse images of one view by different cameras, energies or backgrounds, as far as records name them."""
     record, record_of_other = _recorded(folder), _recorded(other)

@@ -12,10 +12,10 @@ from hypothesis.extra import numpy as hnp
 from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import RENDER, as_text, means, pair_images, read_metrics, write_metrics
+from gspure.evaluation.comparison import RENDER, as_text, compare, means, pair_images, read_metrics, write_metrics
 from gspure.evaluation.metrics import METRICS, gaussian_window, gradient_correlation, psnr, ssim
 from gspure.evaluation.recall import recall
-from gspure.images import read_image, write_image
+from gspure.images import read_image, record_views, write_image
 from tests.contest_cases import measured
 
 IMAGES = hnp.arrays(np.uint8, st.tuples(st.integers(1, 16), st.integers(1, 16), st.just(3))).map(lambda a: a / 255.0)
@@ -290,3 +290,14 @@ def test_precision_of_nothing_pruned_is_unknown() -> None:
     found = recall(np.zeros(3, bool), np.array([1, 0, 0], bool))
     assert np.isnan(found.precision)
     assert found.recall == 0
+
+
+def test_transparent_photographs_are_compared_on_the_background_of_the_renders(tmp_path):
+    rgba = np.random.default_rng(0).random((24, 32, 4))
+    write_image(tmp_path / "photographs" / "view.png", rgba)
+    for name, background in (("white", 1.0), ("black", 0.0)):
+        write_image(tmp_path / name / "view.png", rgba[..., :3] * rgba[..., 3:] + background * (1 - rgba[..., 3:]))
+        record_views(tmp_path / name, {"view": []}, [background] * 3, "ewa")
+        for folders in ((tmp_path / "photographs", tmp_path / name), (tmp_path / name, tmp_path / "photographs")):
+            (pair,), _ = pair_images(*folders)
+            assert compare(pair).psnr > 50

@@ -56,6 +56,7 @@ def ply(out):
 def test_held_out_views_look_like_their_photographs(trained):
     rows = read_metrics(trained / "metrics.csv")
     assert [row.view for row in rows] == ["orbit_000", "orbit_008"]
+    assert {row.reference for row in rows} == {"truth"}
     assert min(row.psnr for row in rows) > 25
     for row in rows:
         for folder in ("gt", "renders"):

@@ -207,5 +207,8 @@ def _read_damage(args: Arguments, public: PublicModel) -> Damage:
         found = f"{args.damage:g}" if args.cameras else "no cameras"
         raise InputError("attack", "--damage", expected="a number above 0, and --cameras", found=found)
     views = read_split(args)
-    photographs = [read_image(args.photographs / f"{view.name}.png") for view in views] if args.photographs else None
+    photographs = None
+    if args.photographs:
+        files = [args.photographs / f"{view.name}.png" for view in views]
+        photographs = [read_image(file, background=public.model.background) for file in files]
     return scene_damage(public, views, photographs, read_device(args))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,15 +43,18 @@ def _draw_panels(args: Arguments) -> Drawn:
 
     from gspure.evaluation.names import display_name
     from gspure.figures.panels import GAIN, write_panels
-    from gspure.images import read_image
+    from gspure.images import background_of, read_image
 
     require_least(args, "figures panels", {"rows": 1})
     folders = args.column
     views = _common_views(folders.values())
     chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, args.rows).round().astype(int))]
-    images = {title: {view: read_image(folder / f"{view}.png") for view in chosen} for title, folder in folders.items()}
+    titles, background = list(folders), background_of(*folders.values())
+    images = {
+        title: {view: read_image(folder / f"{view}.png", background=background) for view in chosen}
+        for title, folder in folders.items()
+    }
     write_panels(args.out, images, chosen, difference=args.difference)
-    titles = list(folders)
     caption = f"{len(chosen)} of {len(views)} views, with their PSNR against {display_name(titles[0])}."
     if args.difference:
         first, last = display_name(titles[0]), display_name(titles[-1])
@@ -64,7 +67,7 @@ def _draw_attacks(args: Arguments) -> Drawn:
     from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, ordered
     from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, write_lineup
-    from gspure.images import require_comparable
+    from gspure.images import background_of, require_comparable
 
     folders, results = args.column, read_results(args.table)
     of_asset = [o for o in results if f"{o.scheme}/{o.asset}" == args.asset]
@@ -83,12 +86,13 @@ def _draw_attacks(args: Arguments) -> Drawn:
         views[SCENE], _ = _typical_view([folders[reference], folders[UNATTACKED]], SCENE)
 
     shown = chosen(outcomes, read_sweeps(args, results))
+    backgrounds = {target: background_of(_target_folder(folders[UNATTACKED], target)) for target in targets}
     columns: list[Column] = []
     files: dict[str, Path] = {}
     for title, outcome in [(reference, None), *((o.variant, o) for o in shown if o.variant != reference)]:
         rendered = targets if outcome is None else ordered(outcome.targets)
         images = {target: _target_folder(folders[title], target) / f"{views[target]}.png" for target in rendered}
-        columns.append(_variant(title, images, outcome))
+        columns.append(_variant(title, images, outcome, backgrounds))
         files |= {f"{title} {target}": path for target, path in images.items()}
         for target, path in images.items():
             require_comparable(_target_folder(folders[reference], target), path.parent, [views[target]])
@@ -101,12 +105,14 @@ def _draw_attacks(args: Arguments) -> Drawn:
     return {args.out: caption}, {"table": args.table, **files}, {}
 
 
-def _variant(title: str, files: dict[str, Path], outcome: Outcome | None) -> Column:
+def _variant(
+    title: str, files: dict[str, Path], outcome: Outcome | None, backgrounds: Mapping[str, Sequence[float]]
+) -> Column:
     from gspure.evaluation.outcomes import UNATTACKED
     from gspure.figures.lineup import Column
     from gspure.images import read_image
 
-    images = {target: read_image(path) for target, path in files.items()}
+    images = {target: read_image(path, background=backgrounds[target]) for target, path in files.items()}
     if outcome is None or outcome.variant == UNATTACKED:
         return Column(title, images)
     unreached = frozenset(target for target, reached in outcome.reached.items() if not reached)
@@ -116,11 +122,14 @@ def _variant(title: str, files: dict[str, Path], outcome: Outcome | None) -> Col
 def _typical_view(folders: Sequence[Path], target: str) -> tuple[str, int]:
     """Return the view of a target with the median PSNR of the second folder against the first, and of how many."""
     from gspure.figures.lineup import typical
-    from gspure.images import read_image
+    from gspure.images import background_of, read_image
 
     of_target = [_target_folder(folder, target) for folder in folders]
-    views = _common_views(of_target)
-    return typical(*({view: read_image(folder / f"{view}.png") for view in views} for folder in of_target)), len(views)
+    views, background = _common_views(of_target), background_of(*of_target)
+    images = [
+        {view: read_image(folder / f"{view}.png", background=background) for view in views} for folder in of_target
+    ]
+    return typical(*images), len(views)
 
 
 def _target_folder(folder: Path, target: str) -> Path:

@@ -197,7 +197,7 @@ def _write(
 
 def _compare(folder: Path, args: Arguments, dataset: Dataset, model: Path, device: Device) -> list[ViewMetrics]:
     """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
-    from gspure.evaluation.comparison import Pair, compare
+    from gspure.evaluation.comparison import TRUTH, Pair, compare
     from gspure.images import record_views, write_image
     from gspure.model import read_model
     from gspure.progress import track
@@ -213,7 +213,7 @@ def _compare(folder: Path, args: Arguments, dataset: Dataset, model: Path, devic
         pair = Pair(".", camera.name, truth / f"{camera.name}.png", renders / f"{camera.name}.png")
         write_image(pair.reference, photograph)
         write_image(pair.image, renderer.image(camera, background=args.background))
-        rows.append(compare(pair))
+        rows.append(compare(pair, TRUTH))
     views = {camera.name: camera.numbers.tolist() for camera in dataset.test}
     record_views(truth, views)
     record_views(renders, views, args.background, "ewa")

@@ -15,7 +15,7 @@ from gspure.errors import InputError
 from gspure.evaluation.controls import BLACK
 from gspure.evaluation.csv_tables import PerMetric, read_table, write_table
 from gspure.evaluation.metrics import METRICS
-from gspure.images import read_image, require_all_images, require_comparable
+from gspure.images import background_of, read_image, require_all_images, require_comparable
 
 Reference = Literal["truth", "render"]
 TRUTH: Final = "truth"
@@ -52,6 +52,8 @@ class Pair(NamedTuple):
     view: str
     reference: Path
     image: Path
+    background: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """What transparent pixels show: the background of the renders."""
 
 
 def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None = None) -> tuple[list[Pair], int]:
@@ -72,10 +74,13 @@ def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None
         if counterpart not in available:
             expected = f"a counterpart of {images / path}"
             raise InputError(reference / counterpart, "file", expected=expected, found="nothing")
-    pairs = [Pair(p.parent.as_posix(), p.stem, reference / q, images / p) for p, q in counterparts.items()]
-    for folders, alike in groupby(sorted(pairs), key=lambda pair: (pair.reference.parent, pair.image.parent)):
+    listed = sorted(Pair(p.parent.as_posix(), p.stem, reference / q, images / p) for p, q in counterparts.items())
+    pairs = []
+    for folders, group in groupby(listed, key=lambda pair: (pair.reference.parent, pair.image.parent)):
+        alike = [pair._replace(background=background_of(*folders)) for pair in group]
         require_comparable(*folders, (pair.view for pair in alike))
-    return sorted(pairs), len(available - {*counterparts.values()})
+        pairs += alike
+    return pairs, len(available - {*counterparts.values()})
 
 
 def compare(pair: Pair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
@@ -83,7 +88,7 @@ def compare(pair: Pair, reference: Reference = RENDER, baseline: str | None = No
 
     Raise `InputError` if an image cannot be read, or their sizes differ.
     """
-    a, b = read_image(pair.reference), read_image(pair.image)
+    a, b = (read_image(path, background=pair.background) for path in (pair.reference, pair.image))
     if a.shape != b.shape:
         expected = f"{a.shape[1]}x{a.shape[0]}, as {pair.reference}"
         raise InputError(pair.image, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
