@@ -1,4 +1,4 @@
-"""Owners of GS-Hider and SecureGS who fit their decoder to an attacked model: what it reads, changes and improves."""
+"""Owners who fit their decoder to an attacked model: what it reads, changes and improves."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from gspure.schemes.scheme import ADAPTIVE, hide
 SETTINGS = {
     "gs_hider": {"iterations": 60, "max_gaussians": 400},
     "secure_gs": {"iterations": 60, "max_anchors": 200},
+    "keyss": {"iterations": 60, "max_gaussians": 400},
 }
 
 
@@ -89,6 +90,8 @@ def test_the_command_fits_to_training_views_and_shows_held_out_ones(
 def test_the_views_of_the_photographs_move_with_the_model(
     marked: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if marked.scheme.name == "keyss":
+        pytest.skip("the network reads positions, so it has to learn another message")
     monkeypatch.setattr(extract, "FIT_STEPS", 12)
     attacked = find_attack("rigid_transform").apply(marked.public, Evidence(), angle=0.0, translation="0.5,0,0")
     np.save(tmp_path / "transform.npy", attacked.transform)

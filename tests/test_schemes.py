@@ -33,10 +33,11 @@ SMALL = {
     "splats_in_splats_hardened": {"iterations": 60, "max_gaussians": 800},
     "gs_hider": {"iterations": 4, "max_gaussians": 400},
     "secure_gs": {"iterations": 4, "max_anchors": 100},
+    "keyss": {"iterations": 8, "max_gaussians": 400},
     "planted": {"gaussians": 800},
     "veil": {"iterations": 20, "max_gaussians": 800},
 }
-NEEDS_TORCH = {"gs_hider", "secure_gs"}
+NEEDS_TORCH = {"gs_hider", "secure_gs", "keyss"}
 
 
 def example():
@@ -59,7 +60,7 @@ def embedded(request, pair_folder):
     return SimpleNamespace(scheme=scheme, pair=pair, public=public, key=key, settings=SMALL[scheme.name])
 
 
-@pytest.mark.parametrize("name", ["splats_in_splats", "gs_hider", "secure_gs", "planted"])
+@pytest.mark.parametrize("name", ["splats_in_splats", "gs_hider", "secure_gs", "keyss", "planted"])
 def test_a_message_is_learned_at_poses_of_its_own(name, own_pair_folder):
     if name in NEEDS_TORCH:
         pytest.importorskip("torch")
@@ -281,7 +282,7 @@ def test_every_command_draws_a_model_as_its_scheme_does(mirrored, file, options)
 
 def test_built_in_schemes_have_the_settings_that_all_have():
     splats = ["splats_in_splats", "splats_in_splats_hardened"]
-    assert list(schemes()) == [*splats, "gs_hider", "secure_gs", "planted"]
+    assert list(schemes()) == [*splats, "gs_hider", "secure_gs", "keyss", "planted"]
     assert all("message_weight" in scheme.settings for scheme in schemes().values())
 
 

@@ -33,8 +33,8 @@ def add_arguments(parser: Parser) -> None:
     parser.reads(
         "--photographs",
         "DIR",
-        "photographs and cameras of the message (PAIR/message), for `message_adaptive` of gs_hider and secure_gs; "
-        "only the training views are used",
+        "photographs and cameras of the message (PAIR/message), for `message_adaptive` of gs_hider, secure_gs and "
+        "keyss; only the training views are used",
         required=False,
     )
     add_views(parser, split="all")

@@ -18,6 +18,7 @@ _NAMES: Final = {
     "splats_in_splats_hardened": "Splats in Splats (hardened)",
     "gs_hider": "GS-Hider",
     "secure_gs": "SecureGS",
+    "keyss": "KeySS",
     "tradeoff": "trade-off",
     "vanilla": "Vanilla 3DGS",
     "planted": "Planted message",

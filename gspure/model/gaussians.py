@@ -113,6 +113,13 @@ class Gaussians(Described):
         names = [rest[channel * stored + i] for i in range(stored) for channel in range(3)]
         return self.columns(*COLOUR, *names).reshape(len(self), 1 + stored, 3)
 
+    def sh_coeffs_of(self, degree: int) -> Float32:
+        """Return coefficients [K,S,3] of this degree: higher ones are dropped, missing ones are zero."""
+        coefficients = np.zeros((len(self), (degree + 1) ** 2, 3), np.float32)
+        shared = min(coefficients.shape[1], self.sh_coeffs.shape[1])
+        coefficients[:, :shared] = self.sh_coeffs[:, :shared]
+        return coefficients
+
     def columns_named(self, prefix: str) -> tuple[str, ...]:
         """Return the columns ``<prefix><number>``, ordered by number."""
         return columns_named(self.table.dtype.names or (), prefix)

@@ -8,10 +8,11 @@ from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
 from gspure.plugins import registered
 from gspure.public_model import PublicModel
-from gspure.schemes import gs_hider, planted, secure_gs, splats_in_splats
+from gspure.schemes import gs_hider, keyss, planted, secure_gs, splats_in_splats
 from gspure.schemes.scheme import REQUIRED, Scheme
 
-BUILT_IN = (splats_in_splats.SCHEME, splats_in_splats.HARDENED, gs_hider.SCHEME, secure_gs.SCHEME, planted.SCHEME)
+_SPLATS = (splats_in_splats.SCHEME, splats_in_splats.HARDENED)
+BUILT_IN = (*_SPLATS, gs_hider.SCHEME, secure_gs.SCHEME, keyss.SCHEME, planted.SCHEME)
 GROUP = "gspure.schemes"
 
 

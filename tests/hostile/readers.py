@@ -35,6 +35,9 @@ from gspure.renderer import CONTRIBUTION
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import COLUMNS as FEATURE_COLUMNS
 from gspure.schemes.gs_hider.layout import read_rows
+from gspure.schemes.keyss.key import NetworkKey
+from gspure.schemes.keyss.network import fresh
+from gspure.schemes.keyss.network import random_key as random_vector
 from gspure.schemes.planted.key import PlantedKey
 from gspure.schemes.secure_gs.files import PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
@@ -225,6 +228,11 @@ def _read_images(folder: Path) -> None:
 def _splats_key(folder: Path) -> None:
     rng = np.random.default_rng(0)
     SplatsInSplatsKey(blobs(ROWS).means[:5], OpacityMapping.fresh(rng), 10, blobs(ROWS)).write(folder)
+
+
+def _keyss_key(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    NetworkKey(random_vector(rng), fresh(rng)).write(folder)
 
 
 def _planted_key(folder: Path) -> None:
@@ -498,6 +506,7 @@ READERS = (
         {"splats_in_splats.npz": "npz", "hidden.ply": "ply"},
     ),
     Reader("key of SecureGS", lambda f: random_key().write(f), HiddenKey.read, {"securegs_hidden.npz": "npz"}),
+    Reader("key of KeySS", _keyss_key, NetworkKey.read, {"keyss.npz": "npz"}),
     Reader("key of the planted pair", _planted_key, PlantedKey.read, {"planted.npz": "npz", "carriers.npy": "npy"}),
     Reader(
         "decoder of GS-Hider",

@@ -113,7 +113,7 @@ class SplatsInSplatsKey(Key):
         survivors, places = public.model[places >= 0], places[rows]
         if extraction == MESSAGE:
             opacities = self._mapped(survivors.opacities, places)
-            sh_coeffs = bits.extract(_of_degree(survivors.sh_coeffs, self.hidden.sh_degree), self.shift)
+            sh_coeffs = bits.extract(survivors.sh_coeffs_of(self.hidden.sh_degree), self.shift)
         else:
             opacities = self.hidden.table["opacity"][places]
             sh_coeffs = rotate_sh(self.hidden.sh_coeffs[places], rotation)
@@ -126,11 +126,3 @@ class SplatsInSplatsKey(Key):
         sequence = np.zeros(len(self.positions), np.float32)
         sequence[places] = opacities
         return logit(self.mapping(sequence)[places], LEAST_OPACITY)
-
-
-def _of_degree(sh_coeffs: Float32, degree: int) -> Float32:
-    """Return coefficients [K,S,3] of this degree: higher ones are dropped, missing ones are zero."""
-    coefficients = np.zeros((len(sh_coeffs), (degree + 1) ** 2, 3), np.float32)
-    shared = min(coefficients.shape[1], sh_coeffs.shape[1])
-    coefficients[:, :shared] = sh_coeffs[:, :shared]
-    return coefficients

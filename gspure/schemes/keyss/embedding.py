@@ -1,0 +1,66 @@
+"""Embedding: Gaussians and network learn together.
+
+From the paper: the network, the weights of the losses (0.5 scene, 0.5 message, 0.01 wrong key) and AdamW. Ours: a wrong
+key should add nothing to the public rows; the message does not train public opacities; the network's learning rate;
+training starts from points, with the rules of 3DGS, not from a trained model of the scene.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gspure.opencl.device import Device, choose_device
+from gspure.public_model import PublicModel
+from gspure.schemes.keyss.key import NetworkKey
+from gspure.schemes.keyss.network import RATE, parameters_of
+from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import MESSAGE, initial_gaussians, require
+from gspure.training.monitor import watched
+from gspure.training.output import as_gaussians
+
+
+def embed(
+    pair: Pair,
+    seed: int,
+    device: Device | None = None,
+    *,
+    iterations: int = 3000,
+    message_weight: float = 1.0,
+    network_rate: float = RATE,
+    max_gaussians: int = 30_000,
+) -> tuple[PublicModel, NetworkKey | None]:
+    """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
+
+    `message_weight` is the share of the message's loss, that of the scene is 1; `network_rate` is the first learning
+    rate of the network; `max_gaussians` bounds growth.
+
+    Raise `InputError` if a setting is out of range, or PyTorch is missing.
+    """
+    require("keyss", "network_rate", network_rate, "more than 0", fits=0 < network_rate < math.inf)
+    begin = initial_gaussians("keyss", pair, max_gaussians, seed)
+    from gspure.schemes.keyss.training import Training
+    from gspure.training.pytorch import single_threaded
+
+    device = device or choose_device()
+    run = Training(
+        *(pair, begin, iterations),
+        message_weight=message_weight,
+        network_rate=network_rate,
+        max_gaussians=max_gaussians,
+        seed=seed,
+        device=device,
+    )
+
+    def outcome() -> tuple[PublicModel, NetworkKey | None]:
+        public = PublicModel(as_gaussians(parameters_of(run.rows)))
+        return public, NetworkKey(run.key, run.learner.network()) if message_weight else None
+
+    def state() -> str:
+        public, key = outcome()
+        views = [public.scene(device)] + ([key.message(public, MESSAGE, device)] if key else [])
+        return f"{pair.quality(*views)}  {len(public.model)} Gaussians"
+
+    with single_threaded():
+        for _ in watched(run, iterations, state):
+            pass
+    return outcome()

@@ -1,0 +1,87 @@
+"""KeySS's key: a vector, and a network that reads the message from the public Gaussians with it.
+
+::
+
+    <key>/keyss.npz     key [768], and weight_i and bias_i of the network
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from gspure.artifacts import load_arrays, save_arrays
+from gspure.artifacts.arrays import Kind
+from gspure.cameras.camera import Camera
+from gspure.constants import MAX_SH_DEGREE
+from gspure.errors import InputError
+from gspure.model import Gaussians
+from gspure.opencl.device import Device
+from gspure.opencl.trainable import Parameters
+from gspure.public_model import Lesson, PublicModel, RenderView, Rows
+from gspure.renderer import Renderer
+from gspure.schemes.keyss.network import KEY, RATE, SHAPES, Float32, Network, added, parameters_of, random_key, rows_of
+from gspure.schemes.scheme import Key
+from gspure.training.output import as_gaussians
+
+_FILE: Final = "keyss.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkKey(Key):
+    """The private part of the scheme: the vector [768] and the network."""
+
+    vector: Float32
+    network: Network
+
+    @classmethod
+    def read(cls, folder: Path) -> NetworkKey:
+        """Read a key, or raise `InputError`."""
+        kinds: dict[str, Kind] = {name: (np.float32, shape) for name, shape in ({"key": (KEY,)} | SHAPES).items()}
+        content = load_arrays(Path(folder) / _FILE, kinds, "a key of KeySS")
+        return cls(content.pop("key"), content)
+
+    def write(self, folder: Path) -> None:
+        """Write vector and network."""
+        save_arrays(folder / _FILE, {"key": self.vector, **self.network})
+
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:  # noqa: ARG002
+        """Return the renderer of the message."""
+        return Renderer(self._revealed(public), device).image
+
+    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
+        """Return the Gaussians that show the message, one per row."""
+        return self._revealed(public), np.arange(len(public.model))
+
+    def fitted(self, public: PublicModel, lesson: Lesson) -> NetworkKey:
+        """Return the key with its network trained on the model; the model stays as it is."""
+        from gspure.schemes.keyss.training import Branch, Learner
+        from gspure.training.pytorch import single_threaded, torch
+
+        rows, learner = torch.from_numpy(_rows(public)), Learner(self.network)
+        branch = Branch(lesson.views, lesson.images, lesson.device)
+        with single_threaded():
+            for view, factor in lesson.schedule():
+                branch.differentiate(rows + learner.added(rows, self.vector), view, 1.0)
+                learner.step(factor * RATE)
+        return replace(self, network=learner.network())
+
+    def wrong(self, rng: np.random.Generator) -> NetworkKey:
+        """Return the network with another random vector."""
+        return replace(self, vector=random_key(rng))
+
+    def _revealed(self, public: PublicModel) -> Gaussians:
+        rows = _rows(public)
+        return as_gaussians(parameters_of(rows + added(np, self.network, self.vector, rows)))
+
+
+def _rows(public: PublicModel) -> Float32:
+    """Return the rows [K,59]; harmonics that the model lacks are zero."""
+    if not public.visible or not public.rows_are_gaussians:
+        raise InputError("keyss", "model", expected="vanilla 3DGS", found="a model of another kind")
+    model = public.model
+    geometry = (model.means, model.quats, model.columns("scale_0", "scale_1", "scale_2"), model.table["opacity"])
+    return rows_of(Parameters(*geometry, model.sh_coeffs_of(MAX_SH_DEGREE)))

@@ -1,0 +1,73 @@
+"""The network: from a public Gaussian and the key to a Gaussian of the message (arXiv 2503.07191).
+
+A perceptron with layers of 64 and 128 units reads the 59 stored numbers of a row and the 768 of the key. Linear heads,
+here the parts of one last layer, return what is added to position, quaternion, log-scale, opacity logit and harmonics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.constants import GEOMETRY_ATTRIBUTES
+from gspure.opencl.trainable import Parameters
+
+Float32 = NDArray[np.float32]
+Network = Mapping[str, Any]
+"""``weight_i`` [O,I] and ``bias_i`` [O] of the layers."""
+
+ROW: Final = GEOMETRY_ATTRIBUTES + 48
+"""Numbers of a vanilla row of degree 3, in the order of `Parameters`."""
+
+KEY: Final = 768
+"""Length of the key. The authors' keys are embeddings of CLIP."""
+
+SIZES: Final = (ROW + KEY, 64, 128, ROW)
+SHAPES: Final = {
+    name: shape
+    for layer, (inputs, outputs) in enumerate(pairwise(SIZES))
+    for name, shape in ((f"weight_{layer}", (outputs, inputs)), (f"bias_{layer}", (outputs,)))
+}
+_LAST: Final = len(SIZES) - 2
+
+RATE: Final = 2e-3
+"""First learning rate. Ours, for some thousand iterations; the authors' is 5e-5."""
+
+
+def fresh(rng: np.random.Generator) -> dict[str, Float32]:
+    """Return untrained layers with PyTorch's default initialization, and heads of zero: the message is the scene."""
+    bounds = [inputs**-0.5 for inputs in SIZES[:_LAST]] + [0.0]
+    return {
+        name: rng.uniform(-1, 1, shape).astype(np.float32) * np.float32(bounds[int(name[-1])])
+        for name, shape in SHAPES.items()
+    }
+
+
+def random_key(rng: np.random.Generator) -> Float32:
+    """Return a random unit vector [768]."""
+    vector = rng.standard_normal(KEY)
+    return np.asarray(vector / np.linalg.norm(vector), np.float32)
+
+
+def added(xp: Any, network: Network, key: Any, rows: Any) -> Any:
+    """Return what turns public rows [K,59] into those of the message; `xp` is the library of all, numpy or torch."""
+    weight = network["weight_0"]
+    values = rows @ weight[:, :ROW].T + (weight[:, ROW:] @ key + network["bias_0"])  # the key is the same in all rows
+    for layer in range(1, _LAST + 1):
+        units = values.clip(0) if xp is np else values.relu()
+        values = units @ network[f"weight_{layer}"].T + network[f"bias_{layer}"]
+    return values
+
+
+def rows_of(parameters: Parameters) -> Float32:
+    """Return parameters as rows [K,59]."""
+    return np.concatenate([parameters.geometry, parameters.channels], axis=1)
+
+
+def parameters_of(rows: Float32) -> Parameters:
+    """Return rows [K,59] as parameters, the inverse of `rows_of`."""
+    return Parameters.of(rows[:, :GEOMETRY_ATTRIBUTES], rows[:, GEOMETRY_ATTRIBUTES:])

@@ -1,0 +1,100 @@
+"""KeySS: what the network adds, what the key is, and what the message may train."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gspure.errors import InputError
+from gspure.opencl.trainable import Parameters
+from gspure.public_model import PublicModel
+from gspure.schemes.keyss import SCHEME
+from gspure.schemes.keyss.key import NetworkKey
+from gspure.schemes.keyss.network import KEY, SHAPES, added, fresh, parameters_of, random_key, rows_of
+from gspure.schemes.pair import read_pair
+from gspure.schemes.scheme import MESSAGE, hide
+from tests.models import blobs
+
+
+def trained(rng: np.random.Generator) -> NetworkKey:
+    """A key whose network adds something."""
+    layers = {name: rng.normal(0, 0.05, shape).astype(np.float32) for name, shape in SHAPES.items()}
+    return NetworkKey(random_key(rng), layers)
+
+
+def test_an_untrained_network_shows_the_scene(pair_folder):
+    public, camera = PublicModel(blobs(50, sh_degree=3)), read_pair(pair_folder).scene.views[0]
+    key = NetworkKey(random_key(np.random.default_rng(0)), fresh(np.random.default_rng(1)))
+    assert key.message(public, MESSAGE)(camera).tobytes() == public.scene()(camera).tobytes()
+
+
+def test_the_network_has_the_published_sizes():
+    assert [SHAPES[f"weight_{layer}"] for layer in range(3)] == [(64, 827), (128, 64), (59, 128)]
+
+
+def test_the_key_changes_what_is_added_to_every_row():
+    rng = np.random.default_rng(0)
+    key, rows = trained(rng), rng.normal(size=(20, 59)).astype(np.float32)
+    right, wrong = (added(np, key.network, k.vector, rows) for k in (key, key.wrong(rng)))
+    assert (right != wrong).any(axis=1).all()
+
+
+def test_rows_are_parameters_in_another_form():
+    rng = np.random.default_rng(0)
+    shapes = ((5, 3), (5, 4), (5, 3), (5,), (5, 16, 3))
+    parameters = Parameters(*(rng.normal(size=shape).astype(np.float32) for shape in shapes))
+    again = parameters_of(rows_of(parameters))
+    assert all(np.array_equal(a, b) for a, b in zip(vars(parameters).values(), vars(again).values(), strict=True))
+
+
+def test_harmonics_that_a_model_lacks_are_zero():
+    short = blobs(40, sh_degree=1)
+    full = short.sh_coeffs_of(3)
+    assert full.shape == (40, 16, 3)
+    assert np.array_equal(full[:, :4], short.sh_coeffs)
+    assert not full[:, 4:].any()
+    assert np.array_equal(short.sh_coeffs_of(0), short.sh_coeffs[:, :1])
+    gaussians, rows = trained(np.random.default_rng(0)).gaussians(PublicModel(short), None, MESSAGE)
+    assert len(gaussians) == len(rows) == 40
+
+
+def test_a_model_without_colours_is_refused():
+    features = blobs(5).table[["x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2"]]
+    with pytest.raises(InputError, match="expected vanilla 3DGS"):
+        trained(np.random.default_rng(0)).message(PublicModel(type(blobs(5))(features)), MESSAGE)
+
+
+def test_numpy_and_pytorch_add_the_same():
+    torch = pytest.importorskip("torch")
+    rng = np.random.default_rng(0)
+    key, rows = trained(rng), rng.normal(size=(20, 59)).astype(np.float32)
+    tensors = {name: torch.from_numpy(layer) for name, layer in key.network.items()}
+    same = added(torch, tensors, torch.from_numpy(key.vector), torch.from_numpy(rows)).numpy()
+    np.testing.assert_allclose(same, added(np, key.network, key.vector, rows), rtol=1e-4, atol=1e-5)
+
+
+def test_a_wrong_key_differs_from_the_right_one_with_the_seed_of_the_training(pair_folder):
+    pytest.importorskip("torch")
+    _, key = hide(SCHEME, read_pair(pair_folder), seed=3, iterations=1, max_gaussians=100)
+    wrong = key.wrong(np.random.default_rng(3)).vector
+    assert key.vector.shape == (KEY,)
+    assert np.linalg.norm(key.vector) == pytest.approx(1)
+    assert abs(wrong @ key.vector) < 0.2
+
+
+def test_the_message_does_not_train_opacities_that_no_view_of_the_scene_shows(own_pair_folder):
+    pytest.importorskip("torch")
+    pair = read_pair(own_pair_folder)
+    start, end = (hide(SCHEME, pair, iterations=n, max_gaussians=400)[0] for n in (1, 40))
+    shows = end.contributions(energy="ewa")
+    unseen = np.setdiff1d(np.arange(len(end.model)), np.concatenate([shows(c)["index"] for c in pair.scene.views]))
+    assert len(unseen) > 20
+    untouched = np.unique(start.model.table["opacity"][unseen])
+    assert len(untouched) == 1
+    assert np.mean(end.model.table["opacity"][unseen] == untouched) > 0.9
+    assert np.mean(end.model.means[unseen] != start.model.means[unseen]) > 0.5
+
+
+def test_a_learning_rate_of_zero_is_refused(pair_folder):
+    with pytest.raises(InputError, match="network_rate: expected more than 0"):
+        hide(SCHEME, read_pair(pair_folder), network_rate=0.0)
