@@ -90,6 +90,14 @@ def test_tree_is_a_minimum_spanning_tree_by_brute_force(seed: int, count: int, m
     np.testing.assert_allclose(tree[:, 2], distances[a, b], rtol=1e-9, atol=1e-12)
 
 
+def test_more_neighbours_than_rows_are_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
+    points = np.random.default_rng(0).normal(size=(30, 5)).astype(np.float32)
+    spanning_tree(points, 29)
+    assert not capsys.readouterr().err
+    spanning_tree(points, 1000)
+    assert "min_samples is 1000" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("min_samples", [1, 10, 40])
 def test_tree_equals_that_of_hdbscans_own_core_distances(min_samples: int) -> None:
     from hdbscan._hdbscan_boruvka import KDTreeBoruvkaAlgorithm

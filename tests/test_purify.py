@@ -236,8 +236,7 @@ def command(tmp_path: Path) -> list[str]:
 def test_a_decision_that_leaves_no_row_is_refused_in_one_line(tmp_path: Path, command: list[str], capsys) -> None:
     assert main([*command, "--tau-c", "1e-9", "--tau-n", "1e-9"]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
-    refusal = "element vertex: expected at least one row, found 0 rows"
-    assert last == f"gspure purify: {tmp_path}/out/purified.ply: {refusal}"
+    assert re.search(r"rows: expected some to remain, found 0 of \d+ \(.*tau_c.*\)", last)
     assert not (tmp_path / "out").exists()
 
 

@@ -13,6 +13,7 @@ from gspure import __version__
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
 from gspure.display import Described
+from gspure.errors import InputError
 from gspure.method import pruning
 from gspure.method.clustering.diagnosis import Diagnosis, diagnose
 from gspure.method.clustering.selection import Labels, Selection, select
@@ -113,7 +114,7 @@ def purify(
     ------
     InputError
         The model or the views are invalid, a setting is out of range, or there is no device. It is raised before
-        anything is computed. Or no view shows any row.
+        anything is computed. Or no view shows any row, or every row would be pruned.
 
     """
     from gspure.opencl.device import choose_device
@@ -142,6 +143,9 @@ def purify(
     require_in_view(weights)
     say(f"clustering {len(rows)} Gaussians")
     labels, pruned, diagnosis = decide(rows.means, public.opacities(views), weights)
+    if pruned.all():
+        found, hint = f"0 of {len(rows)}", "prune less: larger tau_c and tau_n"
+        raise InputError("pruning", "rows", expected="some to remain", found=found, hint=hint)
     settings = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
     return Purification(
         rows[~pruned].with_comment(f"gspure {__version__} purified {settings} selection={selection}"),

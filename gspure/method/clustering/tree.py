@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gspure.constants import MIN_SAMPLES
 from gspure.errors import InputError
+from gspure.progress import warn
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device
@@ -55,6 +56,8 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
         raise InputError("clustering", "features", expected="finite values", found="NaN or infinity")
     if not len(points):
         raise InputError("clustering", "features", expected="at least one Gaussian", found="none")
+    if min_samples > len(points) > 1:
+        warn(f"clustering: min_samples is {min_samples}, more than the {len(points)} rows; all of them are used")
     rows = _lexicographic_order(points)
     points = points[rows]
     is_first = np.append(True, (points[1:] != points[:-1]).any(axis=1))
