@@ -183,6 +183,68 @@ def test_a_wrong_setting_is_refused_in_one_line_that_names_it(config, line):
     assert "\n" not in str(refusal.value)
 
 
+EVERY = {"unattacked": {}, "gspure": {}}
+
+
+@pytest.mark.parametrize(
+    ("config", "line"),
+    [
+        ({"method": {"tau_n": np.inf}}, "method.tau_n: expected type number, null, found inf"),
+        ({"method": {"tau_c": np.nan}}, "method.tau_c: expected type number, null, found nan"),
+        ({"method": {"views": 8.0}}, "method.views: expected type integer, null, found 8.0"),
+        ({"decisions": {"method": {}}}, "decisions.method: "),
+        (
+            {"detectors": {"mark": {"command": "ls", "timeout": 1e30}}},
+            "detectors.mark.timeout: expected at most 1",
+        ),
+        ({"assets": {"bot": {**BOT, "generated": {"fov": 180}}}}, "assets.bot.generated.fov: expected less than 180"),
+        ({"assets": {"bot": {**BOT, "generated": {"up": [0, 0, 0]}}}}, "assets.bot.generated.up: expected "),
+        *(({"variants": {**EVERY, name: {"attack": "crop"}}}, f"variants.{name}: ") for name in ("clean", "public")),
+        ({"variants": {**EVERY, "unattacked": {"attack": "crop"}}}, "variants.unattacked.attack: expected unattacked"),
+        ({"variants": {**EVERY, "gspure": {"attack": "crop"}}}, "variants.gspure.attack: expected gspure"),
+        ({"variants": {**EVERY, "crop": {"damage": [1, 1.0000001]}}}, "variants.crop.damage: .* found crop@1dB twice"),
+        ({"variants": {**EVERY, "crop": {"fraction": 2}}}, "variants.crop.fraction: expected 0 to 1, found 2"),
+        (
+            {"variants": {**EVERY, "less": {"attack": "plain_weight", "tau": 0}}},
+            "variants.less.tau: .* above 0",
+        ),
+        ({"variants": {**EVERY, "gspure_scaled": {"tau_c": -1}}}, "variants.gspure_scaled.tau_c: "),
+        ({"variants": {**EVERY, "finetune": {"iterations": 0}}}, "variants.finetune.iterations: expected at least 1"),
+        ({"variants": {**EVERY, "distil": {"iterations": 2.5}}}, "variants.distil.iterations: expected a whole number"),
+        (
+            {"variants": {**EVERY, "prune_repair": {"learn": "none"}}},
+            "variants.prune_repair.learn: expected one of",
+        ),
+        (
+            {"schemes": {"planted": {"message_weight": 0}}},
+            "schemes.planted.message_weight: expected more than 0",
+        ),
+        ({"schemes": {"gs_hider": {"message_weight": -1}}}, "schemes.gs_hider.message_weight: expected at least 0"),
+        ({"schemes": {"secure_gs": {"max_anchors": 1}}}, "schemes.secure_gs.max_anchors: expected at least 8, found 1"),
+        (
+            {"schemes": {"splats_in_splats": {"shift": 40}}},
+            "schemes.splats_in_splats.shift: expected 9 to 20",
+        ),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_setting_that_a_job_would_refuse_is_refused_before_any_job(config, line):
+    with pytest.raises(InputError, match="^mine.yaml: " + line):
+        resolved(filled({**PLANTED, **config}), "mine.yaml")
+
+
+def test_settings_at_the_ends_of_their_ranges_are_accepted():
+    variants = {**EVERY, "finetune": {"iterations": 1}, "crop": {"fraction": 1}, "sh_truncation": {"degree": 0}}
+    schemes_of = {"secure_gs": {"max_anchors": 8, "density": 1}, "splats_in_splats": {"shift": 9, "hardened": 0}}
+    config = filled({**PLANTED, "variants": variants, "schemes": schemes_of})
+    assert resolved(config, "mine.yaml")["variants"].keys() == variants.keys()
+
+
+def test_a_detector_without_a_program_is_refused():
+    with pytest.raises(InputError, match="command: expected a program"):
+        resolved(filled({**PLANTED, "detectors": {"mark": {"command": " "}}}), "mine.yaml")
+
+
 def test_a_variant_is_an_attack_of_the_same_name_unless_it_names_one():
     config = filled({**PLANTED, "variants": {"unattacked": {}, "gspure": {}, "half": {"attack": "random_pruning"}}})
     attacks_of = {name: variant["attack"] for name, variant in resolved(config, "mine.yaml")["variants"].items()}

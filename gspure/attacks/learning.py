@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -48,11 +49,15 @@ class Teacher:
     """The renders of a public model at public cameras, to train other models on; errors name the `attack`."""
 
     def __init__(self, attack: str, public: PublicModel, cameras: Sequence[Camera], device: Device | None) -> None:
-        if not cameras:
-            raise InputError(f"attack {attack}", "cameras", expected="public views", found="none")
-        self.attack, self.cameras, self.device = attack, cameras, device
-        scene = public.scene(device)
-        self.images = [read_back(scene(camera)) for camera in track(cameras, "renders to learn")]
+        self.attack, self.public, self.cameras, self.device = attack, public, cameras, device
+
+    @cached_property
+    def images(self) -> list[Float32]:
+        """Its renders, as 8-bit images show them."""
+        if not self.cameras:
+            raise InputError(f"attack {self.attack}", "cameras", expected="public views", found="none")
+        scene = self.public.scene(self.device)
+        return [read_back(scene(camera)) for camera in track(self.cameras, "renders to learn")]
 
     def train(self, student: PublicModel, rng: Rng, iterations: int, learn: str, rate_factor: float = 1.0) -> Gaussians:
         """Return the rows of `student` after training the attributes that `learn` names."""

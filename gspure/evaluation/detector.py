@@ -39,9 +39,12 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
 def words_of(command: str) -> list[str]:
     """Return the words of a command, split as a shell does, or raise `InputError`."""
     try:
-        return shlex.split(command)
+        words = shlex.split(command)
     except ValueError as error:
         raise InputError("detector", command, expected="a command", found=str(error)) from None
+    if not words:
+        raise InputError("detector", "command", expected="a program and its options", found="nothing")
+    return words
 
 
 def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:

@@ -33,6 +33,13 @@ ADAPTIVE: Final = "message_adaptive"
 REQUIRED: Final = frozenset({"message_weight"})
 """Settings that every scheme has: the message's share in its loss, 0 to hide nothing."""
 
+RANGES: Final = {
+    "iterations": (1, math.inf),
+    "message_weight": (0, math.inf),
+    "max_gaussians": (LEAST_POINTS, math.inf),
+}
+"""Least and largest value of settings that several schemes have."""
+
 PYTORCH: Final = {"torch": "gspure[torch]"}
 """The package that schemes with networks import."""
 
@@ -79,6 +86,8 @@ class Scheme:
     extractions : mapping of str to sequence of str
         The extractions, each with its *carrier*: the columns of the public file that it reads, as names or patterns
         such as ``f_rest_*``. The first is ``message``; the names of all others begin with it.
+    ranges : mapping of str to (float, float)
+        Least and largest value of settings of `embed`, beside the `RANGES` of all schemes.
     tau_c, tau_n : float
         Cluster and noise pruning factors that suit the scheme.
     signature : tuple of str
@@ -100,6 +109,7 @@ class Scheme:
     read_public: Callable[[Path], PublicModel]
     read_key: Callable[[Path], Key]
     extractions: Mapping[str, Sequence[str]]
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     tau_c: float = TAU_C
     tau_n: float = TAU_N
     signature: tuple[str, ...] = ()
@@ -121,10 +131,15 @@ class Scheme:
         return embed.__module__
 
     def require_settings(self, settings: Mapping[str, Setting]) -> None:
-        """Refuse settings that the scheme does not have."""
+        """Refuse settings that the scheme does not have, and numbers out of range."""
         for name in settings.keys() - self.settings.keys():
             known = ", ".join(self.settings)
             raise InputError(f"scheme {self.name}", "setting", expected=f"one of {known}", found=name)
+        for name, (least, most) in {**RANGES, **self.ranges}.items():
+            value = settings.get(name, least)
+            expected = f"{least:g} to {most:g}" if math.isfinite(most) else f"at least {least:g}"
+            fits = least <= float(value) <= most and math.isfinite(float(value))
+            require(self.name, name, value, expected, fits=fits)
 
 
 def require(scheme: str, name: str, value: Setting, expected: str, *, fits: bool) -> None:
@@ -133,9 +148,8 @@ def require(scheme: str, name: str, value: Setting, expected: str, *, fits: bool
         raise InputError(f"scheme {scheme}", name, expected=expected, found=str(value))
 
 
-def initial_gaussians(scheme: str, pair: Pair, max_gaussians: int, seed: int) -> Parameters:
+def initial_gaussians(pair: Pair, max_gaussians: int, seed: int) -> Parameters:
     """Return the Gaussians that training starts from, at no more than `max_gaussians` of the pair's points."""
-    require(scheme, "max_gaussians", max_gaussians, f"at least {LEAST_POINTS}", fits=max_gaussians >= LEAST_POINTS)
     return gaussians_at(*thinned(*pair.points, max_gaussians, seed))
 
 
@@ -144,10 +158,5 @@ def hide(
 ) -> tuple[PublicModel, Key | None]:
     """Embed the pair's message in its scene, or raise `InputError` if a setting is unknown or out of range."""
     scheme.require_settings(settings)
-    chosen = scheme.settings | settings
-    iterations = chosen.get("iterations", 1)
-    require(scheme.name, "iterations", iterations, "at least 1", fits=float(iterations) >= 1)
-    weight = float(chosen["message_weight"])
-    require(scheme.name, "message_weight", chosen["message_weight"], "at least 0", fits=0 <= weight < math.inf)
     require(scheme.name, "seed", seed, "at least 0", fits=seed >= 0)
     return scheme.embed(pair, seed, device, **settings)

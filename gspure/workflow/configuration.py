@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Collection, Iterator, Mapping
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from gspure.cameras import GENERATED
 from gspure.errors import InputError, did_you_mean, reading
+from gspure.evaluation.controls import CONTROLS
+
+if TYPE_CHECKING:
+    from gspure.schemes.scheme import Scheme
+
+_FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")
+"""Folders of a model beside those of its variants."""
+
+_KINDS: Final[Mapping[type, tuple[str, type | tuple[type, ...]]]] = {
+    str: ("a text", str),
+    int: ("a whole number", int),
+    float: ("a number", (int, float)),
+}
+"""What a setting takes, in words and as types, by the type of its default."""
 
 _EXPECTED = {
     "type": "type {}",
@@ -18,6 +35,7 @@ _EXPECTED = {
     "minimum": "at least {}",
     "maximum": "at most {}",
     "exclusiveMinimum": "more than {}",
+    "exclusiveMaximum": "less than {}",
 }
 """The expected value in words, by keyword of the schema."""
 
@@ -34,7 +52,7 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
     with reading(source, "settings"):  # nested too deep, or a number too long to print
         filled = dict(deepcopy(config))
         _require_text_keys(filled, source)
-        errors = _filling_validator(jsonschema.Draft202012Validator)(schema).iter_errors(filled)
+        errors = _strict_validator(jsonschema.Draft202012Validator)(schema).iter_errors(filled)
         if error := jsonschema.exceptions.best_match(errors):
             raise _refusal(error, source)
         return filled
@@ -61,6 +79,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     from gspure.evaluation.detector import words_of
     from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
     from gspure.schemes.registry import schemes
+    from gspure.workflow.decisions import DEFAULT
 
     settled = deepcopy(dict(config))
     if not settled["assets"] and not (settled["pairs"] and settled["schemes"]):
@@ -76,18 +95,23 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     for name, pair in settled["pairs"].items():
         _settle_pair(pair, source, f"pairs.{name}")
     _require_different(settled["pairs"], source)
+    if DEFAULT in settled["decisions"]:
+        raise InputError(source, f"decisions.{DEFAULT}", expected="another name than that of the method", found=DEFAULT)
     available = {name: attack.settings for name, attack in attacks().items()}
     for variant, settings in settled["variants"].items():
         attack = settings.setdefault("attack", variant)
+        _check_name(variant, attack, source)
         _check_settings(settings, attack, available, source, f"variants.{variant}")
+        _check_ranges(settings, available[attack], source, f"variants.{variant}")
         _check_decision(settings, settled["decisions"], source, f"variants.{variant}")
         _check_damage(settings, source, f"variants.{variant}")
-    settled["variants"] = _at_damages(settled["variants"])
+    settled["variants"] = _at_damages(settled["variants"], source)
     known = schemes() if settled["schemes"] else {}
     available = {name: scheme.settings for name, scheme in known.items()}
     photographed = [f"pairs.{name} of photographs" for name, pair in settled["pairs"].items() if "photographs" in pair]
     for scheme, settings in settled["schemes"].items():
         _check_settings(settings, scheme, available, source, f"schemes.{scheme}")
+        _check_scheme(known[scheme], settings, source)
         if photographed and known[scheme].ray_traced_only:
             raise InputError(source, f"schemes.{scheme}", expected="ray-traced pairs only", found=photographed[0])
     return settled
@@ -188,9 +212,52 @@ def _check_settings(
         if setting not in known:
             expected = f"one of {', '.join(known) or 'no settings'}"
             raise InputError(source, f"{place}.{setting}", expected=expected, found="an unknown key")
-        if isinstance(given[setting], str) != isinstance(known[setting], str):
-            expected = "a text" if isinstance(known[setting], str) else "a number"
+        expected, accepted = _KINDS[type(known[setting])]
+        if not isinstance(given[setting], accepted):
             raise InputError(source, f"{place}.{setting}", expected=expected, found=repr(given[setting]))
+
+
+def _check_name(variant: str, attack: str, source: str | Path) -> None:
+    """Refuse names of controls and of folders, and other attacks under names that all others are compared with."""
+    from gspure.evaluation.outcomes import GSPURE, UNATTACKED
+
+    if variant in {*CONTROLS, *_FOLDERS}:
+        expected = f"a name other than {', '.join([*CONTROLS, *_FOLDERS])}"
+        raise InputError(source, f"variants.{variant}", expected=expected, found=variant)
+    if variant in {UNATTACKED, GSPURE} and attack != variant:
+        raise InputError(source, f"variants.{variant}.attack", expected=variant, found=repr(attack))
+
+
+def _check_ranges(settings: Mapping[str, Any], known: Mapping[str, Any], source: str | Path, place: str) -> None:
+    """Refuse settings that the attack refuses on a model of a single Gaussian."""
+    from gspure.attacks import Evidence, find_attack
+    from gspure.model import Gaussians
+
+    chosen = {name: value for name, value in settings.items() if name in known}
+    one = np.ones((1, 1), np.float32)
+    shapes = {"means": 3, "quats": 4, "log_scales": 3}
+    columns = {name: np.repeat(one, count, 1) for name, count in shapes.items()}
+    model = Gaussians.from_stored(**columns, opacity_logits=one[0], sh_coeffs=np.ones((1, 16, 3), np.float32))
+    evidence = Evidence(one[0], np.zeros(1, np.bool_), one[0], one[0], np.zeros(1, np.int32))
+    try:
+        find_attack(settings["attack"]).apply(model, evidence, **chosen)
+    except InputError as error:
+        if error.field in chosen:
+            raise InputError(source, f"{place}.{error.field}", expected=error.expected, found=error.found) from None
+    except Exception:  # noqa: BLE001, S110 - a plug-in may need a larger model
+        pass
+
+
+def _check_scheme(scheme: Scheme, settings: Mapping[str, Any], source: str | Path) -> None:
+    """Refuse settings out of range, and schemes without a message."""
+    place = f"schemes.{scheme.name}"
+    try:
+        scheme.require_settings({name: value for name, value in settings.items() if name != "seed"})
+    except InputError as error:
+        raise InputError(source, f"{place}.{error.field}", expected=error.expected, found=error.found) from None
+    if not settings.get("message_weight", 1):
+        hint = "clean models, without a message, are trained in any case"
+        raise InputError(source, f"{place}.message_weight", expected="more than 0", found="0", hint=hint)
 
 
 def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], source: str | Path, place: str) -> None:
@@ -221,7 +288,7 @@ def _check_damage(variant: Mapping[str, Any], source: str | Path, place: str) ->
         raise InputError(source, f"{place}.{strength.setting}", expected=expected, found=found)
 
 
-def _at_damages(variants: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+def _at_damages(variants: Mapping[str, Mapping[str, Any]], source: str | Path) -> dict[str, dict[str, Any]]:
     """Return the variants, with one for each damage in place of those that list several."""
     from gspure.evaluation.matched import variant_at
 
@@ -229,14 +296,20 @@ def _at_damages(variants: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str
     for name, settings in variants.items():
         listed = settings.get("damage", [])
         for damage in listed if isinstance(listed, list) else [listed]:
-            expanded[variant_at(name, damage)] = {**settings, "damage": damage}
+            if (variant := variant_at(name, damage)) in expanded:
+                found = f"{variant} twice"
+                raise InputError(source, f"variants.{name}.damage", expected="different damages", found=found)
+            expanded[variant] = {**settings, "damage": damage}
         if "damage" not in settings:
             expanded[name] = dict(settings)
     return expanded
 
 
-def _filling_validator(base: Any) -> Any:
-    """Extend a validator class: before it looks into an object, it sets the absent properties to their defaults."""
+def _strict_validator(base: Any) -> Any:
+    """Extend a validator class: numbers are finite, whole ones have no decimal point, and it fills in defaults.
+
+    Before it looks into an object, it sets the absent properties to their defaults.
+    """
     from jsonschema.validators import extend
 
     def fill(validator: Any, properties: Mapping[str, Any], instance: Any, schema: Mapping[str, Any]) -> Iterator[Any]:
@@ -246,7 +319,14 @@ def _filling_validator(base: Any) -> Any:
                     instance.setdefault(name, deepcopy(subschema["default"]))
         yield from base.VALIDATORS["properties"](validator, properties, instance, schema)
 
-    return extend(base, {"properties": fill})  # type: ignore[no-untyped-call]
+    def is_number(_checker: Any, value: object) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+    def is_integer(_checker: Any, value: object) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool)
+
+    types = base.TYPE_CHECKER.redefine_many({"number": is_number, "integer": is_integer})
+    return extend(base, {"properties": fill}, type_checker=types)  # type: ignore[no-untyped-call]
 
 
 def _refusal(error: Any, source: str | Path) -> InputError:

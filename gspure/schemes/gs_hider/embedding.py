@@ -41,7 +41,7 @@ def embed(
 
     Raise `InputError` if a setting is out of range, or PyTorch is missing.
     """
-    begin = initial_gaussians("gs_hider", pair, max_gaussians, seed)
+    begin = initial_gaussians(pair, max_gaussians, seed)
     from gspure.schemes.gs_hider.training import Training
 
     run = Training(

@@ -53,7 +53,6 @@ def embed(
     setting is out of range, or the pair is not a ray-traced one.
     """
     require("planted", "message_weight", message_weight, "0 or 1", fits=message_weight in (0, 1))
-    require("planted", "gaussians", gaussians, f"at least {LEAST_GAUSSIANS}", fits=gaussians >= LEAST_GAUSSIANS)
     if pair.staging is None:
         raise InputError("scheme planted", "pair", expected="a ray-traced pair", found="no record of its scenes")
     rng = np.random.default_rng(seed)

@@ -1,8 +1,10 @@
 """SecureGS (Zhang et al. 2025) on Scaffold-GS: public anchors, from which private networks compute other Gaussians."""
 
+import math
+
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Scheme
-from gspure.schemes.secure_gs.embedding import embed
+from gspure.schemes.secure_gs.embedding import LEAST_ANCHORS, embed
 from gspure.schemes.secure_gs.files import UNITED
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.public_model import AnchorModel
@@ -16,6 +18,7 @@ SCHEME = Scheme(
     AnchorModel.read,
     HiddenKey.read,
     {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
+    ranges={"max_anchors": (LEAST_ANCHORS, math.inf), "density": (1, math.inf)},
     tau_c=ANCHOR_TAU_C,
     tau_n=ANCHOR_TAU_N,
     signature=("f_anchor_feat_0", "f_offset_0"),

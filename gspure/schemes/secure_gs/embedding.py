@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import require
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors, table_of
 from gspure.schemes.secure_gs.files import PRIVATE, PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
@@ -36,6 +35,8 @@ K: Final = 10
 
 FIRST_SHARE: Final = 0.5
 """Largest number of initial anchors, as a share of `max_anchors`. Ours."""
+
+LEAST_ANCHORS: Final = math.ceil(LEAST_POINTS / FIRST_SHARE)
 
 VOXEL_GROWTH: Final = 1.1
 """Factor by which voxels grow until few enough are occupied. Ours."""
@@ -66,9 +67,6 @@ def embed(
         A setting is out of range, or PyTorch is missing.
 
     """
-    least = math.ceil(LEAST_POINTS / FIRST_SHARE)
-    require("secure_gs", "max_anchors", max_anchors, f"at least {least}", fits=max_anchors >= least)
-    require("secure_gs", "density", density, "at least 1", fits=1 <= density < math.inf)
     from gspure.schemes.secure_gs.training import Training
     from gspure.training.pytorch import single_threaded
 

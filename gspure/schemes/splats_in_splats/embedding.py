@@ -7,7 +7,6 @@ mapped opacities, which extraction uses instead of the trained ones.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Final
 
@@ -20,7 +19,7 @@ from gspure.opencl.trainable import Parameters
 from gspure.progress import say
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import initial_gaussians, require
+from gspure.schemes.scheme import initial_gaussians
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
@@ -54,10 +53,7 @@ def embed(
     is 1; `shift` is k of `gspure.schemes.splats_in_splats.bits`; `hardened` keeps the message off the rows that
     ``plain_weight`` removes with this tau, 0 trains as in the paper.
     """
-    require("splats_in_splats", "hardened", hardened, "at least 0", fits=0 <= hardened < math.inf)
-    least, most = bits.SHIFT_RANGE
-    require("splats_in_splats", "shift", shift, f"{least} to {most}", fits=least <= shift <= most)
-    begin = initial_gaussians("splats_in_splats", pair, max_gaussians, seed)
+    begin = initial_gaussians(pair, max_gaussians, seed)
     device = device or choose_device()
     if not message_weight:
         clean = train(
