@@ -37,7 +37,7 @@ def embed(
     Raise `InputError` if a setting is out of range, or PyTorch is missing.
     """
     require("keyss", "network_rate", network_rate, "more than 0", fits=0 < network_rate < math.inf)
-    begin = initial_gaussians("keyss", pair, max_gaussians, seed)
+    begin = initial_gaussians(pair, max_gaussians, seed)
     from gspure.schemes.keyss.training import Training
     from gspure.training.pytorch import single_threaded
 
