@@ -15,6 +15,7 @@ from gspure.opencl.device import Device
 
 def describe(device: Device) -> dict[str, str]:
     """Return what a reader of the results needs to know."""
+    other = os.environ.get("POCL_LLVM_CPU_NAME")
     return {
         "processor": _processor(),
         "cores": str(CORES),
@@ -22,7 +23,7 @@ def describe(device: Device) -> dict[str, str]:
         "load before": f"{os.getloadavg()[0]:.1f}",
         "OpenCL device": device.name,
         "OpenCL driver": f"{device.platform} {device.driver}",
-        "kernels compiled for": os.environ.get("POCL_LLVM_CPU_NAME", "this processor"),
+        "kernels compiled for": f"{other}, but run on the processor above" if other else "this processor",
         "software": f"{platform.system()}, Python {platform.python_version()}, numpy {np.__version__}",
     }
 

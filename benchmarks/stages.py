@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.model import Gaussians
-from gspure.opencl.binning import TileLists, bands, bin_tiles, gather_footprints
+from gspure.opencl.binning import TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Frame, Traversal
@@ -44,9 +44,9 @@ class Stages:
 
     def bin(self) -> None:
         """Build the tile lists."""
-        footprints = gather_footprints(self.frame, self.projected, self.order)
-        (whole,) = bands(self.frame, footprints, ENTRY_BUDGET)
-        self.lists = bin_tiles(self.frame, self.projected, footprints, whole)
+        bounds = bound_entries(self.frame, self.projected, self.order)
+        (whole,) = bands(self.frame, self.projected, bounds, ENTRY_BUDGET)
+        self.lists = bin_tiles(self.frame, self.projected, bounds, whole)
         self.engine.queue.finish()
 
     def blend(self, *, contributions: bool | None = None) -> None:

@@ -2,9 +2,8 @@
 //
 // The visible Gaussians are already in depth order; a stable counting sort by tile keeps that order in every list.
 // The depth order is cut into `chunks` contiguous parts, one work-item each:
-//   gather_footprints  footprints in depth order (once per frame), and the most entries of each chunk: the area of its
-//                      tile rectangles
-//   bound_entries      the same for a band of tile rows, if one band does not fit
+//   bound_entries      the most entries of each chunk: the area of its tile rectangles
+//   bound_band         the same for a band of tile rows, if one band does not fit
 //   (host)             prefix sums: the first entry of each chunk
 //   emit_entries       walk the tiles of each Gaussian: its position and tile per entry, and the histogram of tiles
 //   scan_chunks        (counting.cl), then prefix sums over the tiles on the host
@@ -38,27 +37,48 @@ inline Footprint load_footprint(float8 f, int band_first, int band_last) {
     return p;
 }
 
-inline float half_width(const Footprint *p, float y) {
-    float square = p->width2 * (1.0f - y * y * p->inverse_syy);
-    return sqrt(square > 0.0f ? square : 0.0f);
+// Several tile rows at a time in the cpu style.
+#if LANES == 16
+#define SPAN_ROWS 8
+#define EMITTED_AT_A_TIME 8
+typedef float8 R;
+typedef int8 N;
+#define STEPS ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
+#define TO_ROWS(x) convert_float8(x)
+#define TO_COLUMNS(x) convert_int8(x)
+#else
+#define SPAN_ROWS 1
+#define EMITTED_AT_A_TIME 1
+typedef float R;
+typedef int N;
+#define STEPS 0
+#define TO_ROWS(x) convert_float(x)
+#define TO_COLUMNS(x) convert_int(x)
+#endif
+
+inline R half_width(const Footprint *p, R y) {
+    R square = p->width2 * (1.0f - y * y * p->inverse_syy);
+    return sqrt(square > (R)0.0f ? square : (R)0.0f);
 }
 
-// Tile columns [begin, end) of tile row `ty` (one of the rectangle's) that hold a pixel centre of the ellipse. Inlined by
-// force: PoCL would call it, with the footprint in memory, at an eighth of the time of binning.
-__attribute__((always_inline)) inline int2 row_span(const Footprint *p, int ty) {
-    if (p->unbounded || p->first == p->last) return (int2)(p->first, p->last + 1);
+// Tile columns [begin, end) of the tile rows from `ty` on (of the rectangle's) that hold a pixel centre of the ellipse.
+// Inlined by force: PoCL would call it, with the footprint in memory, at an eighth of the time of binning.
+__attribute__((always_inline)) inline void row_spans(const Footprint *p, int ty, N *begin, N *end) {
     // The band of pixel centres, relative to the centre; x over it is extreme at the ellipse's own extreme points, or at
     // the band's edges.
-    float low = ty * TILE + (0.5f - FOOTPRINT_MARGIN) - p->y, high = low + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
-    float y_left = CLAMP(-p->y_extreme, low, high), y_right = CLAMP(p->y_extreme, low, high);
-    float left = p->x + (p->slope * y_left - half_width(p, y_left)) - FOOTPRINT_MARGIN;
-    float right = p->x + (p->slope * y_right + half_width(p, y_right)) + FOOTPRINT_MARGIN;
-    if (right < 0.0f) return (int2)(0, 0);
-    float limit = (p->last + 1) * TILE;  // keeps the conversions to int defined
-    left = CLAMP(left, 0.0f, limit);
-    int first = left, last = right < limit ? right : limit;
-    first += first < left;  // rounds up
-    return (int2)(max(p->first, first / TILE), min(p->last, last / TILE) + 1);
+    R low = TO_ROWS(STEPS + ty) * TILE + (0.5f - FOOTPRINT_MARGIN) - p->y, high = low + (TILE - 1 + 2.0f * FOOTPRINT_MARGIN);
+    R y_left = CLAMP((R)-p->y_extreme, low, high), y_right = CLAMP((R)p->y_extreme, low, high);
+    R left = p->x + (p->slope * y_left - half_width(p, y_left)) - FOOTPRINT_MARGIN;
+    R right = p->x + (p->slope * y_right + half_width(p, y_right)) + FOOTPRINT_MARGIN;
+    R limit = (R)((p->last + 1) * TILE);  // keeps the conversions to int defined
+    left = CLAMP(left, (R)0.0f, limit);
+    N first = TO_COLUMNS(left), last = TO_COLUMNS(CLAMP(right, (R)0.0f, limit));
+    first += TO_ROWS(first) < left ? (N)1 : (N)0;  // rounds up
+    first = max(first / TILE, (N)p->first), last = min(last / TILE, (N)p->last) + 1;
+    last = right < (R)0.0f ? first : last;
+    N whole = (N)(p->unbounded || p->first == p->last ? -1 : 0);
+    *begin = whole ? (N)p->first : first;
+    *end = whole ? (N)(p->last + 1) : last;
 }
 
 #if RAY
@@ -118,88 +138,105 @@ inline int2 touched_span(__global const float *s, int2 span, int ty) {
 }
 #endif
 
+#define STAGED 32  // footprints
+
 #define CHUNK_OF_VISIBLE                                        \
     uint chunk = get_global_id(0);                              \
     if (chunk >= chunks) return;                                \
     uint chunk_size = (visible + chunks - 1) / chunks;          \
     uint begin = min(chunk * chunk_size, visible), end = min(begin + chunk_size, visible);
 
-inline uint tile_area(float8 footprint, int band_first, int band_last) {
-    uint columns = as_uint(footprint.s5), rows = as_uint(footprint.s6);
-    int top = max((int)(rows & 0xffff), band_first), bottom = min((int)(rows >> 16), band_last);
-    return ((columns >> 16) - (columns & 0xffff) + 1) * max(bottom - top + 1, 0);
+__kernel void bound_entries(uint visible, uint chunks,
+                            __global const uint *order,  // [V]
+                            __global const uint *areas,  // [K]
+                            __global uint *bounds) {     // [chunks]
+    CHUNK_OF_VISIBLE
+    uint area = EMITTED_AT_A_TIME;
+    for (uint rank = begin; rank < end; rank++) area += areas[order[rank]];
+    bounds[chunk] = area;
 }
 
-__kernel void gather_footprints(uint visible, uint chunks,
-                                __global const uint *order,          // [V]
-                                __global const float *footprints,    // [K,FOOTPRINT_FLOATS]
-                                __global float *ordered_footprints,  // [V,FOOTPRINT_FLOATS]
-                                __global uint *bounds) {             // [chunks]
+__kernel void bound_band(uint visible, uint chunks, int band_first, int band_last,
+                         __global const uint *order,        // [V]
+                         __global const float *footprints,  // [K,FOOTPRINT_FLOATS]
+                         __global uint *bounds) {           // [chunks]
     CHUNK_OF_VISIBLE
-    uint area = 0;
+    uint area = EMITTED_AT_A_TIME;
     for (uint rank = begin; rank < end; rank++) {
-        float8 footprint = vload8(order[rank], footprints);
-        vstore8(footprint, rank, ordered_footprints);
-        area += tile_area(footprint, 0, 0xffff);
+        Footprint f = load_footprint(vload8(order[rank], footprints), band_first, band_last);
+        area += (f.last - f.first + 1) * max(f.bottom - f.top + 1, 0);
     }
     bounds[chunk] = area;
 }
 
-__kernel void bound_entries(uint visible, uint chunks, int band_first, int band_last,
-                            __global const float *ordered_footprints,  // [V,FOOTPRINT_FLOATS]
-                            __global uint *bounds) {                   // [chunks]
-    CHUNK_OF_VISIBLE
-    uint area = 0;
-    for (uint rank = begin; rank < end; rank++)
-        area += tile_area(vload8(rank, ordered_footprints), band_first, band_last);
-    bounds[chunk] = area;
+// Writes (tile, position) of `count` tiles from `tile` on, and up to EMITTED_AT_A_TIME more behind them: without a branch for
+// few tiles, which would often be mispredicted.
+inline void emit(uint tile, uint position, int count, __global ulong *out) {
+    ulong first = (ulong)position << 32 | tile;
+    int i = 0;
+    do {
+#if LANES == 16
+        vstore8(first + i + (ulong8)(0, 1, 2, 3, 4, 5, 6, 7), 0, out + i);
+#else
+        out[i] = first + i;
+#endif
+        i += EMITTED_AT_A_TIME;
+    } while (i < count);
 }
 
 __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_first, int band_last,
-                           __global const uint *order,                // [V]
-                           __global const float *splats,              // [K,SPLAT]
-                           __global const float *ordered_footprints,  // [V,FOOTPRINT_FLOATS]
-                           __global const uint *chunk_starts,         // [chunks+1]
-                           __global uint *chunk_ends,                 // [chunks]
-                           __global uint2 *emitted,                   // [E], (tile, position)
-                           __global uint2 *slot_ranges,               // [V]
-                           __global uint *histogram) {                // [chunks,tiles]
+                           __global const uint *order,         // [V]
+                           __global const float *splats,       // [K,SPLAT]
+                           __global const float *footprints,   // [K,FOOTPRINT_FLOATS]
+                           __global const uint *chunk_starts,  // [chunks+1]
+                           __global uint *chunk_ends,          // [chunks]
+                           __global ulong *emitted,            // [E], tile | position << 32
+                           __global uint2 *slot_ranges,        // [V]
+                           __global uint *histogram) {         // [chunks,tiles]
     CHUNK_OF_VISIBLE
-    uint band_tiles = (band_last - band_first + 1) * tiles_x;
-    __global uint *h = histogram + (size_t)chunk * band_tiles;
-    for (uint tile = 0; tile < band_tiles; tile++) h[tile] = 0;
     uint slot = chunk_starts[chunk];
+    float staged[STAGED * FOOTPRINT_FLOATS];
     for (uint rank = begin; rank < end; rank++) {
-        Footprint footprint = load_footprint(vload8(rank, ordered_footprints), band_first, band_last);
+        uint place = (rank - begin) % STAGED;
+        if (place == 0)  // nothing but loads, so that many cache misses are under way at a time
+            for (uint i = 0; i < min((uint)STAGED, end - rank); i++) vstore8(vload8(order[rank + i], footprints), i, staged);
+        Footprint footprint = load_footprint(vload8(place, staged), band_first, band_last);
         uint position = order[rank], first_slot = slot;
-        for (int ty = footprint.top; ty <= footprint.bottom; ty++) {
-            int2 span = row_span(&footprint, ty);
+        for (int ty = footprint.top; ty <= footprint.bottom; ty += SPAN_ROWS) {
+            union {
+                N v;
+                int i[SPAN_ROWS];
+            } first, last;
+            row_spans(&footprint, ty, &first.v, &last.v);
+            for (int r = 0; r < SPAN_ROWS && ty + r <= footprint.bottom; r++) {
+                int2 span = (int2)(first.i[r], last.i[r]);
 #if RAY
-            if (footprint.unbounded) span = touched_span(splats + (size_t)SPLAT * position, span, ty);
+                if (footprint.unbounded) span = touched_span(splats + (size_t)SPLAT * position, span, ty + r);
 #endif
-            uint tile = (ty - band_first) * tiles_x + span.x;
-            for (int tx = span.x; tx < span.y; tx++, tile++) {
-                h[tile]++;
-                emitted[slot++] = (uint2)(tile, position);
+                emit((ty + r - band_first) * tiles_x + span.x, position, span.y - span.x, emitted + slot);
+                slot += max(span.y - span.x, 0);
             }
         }
         slot_ranges[rank] = (uint2)(first_slot, slot);
     }
     chunk_ends[chunk] = slot;
+    uint band_tiles = (band_last - band_first + 1) * tiles_x;
+    __global uint *h = histogram + (size_t)chunk * band_tiles;
+    for (uint tile = 0; tile < band_tiles; tile++) h[tile] = 0;
+    for (uint i = chunk_starts[chunk]; i < slot; i++) h[(uint)emitted[i]]++;
 }
 
 __kernel void scatter_entries(uint chunks, uint band_tiles,
                               __global const uint *chunk_starts,       // [chunks+1]
                               __global const uint *chunk_ends,         // [chunks]
-                              __global const uint2 *emitted,           // [E], (tile, position)
+                              __global const ulong *emitted,           // [E], tile | position << 32
                               __global uint *histogram,                // [chunks,tiles]
                               __global const uint *tile_starts,        // [tiles+1]
                               __global uint2 *entries) {               // [E], (position, slot)
     uint chunk = get_global_id(0);
     if (chunk >= chunks) return;
     __global uint *h = histogram + (size_t)chunk * band_tiles;
-    for (uint slot = chunk_starts[chunk]; slot < chunk_ends[chunk]; slot++) {
-        uint2 entry = emitted[slot];
-        entries[tile_starts[entry.x] + h[entry.x]++] = (uint2)(entry.y, slot);
-    }
+    for (uint tile = 0; tile < band_tiles; tile++) h[tile] += tile_starts[tile];
+    for (uint slot = chunk_starts[chunk]; slot < chunk_ends[chunk]; slot++)
+        entries[h[(uint)emitted[slot]]++] = (uint2)(emitted[slot] >> 32, slot);
 }

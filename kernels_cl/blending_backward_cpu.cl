@@ -11,7 +11,28 @@
 
 #define CHUNK 16  // entries that are staged together, and between looks at which rows are still alive
 
-inline bool alive(float16 transmittance) { return any(transmittance > (float16)0.0f); }
+inline uint union16(int16 v) {
+    int8 a = v.lo | v.hi;
+    int4 b = a.lo | a.hi;
+    int2 c = b.lo | b.hi;
+    return c.x | c.y;
+}
+
+// sum16 of eight vectors, added in the same order, with a third of the shuffles.
+inline float8 sums16(const float16 *v) {
+    float16 halves[4], quarters[2];
+#pragma unroll
+    for (int i = 0; i < 4; i++)
+        halves[i] = (float16)(v[2 * i].lo, v[2 * i + 1].lo) + (float16)(v[2 * i].hi, v[2 * i + 1].hi);
+#pragma unroll
+    for (int i = 0; i < 2; i++) {
+        float16 a = halves[2 * i], b = halves[2 * i + 1];
+        quarters[i] = (float16)(a.s012389ab, b.s012389ab) + (float16)(a.s4567cdef, b.s4567cdef);
+    }
+    float16 a = quarters[0], b = quarters[1];
+    float16 pairs = (float16)(a.s014589cd, b.s014589cd) + (float16)(a.s2367abef, b.s2367abef);
+    return pairs.even + pairs.odd;
+}
 
 #if CHANNELS == 3
 // Parts 16 interleaved colours; compiles to shuffles, while 48 loads become slow gathers.
@@ -54,7 +75,7 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
     int left = (first_tile + tile) % tiles_x * TILE, top = (first_tile + tile) / tiles_x * TILE;
     const float16 steps = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     const float16 column = steps + (left + 0.5f), row = steps + (top + 0.5f);
-    const float16 bit_of_row = (float16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768);
+    const int16 bit_of_row = (int16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768);
 
     float16 T[TILE], F[TILE], g[TILE * CHANNELS];
     int rows = min(TILE, height - top), columns = min(TILE, width - left);
@@ -69,7 +90,8 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
         for (int c = 0; c < CHANNELS; c++) F[r] += colour[c] * g[r * CHANNELS + c];
     }
 
-    float staged[CHUNK * SPLAT];
+    float staged[CHUNK * SPLAT], slants[CHUNK * TILE], levels[CHUNK * TILE], downs[CHUNK * TILE];
+    uint reached[CHUNK];  // bits of the rows
     uint live = (1u << rows) - 1, count;
     for (; next < end && live; next += count) {
         count = min((uint)CHUNK, end - next);
@@ -79,19 +101,21 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
         }
         for (uint j = 0; j < count; j++) {
             const float *s = staged + SPLAT * j;
-            float16 dx = column - s[SPLAT_U], dy = row - s[SPLAT_V], terms[ROW_TERMS];
+            float16 dy = row - s[SPLAT_V], terms[ROW_TERMS];
             row_terms(dy, s, terms);
-            uint reached = sum16(reached_rows(dx, terms, s) ? bit_of_row : (float16)0.0f);
-            float slant[TILE], level[TILE], down[TILE];
-            vstore16(terms[0], 0, slant);
-            vstore16(terms[1], 0, level);
-            vstore16(s[SPLAT_C] * dy, 0, down);
-            float16 moments[MOMENTS], dc[CHANNELS];
+            reached[j] = union16(reached_rows(column - s[SPLAT_U], terms, s) & bit_of_row);
+            vstore16(terms[0], j, slants);
+            vstore16(terms[1], j, levels);
+            vstore16(s[SPLAT_C] * dy, j, downs);
+        }
+        for (uint j = 0; j < count; j++) {
+            const float *s = staged + SPLAT * j, *slant = slants + TILE * j, *level = levels + TILE * j, *down = downs + TILE * j;
+            float16 dx = column - s[SPLAT_U], sums[MOMENTS + CHANNELS], *moments = sums, *dc = sums + MOMENTS;
 #pragma unroll
             for (int i = 0; i < MOMENTS; i++) moments[i] = (float16)0.0f;
 #pragma unroll
             for (int c = 0; c < CHANNELS; c++) dc[c] = (float16)0.0f;
-            for (uint rest = reached & live; rest; rest &= rest - 1) {
+            for (uint rest = reached[j] & live; rest; rest &= rest - 1) {
                 uint r = popcount((rest & -rest) - 1);
                 float16 a = s[SPLAT_A] * dx + slant[r], b = (float16)down[r];
                 float16 exponent = level[r] - a * a;
@@ -119,12 +143,17 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
             }
             __global float *out = slot_gradients + (size_t)SLOT_GRADIENT * entries[next + j].y;
 #pragma unroll
-            for (int i = 0; i < MOMENTS; i++) out[i] = sum16(moments[i]);
+            for (int i = 0; i + 8 <= SLOT_GRADIENT; i += 8) vstore8(sums16(sums + i), 0, out + i);
 #pragma unroll
-            for (int c = 0; c < CHANNELS; c++) out[MOMENTS + c] = sum16(dc[c]);
+            for (int i = SLOT_GRADIENT / 8 * 8; i < SLOT_GRADIENT; i++) out[i] = sum16(sums[i]);
         }
-        for (int r = 0; r < rows; r++) live &= ~((uint)!alive(T[r]) << r);
+        int16 alive = (int16)0;
+        for (int r = 0; r < rows; r++) alive |= T[r] > (float16)0.0f ? (int16)(1 << r) : (int16)0;
+        live &= union16(alive);
     }
-    for (; next < end; next++)  // entries behind the point where every pixel had finished
-        for (int i = 0; i < SLOT_GRADIENT; i++) slot_gradients[(size_t)SLOT_GRADIENT * entries[next].y + i] = 0.0f;
+    for (; next < end; next++) {  // entries behind the point where every pixel had finished
+        __global float *out = slot_gradients + (size_t)SLOT_GRADIENT * entries[next].y;
+#pragma unroll
+        for (int i = 0; i < SLOT_GRADIENT; i++) out[i] = 0.0f;
+    }
 }

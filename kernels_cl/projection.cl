@@ -209,6 +209,7 @@ __kernel void project(uint count, int width, int height,
                       __global const float *channels,  // [blocks,CHANNEL_ATTRIBUTES,BLOCK]
                       __global float *splats,          // [K,SPLAT]
                       __global float *footprints,      // [K,FOOTPRINT_FLOATS]
+                      __global uint *areas,            // [K], of the tile rectangles, in tiles
                       __global uint *depth_keys) {     // [K]
     uint position = get_global_id(0) * LANES;
     if (position >= count) return;
@@ -231,6 +232,10 @@ __kernel void project(uint count, int width, int height,
         V v[FOOTPRINT_FLOATS];
         float f[FOOTPRINT_FLOATS * LANES];
     } footprint;
+    union {
+        U v;
+        uint u[LANES];
+    } key, area;
     if (ANY(visible)) {
         V axes[9], scale[3] = {SCALE(0), SCALE(1), SCALE(2)};
         view_axes(camera, geometry, position, axes);
@@ -259,8 +264,10 @@ __kernel void project(uint count, int width, int height,
         footprint.v[FOOTPRINT_Y_EXTREME] = e.sxy / sqrt(e.sxx);
         footprint.v[FOOTPRINT_INVERSE_SYY] = e.unbounded ? (V)0.0f : 1.0f / e.syy;
         footprint.v[FOOTPRINT_WIDTH2] = MAX(e.width2, (V)0.0f);
-        footprint.v[FOOTPRINT_TILES_X] = AS_FLOAT(tile_range(columns));
-        footprint.v[FOOTPRINT_TILES_Y] = AS_FLOAT(tile_range(rows));
+        columns = tile_range(columns), rows = tile_range(rows);
+        footprint.v[FOOTPRINT_TILES_X] = AS_FLOAT(columns);
+        footprint.v[FOOTPRINT_TILES_Y] = AS_FLOAT(rows);
+        area.v = ((columns >> 16) - (columns & 0xffffu) + 1) * ((rows >> 16) - (rows & 0xffffu) + 1);
     }
 #if CHANNELS > 0
     if (ANY(visible)) {
@@ -275,10 +282,6 @@ __kernel void project(uint count, int width, int height,
     }
 #endif
 
-    union {
-        U v;
-        uint u[LANES];
-    } key;
     key.v = visible ? AS_UINT(mean[2]) : (U)NOT_VISIBLE;
     for (uint lane = 0; lane < LANES && position + lane < count; lane++) {
         depth_keys[position + lane] = key.u[lane];
@@ -287,5 +290,6 @@ __kernel void project(uint count, int width, int height,
         for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splat.f[i * LANES + lane];
         __global float *f = footprints + (size_t)FOOTPRINT_FLOATS * (position + lane);
         for (int i = 0; i < FOOTPRINT_FLOATS; i++) f[i] = footprint.f[i * LANES + lane];
+        areas[position + lane] = area.u[lane];
     }
 }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gspure.constants import ALPHA_MIN, TILE
-from gspure.opencl.binning import bands, bin_tiles, gather_footprints
+from gspure.opencl.binning import bands, bin_tiles, bound_entries
 from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
@@ -24,12 +24,12 @@ class Lists:
         frame = Frame(engine, storage, view, Traversal(energy))
         projected = project(frame)
         order = sort_by_depth(engine, storage, projected.depth_keys)
-        footprints = gather_footprints(frame, projected, order)
+        bounds = bound_entries(frame, projected, order)
         self.front_to_back = storage.order[engine.read(order.positions, (order.visible,), np.uint32)]
-        self.bands = bands(frame, footprints, entry_budget)
+        self.bands = bands(frame, projected, bounds, entry_budget)
         self.tiles, self.capacities = [], []
         for band in self.bands:
-            lists = bin_tiles(frame, projected, footprints, band)
+            lists = bin_tiles(frame, projected, bounds, band)
             columns, _ = frame.tiles
             starts = engine.read(lists.tile_starts, (len(band) * columns + 1,), np.uint32)
             positions, slots = engine.read(lists.entries, (starts[-1], 2), np.uint32).T

@@ -10,19 +10,18 @@ from numpy.typing import NDArray
 
 from gspure.constants import FOOTPRINT_FLOATS
 from gspure.opencl.counting import chunks, first_places, prefix_sums
-from gspure.opencl.engine import Engine, Program
+from gspure.opencl.engine import Program
 from gspure.opencl.frame import Frame
 from gspure.opencl.ordering import DepthOrder
 from gspure.opencl.projection import Projected
 
 
 @dataclass(frozen=True)
-class Footprints:
-    """Footprints of the visible Gaussians in depth `order`, and the most entries of each of their `chunks`."""
+class Bounds:
+    """The most entries of each of the `chunks` that the visible Gaussians in depth `order` are cut into."""
 
     order: DepthOrder
-    ordered: cl.Buffer
-    bounds: cl.Buffer
+    entries: cl.Buffer
     chunks: int
 
 
@@ -42,24 +41,23 @@ class TileLists:
     capacity: int
 
 
-def gather_footprints(frame: Frame, projected: Projected, order: DepthOrder) -> Footprints:
-    """Return the footprints of the visible Gaussians in depth order."""
-    buffers, parts = frame.engine.buffers, chunks(frame.engine, order.visible)
-    ordered, bounds = buffers.ordered_footprints.sized(order.visible, FOOTPRINT_FLOATS), buffers.bounds.sized(parts)
-    arguments = (order.visible, parts, order.positions, projected.footprints, ordered, bounds)
-    _program(frame).launch("gather_footprints", parts, *arguments)
-    return Footprints(order, ordered, bounds, parts)
+def bound_entries(frame: Frame, projected: Projected, order: DepthOrder) -> Bounds:
+    """Bound the entries of a whole frame."""
+    parts = chunks(frame.engine, order.visible)
+    bounds = frame.engine.buffers.bounds.sized(parts)
+    _program(frame).launch("bound_entries", parts, order.visible, parts, order.positions, projected.areas, bounds)
+    return Bounds(order, bounds, parts)
 
 
-def bands(frame: Frame, footprints: Footprints, entry_budget: int) -> list[range]:
+def bands(frame: Frame, projected: Projected, bounds: Bounds, entry_budget: int) -> list[range]:
     """Split the tile rows so that no band can hold more than `entry_budget` entries, unless a single row does."""
     _, rows = frame.tiles
-    with frame.engine.mapped(footprints.bounds, (footprints.chunks,), np.uint32) as bounds:
-        most = int(bounds.sum(dtype=np.uint64))
+    with frame.engine.mapped(bounds.entries, (bounds.chunks,), np.uint32) as entries:
+        most = int(entries.sum(dtype=np.uint64))
     if most <= entry_budget:
         return [range(rows)]
     split, first, held = [], 0, 0
-    for row, bound in enumerate(_entries_per_row(frame.engine, footprints, rows)):
+    for row, bound in enumerate(_entries_per_row(frame, projected, bounds.order)):
         if held and held + bound > entry_budget:
             split.append(range(first, row))
             first, held = row, 0
@@ -67,28 +65,29 @@ def bands(frame: Frame, footprints: Footprints, entry_budget: int) -> list[range
     return [*split, range(first, rows)]
 
 
-def bin_tiles(frame: Frame, projected: Projected, footprints: Footprints, band: range) -> TileLists:
+def bin_tiles(frame: Frame, projected: Projected, bounds: Bounds, band: range) -> TileLists:
     """Build the tile lists of one band."""
     engine, buffers, program = frame.engine, frame.engine.buffers, _program(frame)
     columns, rows = frame.tiles
     tiles, band_rows = len(band) * columns, (band[0], band[-1])
-    order, parts = footprints.order, footprints.chunks
-    shape = (order.visible, parts)
-    bounds = footprints.bounds
+    order, parts = bounds.order, bounds.chunks
+    shape, footprints = (order.visible, parts), projected.footprints
+    most = bounds.entries
     if len(band) < rows:
-        bounds = buffers.band_bounds.sized(parts)
-        program.launch("bound_entries", parts, *shape, *band_rows, footprints.ordered, bounds)
-    chunk_starts, capacity = prefix_sums(engine, bounds, parts, buffers.chunk_starts)
+        most = buffers.band_bounds.sized(parts)
+        program.launch("bound_band", parts, *shape, *band_rows, order.positions, footprints, most)
+    chunk_starts, capacity = prefix_sums(engine, most, parts, buffers.chunk_starts)
     chunk_ends, slot_ranges = buffers.chunk_ends.sized(parts), buffers.slot_ranges.sized(order.visible, 2)
     histogram = buffers.histogram.sized(parts, tiles)
     emitted, entries = buffers.emitted.sized(capacity, 2), buffers.entries.sized(capacity, 2)
     program.launch(
         "emit_entries",
         parts,
-        *(*shape, columns, *band_rows, order.positions, projected.splats, footprints.ordered),
+        *(*shape, columns, *band_rows, order.positions, projected.splats, footprints),
         *(chunk_starts, chunk_ends, emitted, slot_ranges, histogram),
     )
-    tile_starts, _ = first_places(engine, histogram, parts, tiles, buffers.tile_starts)
+    tile_starts = buffers.tile_starts.sized(tiles + 1)
+    first_places(engine, histogram, parts, tiles, tile_starts)
     arguments = (chunk_starts, chunk_ends, emitted, histogram, tile_starts, entries)
     program.launch("scatter_entries", parts, parts, tiles, *arguments)
     return TileLists(band, order, entries, tile_starts, slot_ranges, capacity)
@@ -98,10 +97,14 @@ def _program(frame: Frame) -> Program:
     return frame.program("layout", "binning")
 
 
-def _entries_per_row(engine: Engine, footprints: Footprints, rows: int) -> NDArray[np.int64]:
+def _entries_per_row(frame: Frame, projected: Projected, order: DepthOrder) -> NDArray[np.int64]:
     """Return an upper bound of the entries of each tile row, from the tile rectangles."""
-    with engine.mapped(footprints.ordered, (footprints.order.visible, FOOTPRINT_FLOATS), np.uint32) as words:
-        first, last = words[:, 5:7] & 0xFFFF, words[:, 5:7] >> 16
+    _, rows = frame.tiles
+    positions = frame.engine.read(order.positions, (order.visible,), np.uint32)
+    shape = (frame.storage.count, FOOTPRINT_FLOATS)
+    with frame.engine.mapped(projected.footprints, shape, np.uint32) as words:
+        rectangles = words[positions, 5:7]
+    first, last = rectangles & 0xFFFF, rectangles >> 16
     widths = last[:, 0] - first[:, 0] + 1
     begun = np.bincount(first[:, 1], widths, rows + 1)
     ended = np.bincount(last[:, 1] + 1, widths, rows + 1)

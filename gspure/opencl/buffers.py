@@ -44,9 +44,9 @@ class Buffers:
     camera: Scratch  # [21]
     splats: Scratch  # [K,SPLAT]
     footprints: Scratch  # [K,FOOTPRINT_FLOATS]
+    areas: Scratch  # [K]
     depth_keys: Scratch  # [K]
     # ordering
-    row_keys: Scratch  # [K]
     even_keys: Scratch  # [K]
     even_positions: Scratch  # [K]
     odd_keys: Scratch  # [K]
@@ -56,7 +56,6 @@ class Buffers:
     histogram: Scratch  # [P,bins]
     totals: Scratch  # [bins]
     # binning
-    ordered_footprints: Scratch  # [V,FOOTPRINT_FLOATS]
     bounds: Scratch  # [P]
     band_bounds: Scratch  # [P]
     chunk_starts: Scratch  # [P+1]
@@ -79,7 +78,7 @@ class Buffers:
     point_owners: Scratch  # [items,LANES]
     # the backward pass and training
     image_gradient: Scratch  # [H,W,C]
-    item_losses: Scratch  # [items]
+    vector_losses: Scratch  # [H,vectors]
     slot_gradients: Scratch  # [E,MOMENTS+C]
     splat_gradients: Scratch  # [K,MOMENTS+C]
     geometry_gradients: Scratch  # [K,GEOMETRY_ATTRIBUTES]

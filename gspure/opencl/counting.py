@@ -1,4 +1,4 @@
-"""The common part of the stable counting sorts: chunk scans on the device, prefix sums over the bins on the host."""
+"""The common part of the stable counting sorts (counting.cl)."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from gspure.constants import SCAN_BINS
 from gspure.opencl.buffers import Scratch
 from gspure.opencl.engine import Engine
 
-_CHUNKS = {"cpu": 128, "gpu": 1024}
-_LEAST_ITEMS = 64  # fewer are not worth a histogram of their own
+_LEAST_ITEMS = {"cpu": 1024, "gpu": 64}  # fewer are not worth a histogram of their own
 
 
 def chunks(engine: Engine, items: int) -> int:
     """Return into how many chunks to cut `items`; the result of a sort does not depend on it."""
-    return max(min(_CHUNKS[engine.style], items // _LEAST_ITEMS), 1)
+    most = min(8 * engine.device.max_compute_units, 128) if engine.style == "cpu" else 1024
+    return max(min(most, items // _LEAST_ITEMS[engine.style]), 1)
 
 
-def first_places(engine: Engine, histogram: cl.Buffer, parts: int, bins: int, starts: Scratch) -> tuple[cl.Buffer, int]:
-    """Turn `histogram` [parts,bins] into offsets within each bin; return (prefix sums over the bins, total)."""
-    totals = engine.buffers.totals.sized(bins)
-    engine.program("counting").launch("scan_chunks", -(-bins // SCAN_BINS), parts, bins, histogram, totals)
-    return prefix_sums(engine, totals, bins, starts)
+def first_places(engine: Engine, histogram: cl.Buffer, parts: int, bins: int, starts: cl.Buffer) -> None:
+    """Turn `histogram` [parts,bins] into offsets within each bin, and write the bins' prefix sums into `starts`."""
+    program, totals = engine.program("counting"), engine.buffers.totals.sized(bins)
+    program.launch("scan_chunks", -(-bins // SCAN_BINS), parts, bins, histogram, totals)
+    program.launch("scan_totals", 1, bins, totals, starts)
 
 
 def prefix_sums(engine: Engine, counts: cl.Buffer, length: int, starts: Scratch) -> tuple[cl.Buffer, int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import prod
 
 import numpy as np
 import pyopencl as cl
@@ -27,30 +26,24 @@ class DeviceGradients:
     centres: cl.Buffer
 
 
-def clear_splat_gradients(frame: Frame) -> cl.Buffer:
-    """Return the gradients that the bands of a frame add up, all zero."""
-    shape = blocked_shape(frame.storage.count, MOMENTS + frame.traversal.channels)
-    buffer = frame.engine.buffers.splat_gradients.sized(*shape)
-    frame.engine.clear(buffer, 4 * prod(shape))
-    return buffer
-
-
 def blend_band_backward(
-    frame: Frame,
-    projected: Projected,
-    lists: TileLists,
-    canvas: Canvas,
-    image_gradient: cl.Buffer,
-    splat_gradients: cl.Buffer,
-) -> None:
-    """Walk one band of tiles backward (blending_backward_*.cl) and add up each Gaussian's slots (gradients.cl)."""
-    slot_gradients = frame.engine.buffers.slot_gradients.sized(lists.capacity, MOMENTS + frame.traversal.channels)
+    frame: Frame, projected: Projected, lists: TileLists, canvas: Canvas, image_gradient: cl.Buffer
+) -> cl.Buffer:
+    """Walk one band of tiles backward (blending_backward_*.cl) and add up each Gaussian's slots (gradients.cl).
+
+    Return the gradients of the splats, which the bands of a frame add up.
+    """
+    buffers, gradients = frame.engine.buffers, MOMENTS + frame.traversal.channels
+    slot_gradients = buffers.slot_gradients.sized(lists.capacity, gradients)
     program = frame.program("vector", "layout", "blending", f"blending_backward_{frame.engine.style}")
-    gradients = (image_gradient, slot_gradients)
-    walk_tiles(program, "blend_tiles_backward", frame, projected, lists, canvas.image, *gradients)
+    images = (canvas.image, image_gradient)
+    walk_tiles(program, "blend_tiles_backward", frame, projected, lists, *images, slot_gradients)
+    splat_gradients = buffers.splat_gradients.sized(*blocked_shape(frame.storage.count, gradients))
     order = lists.order
+    program = frame.program("layout", "gradients", FIRST_BAND=int(lists.band.start == 0))
     arguments = (order.visible, order.positions, lists.slot_ranges, slot_gradients, splat_gradients)
-    frame.program("layout", "gradients").launch("sum_slot_gradients", order.visible, *arguments, group=SUM_GROUP)
+    program.launch("sum_slot_gradients", order.visible, *arguments, group=SUM_GROUP)
+    return splat_gradients
 
 
 def project_backward(frame: Frame, projected: Projected, splat_gradients: cl.Buffer) -> DeviceGradients:

@@ -63,8 +63,9 @@ class Photograph:
         planes, target, weight = self.planes, self.plane, float(ssim_weight)
         engine, window, padded, moments = planes.engine, planes.window, planes.image, planes.moments
         height, width, channels = planes.shape
-        items = height * engine.vectors(planes.values)
-        item_losses = engine.buffers.item_losses.sized(items)
+        vectors = height * engine.vectors(planes.values)
+        items = height if engine.style == "cpu" else vectors
+        vector_losses = engine.buffers.vector_losses.sized(vectors)
         gradient = engine.buffers.image_gradient.sized(height, width, channels)
 
         def launch(kernel: str, *args: cl.Buffer | float) -> None:
@@ -72,10 +73,10 @@ class Photograph:
 
         launch("pad_image", image, padded)
         launch("window_rows", window, padded, target, moments)
-        launch("compare", weight, window, padded, target, moments, planes.maps, item_losses)
+        launch("compare", weight, window, padded, target, moments, planes.maps, vector_losses)
         launch("window_maps", window, planes.maps, moments)  # the windowed maps replace the moments
         launch("loss_gradient", weight, window, padded, target, moments, gradient)
-        losses = engine.read(item_losses, (items,), np.float32)
+        losses = engine.read(vector_losses, (vectors,), np.float32)
         return float(losses.sum(dtype=np.float64)) / (height * planes.values), gradient
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import TILE
-from gspure.opencl.binning import TileLists, bands, bin_tiles, gather_footprints
+from gspure.opencl.binning import TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
@@ -62,12 +62,12 @@ def _blended(
         return values
     projected = project(frame)
     order = sort_by_depth(engine, storage, projected.depth_keys)
-    footprints = gather_footprints(frame, projected, order)
+    bounds = bound_entries(frame, projected, order)
     columns, _ = frame.tiles
-    for band in bands(frame, footprints, entry_budget):
+    for band in bands(frame, projected, bounds, entry_budget):
         begin, end = np.searchsorted(placed.tiles, (band.start * columns, band.stop * columns))
         if begin < end:
-            lists = bin_tiles(frame, projected, footprints, band)
+            lists = bin_tiles(frame, projected, bounds, band)
             inside = Placed(*(part[begin:end] for part in vars(placed).values()))
             values[inside.rows] = _blend_band(frame, projected, lists, inside, owners)
     return values

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import pyopencl as cl
 
 from gspure.opencl.counting import chunks, first_places
@@ -24,22 +25,20 @@ class DepthOrder:
 
 def sort_by_depth(engine: Engine, storage: Storage, depth_keys: cl.Buffer) -> DepthOrder:
     """Sort the visible Gaussians by (depth, row)."""
-    buffers = engine.buffers
-    visible = count = storage.count
+    buffers, count, digits = engine.buffers, storage.count, 1 << _RADIX_BITS
     parts = chunks(engine, count)
-    histogram = buffers.histogram.sized(parts, 1 << _RADIX_BITS)
-    row_keys = buffers.row_keys.sized(count)
+    starts, histogram = buffers.digit_starts.sized(digits + 1), buffers.histogram.sized(parts, digits)
     sorted_buffers = ((buffers.even_keys, buffers.even_positions), (buffers.odd_keys, buffers.odd_positions))
-    keys, positions = depth_keys, storage.positions
+    keys = positions = depth_keys
     for digit in range(_PASSES):
         program = engine.program("layout", "ordering", RADIX_BITS=_RADIX_BITS, FIRST_PASS=int(digit == 0))
-        shape = (visible, parts, digit * _RADIX_BITS)
+        shape = (count, parts, digit * _RADIX_BITS)
         sorted_keys, sorted_positions = (scratch.sized(count) for scratch in sorted_buffers[digit % 2])
-        program.launch("count_digits", parts, *shape, keys, positions, row_keys, histogram)
-        keys = keys if digit else row_keys
-        starts, visible = first_places(engine, histogram, parts, 1 << _RADIX_BITS, buffers.digit_starts)
+        program.launch("count_digits", parts, *shape, starts, keys, histogram)
+        first_places(engine, histogram, parts, digits, starts)
         program.launch(
-            "scatter_digits", parts, *shape, keys, positions, histogram, starts, sorted_keys, sorted_positions
+            "scatter_digits", parts, *shape, starts, keys, positions, histogram, sorted_keys, sorted_positions
         )
         keys, positions = sorted_keys, sorted_positions
-    return DepthOrder(positions, visible)
+    program.launch("order_ties", parts, count, parts, starts, keys, storage.rows, positions)
+    return DepthOrder(positions, int(engine.read(starts, (digits + 1,), np.uint32)[-1]))

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from gspure.opencl.binning import Footprints, TileLists, bands, bin_tiles, gather_footprints
+from gspure.opencl.binning import Bounds, TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.frame import Frame
-from gspure.opencl.gradients import DeviceGradients, blend_band_backward, clear_splat_gradients, project_backward
+from gspure.opencl.gradients import DeviceGradients, blend_band_backward, project_backward
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import Projected, project
 
@@ -25,7 +25,7 @@ class Rendered:
 
     frame: Frame
     projected: Projected
-    footprints: Footprints
+    bounds: Bounds
     bands: list[range]
     lists: TileLists
     canvas: Canvas
@@ -50,22 +50,21 @@ def forward(frame: Frame, background: Sequence[float] = (0.0,), entry_budget: in
     projected = project(frame)
     order = sort_by_depth(frame.engine, frame.storage, projected.depth_keys)
     canvas = prepare_canvas(frame)
-    footprints = gather_footprints(frame, projected, order)
-    split = bands(frame, footprints, entry_budget)
+    bounds = bound_entries(frame, projected, order)
+    split = bands(frame, projected, bounds, entry_budget)
     for band in split:
-        lists = bin_tiles(frame, projected, footprints, band)
+        lists = bin_tiles(frame, projected, bounds, band)
         blend_band(frame, projected, lists, np.asarray(background, np.float32), canvas)
         if frame.traversal.contributions:
             sum_slots(frame, lists, canvas)
-    return Rendered(frame, projected, footprints, split, lists, canvas)
+    return Rendered(frame, projected, bounds, split, lists, canvas)
 
 
 def backward(rendered: Rendered, image_gradient: cl.Buffer) -> DeviceGradients:
     """Carry dL/dimage [H,W,C] of the last frame back to the Gaussians' parameters (energy "ewa")."""
     frame, projected, lists = rendered.frame, rendered.projected, rendered.lists
-    splat_gradients = clear_splat_gradients(frame)
     for band in rendered.bands:
         if len(rendered.bands) > 1:  # all bands share the lists' buffers
-            lists = bin_tiles(frame, projected, rendered.footprints, band)
-        blend_band_backward(frame, projected, lists, rendered.canvas, image_gradient, splat_gradients)
+            lists = bin_tiles(frame, projected, rendered.bounds, band)
+        splat_gradients = blend_band_backward(frame, projected, lists, rendered.canvas, image_gradient)
     return project_backward(frame, projected, splat_gradients)

@@ -21,6 +21,7 @@ class Projected:
     camera: cl.Buffer
     splats: cl.Buffer
     footprints: cl.Buffer
+    areas: cl.Buffer
     depth_keys: cl.Buffer
 
 
@@ -31,6 +32,7 @@ def project(frame: Frame) -> Projected:
         buffers.camera.holding(np.concatenate([frame.camera.numbers, frame.camera.centre]).astype(np.float32)),
         buffers.splats.sized(storage.count, traversal.splat_floats),
         buffers.footprints.sized(storage.count, FOOTPRINT_FLOATS),
+        buffers.areas.sized(storage.count),
         buffers.depth_keys.sized(storage.count),
     )
     program = frame.program(
@@ -42,6 +44,6 @@ def project(frame: Frame) -> Projected:
         "project",
         frame.engine.vectors(storage.count),
         *(storage.count, *frame.size, projected.camera, storage.geometry, frame.channels or storage.geometry),
-        *(projected.splats, projected.footprints, projected.depth_keys),
+        *(projected.splats, projected.footprints, projected.areas, projected.depth_keys),
     )
     return projected

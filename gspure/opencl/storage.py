@@ -31,13 +31,12 @@ Rows = NDArray[np.uint32]
 class Storage:
     """The geometry of a model on the device, and where each Gaussian lies.
 
-    `order` [K] is the row at each position; `rows` and `positions` are it on the device, and its inverse. `geometry`
-    holds activated means, quaternions, scales and opacities, in blocks.
+    `order` [K] is the row at each position; `rows` is it on the device. `geometry` holds activated means, quaternions,
+    scales and opacities, in blocks.
     """
 
     order: Rows
     rows: cl.Buffer
-    positions: cl.Buffer
     geometry: cl.Buffer
 
     @property
@@ -48,7 +47,7 @@ class Storage:
     @staticmethod
     def along(engine: Engine, order: Rows, geometry: cl.Buffer) -> Storage:
         """Take activated geometry [K,GEOMETRY_ATTRIBUTES] that was uploaded in `order`."""
-        return Storage(order, engine.uploaded(order), engine.uploaded(positions_of(order)), geometry)
+        return Storage(order, engine.uploaded(order), geometry)
 
 
 def blocked_shape(count: int, attributes: int) -> tuple[int, int, int]:
