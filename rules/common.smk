@@ -9,6 +9,7 @@ from gspure.cost import COSTS, LOG
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS
 from gspure.evaluation.detector import words_of
+from gspure.evaluation.outcomes import BITS
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
 from gspure.scenes.procedural import DECOYS
@@ -151,7 +152,9 @@ def get_camera_files(wildcards):
 
 
 def get_detector_files(wildcards):
-    """Return the files that the command of a detector names, such as its code and weights."""
+    """Return the files that the command of a detector names, such as its code and weights, or the key of bits."""
+    if wildcards.detector == BITS:
+        return [f"{get_model(wildcards).folder}/key"]
     return [word for word in words_of(config["detectors"][wildcards.detector]["command"]) if os.path.isfile(word)]
 
 

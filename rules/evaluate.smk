@@ -95,7 +95,7 @@ rule detect_mark:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/{variant}/detect_{detector}.tsv"
     wildcard_constraints:
-        detector="|".join(config["detectors"]) or "none",
+        detector="|".join([*config["detectors"], BITS]),
     conda:
         "../envs/gspure.yaml"
     params:

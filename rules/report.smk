@@ -19,7 +19,7 @@ rule write_report:
         costs=f"{COSTS}/attacks.csv",
         summary="results/tables/summary.csv",
         diagnoses=get_finished(expand("results/{model}/diagnosis.json", model=MODELS)),
-        hidden=get_finished(f"{model.folder}/hidden.json" for model in PLAN.models if model.is_watermarked),
+        hidden=get_finished(f"{model.folder}/hidden.json" for model in PLAN.models if model.hidden),
         artifacts=get_finished(
             expand(
                 "results/{model}/{artifact}",

@@ -15,6 +15,7 @@ from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.metrics import gradient_correlation
+from gspure.evaluation.outcomes import BITS, is_picture
 from gspure.images import read_image
 from gspure.model import Gaussians, read_model, write_model
 from gspure.public_model import PublicModel, merge_by_row
@@ -34,10 +35,11 @@ SMALL = {
     "gs_hider": {"iterations": 4, "max_gaussians": 400},
     "secure_gs": {"iterations": 4, "max_anchors": 100},
     "keyss": {"iterations": 8, "max_gaussians": 400},
+    "marked_clones": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "marking_steps": 2},
     "planted": {"gaussians": 800},
     "veil": {"iterations": 20, "max_gaussians": 800},
 }
-NEEDS_TORCH = {"gs_hider", "secure_gs", "keyss"}
+NEEDS_TORCH = {"gs_hider", "secure_gs", "keyss", "marked_clones"}
 
 
 def example():
@@ -60,6 +62,19 @@ def embedded(request, pair_folder):
     return SimpleNamespace(scheme=scheme, pair=pair, public=public, key=key, settings=SMALL[scheme.name])
 
 
+@pytest.fixture
+def pictured(embedded):
+    """The same, of a scheme that hides a picture."""
+    if BITS in embedded.scheme.extractions:
+        pytest.skip("hides bits")
+    return embedded
+
+
+def message_views(public, key, scheme):
+    """The renderers of all pictures of the message."""
+    return [key.message(public, extraction) for extraction in filter(is_picture, scheme.extractions)]
+
+
 @pytest.mark.parametrize("name", ["splats_in_splats", "gs_hider", "secure_gs", "keyss", "planted"])
 def test_a_message_is_learned_at_poses_of_its_own(name, own_pair_folder):
     if name in NEEDS_TORCH:
@@ -78,9 +93,7 @@ def test_a_message_is_learned_at_poses_of_its_own(name, own_pair_folder):
 
 def test_scene_and_message_are_pictures_of_any_view(embedded):
     camera = embedded.pair.scene.dataset.test[0]
-    views = [embedded.public.scene()]
-    views += [embedded.key.message(embedded.public, extraction) for extraction in embedded.scheme.extractions]
-    for view in views:
+    for view in (embedded.public.scene(), *message_views(embedded.public, embedded.key, embedded.scheme)):
         image = view(camera)
         assert image.shape == (camera.height, camera.width, 3)
         assert image.dtype == np.float32
@@ -97,16 +110,16 @@ def test_a_written_model_renders_the_same_images(embedded, tmp_path):
     assert public.model.table.tobytes() == embedded.public.model.table.tobytes()
     assert public.geometry_digest() == embedded.public.geometry_digest()
     assert public.scene()(camera).tobytes() == embedded.public.scene()(camera).tobytes()
-    for extraction in embedded.scheme.extractions:
-        one, other = (k.message(a, extraction)(camera) for k, a in ((embedded.key, embedded.public), (key, public)))
-        assert one.tobytes() == other.tobytes()
+    views = (message_views(*model, embedded.scheme) for model in ((embedded.public, embedded.key), (public, key)))
+    for one, other in zip(*views, strict=True):
+        assert one(camera).tobytes() == other(camera).tobytes()
 
 
-def test_a_wrong_key_shows_something_else(embedded):
-    camera = embedded.pair.scene.views[0]
-    strangers = [embedded.key.wrong(np.random.default_rng(seed)) for seed in (1, 1, 2)]
-    extraction = next(iter(embedded.scheme.extractions))
-    right, *wrong = (k.message(embedded.public, extraction)(camera) for k in (embedded.key, *strangers))
+def test_a_wrong_key_shows_something_else(pictured):
+    camera = pictured.pair.scene.views[0]
+    strangers = [pictured.key.wrong(np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    extraction = next(iter(pictured.scheme.extractions))
+    right, *wrong = (k.message(pictured.public, extraction)(camera) for k in (pictured.key, *strangers))
     assert wrong[0].tobytes() == wrong[1].tobytes()
     assert right.tobytes() not in {image.tobytes() for image in wrong}
 
@@ -117,8 +130,8 @@ def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
     assert smaller.model.table.tobytes() == embedded.public.model.table[~pruned].tobytes()
     camera = embedded.pair.scene.views[0]
     assert np.isfinite(smaller.scene()(camera)).all()
-    for extraction in embedded.scheme.extractions:
-        assert np.isfinite(embedded.key.message(smaller, extraction)(camera)).all()
+    for view in message_views(smaller, embedded.key, embedded.scheme):
+        assert np.isfinite(view(camera)).all()
 
 
 def test_a_model_without_anchors_shows_its_background(embedded):
@@ -149,18 +162,18 @@ def test_every_unit_has_an_opacity_to_cluster_by(embedded):
     assert opacities.std() > 0
 
 
-def test_the_key_names_the_gaussians_of_the_message_and_their_units(embedded):
-    gaussians, owners = embedded.key.gaussians(
-        embedded.public, embedded.pair.scene.views[0], next(iter(embedded.scheme.extractions))
+def test_the_key_names_the_gaussians_of_the_message_and_their_units(pictured):
+    gaussians, owners = pictured.key.gaussians(
+        pictured.public, pictured.pair.scene.views[0], next(iter(pictured.scheme.extractions))
     )
     assert owners.shape == (len(gaussians),)
-    assert not len(owners) or (owners.min() >= 0 and owners.max() < len(embedded.public.model))
+    assert not len(owners) or (owners.min() >= 0 and owners.max() < len(pictured.public.model))
 
 
-def test_the_weight_of_the_message_is_shared_out_over_units(embedded):
-    extraction = next(iter(embedded.scheme.extractions))
-    hidden = hidden_weights(embedded.public, embedded.key, extraction, embedded.pair.scene.views[:2], "ewa")
-    assert hidden.shape == (len(embedded.public.model),)
+def test_the_weight_of_the_message_is_shared_out_over_units(pictured):
+    extraction = next(iter(pictured.scheme.extractions))
+    hidden = hidden_weights(pictured.public, pictured.key, extraction, pictured.pair.scene.views[:2], "ewa")
+    assert hidden.shape == (len(pictured.public.model),)
     assert 0 <= share_on_low(hidden[::-1], hidden, 4.0) <= 1
 
 
@@ -282,7 +295,7 @@ def test_every_command_draws_a_model_as_its_scheme_does(mirrored, file, options)
 
 def test_built_in_schemes_have_the_settings_that_all_have():
     splats = ["splats_in_splats", "splats_in_splats_hardened"]
-    assert list(schemes()) == [*splats, "gs_hider", "secure_gs", "keyss", "planted"]
+    assert list(schemes()) == [*splats, "gs_hider", "secure_gs", "keyss", "marked_clones", "planted"]
     assert all("message_weight" in scheme.settings for scheme in schemes().values())
 
 
@@ -341,22 +354,22 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
     assert f"scheme splats_in_splats: --extraction: {expected}" in capsys.readouterr().err
 
 
-def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_low(embedded, pair_folder, tmp_path):
-    if embedded.scheme.name not in schemes():
+def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_low(pictured, pair_folder, tmp_path):
+    if pictured.scheme.name not in schemes():
         pytest.skip("no entry point offers the example of the guide here")
-    embedded.public.write(tmp_path / "point_cloud.ply")
-    embedded.key.write(tmp_path / "key")
-    weights = np.arange(len(embedded.public.model), dtype=np.float32)
+    pictured.public.write(tmp_path / "point_cloud.ply")
+    pictured.key.write(tmp_path / "key")
+    weights = np.arange(len(pictured.public.model), dtype=np.float32)
     save_array(tmp_path / "weights.npy", weights)
     inputs = {"model": "point_cloud.ply", "key": "key", "weights": "weights.npy"}
     files = {**inputs, "out": "share.json", "hidden": "hidden.npy"}
     options = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
-    options += ["--scheme", embedded.scheme.name, "--cameras", str(pair_folder / "cameras.json")]
+    options += ["--scheme", pictured.scheme.name, "--cameras", str(pair_folder / "cameras.json")]
     assert main(["hidden", *options, "--reduction", "max"]) == 0
     hidden = load_array(tmp_path / "hidden.npy", dtype=np.float32, shape=weights.shape)
-    extraction = list(embedded.scheme.extractions)[-1]
-    views = embedded.pair.scene.views
-    expected = hidden_weights(embedded.public, embedded.key, extraction, views, "ray", reduction="max")
+    extraction = list(pictured.scheme.extractions)[-1]
+    views = pictured.pair.scene.views
+    expected = hidden_weights(pictured.public, pictured.key, extraction, views, "ray", reduction="max")
     assert hidden.tobytes() == expected.tobytes()
     assert read_json(tmp_path / "share.json") == {"hidden_low_share": share_on_low(weights, hidden, 4.0)}
 

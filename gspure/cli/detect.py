@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 from argparse import ArgumentTypeError
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "read a mark from a folder of images with your own detector"
+if TYPE_CHECKING:
+    from gspure.evaluation.detection import Reading
+
+HELP = "read bits from a folder of images with a scheme's key, or any mark with your own detector"
 EXAMPLES = """\
+  gspure detect renders --scheme marked_clones --key marked/key --out bits.csv
   gspure detect renders --command "python examples/spread_spectrum.py detect --key 7" --out spread.csv
   gspure detect renders --command "python decode.py --weights decoder.pt" --message 0110100110010110 --out bits.csv
 
-The detector gets the folder as its last argument. The last line that it prints must be a JSON object that maps the name
-of each image, without .png, to bits, with --message ({"view_000": "0110", ...}), or to a score, which is high if the
-mark is present ({"view_000": 0.93, ...}).
+A detector of your own gets the folder as its last argument. The last line that it prints must be a JSON object that
+maps the name of each image, without .png, to bits, with --message ({"view_000": "0110", ...}), or to a score, which is
+high if the mark is present ({"view_000": 0.93, ...}).
 """
 
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("images", "DIR", "PNG files, such as renders")
-    parser.text("--command", "WORDS", "the detector: a program and its options", required=True)
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("--command", metavar="WORDS", help="the detector: a program and its options")
+    source.add_argument("--key", type=Path, metavar="DIR", help="the owner's key, of a scheme that hides bits")
+    parser.text("--scheme", "NAME", "the scheme of the key")
+    parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this random seed: a negative control")
     parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)
     parser.number("--timeout", "S", "seconds after which the detector is stopped", 600.0)
     parser.writes("--out", "CSV", "the table to write, one row per image")
@@ -34,13 +44,28 @@ def run(args: Arguments) -> None:
     from gspure.evaluation.detection import Reading
     from gspure.evaluation.detector import read_marks
 
-    readings = read_marks(args.command, args.images, args.message, args.timeout)
+    readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     images = [args.images / f"{reading.view}.png" for reading in readings]
-    settings = {"command": args.command, "message": args.message}
+    settings = {"command": args.command, "message": args.message} if args.command else {"scheme": args.scheme}
     write_provenance(args.out, inputs={path.as_posix(): path for path in images}, settings=settings)
-    unit = "% of the bits are correct" if args.message else "score"
+    unit = "% of the bits are correct" if readings[0].bits else "score"
     print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")
+
+
+def _read_bits(args: Arguments) -> list[Reading]:
+    """Return what the key reads from every image."""
+    import numpy as np
+
+    from gspure.errors import InputError
+    from gspure.evaluation.detector import read_bits
+    from gspure.schemes.registry import find_scheme
+
+    if not args.scheme:
+        raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
+    key = find_scheme(args.scheme).read_key(args.key)
+    key = key if args.wrong_key is None else key.wrong(np.random.default_rng(args.wrong_key))
+    return read_bits(key.read_bits, key.bits, args.images)
 
 
 def _bits(text: str) -> str:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gspure.cli.parser import Arguments, Parser
+
+if TYPE_CHECKING:
+    from gspure.schemes.readability import Readability
 
 HELP = "train a watermarked model on a pair: the public model and the owner's key"
 EXAMPLES = """\
@@ -15,7 +19,8 @@ EXAMPLES = """\
 
 Writes public/, the public model, and key/, the owner's key, with readability.json: the PSNR of the message and of
 negative controls in a few training views. A warning is printed if the message does not stand out from them.
-planted is not trained and takes ray-traced pairs only. gs_hider, secure_gs and keyss need PyTorch:
+marked_clones hides random bits in the scene, and leaves the pair's message aside; `gspure detect` reads them.
+planted is not trained and takes ray-traced pairs only. gs_hider, secure_gs, keyss and marked_clones need PyTorch:
 pip install gspure[torch].
 """
 
@@ -44,9 +49,10 @@ def run(args: Arguments) -> None:
 
     from gspure.artifacts import filling, write_json, write_provenance
     from gspure.cli.options import parsed_settings, read_device
+    from gspure.evaluation.outcomes import BITS
     from gspure.progress import say
     from gspure.schemes.pair import read_pair
-    from gspure.schemes.readability import readability
+    from gspure.schemes.readability import bit_readability, readability
     from gspure.schemes.registry import find_scheme
     from gspure.schemes.scheme import hide
 
@@ -58,7 +64,11 @@ def run(args: Arguments) -> None:
     began = time.monotonic()
     device = read_device(args)
     public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)
-    check = readability(pair.message, public, key, device) if key is not None else None
+    check: Readability | None = None
+    if key is not None and BITS in scheme.extractions:
+        check = bit_readability(pair.scene.views, public, key, device)
+    elif key is not None:
+        check = readability(pair.message, public, key, device)
     model = Path("public", "point_cloud.ply")
     used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
     used |= scheme.settings | settings

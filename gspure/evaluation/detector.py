@@ -1,4 +1,4 @@
-"""Detectors: the user's commands that read a mark from images, with their own code and weights."""
+"""Marks read from images: with the key of a scheme that hides bits, or by a command of the user's, the detector."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import json
 import math
 import shlex
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.evaluation.detection import Reading, share_correct
-from gspure.images import require_all_images
+from gspure.images import read_image, require_all_images
 
 
 def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:
@@ -26,14 +27,19 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
 
     Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
-    require_all_images(images)
-    views, answer = {path.stem for path in images.glob("*.png")}, _answer(command, images, timeout)
-    if not views:
-        raise InputError(images, "folder", expected="PNG files", found="none")
+    views, answer = {path.stem for path in _png_files(images)}, _answer(command, images, timeout)
     for view in sorted(views.symmetric_difference(answer)):
         found = "no entry" if view in views else "an entry of no image"
         raise InputError("detector", view, expected="an entry for every image", found=found)
     return [_reading(view, answer[view], message) for view in sorted(views)]
+
+
+def read_bits(
+    read: Callable[[NDArray[np.float32]], NDArray[np.bool_]], message: NDArray[np.bool_], images: Path
+) -> list[Reading]:
+    """Return what a key reads from each PNG file of a folder, compared with the embedded `message`."""
+    shown = {path.stem: read(read_image(path)) for path in _png_files(images)}
+    return [Reading(view, share_correct(bits, message), len(message)) for view, bits in shown.items()]
 
 
 def words_of(command: str) -> list[str]:
@@ -45,6 +51,15 @@ def words_of(command: str) -> list[str]:
     if not words:
         raise InputError("detector", "command", expected="a program and its options", found="nothing")
     return words
+
+
+def _png_files(folder: Path) -> list[Path]:
+    """Return the images of a folder that is complete, by name."""
+    require_all_images(folder)
+    files = sorted(folder.glob("*.png"))
+    if not files:
+        raise InputError(folder, "folder", expected="PNG files", found="none")
+    return files
 
 
 def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:

@@ -19,6 +19,7 @@ _NAMES: Final = {
     "gs_hider": "GS-Hider",
     "secure_gs": "SecureGS",
     "keyss": "KeySS",
+    "marked_clones": "Marked Clones",
     "tradeoff": "trade-off",
     "vanilla": "Vanilla 3DGS",
     "planted": "Planted message",

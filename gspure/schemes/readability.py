@@ -1,15 +1,21 @@
-"""Whether an owner can read the message that was just embedded: its PSNR beside those of negative controls."""
+"""Whether an owner can read the message that was just embedded, beside negative controls."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
+from gspure.cameras.camera import Camera
 from gspure.evaluation.controls import BLACK, MEAN_COLOUR, WRONG_KEY
+from gspure.evaluation.detection import Threshold, share_correct
 from gspure.evaluation.metrics import psnr
+from gspure.evaluation.names import display_name
+from gspure.evaluation.retrieval import FALSE_POSITIVES
 from gspure.evaluation.survival import MARGIN
+from gspure.images import read_back
 from gspure.opencl.device import Device
 from gspure.progress import say, warn
 from gspure.public_model import PublicModel
@@ -29,20 +35,46 @@ class Readability:
 
     message: float
     controls: dict[str, float]
+    margin: ClassVar[float] = MARGIN
+    text: ClassVar[str] = "message PSNR {:.1f} dB; highest control {:.1f} dB ({})"
 
     @property
     def readable(self) -> bool:
         """Whether the message stands out from all controls."""
-        return self.message >= max(self.controls.values()) + MARGIN
+        return self.message >= max(self.controls.values()) + self.margin
 
     def report(self) -> None:
         """Print the numbers, as a warning if the message is not readable."""
         best = max(self.controls, key=lambda name: self.controls[name])
-        numbers = f"message PSNR {self.message:.1f} dB; highest control {self.controls[best]:.1f} dB ({best})"
+        numbers = self.text.format(self.message, self.controls[best], display_name(best))
         if self.readable:
             say(numbers)
         else:
             warn(f"the message is NOT readable: {numbers}")
+
+
+class BitReadability(Readability):
+    """Share of correct bits in a few training views, in percent; and the controls.
+
+    These are the share that 1 % of unmarked images exceed, and that of a wrong key.
+    """
+
+    margin = 0.0
+    text = "{:.0f} % of the bits are correct; highest control {:.0f} % ({})"
+
+
+def bit_readability(
+    views: Sequence[Camera], public: PublicModel, key: Key, device: Device | None = None
+) -> BitReadability:
+    """Compare the bits in renders of a few training views, and negative controls."""
+    scene = public.scene(device)
+    images = [read_back(scene(camera)) for camera in views[:VIEWS]]
+
+    def correct(of: Key) -> float:
+        return float(np.mean([share_correct(of.read_bits(image), of.bits) for image in images]))
+
+    chance = Threshold.of(len(key.bits), [], FALSE_POSITIVES).level
+    return BitReadability(correct(key), {"chance": chance, WRONG_KEY: correct(key.wrong(np.random.default_rng(0)))})
 
 
 def readability(capture: Capture, public: PublicModel, key: Key, device: Device | None = None) -> Readability:

@@ -8,11 +8,12 @@ from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
 from gspure.plugins import registered
 from gspure.public_model import PublicModel
-from gspure.schemes import gs_hider, keyss, planted, secure_gs, splats_in_splats
+from gspure.schemes import gs_hider, keyss, marked_clones, planted, secure_gs, splats_in_splats
 from gspure.schemes.scheme import REQUIRED, Scheme
 
 _SPLATS = (splats_in_splats.SCHEME, splats_in_splats.HARDENED)
-BUILT_IN = (*_SPLATS, gs_hider.SCHEME, secure_gs.SCHEME, keyss.SCHEME, planted.SCHEME)
+_NETWORKS = (gs_hider.SCHEME, secure_gs.SCHEME, keyss.SCHEME, marked_clones.SCHEME)
+BUILT_IN = (*_SPLATS, *_NETWORKS, planted.SCHEME)
 GROUP = "gspure.schemes"
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import TAU_C, TAU_N
@@ -51,13 +52,20 @@ class Key(ABC):
     def write(self, folder: Path) -> None:
         """Write the key's files."""
 
-    @abstractmethod
-    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
-        """Return the renderer of the message in a public or attacked model."""
+    bits: NDArray[np.bool_] = np.zeros(0, np.bool_)
+    """The message [N] of a scheme that hides bits."""
 
-    @abstractmethod
-    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:
+    def read_bits(self, image: NDArray[np.float32]) -> NDArray[np.bool_]:  # noqa: ARG002
+        """Return the bits [N] that an image [H,W,3] of the scene shows, 0 to 1."""
+        raise InputError("key", "message", expected="bits", found="a picture", hint="`gspure extract` renders it")
+
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:  # noqa: ARG002
+        """Return the renderer of the message in a public or attacked model."""
+        raise InputError("key", "message", expected="a picture", found="bits", hint="`gspure detect --key` reads them")
+
+    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians whose blending shows the message, and the row of `public` that owns each."""
+        raise InputError("key", "message", expected="a picture", found="bits")
 
     def fitted(self, public: PublicModel, lesson: Lesson) -> Key:  # noqa: ARG002
         """Return the key after learning from photographs of the message, for an attacked model: see `Scheme.fits`."""

@@ -8,9 +8,9 @@ from typing import Final
 
 from gspure.cameras import GENERATED
 from gspure.constants import TAU_C, TAU_N, TEST_EVERY
-from gspure.evaluation.controls import CLEAN, CONTROLS, OTHER_SCENE
+from gspure.evaluation.controls import CLEAN, CONTROLS, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import DETECTIONS
-from gspure.evaluation.outcomes import SCENE, Condition
+from gspure.evaluation.outcomes import BITS, SCENE, Condition, is_picture
 from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
@@ -121,6 +121,11 @@ class Model:
         return self.scheme in self.plan.schemes
 
     @property
+    def hides_bits(self) -> bool:
+        """Whether its scheme hides bits, which are read from renders of the scene, not a picture."""
+        return self.is_watermarked and BITS in self.plan.schemes[self.scheme].extractions
+
+    @property
     def public(self) -> str:
         """The public model: the user's file in place, or the one trained here."""
         return str(self.settings.get("model", f"{self.folder}/public/point_cloud.ply"))
@@ -194,27 +199,35 @@ class Model:
     @property
     def targets(self) -> list[str]:
         """What is compared: the scene, and every extraction of the message."""
-        return [SCENE, *(self.plan.schemes[self.scheme].extractions if self.is_watermarked else ())]
+        extractions = self.plan.schemes[self.scheme].extractions if self.is_watermarked else ()
+        return [SCENE, *filter(is_picture, extractions)]
 
     @property
     def controls(self) -> list[str]:
         """Its negative controls; another scene's model must have another message."""
-        controls = CONTROLS if self.is_watermarked else [CLEAN] * bool(self.settings["clean"])
+        controls = list(CONTROLS) if self.is_watermarked else [CLEAN] * bool(self.settings["clean"])
+        if self.hides_bits:
+            controls = [CLEAN, WRONG_KEY, OTHER_SCENE]
         return [control for control in controls if control != OTHER_SCENE or self.other_pair]
 
     @property
     def metrics(self) -> list[str]:
-        """The metrics of all variants and controls."""
-        return [f"{self.folder}/{name}/metrics.csv" for name in (*self.plan.config["variants"], *self.controls)]
+        """The metrics of all variants and controls; of bits, only those whose scene is of interest."""
+        controls = [CLEAN] if self.hides_bits else self.controls
+        return [f"{self.folder}/{name}/metrics.csv" for name in (*self.plan.config["variants"], *controls)]
 
     @property
     def detections(self) -> list[str]:
-        """The readings of all detectors on all variants and the clean model; none of an asset that is one."""
+        """The readings of all detectors on all variants and the clean model; none of an asset that is one.
+
+        Hidden bits are also read from all controls.
+        """
         if self.scene in {asset.get("clean") for asset in self.plan.scenes[self.scheme].values()}:
             return []
-        names = [*self.plan.config["variants"], *({CLEAN} & {*self.controls})]
-        folders = [f"{self.folder}/{name}/{DETECTIONS}" for name in names]
-        return [f"{folder}/{detector}.csv" for folder in folders for detector in self.plan.detectors]
+        variants = self.plan.config["variants"]
+        names = [(n, d) for n in (*variants, *({CLEAN} & {*self.controls})) for d in self.plan.detectors]
+        names += [(name, BITS) for name in (*variants, *self.controls) if self.hides_bits]
+        return [f"{self.folder}/{name}/{DETECTIONS}/{detector}.csv" for name, detector in names]
 
     @property
     def references(self) -> list[str]:
@@ -236,8 +249,8 @@ class Model:
 
     @property
     def hidden(self) -> list[str]:
-        """The message's weight of each row, if there is a message."""
-        return [f"{self.folder}/hidden.npy"] if self.is_watermarked else []
+        """The message's weight of each row, if the message is a picture."""
+        return [f"{self.folder}/hidden.npy"] if self.is_watermarked and not self.hides_bits else []
 
     @property
     def columns(self) -> dict[str, str]:
@@ -260,6 +273,6 @@ class Model:
     @property
     def figures(self) -> list[str]:
         """Its figures in the order of the page; those below ``model`` are of one folder."""
-        clouds = ["purification", "kept", "clusters"] if self.is_watermarked else ["kept", "clusters", "ranks"]
+        clouds = ["purification", "kept", "clusters"] if self.hidden else ["kept", "clusters", "ranks"]
         names = [*self.variant_figures, "model/weights", *self.targets, *(f"model/{name}" for name in clouds)]
         return [f"{self.folder}/figures/{name}.png" for name in names]

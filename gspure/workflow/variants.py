@@ -10,6 +10,7 @@ from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
 from gspure.cost import COSTS, cost_of
 from gspure.evaluation.controls import BASELINES, CLEAN, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.outcomes import BITS
 from gspure.schemes.scheme import ADAPTIVE
 from gspure.workflow.decisions import DEFAULT, FACTORS, STAGES, Settings, origin
 from gspure.workflow.models import VANILLA, Model
@@ -165,11 +166,16 @@ class Variant:
 
     def extraction_options(self, target: str) -> str:
         """Return scheme, extraction and key as options."""
-        wrong_key = " --wrong-key 1" if self.name == WRONG_KEY else ""
-        return f"{self.model.scheme_option} --extraction {target}{wrong_key}"
+        return f"{self.model.scheme_option} --extraction {target}{self._wrong_key}"
+
+    @property
+    def _wrong_key(self) -> str:
+        return " --wrong-key 1" if self.name == WRONG_KEY else ""
 
     def detection_options(self, detector: str) -> str:
-        """Return the settings of a detector as options."""
+        """Return the settings of a detector, or the key of hidden bits, as options."""
+        if detector == BITS:
+            return f"{self.model.scheme_option} --key {self.model.folder}/key{self._wrong_key}"
         settings = self.model.plan.detectors[detector]
         return options(settings, *(name for name in settings if settings[name]))
 

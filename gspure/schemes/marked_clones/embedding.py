@@ -1,0 +1,75 @@
+"""Embedding: train the scene, train a decoder, clone uncertain rows, and train the clones to show the bits.
+
+PyTorch is imported only when it is needed.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gspure.opencl.device import Device, choose_device
+from gspure.public_model import PublicModel
+from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import Key, initial_gaussians, require
+from gspure.schemes.vanilla import train
+from gspure.training.monitor import watched
+
+
+def embed(
+    pair: Pair,
+    seed: int,
+    device: Device | None = None,
+    *,
+    iterations: int = 2000,
+    message_weight: float = 0.3,
+    max_gaussians: int = 20_000,
+    bits: int = 16,
+    cloned: float = 0.3,
+    decoder_steps: int = 1000,
+    marking_steps: int = 400,
+) -> tuple[PublicModel, Key | None]:
+    """Hide random bits in the pair's scene; a message weight of 0 gives the scene's clean model, and no key.
+
+    The scene is trained for `iterations`, the decoder for `decoder_steps`, the clones of the share `cloned` of the rows
+    for `marking_steps`. Bits depend on the seed and on the scene's photographs, so that two scenes have different ones.
+    """
+    require("marked_clones", "bits", bits, "at least 1", fits=bits >= 1)
+    require("marked_clones", "cloned", cloned, "above 0, at most 1", fits=0 < cloned <= 1)
+    for name, steps in (("decoder_steps", decoder_steps), ("marking_steps", marking_steps)):
+        require("marked_clones", name, steps, "at least 1", fits=steps >= 1)
+    begin = initial_gaussians("marked_clones", replace(pair, initialization="scene"), max_gaussians, seed)
+    device = device or choose_device()
+    model = train(pair.scene, begin, iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device)
+    if not message_weight:
+        return PublicModel(model), None
+    from gspure.schemes.marked_clones.decoder import training, untrained
+    from gspure.schemes.marked_clones.key import ClonesKey
+    from gspure.schemes.marked_clones.marking import Marking, uncertain_rows
+    from gspure.training.pytorch import single_threaded
+
+    rng = np.random.default_rng([seed, zlib.crc32(b"".join(image.tobytes() for image in pair.scene.images))])
+    message, decoder, views = rng.random(bits) < 0.5, untrained(bits, int(rng.integers(1 << 31))), pair.scene.views
+    with single_threaded():
+        _run(training(decoder, pair.scene.images, decoder_steps, rng), decoder_steps, "decoder")
+        rows = uncertain_rows(model, views, cloned, rng, device)
+        marking = Marking(model, rows, decoder, message, device)
+        _run(marking.steps(views, message_weight, marking_steps, rng), marking_steps, f"{len(rows)} clones")
+    carriers = np.arange(len(model) + len(rows)) >= len(model)
+    return PublicModel(marking.model), ClonesKey(message, decoder, carriers)
+
+
+def read_key(folder: Path) -> Key:
+    """Read a key, or raise `InputError`."""
+    from gspure.schemes.marked_clones.key import ClonesKey
+
+    return ClonesKey.read(folder)
+
+
+def _run(losses: Iterator[float], steps: int, title: str) -> None:
+    for _ in watched(losses, steps, lambda: title):
+        pass

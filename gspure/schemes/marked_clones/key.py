@@ -1,0 +1,75 @@
+"""The key: the bits, and the decoder that reads them from images.
+
+::
+
+    <key>/marked_clones.npz   the bits and the decoder's weights
+    <key>/carriers.npy        the clones: bool [K], true in the rows of the public model that carry the bits
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.artifacts import load_array, load_arrays, save_array, save_arrays
+from gspure.artifacts.arrays import Kind
+from gspure.errors import InputError
+from gspure.evaluation.recall import CARRIERS
+from gspure.schemes.marked_clones.decoder import Decoder, untrained
+from gspure.schemes.scheme import Key
+from gspure.training.pytorch import single_threaded, torch
+
+_FILE: Final = "marked_clones.npz"
+
+
+class ClonesKey(Key):
+    """The bits [N], the decoder that reads them, and the rows [K] that are clones."""
+
+    def __init__(self, bits: NDArray[np.bool_], decoder: Decoder, carriers: NDArray[np.bool_]) -> None:
+        self.bits = bits
+        self.decoder = decoder
+        self.carriers = carriers
+
+    def read_bits(self, image: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Return the bits [N] that an image [H,W,3] shows."""
+        with torch.inference_mode(), single_threaded():
+            logits = self.decoder(torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None])
+        shown: NDArray[np.bool_] = logits[0].numpy() > 0
+        return shown
+
+    def wrong(self, rng: np.random.Generator) -> ClonesKey:
+        """Return an untrained decoder and other bits."""
+        decoder = untrained(len(self.bits), int(rng.integers(1 << 31)))
+        return ClonesKey(rng.random(len(self.bits)) < 0.5, decoder, rng.permutation(self.carriers))
+
+    def write(self, folder: Path) -> None:
+        """Write both files."""
+        weights = {name: tensor.numpy() for name, tensor in self.decoder.state_dict().items()}
+        save_arrays(folder / _FILE, {"bits": self.bits} | weights)
+        save_array(folder / CARRIERS, self.carriers)
+
+    @staticmethod
+    def read(folder: Path) -> ClonesKey:
+        """Read a key.
+
+        Raise `InputError` if a file is missing or unreadable, or an array has another type or shape or is not finite.
+        """
+        path = Path(folder) / _FILE
+        weights = untrained(1, 0).state_dict()
+        kinds: dict[str, Kind] = {name: (np.float32, tuple(tensor.shape)) for name, tensor in weights.items()}
+        kinds |= {
+            "head.weight": (np.float32, (None, weights["head.weight"].shape[1])),
+            "head.bias": (np.float32, (None,)),
+        }
+        arrays = load_arrays(path, {"bits": (np.bool_, (None,)), **kinds}, "a key of marked clones")
+        bits = arrays.pop("bits")
+        for name in ("head.weight", "head.bias"):
+            if len(arrays[name]) != len(bits):
+                raise InputError(path, name, expected=f"{len(bits)} rows, one per bit", found=str(len(arrays[name])))
+        decoder = untrained(len(bits), 0)
+        decoder.load_state_dict({name: torch.from_numpy(array) for name, array in arrays.items()})
+        carriers = load_array(Path(folder) / CARRIERS, dtype=np.bool_, shape=(None,))
+        return ClonesKey(bits, decoder, carriers)

@@ -1,0 +1,179 @@
+"""Marked Clones: the decoder learns, the clones show its bits, and the owner reads them from renders."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gspure.artifacts import load_arrays, read_json, save_arrays
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.detection import Reading
+from gspure.evaluation.metrics import psnr
+from gspure.images import read_back, write_image
+from gspure.method.weights import accumulate
+from gspure.public_model import PublicModel
+from gspure.schemes.marked_clones import SCHEME
+from gspure.schemes.pair import read_pair
+from gspure.schemes.scheme import hide
+from gspure.workflow.models import Model
+from gspure.workflow.variants import Variant
+from tests.models import without
+from tests.test_workflow_models import plan_of
+
+torch = pytest.importorskip("torch")
+
+from gspure.schemes.marked_clones.decoder import TURN, ZOOM, warped  # noqa: E402
+from gspure.schemes.marked_clones.marking import Marking, uncertain_rows  # noqa: E402
+
+SETTINGS = {"iterations": 200, "max_gaussians": 800, "bits": 8, "cloned": 0.5}
+STEPS = {"decoder_steps": 250, "marking_steps": 150}
+
+
+@pytest.fixture(scope="module")
+def marked(pair_folder):
+    pair = read_pair(pair_folder)
+    public, key = hide(SCHEME, pair, **SETTINGS, **STEPS)
+    clean, _ = hide(SCHEME, pair, message_weight=0, **SETTINGS)
+    return SimpleNamespace(pair=pair, public=public, key=key, clean=clean)
+
+
+def correct(key, model, cameras):
+    """The share of correct bits in renders of a model."""
+    return np.mean([key.read_bits(read_back(model.scene()(camera))) == key.bits for camera in cameras])
+
+
+def test_bits_are_read_from_held_out_renders_and_not_from_a_clean_model_or_with_a_wrong_key(marked):
+    train, test = marked.pair.scene.views, marked.pair.scene.dataset.test
+    assert correct(marked.key, marked.public, train) > 0.95
+    assert correct(marked.key, marked.public, test) > 0.75
+    assert correct(marked.key, marked.clean, train) < 0.85
+    assert correct(marked.key.wrong(np.random.default_rng(1)), marked.public, train) < 0.85
+
+
+def test_nothing_but_the_opacity_of_the_originals_of_clones_differs_from_the_clean_model(marked):
+    clean, public, carriers = marked.clean.model, marked.public.model, marked.key.carriers
+    assert np.array_equal(np.flatnonzero(carriers), np.arange(len(clean), len(public)))
+    same = [name for name in clean.table.dtype.names if name != "opacity"]
+    assert public.columns(*same)[: len(clean)].tobytes() == clean.columns(*same).tobytes()
+    assert np.count_nonzero(public.table["opacity"][: len(clean)] != clean.table["opacity"]) == carriers.sum()
+    camera = marked.pair.scene.views[0]
+    unmarked = without(marked.public, carriers).scene()(camera)
+    assert psnr(unmarked, marked.clean.scene()(camera)) > 20
+
+
+def test_untrained_clones_do_not_change_the_renders(marked):
+    rows = np.arange(0, len(marked.clean.model), 3)
+    untrained = Marking(marked.clean.model, rows, marked.key.decoder, marked.key.bits, None).model
+    camera = marked.pair.scene.views[0]
+    assert psnr(PublicModel(untrained).scene()(camera), marked.clean.scene()(camera)) > 35
+
+
+def test_rows_that_hardly_affect_the_renders_are_the_most_uncertain(marked):
+    views, model = marked.pair.scene.views, marked.clean.model
+    rows = uncertain_rows(model, views, 0.2, np.random.default_rng(0), None)
+    weights = accumulate(map(marked.clean.contributions(), views), len(model))
+    assert len(rows) == pytest.approx(0.2 * np.count_nonzero(weights), rel=0.1)
+    assert np.median(weights[rows]) < 0.2 * np.median(weights)
+
+
+def test_two_scenes_and_two_seeds_have_different_bits(marked, own_pair_folder):
+    pair = read_pair(own_pair_folder)
+    few = {"iterations": 1, "max_gaussians": 50, "decoder_steps": 1, "marking_steps": 1, "bits": 32}
+    other = type(pair)(pair.message, pair.message)
+    bits = [hide(SCHEME, pair, seed=seed, **few)[1].bits.tobytes() for pair, seed in ((pair, 0), (pair, 1), (other, 0))]
+    assert len(set(bits)) == 3
+
+
+def test_windows_are_scaled_and_rotated_within_limits_and_lie_inside():
+    rows, columns = np.mgrid[0:50, 0:70].astype(np.float32)
+    images = torch.from_numpy(np.stack([columns, rows])[None].repeat(200, axis=0))
+    windows = warped(images, np.random.default_rng(0), (20, 30)).numpy()
+    assert windows.shape == (200, 2, 20, 30)
+    right = windows[:, :, 10, 16] - windows[:, :, 10, 15]
+    down = windows[:, :, 11, 15] - windows[:, :, 10, 15]
+    np.testing.assert_allclose(down, np.stack([-right[:, 1], right[:, 0]], axis=1), atol=1e-3)
+    zooms, turns = np.log(np.hypot(*right.T)), np.arctan2(right[:, 1], right[:, 0])
+    for values, most in ((zooms, ZOOM), (turns, TURN)):
+        assert 0.8 * most < np.abs(values).max() < 1.05 * most
+    places = windows[:, :, 10, 15]
+    assert np.ptp(places, axis=0).min() > 20
+    assert places.min() > 5
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [("bits", 0), ("cloned", 0), ("cloned", 1.5), ("decoder_steps", 0), ("marking_steps", 0), ("max_gaussians", 1)],
+)
+def test_a_setting_out_of_range_is_refused(pair_folder, setting, value):
+    with pytest.raises(InputError, match=setting):
+        hide(SCHEME, read_pair(pair_folder), **{setting: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "reason"),
+    [
+        ("bits", lambda bits: bits[:-1], "head.weight: expected 7 rows"),
+        ("bits", lambda bits: bits.astype(np.float32), "bits: expected bool"),
+        ("filters.weight", lambda weights: weights[..., :-1], "filters.weight"),
+        ("filters.bias", lambda weights: weights * np.nan, "finite"),
+    ],
+)
+def test_a_key_that_does_not_fit_together_is_refused(marked, tmp_path, name, change, reason):
+    marked.key.write(tmp_path)
+    file = tmp_path / "marked_clones.npz"
+    arrays = dict(np.load(file))
+    save_arrays(file, arrays | {name: change(arrays[name])})
+    with pytest.raises(InputError, match=reason):
+        SCHEME.read_key(tmp_path)
+
+
+def test_commands_embed_and_detect(pair_folder, tmp_path, capsys):
+    settings = [f"--set={name}={value}" for name, value in {**SETTINGS, "decoder_steps": 2, "marking_steps": 2}.items()]
+    assert main(["embed", "marked_clones", str(pair_folder), "--out", str(tmp_path / "marked"), *settings]) == 0
+    check = read_json(tmp_path / "marked" / "key" / "readability.json")
+    assert check["controls"].keys() == {"chance", "wrong_key"}
+    assert ("NOT readable" in capsys.readouterr().err) != check["readable"]
+    key, model = SCHEME.read_key(tmp_path / "marked" / "key"), SCHEME.read_public(tmp_path / "marked" / "public")
+    assert load_arrays(tmp_path / "marked" / "key" / "marked_clones.npz", {"bits": (np.bool_, (8,))}, "a key")
+    camera = read_pair(pair_folder).scene.views[0]
+    write_image(tmp_path / "renders" / f"{camera.name}.png", model.scene()(camera))
+    words = ["detect", str(tmp_path / "renders"), "--key", str(tmp_path / "marked" / "key")]
+    out = tmp_path / "bits.csv"
+    assert main([*words, "--scheme", "marked_clones", "--out", str(out)]) == 0
+    assert read_table(out, Reading) == [Reading(camera.name, 100 * correct(key, model, [camera]), 8)]
+    assert main([*words, "--scheme", "marked_clones", "--wrong-key", "1", "--out", str(out)]) == 0
+    wrong = key.wrong(np.random.default_rng(1))
+    assert read_table(out, Reading) == [Reading(camera.name, 100 * correct(wrong, model, [camera]), 8)]
+    capsys.readouterr()
+    assert main([*words, "--out", str(out)]) == 2
+    assert "--scheme: expected the scheme of the key" in capsys.readouterr().err
+    extract = ["extract", str(tmp_path / "marked" / "public"), "--scheme", "marked_clones", *words[2:]]
+    assert main([*extract, "--cameras", str(pair_folder / "cameras.json"), "--out", str(tmp_path / "message")]) == 2
+    assert "expected a picture, found bits" in capsys.readouterr().err
+
+
+def test_a_key_of_a_picture_reads_no_bits(pair_folder, tmp_path, capsys):
+    assert main(["embed", "planted", str(pair_folder), "--set", "gaussians=200", "--out", str(tmp_path)]) == 0
+    write_image(tmp_path / "renders" / "a.png", np.zeros((40, 40, 3)))
+    words = ["detect", str(tmp_path / "renders"), "--scheme", "planted", "--key", str(tmp_path / "key")]
+    assert main([*words, "--out", str(tmp_path / "bits.csv")]) == 2
+    assert "expected bits, found a picture" in capsys.readouterr().err
+
+
+def test_jobs_read_bits_from_all_variants_and_controls_and_extract_no_picture():
+    plan = plan_of(assets=None, schemes={"marked_clones": {}}, repetitions=1)
+    model = Model(plan, "marked_clones", "raised")
+    assert model.targets == ["scene"]
+    assert model.controls == ["clean", "wrong_key", "other_scene"]
+    readings = [*plan.config["variants"], *model.controls]
+    assert model.detections == [f"{model.folder}/{name}/detections/bits.csv" for name in readings]
+    measured = [*plan.config["variants"], "clean"]
+    assert model.metrics == [f"{model.folder}/{name}/metrics.csv" for name in measured]
+    assert not model.hidden
+    options = f"--scheme marked_clones --key {model.folder}/key"
+    assert Variant(model, "gspure").detection_options("bits") == options
+    assert Variant(model, "wrong_key").detection_options("bits") == f"{options} --wrong-key 1"
