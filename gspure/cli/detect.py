@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 HELP = "read bits from a folder of images with a scheme's key, or any mark with your own detector"
 EXAMPLES = """\
-  gspure detect renders --scheme marked_clones --key marked/key --out bits.csv
   gspure detect renders --command "python examples/spread_spectrum.py detect --key 7" --out spread.csv
   gspure detect renders --command "python decode.py --weights decoder.pt" --message 0110100110010110 --out bits.csv
+  gspure detect renders --scheme marked_clones --key marked/key --out bits.csv
 
 A detector of your own gets the folder as its last argument. The last line that it prints must be a JSON object that
 maps the name of each image, without .png, to bits, with --message ({"view_000": "0110", ...}), or to a score, which is
