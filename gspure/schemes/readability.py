@@ -73,7 +73,7 @@ def bit_readability(
     def correct(of: Key) -> float:
         return float(np.mean([share_correct(of.read_bits(image), of.bits) for image in images]))
 
-    chance = Threshold.of(len(key.bits), [], FALSE_POSITIVES).level
+    chance = 100 * Threshold.of(len(key.bits), [], FALSE_POSITIVES).value / len(key.bits)
     return BitReadability(correct(key), {"chance": chance, WRONG_KEY: correct(key.wrong(np.random.default_rng(0)))})
 
 
