@@ -18,6 +18,7 @@ report: "report/workflow.rst"
 
 
 include: "rules/common.smk"
+include: "rules/progress.smk"
 include: "rules/failures.smk"
 include: "rules/requirements.smk"
 include: "rules/scenes.smk"

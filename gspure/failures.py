@@ -98,6 +98,15 @@ def summary(failures: Iterable[Failure]) -> list[str]:
     return [f"{reason} ({_logs(alike)})" for reason, alike in by_reason.items()]
 
 
+def unfinished(failures: Iterable[Failure]) -> dict[str, list[str]]:
+    """Return the variants and controls without metrics because of failures, by model."""
+    folders = {Path(path).parent for failure in failures for path in failure.missing if path.endswith("/metrics.csv")}
+    by_model: dict[str, list[str]] = {}
+    for folder in sorted(folders):
+        by_model.setdefault("/".join(folder.parts[-3:-1]), []).append(folder.name)
+    return by_model
+
+
 def _logs(failures: Sequence[Failure]) -> str:
     more = f" and {len(failures) - 1} more" if len(failures) > 1 else ""
     return f"{failures[0].log}{more}"

@@ -8,7 +8,8 @@ import sys
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
 from gspure.corruption import discard, missing_or_cut, set_aside
-from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary
+from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary, unfinished
+from gspure.workflow.job_progress import COMMAND
 
 # In that process: the failures of the first run. If a figure fails in it, a third process leaves this figure out, too.
 RUNS = list(filter(None, os.environ.get("GSPURE_FAILED_RUNS", "").split(os.pathsep)))
@@ -70,6 +71,8 @@ def summarize(run):
     command = [sys.executable, "-m", "snakemake", *targets, "--snakefile", workflow.main_snakefile, *settings]
     command += ["--cores", "all", "--keep-going", "--show-failed-logs", "--quiet", "host", "reason"]
     runs = os.pathsep.join([*RUNS, run])
+    if SCREEN:
+        SCREEN.close()
     subprocess.run(command, env={**os.environ, "GSPURE_FAILED_RUNS": runs}, check=False)
 
 
@@ -102,12 +105,15 @@ if workflow.is_main_process and not RUNS:
     workflow._build_dag = build_dag
 
 
-def print_failures(failures):
-    """Print the failed jobs, the reasons, and the command to try again."""
+def print_failures(failures, run):
+    """Print the failed jobs, the reasons, the variants without results, Snakemake's log, and the command to try again."""
     count = f"{len(failures)} jobs" if len(failures) > 1 else "1 job"
     lines = [f"gspure: {count} failed", *(f"  {line}" for line in summary(failures))]
+    lines += [f"Without results: {model}: {', '.join(variants)}" for model, variants in unfinished(failures).items()]
+    lines.append(f"Snakemake's log: {os.path.relpath(run)}")
     if not RUNS:
-        lines.append(f"To try again: {shlex.join(['snakemake', *sys.argv[1:]])}")
+        again = os.environ.get(COMMAND) or shlex.join(["snakemake", *sys.argv[1:]])
+        lines.append(f"To try again: {again}")
     print(*lines, sep="\n", file=sys.stderr)
 
 
@@ -122,4 +128,4 @@ onerror:
         summarize(log[0])
     set_corrupt_aside()
     if failures:
-        atexit.register(print_failures, failures)  # after Snakemake's last message
+        atexit.register(print_failures, failures, log[0])  # after Snakemake's last message

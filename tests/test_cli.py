@@ -97,6 +97,34 @@ def test_examples_of_the_stages_pasted_one_after_the_other_purify_a_model(asset,
     assert Path("figures/kept.png").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["pur"], ["purify"]),
+        (["purify", "--ca"], ["--cameras"]),
+        (["purify", "mod"], ["model.ply"]),
+        (["render", "x.ply", "--cameras", "mod"], ["model.ply"]),
+        (["render", "--split", "te"], ["test"]),
+        (["figures", "pan"], ["panels"]),
+    ],
+)
+def test_a_shell_completes_commands_options_and_files(tmp_path, capsys, words, expected):
+    pytest.importorskip("shtab", reason="gspure[completion] is not installed")
+    assert main(["completion", "bash"]) == 0
+    (tmp_path / "gspure.bash").write_text(capsys.readouterr().out)
+    (tmp_path / "model.ply").touch()
+    line = shlex.join(["gspure", *words])
+    script = f"source gspure.bash; COMP_WORDS=({line}); COMP_CWORD={len(words)}; _shtab_gspure; echo ${{COMPREPLY[@]}}"
+    done = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == expected
+
+
+def test_without_its_package_completion_names_what_to_install(capsys, monkeypatch):
+    monkeypatch.setattr("gspure.plugins.find_spec", lambda name: None)
+    assert main(["completion", "zsh"]) == 2
+    assert "pip install gspure[completion]" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("argv", [["bogus"], ["--bogus"], ["render"], ["figures", "b\nd"]])
 def test_a_wrong_command_line_ends_in_one_line_with_status_2(argv, capsys):
     with pytest.raises(SystemExit) as leaving:

@@ -67,6 +67,22 @@ def test_without_a_working_device_the_status_is_1(examine, trials) -> None:
     assert "opencl" in text.split("fix:")[1]
 
 
+@pytest.mark.parametrize(
+    ("machine", "linker", "trials", "route"),
+    [
+        ("x86_64", "/usr/bin/ld", [], "-m pip install pocl-binary-distribution"),
+        ("x86_64", "/usr/bin/ld", [BROKEN], "sudo apt-get install pocl-opencl-icd"),
+        ("x86_64", None, [], "sudo apt-get install pocl-opencl-icd"),
+        ("aarch64", "/usr/bin/ld", [], "sudo apt-get install pocl-opencl-icd"),
+    ],
+)
+def test_a_driver_comes_from_pip_where_its_package_works(examine, monkeypatch, machine, linker, trials, route) -> None:
+    monkeypatch.setattr(doctor, "_make", lambda _: None)
+    monkeypatch.setattr("platform.machine", lambda: machine)
+    monkeypatch.setattr("shutil.which", lambda _: linker)
+    assert examine(*trials)[1].split("fix: ")[1].splitlines()[0].endswith(route)
+
+
 def test_a_device_named_in_the_environment_must_work(examine, monkeypatch) -> None:
     monkeypatch.setenv("GSPURE_DEVICE", "nvidia")
     status, text = examine(UNSELECTED)

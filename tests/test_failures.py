@@ -4,7 +4,16 @@ import pytest
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.failures import Failure, failures_below, is_interrupted, read_failure, reason_in, status_of, summary
+from gspure.failures import (
+    Failure,
+    failures_below,
+    is_interrupted,
+    read_failure,
+    reason_in,
+    status_of,
+    summary,
+    unfinished,
+)
 
 REFUSAL = "gspure attack: attack crop: fraction: expected 0 to 1, found 7"
 
@@ -59,6 +68,13 @@ def test_other_json_is_not_a_status(tmp_path, content):
 def test_failures_for_the_same_reason_are_one_line():
     one, two, other = failure("a.log"), failure("b.log"), failure("c.log", "no room")
     assert summary([one, other, two]) == [f"{REFUSAL} (a.log and 1 more)", "no room (c.log)"]
+
+
+def test_variants_without_metrics_are_named_by_model():
+    missing = ["results/vanilla/bot/gspure/metrics.csv", "results/vanilla/bot/gspure/renders/scene"]
+    missing += ["results/planted/room/crop/metrics.csv", "results/vanilla/bot/crop/metrics.csv"]
+    failures = [Failure("attack_model", "no room", "a.log", "run.log", missing), failure()]
+    assert unfinished(failures) == {"planted/room": ["crop"], "vanilla/bot": ["crop", "gspure"]}
 
 
 def test_the_command_lists_failures_and_its_status_tells_whether_there_are_any(tmp_path, capsys):

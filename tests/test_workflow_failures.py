@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 
 import numpy as np
@@ -82,6 +83,25 @@ def test_the_last_lines_name_the_failures_and_the_command_to_try_again(failed):
     last = printed.rpartition("At least one job did not complete successfully.")[2]
     assert all(status.reason in last for status in failures_below(project.folder / "results" / "logs"))
     assert re.search(r"^To try again: snakemake .*--configfile config.yaml\n\Z", last, re.MULTILINE)
+
+
+def test_an_audit_shows_jobs_and_failures_and_keeps_the_lines_of_snakemake_in_a_log(tmp_path, started):  # noqa: F811
+    project = started.copy(tmp_path / "project")
+    project.configure({**CONFIG, "variants": {"unattacked": {}, "gspure": {}, "crop": {"fraction": 7}}})
+    command = [sys.executable, "-m", "gspure", "audit", "config.yaml", "--cores", "2"]
+    done = subprocess.run(
+        command, cwd=project.folder, env=project.environment(), capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert not done.stdout
+    lines = done.stderr.splitlines()
+    assert any(re.fullmatch(r"job \d+ of \d+, 0:\d\d:\d\d: Attacking vanilla/bot: crop", line) for line in lines)
+    assert "failed: Attacking vanilla/bot: crop (results/logs/vanilla/bot/crop/attack.log)" in lines
+    *_, reason, variants, log, again = lines
+    assert "crop: fraction: expected" in reason
+    assert variants == "Without results: vanilla/bot: crop"
+    assert "Select jobs to execute" in (project.folder / log.removeprefix("Snakemake's log: ")).read_text()
+    assert again == "To try again: gspure audit config.yaml --cores 2"
 
 
 def test_the_next_run_tries_failed_jobs_again_and_finished_ones_not(failed):

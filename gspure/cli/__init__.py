@@ -38,6 +38,7 @@ USER_COMMANDS = (
     "stages",
     "paper-check",
     "doctor",
+    "completion",
 )
 JOBS = (
     "contributions",

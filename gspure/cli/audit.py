@@ -15,6 +15,7 @@ from typing import Any
 from gspure.cli.options import add_cameras, add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
+from gspure.workflow.job_progress import COMMAND, SHOWN
 
 HELP = "run the whole workflow in the current folder: attack a model in many ways and write a report"
 EXAMPLES = """\
@@ -40,6 +41,7 @@ def add_arguments(parser: Parser) -> None:
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
     parser.add_argument("-c", "--cores", type=int, metavar="N", help="number of cores (default: all)")
     add_quiet(parser)
+    parser.flag("-v", "--verbose", "print Snakemake's lines instead of a bar, as with options of Snakemake")
     parser.set_defaults(passed_on=[])  # what follows `--`
 
 
@@ -53,6 +55,9 @@ def run(args: Arguments) -> int:
     if any(_LOCKS.glob("*.lock")) and not {"--unlock", "--nolock"} & {*args.passed_on}:
         hint = f"if none runs: gspure audit {shlex.quote(str(configuration))} -- --unlock"
         raise InputError(_LOCKS, "lock", expected="no other run here", found="one that runs or was killed", hint=hint)
+    if args.quiet or not (args.verbose or args.passed_on):
+        os.environ[SHOWN] = "problems" if args.quiet else "jobs"
+    os.environ[COMMAND] = shlex.join(["gspure", *sys.argv[1:]])
     return os.execv(sys.executable, _command(args, configuration))  # noqa: S606
 
 
@@ -61,7 +66,6 @@ def _command(args: Arguments, configuration: Path) -> list[str]:
     options = ["--snakefile", str(snakefile()), "--configfile", str(configuration)]
     options += ["--dry-run"] if args.dry_run else []
     options += ["--cores", str(args.cores)] if args.cores else []
-    options += ["--quiet", "all"] if args.quiet else []
     sys.stdout.flush()
     return [sys.executable, "-m", "snakemake", *options, *args.passed_on]
 

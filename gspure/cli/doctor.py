@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import shlex
+import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -44,16 +45,17 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> int:  # noqa: ARG001
     """Print the report; return 0 if gspure can run, else 1."""
     checks = {
-        "OpenCL: a small frame rendered on each device": opencl,
-        "OpenGL: a picture drawn off screen": opengl,
         "Packages: installed, required": packages,
+        "OpenGL: a picture drawn off screen": opengl,
+        "OpenCL: a small frame rendered on each device": opencl,
     }
-    with ThreadPoolExecutor() as pool:  # each check waits for a subprocess
-        sections = dict(zip(checks, pool.map(lambda check: check(), checks.values()), strict=True))
     system = f"{platform.system()} {platform.machine()}"
-    print(f"gspure {gspure.__version__}, Python {platform.python_version()}, {system}")
-    print("\n".join(report(sections)))
-    lacking = sum(finding.needed and not finding.ok for findings in sections.values() for finding in findings)
+    print(f"gspure {gspure.__version__}, Python {platform.python_version()}, {system}", flush=True)
+    lacking = 0
+    with ThreadPoolExecutor() as pool:  # each check waits for a subprocess
+        for title, findings in zip(checks, pool.map(lambda check: check(), checks.values()), strict=True):
+            print(*report(title, findings), sep="\n", flush=True)
+            lacking += sum(finding.needed and not finding.ok for finding in findings)
     print(f"\n{'gspure cannot run yet: see the fixes above.' if lacking else 'gspure can run.'}")
     return int(lacking > 0)
 
@@ -74,7 +76,10 @@ def opencl() -> list[Finding]:
         mismatch = f"GSPURE_DEVICE={os.environ.get('GSPURE_DEVICE')} matches no working device"
         findings.append(Finding(ok=False, cells=(mismatch,), fix="unset GSPURE_DEVICE"))
     elif not usable:
-        fix = _make("opencl") or "sudo apt-get install pocl-opencl-icd"
+        # That of PyPI links kernels by the system's linker, and does not know the newest CPUs: then there are trials.
+        by_pip = not trials and platform.machine() == "x86_64" and shutil.which("ld")
+        driver = _pip("pocl-binary-distribution") if by_pip else "sudo apt-get install pocl-opencl-icd"
+        fix = _make("opencl") or driver
         findings.append(Finding(ok=False, cells=("no working device",), fix=fix))
     return findings
 
@@ -122,14 +127,13 @@ def _make(target: str) -> str | None:
     return f"make -C {shlex.quote(str(_CHECKOUT))} {target}" if by_make else None
 
 
-def report(sections: dict[str, list[Finding]]) -> Iterator[str]:
-    """Yield the lines of the report."""
-    for title, findings in sections.items():
-        yield f"\n{title}"
-        for finding, line in zip(findings, _aligned([finding.cells for finding in findings]), strict=True):
-            yield f"  {_mark(finding)}  {line}"
-            if finding.fix:
-                yield f"        fix: {finding.fix}"
+def report(title: str, findings: Sequence[Finding]) -> Iterator[str]:
+    """Yield the lines of a section."""
+    yield f"\n{title}"
+    for finding, line in zip(findings, _aligned([finding.cells for finding in findings]), strict=True):
+        yield f"  {_mark(finding)}  {line}"
+        if finding.fix:
+            yield f"        fix: {finding.fix}"
 
 
 def _mark(finding: Finding) -> str:

@@ -1,0 +1,44 @@
+"""``gspure completion``: the script by which a shell completes commands, options and files."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gspure.cli.options import camera_source
+from gspure.cli.parser import Arguments, Output, Parser
+
+HELP = "print the script for tab completion of a shell"
+EXAMPLES = """\
+  gspure completion bash      # > ~/.local/share/bash-completion/completions/gspure
+  gspure completion zsh       # > ~/.zfunc/_gspure, a folder of $fpath
+"""
+
+
+def add_arguments(parser: Parser) -> None:
+    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="shell")
+
+
+def run(args: Arguments) -> None:
+    """Print the script."""
+    from gspure.plugins import require_packages
+
+    require_packages({"shtab": "gspure[completion]"}, "completion")
+    import shtab
+
+    print(shtab.complete(_all_commands(shtab.FILE), args.shell))
+
+
+def _all_commands(files: object) -> argparse.ArgumentParser:
+    """Return one parser of all commands, in which arguments that name files are completed by `files`."""
+    from gspure.cli import COMMANDS, parser_of
+
+    whole = argparse.ArgumentParser(prog="gspure")
+    commands = whole.add_subparsers()
+    for name in COMMANDS:
+        parser = parser_of(name)
+        for action in parser._actions:  # noqa: SLF001 (argparse lists them nowhere else)
+            if action.type in {Path, Output, camera_source}:
+                vars(action)["complete"] = files
+        commands.add_parser(name, help=parser.description, parents=[parser], add_help=False)
+    return whole

@@ -1,0 +1,95 @@
+"""The jobs of a run on the screen: a bar on a terminal, else a line per job, in place of Snakemake's lines."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from datetime import timedelta
+from typing import TYPE_CHECKING, Final
+
+from gspure.progress import say, shows_bars
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+SHOWN: Final = "GSPURE_SHOWN"
+"""Environment variable of `gspure audit`: what to show, `jobs` or `problems`; Snakemake's lines if it is unset."""
+
+COMMAND: Final = "GSPURE_COMMAND"
+"""Environment variable of `gspure audit`: its command line, which tries failed jobs again."""
+
+_TOLD_BY_FAILURES: Final = ("Exiting because a job execution failed", "WorkflowError:\nAt least one job did not")
+_ALWAYS: Final = ("Nothing to be done", "Terminating processes")
+
+
+class JobProgress(logging.Handler):
+    """Shows number and meaning of jobs, failures as they happen, and the warnings and errors of Snakemake's logger."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._running: dict[int, str] = {}
+        self._started = self._done = self._total = 0
+        self._began = time.monotonic()
+        self._bar: Progress | None = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show what a record of Snakemake's logger reports."""
+        fields = vars(record)
+        match fields.get("event"):
+            case "run_info":
+                self._total = fields["stats"]["total"]
+                self._bar = _started_bar(self._total) if shows_bars() else None
+            case "job_info":
+                self._started += 1
+                self._running[fields["jobid"]] = fields["rule_msg"] or fields["rule_name"]
+                self._show_newest()
+            case "job_finished":
+                self._running.pop(fields["job_id"], None)
+            case "progress":
+                self._done, self._total = fields["done"], fields["total"]
+                self._show_newest(line=False)
+            case "job_error":
+                job = self._running.pop(fields["jobid"], fields["rule_name"])
+                self._print(f"failed: {job} ({', '.join(fields['log'])})")
+            case None | "error":
+                text = record.getMessage()
+                if text.startswith(_ALWAYS) or (
+                    record.levelno >= logging.WARNING and not text.startswith(_TOLD_BY_FAILURES)
+                ):
+                    self._print(text)
+
+    def close(self) -> None:
+        """Leave the bar as it is."""
+        if self._bar:
+            self._bar.stop()
+            self._bar = None
+        super().close()
+
+    def _show_newest(self, *, line: bool = True) -> None:
+        newest = next(reversed(self._running.values()), None)
+        if self._bar:
+            self._bar.update(self._bar.task_ids[0], completed=self._done, total=self._total, description=newest)
+        elif line and newest:
+            elapsed = timedelta(seconds=round(time.monotonic() - self._began))
+            say(f"job {self._started} of {self._total}, {elapsed}: {newest}")
+
+    def _print(self, text: str) -> None:
+        if self._bar:
+            self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        else:
+            print(text, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def _started_bar(total: int) -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.table import Column
+
+    job = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
+    bar = Progress(
+        BarColumn(24), MofNCompleteColumn(), TextColumn("jobs"), TimeElapsedColumn(), job, console=Console(stderr=True)
+    )
+    bar.add_task("", total=total)
+    bar.start()
+    return bar

@@ -1,0 +1,70 @@
+"""What `gspure audit` shows of Snakemake's log records."""
+
+import io
+import logging
+import sys
+
+import pytest
+
+from gspure import progress
+from gspure.workflow.job_progress import JobProgress
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+RUN = [
+    (logging.INFO, "Building DAG of jobs...", {}),
+    (logging.INFO, "Job stats", {"event": "run_info", "stats": {"attack_model": 3, "total": 3}}),
+    (logging.INFO, "", {"event": "job_info", "jobid": 4, "rule_msg": "Attacking a: crop", "rule_name": "attack_model"}),
+    (logging.INFO, "", {"event": "job_finished", "job_id": 4}),
+    (logging.INFO, "", {"event": "progress", "done": 1, "total": 3}),
+    (logging.WARNING, "Low on [bold]disk", {}),
+    (logging.INFO, "", {"event": "job_info", "jobid": 2, "rule_msg": "Rendering a", "rule_name": "render_scene"}),
+    (logging.ERROR, "", {"event": "job_error", "jobid": 2, "log": ["results/logs/a.log"], "rule_name": "render_scene"}),
+    (logging.ERROR, "Exiting because a job execution failed. Look above", {}),
+    (logging.ERROR, "MissingInputException: a.ply", {"event": "error"}),
+]
+PROBLEMS = ["Low on [bold]disk", "failed: Rendering a (results/logs/a.log)", "MissingInputException: a.ply"]
+
+
+def shown(monkeypatch, stream, *, quiet=False, records=RUN):
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(progress, "quiet", quiet)
+    monkeypatch.setenv("COLUMNS", "200")
+    handler = JobProgress()
+    for level, message, fields in records:
+        record = logging.LogRecord("snakemake", level, "", 0, message, (), None)
+        vars(record).update(fields)
+        handler.handle(record)
+    handler.close()
+    return stream.getvalue()
+
+
+def test_a_log_has_a_line_for_every_job_that_starts_and_every_problem(monkeypatch):
+    lines = shown(monkeypatch, io.StringIO()).splitlines()
+    assert [line for line in lines if not line.startswith("job ")] == PROBLEMS
+    first, second = (line for line in lines if line.startswith("job "))
+    assert first.startswith("job 1 of 3, 0:00:0")
+    assert first.endswith(": Attacking a: crop")
+    assert second.startswith("job 2 of 3, ")
+
+
+def test_a_terminal_has_a_bar_with_the_jobs_that_are_done(monkeypatch):
+    text = shown(monkeypatch, Terminal())
+    assert all(problem in text for problem in PROBLEMS)
+    last = text.rpartition("MissingInput")[2]
+    assert "1/3" in last
+    assert "Building" not in text
+
+
+def test_quiet_shows_problems_only(monkeypatch):
+    for stream in (io.StringIO(), Terminal()):
+        assert shown(monkeypatch, stream, quiet=True).splitlines() == PROBLEMS
+
+
+@pytest.mark.parametrize("message", ["Nothing to be done (all", "Terminating processes on user request"])
+def test_the_end_of_a_run_without_jobs_is_said(monkeypatch, message):
+    assert shown(monkeypatch, io.StringIO(), records=[(logging.INFO, message, {})]).splitlines() == [message]
