@@ -19,8 +19,13 @@ rule draw_model:
         "results/benchmarks/{scheme}/{scene}/figures/model.tsv"
     conda:
         "../envs/gspure.yaml"
+    threads: THREADS
+    resources:
+        opencl_device=TURNS,
     params:
+        kernels=KERNELS,
         code=code_digest("gspure.cli.figures"),
+        scheme=get_scheme,
         factors=get_method_options("tau_c", "tau_n"),
         message=lambda wildcards, input: options(input, "hidden") if input.hidden else "",
     message:
@@ -28,7 +33,7 @@ rule draw_model:
     shell:
         job(
             "figures model --model {input.model:q} --weights {input.weights:q} --clusters {input.clusters:q}"
-            " --cameras {input.cameras:q} {params.message} {params.factors} --out {output.figures:q}"
+            " --cameras {input.cameras:q} {params.scheme} {params.message} {params.factors} --out {output.figures:q}"
         )
 
 

@@ -273,7 +273,9 @@ def test_without_key_the_scene_alone_is_reported() -> None:
     assert audit.verdict == "no key"
     assert [(row.variant, scene.mean) for row, scene in audit.scene_psnr] == [("gspure", 35.52), ("gof", 30.0)]
     verdict, points = told(outcomes)
-    assert "only the owner, with the key" in verdict
+    assert (
+        verdict == "Only the owner's key can tell whether this model holds a message, and whether an attack removed it."
+    )
     assert "against renders of the unattacked model: GSPure 35.5 dB, GOF 30.0 dB." in points["The scene"]
 
 

@@ -98,7 +98,7 @@ def test_the_table_command_takes_the_condition_of_each_model(tmp_path: Path, cap
 @pytest.mark.parametrize(
     ("condition", "name"),
     [
-        (Condition("vanilla"), "Vanilla 3DGS"),
+        (Condition("vanilla"), "Own model"),
         (SHARED, "GS-Hider, shared poses"),
         (SCENE_POINTS, "GS-Hider, own poses, scene's points"),
     ],

@@ -293,7 +293,7 @@ def test_a_failed_detector_is_named_with_its_reason_and_leaves_the_metrics(tmp_p
     Failure("detect_mark", "no weights", str(log), "run", [str(folder / "detections" / "mine.csv")]).write()
     outcomes = collect([folder / "metrics.csv"], failures=[status_of(log)])
     assert outcomes[0].undetected == {"mine": "no weights"}
-    assert "Failed: mine of GSPure on Vanilla 3DGS, room (no weights)" in results_markdown(outcomes)
+    assert "Failed: mine of GSPure on Own model, room (no weights)" in results_markdown(outcomes)
     write_results(tmp_path / "results.csv", outcomes)
     assert read_results(tmp_path / "results.csv")[0].undetected == {"mine": "no weights"}
     assert read_results(tmp_path / "results.csv")[0].failure == ""

@@ -11,11 +11,13 @@ from PIL import Image
 from gspure.artifacts import save_array
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
-from gspure.figures import gallery, portrait, style
+from gspure.figures import gallery, portrait, splats, style
 from gspure.images import write_image
 from gspure.method.clustering.store import Clusters, write_clusters
 from gspure.model import write_model
-from tests.models import gaussians, points_of
+from gspure.public_model import PublicModel
+from gspure.renderer import Renderer
+from tests.models import blobs, camera, gaussians, points_of
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
@@ -76,6 +78,22 @@ def test_figures_are_the_same_bytes_again(tmp_path: Path, evidence: gallery.Evid
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
 
 
+def test_splats_show_clusters_in_their_colours_and_the_pruned_rows_alone(tmp_path: Path, monkeypatch) -> None:
+    images = []
+    monkeypatch.setattr(splats, "show", lambda axes, image, label: images.append(image))
+    model, (labels, pruned) = PublicModel(blobs(40)), np.zeros((2, 40), np.int32)
+    splats.write_splats(tmp_path / "splats.png", model, [camera()], labels, pruned.astype(bool))
+    model_image, clusters, alone = images
+    passing = Renderer(blobs(40)).transmittance(camera())[..., None]
+    colour = style.rgb(style.CLUSTERS[0]) / 255
+    np.testing.assert_allclose(clusters, (1 - passing) * colour + passing, atol=1e-3)
+    assert (alone == 1).all()
+    splats.write_splats(tmp_path / "splats.png", model, [camera()], labels - 1, ~pruned.astype(bool))
+    *_, noise, alone = images
+    np.testing.assert_allclose(alone, model_image + passing, atol=1e-3)
+    assert noise.mean() > clusters.mean()
+
+
 @pytest.fixture
 def inputs(tmp_path: Path, evidence: gallery.Evidence) -> list[str]:
     files = {name: tmp_path / name for name in ("model.ply", "weights.npy", "clusters.npz", "cameras.json")}
@@ -94,6 +112,7 @@ def test_figures_of_a_model_have_their_captions_beside_them(tmp_path: Path, inpu
     note = json.loads((tmp_path / "figures" / "kept.png.json").read_text())
     assert "Gaussians are pruned" in note["settings"]["caption"]
     assert note["inputs"].keys() == {"model", "weights", "clusters", "cameras"}
+    assert (tmp_path / "figures" / "splats.png").exists()
 
 
 def test_the_figures_show_the_pruning_of_the_factors_in_their_captions(tmp_path: Path, inputs: list[str]) -> None:

@@ -1,6 +1,7 @@
 """Charts and panels, as matplotlib holds them."""
 
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,12 @@ def test_outcomes_without_a_key_show_the_scene_alone(tmp_path: Path, drawn) -> N
     assert len(drawn[0].axes[0].containers) == 1
     assert "identical" in texts(drawn[0])
     assert "Score" not in texts(drawn[0])
+
+
+def test_outcomes_without_a_key_show_the_rows_that_attacks_removed(tmp_path: Path, drawn) -> None:
+    pruned = replace(outcome("gspure", 29), pruned_share=0.507)
+    plots.write_outcomes(tmp_path / "outcomes.png", [outcome("unattacked", np.inf), pruned])
+    assert {"rows removed", "50.7%"} <= set(texts(drawn[0]))
 
 
 def test_panels_name_the_views_and_the_psnr_against_the_first_column(tmp_path: Path, drawn) -> None:

@@ -245,6 +245,7 @@ def broken(*_: object, **__: object) -> None:
 
 
 FIGURES = {"gspure.figures.panels.write_panels": {"before_after"}, "gspure.figures.gallery.write_plate": CLOUDS}
+FIGURES |= {"gspure.figures.splats.show": {"splats"}}
 FIGURES |= {"gspure.figures.gallery.write_weight_histogram": {"weights"}, "gspure.figures.gallery.choose": CLOUDS}
 
 
@@ -252,7 +253,7 @@ FIGURES |= {"gspure.figures.gallery.write_weight_histogram": {"weights"}, "gspur
 def test_a_figure_that_fails_is_a_warning_and_all_else_stays(
     tmp_path: Path, command: list[str], monkeypatch, capsys, drawing: str
 ) -> None:
-    names = {"before_after", "weights", *CLOUDS}
+    names = {"before_after", "splats", "weights", *CLOUDS}
     out = tmp_path / "out"
     for name in names:  # of an earlier run
         (out / "figures").mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,6 @@
 """The report page: self-contained, and true to the numbers."""
 
+import html
 import json
 import math
 import re
@@ -218,7 +219,7 @@ def test_a_scheme_s_attacks_are_compared_over_its_scenes(tmp_path: Path, figures
     write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=[*figures, figure], matched=matched)
     page = Page(tmp_path / "report.html")
     assert "Planted message: comparison of attacks" in page.text
-    assert "Vanilla 3DGS: comparison of attacks" not in page.text
+    assert "Own model: comparison of attacks" not in page.text
     table = page.source.split('id="compare/planted"')[1].split("</table>")[0]
     assert table.count("<b>") == 4
     rows = {row.split("</th>")[0].split(">")[-1]: row for row in table.split("<tr>") if 'scope="row"' in row}
@@ -308,9 +309,24 @@ def test_the_first_screen_answers_for_every_scheme_and_shows_it(tmp_path: Path, 
     verdicts, evidence = first.split("<details", 1)
     assert re.findall('id="verdict/(.*?)"', verdicts) == ["planted", "vanilla"]
     assert "did not survive GSPure, which lowers the PSNR of the message by 16.0 dB" in verdicts
-    assert "only the owner, with the key" in verdicts
+    assert "Only the owner's key can tell" in html.unescape(verdicts)
+    assert "GSPure removed 30.0% of the rows, and renders before and after agree to 35.5 dB PSNR." in verdicts
     assert evidence.startswith(' class="evidence" open>')
     assert evidence.count("<img") == 4
+
+
+def test_without_a_key_the_first_screen_shows_what_was_removed_and_what_attacks_cost(tmp_path: Path) -> None:
+    attacks = draw_attacks(tmp_path, "gspure")
+    shutil.copytree(attacks.parents[1], folder := tmp_path / "vanilla" / "chair")
+    figures = [folder / "figures" / "attacks.png"]
+    for name in ("splats", "outcomes", "weights"):
+        write_image(folder / "figures" / f"{name}.png", np.ones((4, 4, 3)))
+        figures.append(folder / "figures" / f"{name}.png")
+    write_report(tmp_path / "report.html", "Title", VANILLA, figures=figures)
+    first = Page(tmp_path / "report.html").source.split("<nav")[0]
+    assert first.count("<figure") == 4
+    assert [name for name in ("Splats", "Outcomes", "Weights") if f"<b>{name}.</b>" in first] == ["Splats", "Outcomes"]
+    assert "floor" not in Page(tmp_path / "report.html").text
 
 
 def test_a_picture_that_others_are_compared_with_has_no_distance(tmp_path: Path, attacks: Path) -> None:

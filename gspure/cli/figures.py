@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gspure.cli import image_figures, scheme_figures
 from gspure.cli.image_figures import Drawn
 from gspure.cli.method_options import add_factors
-from gspure.cli.options import add_cameras, read_source
+from gspure.cli.options import add_cameras, add_device, add_scheme, read_device, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
@@ -44,11 +44,14 @@ def _add_model(parser: Parser) -> None:
     parser.reads("--hidden", "NPY", "weights of the message, from `gspure hidden`", required=False)
     add_cameras(parser, "views for up direction and viewpoint", required=False)
     parser.text("--view", "NAME", "viewpoint (default: outside the model, or inside a room)")
+    add_scheme(parser)
+    add_device(parser)
     parser.writes(
         "--out",
         "DIR",
         "folder for clusters, ranks, kept (and hidden) as .png, .gltf and .vtp, weights.png (and "
-        "purification.png), viewer.json for the report; each .png has its caption in .png.json",
+        "purification.png), with cameras splats.png, viewer.json for the report; each .png has its caption in "
+        ".png.json",
     )
     parser.set_defaults(draw=_draw_model)
 
@@ -75,22 +78,23 @@ def _draw_model(args: Arguments) -> Drawn:
 
     from gspure.artifacts import load_array, require_kind, require_made_from
     from gspure.figures.gallery import Evidence, draw
+    from gspure.figures.splats import splats
     from gspure.figures.viewer import write_viewer
     from gspure.figures.viewpoint import world_axes
     from gspure.method.clustering.store import read_clusters
     from gspure.method.pruning import prune_mask
-    from gspure.model import read_model
-    from gspure.model.finite import drawable
     from gspure.model.gaussians import COLOUR
     from gspure.model.signature import Signature
+    from gspure.schemes.registry import read_public_model
 
-    stored = read_model(args.model)
-    model = drawable(stored, args.model)
+    stored = read_public_model(args.model, args.scheme)
+    public = stored.drawable(args.model)
+    model = public.model
     shape = (len(model),)
     labels = read_clusters(args.clusters).labels
     if labels.shape != shape:
         raise InputError(args.clusters, "labels", expected=f"{len(model)}, as in {args.model}", found=str(len(labels)))
-    require_made_from(stored.geometry_digest(), *filter(None, (args.clusters, args.weights, args.hidden)))
+    require_made_from(stored.model.geometry_digest(), *filter(None, (args.clusters, args.weights, args.hidden)))
     require_kind(args.weights, "weights")
     if args.hidden:
         require_kind(args.hidden, "hidden")
@@ -110,6 +114,10 @@ def _draw_model(args: Arguments) -> Drawn:
     sh_dc = model.columns(*COLOUR) if model.sh_degree >= 0 else None
     write_viewer(args.out / "viewer.json", evidence, world_axes(model.means, cameras), sh_dc)
     captions = draw(args.out, evidence, cameras, view)
+    if cameras and public.visible:
+        splat = splats(args.out, public, cameras, labels, evidence.pruned, read_device(args))
+        splat.draw()
+        captions[splat.path] = splat.caption
     names = ("model", "weights", "clusters", "hidden", "cameras")
     inputs = {name: path for name in names if (path := getattr(args, name))}
     return captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n, "view": args.view}
@@ -135,6 +143,8 @@ def _draw_outcomes(args: Arguments) -> Drawn:
     caption = f"PSNR of every variant against {against}, mean over the views"
     if any(not math.isnan(o.score) for o in outcomes):
         caption += ", and its Score: drop of the message minus drop of the scene, in dB"
+    elif any(not math.isnan(o.pruned_share) for o in outcomes):
+        caption += ", and the share of the rows that it removed"
     return {args.out: caption + "."}, {"table": args.table}, {"asset": args.asset}
 
 

@@ -64,7 +64,8 @@ def _draw_panels(args: Arguments) -> Drawn:
 
 
 def _draw_attacks(args: Arguments) -> Drawn:
-    from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, ordered
+    from gspure.evaluation.names import display_name
+    from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, ordered
     from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, write_lineup
     from gspure.images import background_of, require_comparable
@@ -80,7 +81,8 @@ def _draw_attacks(args: Arguments) -> Drawn:
             args.table, "variant", expected=f"{UNATTACKED} of {args.asset}, among the columns", found="none"
         )
     compared = MESSAGE if MESSAGE in targets else SCENE
-    view, count = _typical_view([folders[reference], folders[UNATTACKED]], compared)
+    changed = UNATTACKED if reference != UNATTACKED else GSPURE if GSPURE in folders else others[0]
+    view, count = _typical_view([folders[reference], folders[changed]], compared)
     views = dict.fromkeys(targets, view)
     if not (_target_folder(folders[reference], SCENE) / f"{view}.png").is_file():  # a message with views of its own
         views[SCENE], _ = _typical_view([folders[reference], folders[UNATTACKED]], SCENE)
@@ -97,7 +99,8 @@ def _draw_attacks(args: Arguments) -> Drawn:
         for target, path in images.items():
             require_comparable(_target_folder(folders[reference], target), path.parent, [views[target]])
     write_lineup(args.out, targets, columns)
-    caption = f"View {view} of {count} after every attack: the one with the median {compared} PSNR before attacks."
+    of = f"after {display_name(changed)}" if changed != UNATTACKED else "before attacks"
+    caption = f"View {view} of {count} after every attack: the one with the median {compared} PSNR {of}."
     if any(column.unreached for column in columns):
         caption += " † The attack did not change the carrier of this extraction."
     if len(shown) < sum(not o.is_control for o in outcomes):

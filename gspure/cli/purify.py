@@ -51,7 +51,7 @@ _ARRAYS = ("weights", "labels", "prune_mask")
 _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 """Folders of renders, with the target of their metrics."""
 
-_FIGURES = ("before_after", "clusters", "ranks", "kept", "weights")
+_FIGURES = ("before_after", "clusters", "ranks", "kept", "splats", "weights")
 _SUFFIXES = (".png", ".gltf", ".gltf.json", ".vtp", ".vtp.json")
 _SHOWN = 3
 """Number of views in the before/after figure."""
@@ -128,7 +128,7 @@ def run(args: Arguments) -> None:
         _remove_older(args.out)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
-    captions = _draw(args, public, purification, cameras, [camera.name for camera in test], models)
+    captions = _draw(args, public, purification, cameras, [camera.name for camera in test], models, device)
     print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(public.model))]))
     measures_rays = args.energy == "ray" and public.rows_are_gaussians
     if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
@@ -264,9 +264,11 @@ def _draw(
     cameras: Sequence[Camera],
     views: Sequence[str],
     titles: Collection[str],
+    device: Device,
 ) -> list[str]:
     """Draw some of the compared `views` before and after, and the model; return a line for each that succeeds."""
     from gspure.figures.gallery import Drawing, Evidence, drawings
+    from gspure.figures.splats import splats
     from gspure.model.signature import Signature
     from gspure.progress import warn
 
@@ -280,7 +282,8 @@ def _draw(
         caption = f"{len(shown)} of {len(views)} compared views before and after, and the difference."
         before_after = folder / "before_after.png"
         draw_views = partial(_draw_views, before_after, args.out / "renders", titles, shown)
-        figures.insert(0, Drawing(before_after, caption, draw_views))
+        splat = splats(folder, public, cameras, purification.labels, purification.prune_mask, device)
+        figures[:0] = [Drawing(before_after, caption, draw_views), splat]
     captions = []
     for path, caption, draw in figures:
         try:

@@ -21,7 +21,7 @@ _NAMES: Final = {
     "keyss": "KeySS",
     "marked_clones": "Marked Clones",
     "tradeoff": "trade-off",
-    "vanilla": "Vanilla 3DGS",
+    "vanilla": "Own model",
     "planted": "Planted message",
 }
 

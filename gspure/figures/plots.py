@@ -92,7 +92,10 @@ def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> lis
 
 
 def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
-    """Write scene and message PSNR of every variant of one model as bars, with the Score beside them, as a PNG."""
+    """Write scene and message PSNR of every variant of one model as bars in a PNG.
+
+    Beside them is the Score or, of a model without a message, the share of the rows that the attack removed.
+    """
     shown = [o for o in outcomes if o.targets.keys() & {SCENE, MESSAGE}]
     targets = [t for t in (SCENE, MESSAGE) if any(t in o.targets for o in shown)]
     thickness = 0.72 / len(targets) if targets else 0
@@ -110,9 +113,11 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
                 color=_COLOURS[target],
             )
             axes.bar_label(bars, [_decibels(value) for value in values], padding=1.5, fontsize=5.5)
-        scores = [(-0.9, "Score")] if any(np.isfinite(o.score) for o in shown) else []
-        scores += [(float(row), _signed(o.score)) for row, o in zip(rows, shown, strict=True)]
-        for row, text in scores:
+        beside = [_signed(o.score) for o in shown]
+        title = "Score"
+        if MESSAGE not in targets:
+            title, beside = "rows removed", ["" if np.isnan(o.pruned_share) else f"{o.pruned_share:.1%}" for o in shown]
+        for row, text in [(-0.9, title * any(beside)), *enumerate(beside)]:
             place: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
             axes.annotate(text, (1, row), (30, 0), va="center", ha="right", **place)
         axes.set_yticks(rows, [display_name(o.variant) for o in shown])
@@ -121,8 +126,9 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
         axes.set_ylim(len(shown) - 0.4, -0.6)
         axes.set_xlim(0, axes.get_xlim()[1] * 1.08)
         truth = all(o.against_truth for o in shown)
-        axes.set_xlabel("PSNR (dB)" if truth else "PSNR against the unattacked model (dB)")
-        figure.legend(loc="outside upper center", ncols=2)
+        axes.set_xlabel("PSNR (dB)" if truth else "PSNR against renders before the attack (dB)", x=1, ha="right")
+        if len(targets) > 1:
+            figure.legend(loc="outside upper center", ncols=2)
 
 
 def _decibels(value: float) -> str:

@@ -115,6 +115,9 @@ class Audit:
     scene_psnr: list[tuple[Summary, Interval]]
     """Where the scene's drop is unknown: what attacks leave of it, the gentlest first."""
 
+    pruned: Interval | None
+    """The share of the rows that GSPure removed."""
+
     against_photographs: bool
     off_path: OffPath | None
     random: dict[str, Interval]
@@ -131,6 +134,11 @@ class Audit:
     def judged_scenes(self) -> int:
         """The number of scenes in which the message was present before."""
         return max((row.present for row in self.attacks), default=0)
+
+    @property
+    def scene_after(self) -> dict[str, Interval]:
+        """`scene_psnr` by variant."""
+        return {row.variant: psnr for row, psnr in self.scene_psnr}
 
     @property
     def only_retrieved(self) -> list[Survival]:
@@ -185,6 +193,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != judged_by],
         not_reached=[row for row in attacks if row.reached is False],
         scene_psnr=[] if any(row.scene_drop for row in attacks) else _scene_psnr(outcomes),
+        pruned=known_interval({(o.scene, o.seed): o.pruned_share for o in outcomes if o.variant == GSPURE}),
         against_photographs=all(o.against_truth for o in outcomes),
         off_path=_off_path([o for o in outcomes if o.variant == GSPURE]),
         random={c.quantity: c.difference for c in as_run if c.attack == RANDOM},

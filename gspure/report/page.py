@@ -70,6 +70,13 @@ class Comparison:
         return bool(self.tables or self.pictures)
 
     @property
+    def beside(self) -> list[Picture]:
+        """Figures on the first screen: the trade-off or, without a message, GSPure's pruned rows and all outcomes."""
+        if self.tradeoff or not self.shown:
+            return [self.tradeoff] if self.tradeoff else []
+        return [figure for name in ("splats", "outcomes") for figure in self.shown.pictures if figure.name == name]
+
+    @property
     def shown(self) -> Model | None:
         """The first model with renders."""
         return next((model for model in self.models if model.lineup), None)

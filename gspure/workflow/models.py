@@ -274,5 +274,6 @@ class Model:
     def figures(self) -> list[str]:
         """Its figures in the order of the page; those below ``model`` are of one folder."""
         clouds = ["purification", "kept", "clusters"] if self.hidden else ["kept", "clusters", "ranks"]
-        names = [*self.variant_figures, "model/weights", *self.targets, *(f"model/{name}" for name in clouds)]
+        of_model = [f"model/{name}" for name in ("splats", "weights", *clouds)]
+        names = [*self.variant_figures, *of_model[:2], *self.targets, *of_model[2:]]
         return [f"{self.folder}/figures/{name}.png" for name in names]

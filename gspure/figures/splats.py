@@ -1,0 +1,75 @@
+"""Views of a model by our renderer: as it is, its clusters, and the pruned rows alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera, split
+from gspure.constants import NOISE_LABEL
+from gspure.figures import style
+from gspure.figures.clouds import cluster_cloud
+from gspure.figures.gallery import Drawing
+from gspure.figures.panels import show
+from gspure.opencl.device import Device
+from gspure.public_model import PublicModel
+from gspure.renderer import Renderer
+
+TITLES: Final = ("model", "clusters (grey: in none)", "pruned rows alone")
+_WIDEST: Final = 640  # pixels of a view
+_FAINT: Final = -2.0  # logit of the highest opacity of rows outside clusters
+_WHITE: Final = (1.0, 1.0, 1.0)
+
+
+def splats(
+    folder: Path,
+    model: PublicModel,
+    cameras: Sequence[Camera],
+    labels: NDArray[np.int32],
+    pruned: NDArray[np.bool_],
+    device: Device | None = None,
+) -> Drawing:
+    """Return the figure ``splats.png`` of two held-out views, for `write_splats`."""
+    views = split(cameras)[1] or [*cameras]
+    path, shown = folder / "splats.png", views[:: -(-len(views) // 2)]
+    caption = (
+        "The model in held-out views; the same with a colour per cluster, and noise faint; and only the rows that "
+        "GSPure prunes, over white."
+    )
+    return Drawing(path, caption, partial(write_splats, path, model, shown, labels, pruned, device))
+
+
+def write_splats(
+    path: Path,
+    model: PublicModel,
+    views: Sequence[Camera],
+    labels: NDArray[np.int32],
+    pruned: NDArray[np.bool_],
+    device: Device | None = None,
+) -> None:
+    """Write a row of pictures for each view as a PNG; `labels` [K] and `pruned` [K] are of the rows.
+
+    Rows outside clusters are faint; clusters have the colours of `gspure.figures.clouds.cluster_cloud`.
+    """
+    colours = (cluster_cloud(model.model.means, labels).colours / 255).astype(np.float32)
+    aspect = sum(view.height / view.width for view in views)
+    with style.page(path, style.PAGE, aspect * style.PAGE / len(TITLES) + 0.16 * len(views) + 0.2) as figure:
+        grid = figure.subplots(len(views), len(TITLES), squeeze=False)
+        for axes, title in zip(grid[0], TITLES, strict=True):
+            axes.set_title(title, pad=3)
+        for view, row in zip(views, grid, strict=True):
+            width = min(view.width, _WIDEST)
+            camera = view.resized(width, max(round(view.height * width / view.width), 1))
+            gaussians, rows = model.gaussians(camera)
+            logits = gaussians.table["opacity"]
+            faint = np.where(labels[rows] == NOISE_LABEL, np.minimum(logits, _FAINT), logits).astype(np.float32)
+            clustered = Renderer(gaussians.with_columns({"opacity": faint}), device)
+            clusters = clustered.feature_map(camera, colours[rows], _WHITE)
+            alone = Renderer(gaussians[pruned[rows]], device).image(camera, _WHITE)
+            for axes, image in zip(row, (model.scene(device)(camera), clusters, alone), strict=True):
+                show(axes, image, view.name if axes is row[0] else "")
