@@ -100,6 +100,8 @@ class Renderer:
     def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
         """Return the colour image [H,W,3]: non-negative, not clipped above.
 
+        The background is black unless it is given; commands take `Gaussians.background` of the model.
+
         Raise `InputError` if the model holds no colour (no ``f_dc`` columns).
         """
         return self._render(camera, *self._channels(None), background).image()

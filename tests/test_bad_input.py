@@ -423,6 +423,27 @@ def test_clusters_of_other_weights_of_the_same_model_are_refused(folder, capsys)
     assert main(f"{PRUNED}".replace("mask.npy", "out.npy").split()) == 0
 
 
+def test_a_model_of_an_unknown_format_is_refused_before_any_work(folder, capsys):
+    for name in ("out", "out.txt", "out.splat"):
+        command = f"attack finetune --model model.ply --cameras missing.json --out {name}"
+        assert refusal(folder, capsys, command).startswith(f"{name}: format: expected .ply")
+
+
+def test_an_index_that_is_named_twice_is_refused_for_that_reason(folder, capsys):
+    measured = "--model model.ply --cameras cameras.json --split all --index 1.tsv --stages stages"
+    assert main(f"contributions {measured}".split()) == 0
+    capsys.readouterr()
+    line = refusal(folder, capsys, "weights --index 1.tsv 1.tsv --model model.ply --out out.npy")
+    assert "expected each view in one index only" in line
+
+
+def test_pruning_factors_that_remove_every_row_are_refused(folder, capsys):
+    command = f"{COMMANDS['purify']} --tau-n 1e-9 --tau-c 1e-9"
+    assert main(command.split()) == 2
+    assert "rows: expected some to remain, found 0 of 60" in capsys.readouterr().err
+    assert not Path("out").exists()
+
+
 def test_results_of_two_runs_of_purify_are_refused_together(folder, capsys):
     for out, energy in (("rays", "ray"), ("splats", "ewa")):
         assert main(f"purify model.ply --cameras cameras.json --out {out} --energy {energy}".split()) == 0

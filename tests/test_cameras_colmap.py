@@ -219,3 +219,10 @@ def test_a_folder_without_images_file_is_refused(tmp_path):
     del files["images.bin"]
     with pytest.raises(InputError, match=r"images: expected images\.bin or images\.txt"):
         read_cameras(written(tmp_path, files))
+
+
+@pytest.mark.parametrize("write", [text, binary])
+def test_two_cameras_of_one_number_are_refused(tmp_path, write):
+    lenses = [*LENSES, (7, "PINHOLE", 640, 480, (600.0, 510.0, 321.5, 239.0))]
+    with pytest.raises(InputError, match="camera 7: expected one of this number"):
+        read_cameras(written(tmp_path, write(lenses)))

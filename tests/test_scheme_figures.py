@@ -12,6 +12,7 @@ from gspure.evaluation.results import write_results
 from gspure.evaluation.statistics import Interval
 from gspure.evaluation.survival import survival
 from gspure.figures.factors import Point, curve, write_factor_curves
+from gspure.figures.plots import write_outcomes
 from gspure.figures.tradeoff import places, write_tradeoff
 from tests.contest_cases import BEFORE, benchmark
 from tests.test_matched import outcomes
@@ -144,3 +145,28 @@ def test_a_variant_with_two_pairs_of_factors_is_refused(table: Path, capsys) -> 
     with pytest.raises(SystemExit, match="2"):
         main(["figures", "sweep", *words, "--out", str(table.parent / "sweep.png")])
     assert "found gspure again" in capsys.readouterr().err
+
+
+def test_captions_name_variants_that_lack_a_scene(table: Path) -> None:
+    fewer = [o for o in TWO if (o.scene, o.variant) != ("vault", "harsh")]
+    write_results(table, fewer)
+    common = ["--table", str(table), "--condition", fewer[0].condition.key, "--out"]
+    out = table.parent / "figure.png"
+    assert main(["figures", "tradeoff", *common, str(out)]) == 0
+    assert (
+        "Not shown, since a scene lacks them: harsh."
+        in json.loads(Path(f"{out}.json").read_text())["settings"]["caption"]
+    )
+    assert main(["figures", "sweep", *common, str(out), "--point", "gspure=4,4", "--point", "harsh=1,4"]) == 0
+    assert "Mean over 2 scenes and their range; harsh over 1." in Path(f"{out}.json").read_text()
+
+
+def test_figures_name_the_damage_that_a_search_reached(tmp_path: Path, drawn) -> None:  # noqa: F811
+    missed = outcomes(room={"noise@1dB": (0.17, 2.0), "crop@1dB": (1.03, 3.0)})
+    write_tradeoff(tmp_path / "tradeoff.png", missed)
+    write_outcomes(tmp_path / "outcomes.png", missed)
+    expected = {"noise, 1 dB: 0.17 dB reached", "crop, 1 dB"}
+    assert {text.get_text() for text in drawn[0].axes[0].texts} >= expected
+    assert {label.get_text() for label in drawn[1].axes[0].get_yticklabels()} >= expected
+    marks = {line.get_xdata()[0] for line in drawn[0].axes[0].lines if line.get_linewidth() == 0.4}
+    assert marks == {1.0}

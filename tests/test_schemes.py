@@ -10,7 +10,7 @@ import pytest
 from numpy.lib.recfunctions import repack_fields
 
 from gspure import plugins
-from gspure.artifacts import load_array, read_json, save_array
+from gspure.artifacts import load_array, read_json, save_array, write_provenance
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -354,7 +354,9 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
     assert f"scheme splats_in_splats: --extraction: {expected}" in capsys.readouterr().err
 
 
-def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_low(pictured, pair_folder, tmp_path):
+def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_low(
+    pictured, pair_folder, tmp_path, capsys
+):
     if pictured.scheme.name not in schemes():
         pytest.skip("no entry point offers the example of the guide here")
     pictured.public.write(tmp_path / "point_cloud.ply")
@@ -365,6 +367,9 @@ def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_lo
     files = {**inputs, "out": "share.json", "hidden": "hidden.npy"}
     options = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
     options += ["--scheme", pictured.scheme.name, "--cameras", str(pair_folder / "cameras.json")]
+    write_provenance(tmp_path / "weights.npy", inputs={}, settings={"reduction": "max"})
+    assert main(["hidden", *options]) == 2
+    assert "weights.npy: reduction: expected sum, found max" in capsys.readouterr().err
     assert main(["hidden", *options, "--reduction", "max"]) == 0
     hidden = load_array(tmp_path / "hidden.npy", dtype=np.float32, shape=weights.shape)
     extraction = list(pictured.scheme.extractions)[-1]

@@ -9,6 +9,7 @@ from gspure.artifacts.provenance import (
     require_kind,
     require_made_from,
     require_same_inputs,
+    settings_of,
     write_provenance,
 )
 
@@ -29,6 +30,7 @@ __all__ = [
     "require_same_inputs",
     "save_array",
     "save_arrays",
+    "settings_of",
     "verify",
     "write_json",
     "write_provenance",

@@ -92,6 +92,14 @@ def require_input(artifact: Path, name: str, source: Path) -> None:
         raise InputError(artifact, name, expected=f"{source}, digest {digest}", found=f"digest {known}")
 
 
+def settings_of(artifact: Path) -> dict[str, Any]:
+    """Return the settings in the record of an artifact; none without a record."""
+    match record_of(artifact):
+        case {"settings": dict(settings)}:
+            return settings
+    return {}
+
+
 def _geometry_of(artifact: Path) -> str:
     geometry = (record_of(artifact) or {}).get("geometry")
     return geometry if isinstance(geometry, str) else ""

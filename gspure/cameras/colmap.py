@@ -37,8 +37,13 @@ def read_colmap(folder: Path) -> list[Camera]:
     camera has a fisheye lens.
     """
     cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
-    lenses = {lens.camera_id: lens for lens in _FORMATS[cameras_file.suffix].lenses(cameras_file)}
-    optics = {camera_id: _optics(cameras_file, lens) for camera_id, lens in lenses.items()}
+    optics: dict[int, dict[str, Any]] = {}
+    for lens in _FORMATS[cameras_file.suffix].lenses(cameras_file):
+        if lens.camera_id in optics:
+            raise InputError(
+                cameras_file, f"camera {lens.camera_id}", expected="one of this number", found="a second one"
+            )
+        optics[lens.camera_id] = _optics(cameras_file, lens)
     photographs = _photograph_folder(images_file.parent)
     cameras = []
     for pose in _FORMATS[images_file.suffix].poses(images_file):

@@ -91,8 +91,10 @@ def run(args: Arguments) -> None:
     from gspure.cli.options import parsed_settings
     from gspure.cost import spent
     from gspure.evaluation.comparison import RENDER, TRUTH
+    from gspure.model import require_writable
 
     attack = find_attack(args.name)
+    require_writable(args.out)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     public, evidence = _read(args, files)

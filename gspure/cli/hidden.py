@@ -33,7 +33,16 @@ def run(args: Arguments) -> None:
     """Measure, print and write."""
     import numpy as np
 
-    from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_json, write_provenance
+    from gspure.artifacts import (
+        load_array,
+        require_kind,
+        require_made_from,
+        save_array,
+        settings_of,
+        write_json,
+        write_provenance,
+    )
+    from gspure.errors import InputError
     from gspure.model import read_model
     from gspure.progress import warn
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
@@ -46,6 +55,11 @@ def run(args: Arguments) -> None:
     geometry = read_model(args.model).geometry_digest()
     require_made_from(geometry, args.weights)
     require_kind(args.weights, "weights")
+    measured = settings_of(args.weights)
+    for name, chosen in (("energy", args.energy), ("reduction", args.reduction)):
+        if (found := measured.get(name, chosen)) != chosen:
+            hint = f"--{name} {found} measures the message in the same way"
+            raise InputError(args.weights, name, expected=chosen, found=str(found), hint=hint)
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau) if hidden.any() else None

@@ -65,10 +65,12 @@ def as_json(file: Path, summary: Summary, comments: Sequence[str], training: dic
 
 def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> list[str]:
     """Return the summary as aligned lines."""
+    from gspure.model.compressed.sog import INDEX
     from gspure.model.suspicious import lines
 
     colour = f"SH degree {summary.sh_degree}" if summary.sh_degree >= 0 else "no spherical harmonics"
-    size = f"{file.stat().st_size / 1e6:,.1f} MB"
+    parts = file.parent.glob("*.webp") if file.name == INDEX else []  # the images of an unpacked SOG model
+    size = f"{sum(part.stat().st_size for part in (file, *parts)) / 1e6:,.1f} MB"
     return [
         str(file),
         f"  {summary.gaussians:,} {summary.signature.rows}, {colour}, {len(summary.columns)} properties, {size}",

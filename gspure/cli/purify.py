@@ -180,8 +180,11 @@ def _models(
     from gspure import __version__
     from gspure.attacks.learning import Teacher
 
+    if not len(purification.model):
+        hint = "larger tau_c and tau_n prune less"
+        raise InputError("purify", "rows", expected="some to remain", found=f"0 of {len(public.model)}", hint=hint)
     pruned = public.with_model(purification.model)
-    if not (repair and len(purification.model)):
+    if not repair:
         return {"unattacked": public, "purified": pruned}
     teacher = Teacher("prune_repair", public, views, device)
     rows = teacher.train(pruned, np.random.default_rng(0), repair, "all")

@@ -55,6 +55,7 @@ def _outcomes(args: Arguments) -> list[Outcome]:
 
 
 def _draw_sweep(args: Arguments) -> Drawn:
+    from gspure.evaluation.names import display_name
     from gspure.evaluation.summary import summarize
     from gspure.figures.factors import Point, write_factor_curves
 
@@ -66,17 +67,23 @@ def _draw_sweep(args: Arguments) -> Drawn:
         points.append(Point(factors, psnr))
     method = points[0].factors
     write_factor_curves(args.out, points, method)
-    scenes = max((interval.scenes for point in points for interval in point.psnr.values()), default=0)
+    counts = {
+        name: max((i.scenes for i in p.psnr.values()), default=0) for name, p in zip(args.point, points, strict=True)
+    }
+    scenes = max(counts.values(), default=0)
+    fewer = [f"{display_name(name)} over {count}" for name, count in counts.items() if count < scenes]
     caption = (
         f"PSNR of scene and message after GSPure with other pruning factors: one varies, the other is "
         f"τ_n = {method[0]:g} or τ_c = {method[1]:g} (ring: both). Mean over {scenes} scenes"
     )
     band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
     settings = {"condition": args.condition, "points": {name: list(factors) for name, factors in args.point.items()}}
-    return {args.out: caption + band + "."}, {"table": args.table}, settings
+    caption += f"{band}; {', '.join(fewer)}." if fewer else f"{band}."
+    return {args.out: caption}, {"table": args.table}, settings
 
 
 def _draw_tradeoff(args: Arguments) -> Drawn:
+    from gspure.evaluation.names import display_name
     from gspure.evaluation.statistics import known_interval
     from gspure.evaluation.survival import floor
     from gspure.figures.tradeoff import LINEAR, places, write_tradeoff
@@ -86,11 +93,15 @@ def _draw_tradeoff(args: Arguments) -> Drawn:
         raise InputError(args.table, "score", expected=f"of a variant of {args.condition}", found="none")
     mean_floor = known_interval(floor(outcomes))
     front = write_tradeoff(args.out, outcomes, mean_floor.mean if mean_floor else None)
+    shown = {name for place in places(outcomes) for name in place.variants}
+    left_out = [name for name in dict.fromkeys(o.variant for o in outcomes if not o.is_control) if name not in shown]
     caption = (
         f"PSNR of message and scene after every variant, mean over the scenes; {len(front)} on the Pareto front. "
         f"Attacks to the lower left are stronger. The horizontal axis is logarithmic above {LINEAR:g} dB. Vertical "
         "lines: drops at which attacks are compared."
     )
+    if left_out:
+        caption += f" Not shown, since a scene lacks them: {', '.join(map(display_name, left_out))}."
     if mean_floor:
         caption += " Dashed line: the floor, the highest PSNR of a control without the message."
     return {args.out: caption}, {"table": args.table}, {"condition": args.condition}

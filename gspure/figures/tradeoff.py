@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from gspure.evaluation.matched import damages, reached_name
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
-from gspure.evaluation.statistics import MATCHED_DAMAGES, pareto_front
+from gspure.evaluation.statistics import pareto_front
 from gspure.figures import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LINEAR: Final = 2.0  # dB; further right the axis is logarithmic, for attacks that destroy the scene
-_LETTERS: Final = 34  # of a name
+_LETTERS: Final = 42  # of a name
 _NEAR: Final = 2.5  # points of type, between a point and its name
 _DISTANCES: Final = (_NEAR, 7.0, 14.0, 24.0)
 _TICKS: Final = (0, 0.5, 1, 1.5, 2, 3, 5, 10, 20)
@@ -72,7 +73,7 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
                 axes.plot(*place[:2], marker, color=colour, markersize=4.4, label=display_name(name), linestyle="none")
         if floor is not None:
             axes.axhline(floor, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="floor (highest control)")
-        _scale(axes, damage)
+        _scale(axes, damage, damages(name for place in listed for name in place.variants))
         axes.set_xlabel("drop of the scene's PSNR (dB)")
         axes.set_ylabel("PSNR of the message (dB)")
         figure.legend(loc="outside upper center", ncols=3)
@@ -81,15 +82,16 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
     return front
 
 
-def _scale(axes: Axes, damage: Sequence[float]) -> None:
+def _scale(axes: Axes, damage: Sequence[float], marked: Sequence[float]) -> None:
     most = max(*damage, LINEAR)
+    right = 1.05 * next((tick for tick in _TICKS if tick >= most), 1.1 * most)
     axes.set_xscale("symlog", linthresh=LINEAR)
-    axes.set_xlim(min(damage) - 0.15, most * 1.15)
+    axes.set_xlim(min(damage) - 0.15, right)
     axes.margins(y=0.1)  # for names below the lowest points
-    shown = [tick for tick in _TICKS if tick <= most * 1.1]
+    shown = [tick for tick in _TICKS if tick <= right]
     axes.set_xticks(shown, [f"{tick:g}" for tick in shown])
     axes.minorticks_off()
-    for matched in MATCHED_DAMAGES:
+    for matched in marked:
         axes.axvline(matched, color=style.tint(style.FAINT, 0.7), linewidth=0.4, zorder=0)
 
 
@@ -125,5 +127,6 @@ def _label(axes: Axes, listed: Sequence[Place]) -> None:
 
 
 def _named(place: Place) -> str:
-    names = [display_name(name) for name in sorted(place.variants, key=lambda name: name != GSPURE)]
+    variants = sorted(place.variants, key=lambda name: name != GSPURE)
+    names = [reached_name(name, place.damage) for name in variants]
     return shorten(" = ".join(names), _LETTERS, placeholder=" …")

@@ -201,6 +201,7 @@ def require_result_of(model: str, paths: Sequence[Path]) -> None:
             hint = "devices round differently; `snakemake --forcerun measure_contributions` on one device measures all"
             raise InputError(path, "device", expected=expected, found=device, hint=hint)
         if views != str(len(rows)):
+            read_index(*paths)  # refuses two indices of one view, the better reason
             hint = "an index is cut, or left out"
             raise InputError(path, "views", expected=f"{views} in all indices", found=str(len(rows)), hint=hint)
 

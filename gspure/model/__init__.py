@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from gspure.model.compressed import is_compressed, read_compressed
-from gspure.model.compressed.writing import PACKED_PLY, write_compressed
+from gspure.model.compressed.writing import PACKED_PLY, write_compressed, writer
 from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.model.inria import point_cloud, trained_background
 from gspure.model.ply import read_ply, write_ply
 
-__all__ = ["Gaussians", "model_file", "read_model", "require_finite", "write_model"]
+__all__ = ["Gaussians", "model_file", "read_model", "require_finite", "require_writable", "write_model"]
 
 
 def read_model(path: str | Path) -> Gaussians:
@@ -37,7 +37,17 @@ def write_model(path: str | Path, model: Gaussians) -> None:
     `InputError` for the name of a format that is only read.
     """
     path = Path(path)
-    if path.suffix.lower() == ".ply" and not path.name.endswith(PACKED_PLY):
+    if _is_plain(path):
         write_ply(path, model)
     else:
         write_compressed(path, model)
+
+
+def require_writable(path: Path) -> None:
+    """Refuse a name under which `write_model` writes no model, before any work is done."""
+    if not _is_plain(path):
+        writer(path)
+
+
+def _is_plain(path: Path) -> bool:
+    return path.suffix.lower() == ".ply" and not path.name.endswith(PACKED_PLY)

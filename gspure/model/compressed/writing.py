@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,27 +30,32 @@ _FIXED_POINT: Final = (1 << 23) - 1
 
 
 def write_compressed(path: Path, model: Gaussians) -> None:
-    """Write a model with colours as compressed ``.ply`` or as SPZ 3, whole or not at all.
+    """Write a model with colours as compressed ``.ply`` or as SPZ 3, whole or not at all, as `writer` chooses.
 
     In a compressed ``.ply``, 256 successive rows share one range of values: sort them along a space-filling curve
     before. Values beyond the range of a format are clipped, and rows that are not finite become invisible, with a
     warning.
 
-    Raise `InputError` if the name is that of another format, the model has no colours, SPZ would round positions by
-    more than the size of Gaussians, or gsply is not installed.
+    Raise `InputError` if the model has no colours, or SPZ would round positions by more than the size of Gaussians.
     """
+    write = writer(path)
+    if model.sh_degree < 0:
+        raise InputError(path, "colour", expected="columns f_dc_*", found="features")
+    with replacing(path) as temporary:
+        write(temporary, drawable(model, path.name))
+
+
+def writer(path: Path) -> Callable[[Path, Gaussians], None]:
+    """Return the function that writes the format of a name; refuse other names, and a missing package gsply."""
     write = _WRITERS.get(PACKED_PLY if path.name.endswith(PACKED_PLY) else path.suffix.lower())
     if write is None:
         raise InputError(path, "format", expected=f".ply, {PACKED_PLY} or {SPZ}", found=path.suffix or "no suffix")
-    if model.sh_degree < 0:
-        raise InputError(path, "colour", expected="columns f_dc_*", found="features")
     try:
         import gsply
     except ImportError as error:
         hint = f"pip install {PACKAGES['gsply']}"
         raise InputError(path, "gsply", expected="the package gsply", found=str(error), hint=hint) from None
-    with replacing(path) as temporary:
-        write(gsply, temporary, drawable(model, path.name))
+    return partial(write, gsply)
 
 
 def _write_packed_ply(gsply: Any, path: Path, model: Gaussians) -> None:

@@ -42,7 +42,7 @@ def embed(
     require("marked_clones", "cloned", cloned, "above 0, at most 1", fits=0 < cloned <= 1)
     for name, steps in (("decoder_steps", decoder_steps), ("marking_steps", marking_steps)):
         require("marked_clones", name, steps, "at least 1", fits=steps >= 1)
-    begin = initial_gaussians("marked_clones", replace(pair, initialization="scene"), max_gaussians, seed)
+    begin = initial_gaussians(replace(pair, initialization="scene"), max_gaussians, seed)
     device = device or choose_device()
     model = train(pair.scene, begin, iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device)
     if not message_weight:
