@@ -21,7 +21,7 @@ from tests.test_workflow import CONFIG, OMEGA, SLOW_WRITES, TABLE, Project, chec
 pytestmark = pytest.mark.workflow
 
 BROKEN = {"model": "broken.ply", "cameras": "views.json"}
-VARIANTS = {**CONFIG["variants"], "crop": {"fraction": 7}, "random_pruning": {}}
+VARIANTS = {**CONFIG["variants"], "crop": {"fraction": 1e-9}, "random_pruning": {}}
 KILLED = "import os, sys\nif 'random_pruning' in sys.argv: os.kill(os.getpid(), 9)\n"
 FAILED = {
     **{("broken", variant): "broken.ply: element vertex" for variant in VARIANTS},
@@ -87,7 +87,7 @@ def test_the_last_lines_name_the_failures_and_the_command_to_try_again(failed):
 
 def test_an_audit_shows_jobs_and_failures_and_keeps_the_lines_of_snakemake_in_a_log(tmp_path, started):  # noqa: F811
     project = started.copy(tmp_path / "project")
-    project.configure({**CONFIG, "variants": {"unattacked": {}, "gspure": {}, "crop": {"fraction": 7}}})
+    project.configure({**CONFIG, "variants": {"unattacked": {}, "gspure": {}, "crop": {"fraction": 1e-9}}})
     command = [sys.executable, "-m", "gspure", "audit", "config.yaml", "--cores", "2"]
     done = subprocess.run(
         command, cwd=project.folder, env=project.environment(), capture_output=True, text=True, check=False
@@ -98,7 +98,7 @@ def test_an_audit_shows_jobs_and_failures_and_keeps_the_lines_of_snakemake_in_a_
     assert any(re.fullmatch(r"job \d+ of \d+, 0:\d\d:\d\d: Attacking vanilla/bot: crop", line) for line in lines)
     assert "failed: Attacking vanilla/bot: crop (results/logs/vanilla/bot/crop/attack.log)" in lines
     *_, reason, variants, log, again = lines
-    assert "crop: fraction: expected" in reason
+    assert "crop: rows: expected" in reason
     assert variants == "Without results: vanilla/bot: crop"
     assert "Select jobs to execute" in (project.folder / log.removeprefix("Snakemake's log: ")).read_text()
     assert again == "To try again: gspure audit config.yaml --cores 2"
