@@ -15,7 +15,7 @@ import numpy as np
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import Key, initial_gaussians, require
+from gspure.schemes.scheme import Key, initial_gaussians
 from gspure.schemes.vanilla import train
 from gspure.training.monitor import watched
 
@@ -38,10 +38,6 @@ def embed(
     The scene is trained for `iterations`, the decoder for `decoder_steps`, the clones of the share `cloned` of the rows
     for `marking_steps`. Bits depend on the seed and on the scene's photographs, so that two scenes have different ones.
     """
-    require("marked_clones", "bits", bits, "at least 1", fits=bits >= 1)
-    require("marked_clones", "cloned", cloned, "above 0, at most 1", fits=0 < cloned <= 1)
-    for name, steps in (("decoder_steps", decoder_steps), ("marking_steps", marking_steps)):
-        require("marked_clones", name, steps, "at least 1", fits=steps >= 1)
     begin = initial_gaussians(replace(pair, initialization="scene"), max_gaussians, seed)
     device = device or choose_device()
     model = train(pair.scene, begin, iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device)
