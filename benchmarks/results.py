@@ -2,28 +2,32 @@
 
 ``python -m benchmarks.results`` replaces what stands between ``<!-- RUN: KIND -->`` and ``<!-- end -->`` by a table of
 `KINDS`. RUN is a folder of docs/results with ``survival.csv``, ``summary.csv`` and ``matched.csv`` from the folder
-results/tables of a run; only the files that its tables need.
+results/tables of a run, only the files that its tables need; or a table ``RUN.csv`` of a script in benchmarks/.
 """
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
 from math import nan
 from pathlib import Path
+from statistics import mean
 from typing import Final
 
 from gspure.evaluation.controls import CLEAN, WRONG_KEY
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.matched import Matched, wanted_damage
-from gspure.evaluation.names import condition_name
+from gspure.evaluation.names import condition_name, display_name, extraction_name
 from gspure.evaluation.outcomes import MESSAGE, UNATTACKED, condition_of
 from gspure.evaluation.paper import beside, read_cells
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import Survival
-from gspure.report.table import UNKNOWN, Cell, Column, Row, Table, interval, plain
+from gspure.report.table import UNKNOWN, Cell, Column, Row, Table, interval, plain, share
 from gspure.report.tables import beside_table
+from gspure.schemes.scheme import ADAPTIVE
+from gspure.schemes.splats_in_splats.key import ORACLE
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "results.md"
 RUNS: Final = PAGE.with_suffix("")
@@ -31,16 +35,18 @@ GENERATED: Final = re.compile(r"(<!-- (?P<run>\w+): (?P<kind>\w+) -->\n).*?(?=<!
 
 
 def before(run: Path) -> Table:
-    """Return the PSNR before any attack and of the controls, by condition."""
+    """Return PSNR and retrieval before any attack and of the controls, by condition."""
     psnr = {(condition_of(row), row.variant): row for row in read_table(run / "summary.csv", Summary) if _literal(row)}
     rows = []
     for condition in dict.fromkeys(condition for condition, _ in psnr):
         public, clean, wrong = (psnr.get((condition, variant)) for variant in (UNATTACKED, CLEAN, WRONG_KEY))
         scenes = [row.scene if row else None for row in (public, clean)]
         messages = [row.message if row else None for row in (public, wrong, clean)]
-        rows.append(Row([Cell(condition_name(*condition)), *map(interval, (*scenes, *messages))]))
+        retrieved = [share(row.retrieved.mean) if row and row.retrieved else Cell() for row in (public, clean)]
+        rows.append(Row([Cell(condition_name(*condition)), *map(interval, (*scenes, *messages)), *retrieved]))
     columns = [Column("condition"), Column("public model", "scene:"), Column("clean model", "scene:")]
     columns += [Column(name, "message:") for name in ("right key", "wrong key", "clean model")]
+    columns += [Column(name, "retrieved:") for name in ("right key", "clean model")]
     return Table("Before any attack", columns, rows)
 
 
@@ -60,18 +66,42 @@ def attacks(run: Path) -> Table:
     return Table("Drop of message / scene, scenes in which the message survives", columns, body)
 
 
+def measures(run: Path) -> Table:
+    """Return every measure of every attack, by condition and extraction of the message."""
+    rows = [row for row in read_table(run / "survival.csv", Survival) if _as_run(row.variant)]
+    body = []
+    for name, alike in groupby(rows, key=_extracted):
+        for i, row in enumerate(alike):
+            numbers = [interval(row.message_drop), interval(row.scene_drop), Cell(plain(row.rms_ratio))]
+            numbers += [Cell(plain(drop.mean if drop else nan)) for drop in (row.region_drop, row.ms_ssim_drop)]
+            numbers += [share(row.share_left.mean if row.share_left else nan)]
+            gone = row.present - row.survived - row.only_retrieved
+            counts = [Cell(str(count)) for count in (row.survived, row.only_retrieved, gone)]
+            body.append(Row([Cell("" if i else name), Cell(f"`{row.variant}`"), *numbers, *counts]))
+    columns = [
+        Column("condition"),
+        Column("attack", text=True),
+        Column("message", "drop of"),
+        Column("scene", "drop of"),
+    ]
+    columns += [Column("RMS ratio"), Column("region", "drop of"), Column("MS-SSIM", "drop of"), Column("share left")]
+    columns += [Column(name, "message:") for name in ("survives", "retrieved only", "gone")]
+    return Table("Attacks", columns, body)
+
+
 def equal(run: Path) -> Table:
-    """Return the message's drop at equal damage to the scene."""
-    rows = [row for row in read_table(run / "matched.csv", Matched) if row.extraction == MESSAGE]
+    """Return the message's drop at equal damage to the scene, by condition and extraction of the message.
+
+    Attacks of one strength are left out: they are in the other tables.
+    """
+    rows = [row for row in read_table(run / "matched.csv", Matched) if row.strengths > 1]
     at = sorted({row.damage for row in rows})
     body = []
-    for condition, alike in groupby(rows, key=condition_of):
+    for name, alike in groupby(rows, key=_extracted):
         for i, (sweep, group) in enumerate(groupby(alike, key=lambda row: row.sweep)):
-            drops = {row.damage: row for row in group}
-            cells = [_reached(drops[damage]) if damage in drops else Cell() for damage in at]
-            body.append(
-                Row([Cell("" if i else condition_name(*condition)), Cell(f"`{sweep.partition('@')[0]}`"), *cells])
-            )
+            drops = {row.damage: _reached(row) for row in group}
+            cells = [drops.get(damage, Cell()) for damage in at]
+            body.append(Row([Cell("" if i else name), Cell(f"`{sweep.partition('@')[0]}`"), *cells]))
     columns = [Column("condition"), Column("attack", text=True), *(Column(f"{d:g} dB", "scene drop of") for d in at)]
     return Table("Drop of the message at equal damage to the scene", columns, body)
 
@@ -82,7 +112,43 @@ def paper(run: Path) -> Table:
     return beside_table(beside(read_cells(), read_table(survival, Survival) if survival.exists() else []))
 
 
-KINDS: Final[Mapping[str, Callable[[Path], Table]]] = {kind.__name__: kind for kind in (before, attacks, equal, paper)}
+def adaptive(run: Path) -> Table:
+    """Return scene and message after attacks, extracted as published and by an owner who trains."""
+    rows = [row for row in _script_rows(run) if not row["scheme"].startswith("splats")]
+    conditions = dict.fromkeys((row["scheme"], row["protocol"]) for row in rows)
+    columns = [Column("attack"), *(Column(condition_name(*condition)) for condition in conditions)]
+    return Table("Owners who adapt", columns, _extracted_rows(rows, conditions, (MESSAGE, ADAPTIVE)))
+
+
+def hardening(run: Path) -> Table:
+    """Return scene and message after attacks, as published and hardened, and the weight on rows that are pruned."""
+    rows = [row for row in _script_rows(run) if row["scheme"].startswith("splats")]
+    conditions = dict.fromkeys((row["scheme"], row["protocol"]) for row in rows)
+    columns = [Column("attack"), *(Column(display_name(scheme)) for scheme, _ in conditions)]
+    low = [mean(float(row["low_share"]) for row in rows if row["scheme"] == scheme) for scheme, _ in conditions]
+    body = _extracted_rows(rows, conditions, (MESSAGE, ADAPTIVE, ORACLE))
+    body.append(Row([Cell("*message's weight on rows that `plain_weight` prunes*"), *map(share, low)]))
+    return Table("Hardening", columns, body)
+
+
+def capacity(run: Path) -> Table:
+    """Return drops of GSPure and of random pruning by the size of the model."""
+    rows = sorted(_script_rows(run), key=lambda row: (row["scheme"], row["protocol"]))
+    body = []
+    for row in rows:
+        drops = [f"{row[f'{by}message_drop']} / {row[f'{by}scene_drop']}".replace("-", "−") for by in BY]
+        size = [row["bound"], row["rows"], f"{float(row['removed']):.0%}"]
+        texts = [condition_name(row["scheme"], row["protocol"]), *size, f"{row['scene']} / {row['message']}", *drops]
+        body.append(Row([Cell(text) for text in texts]))
+    columns = [Column(title) for title in ("condition", "bound", "rows", "removed", "before: scene / message")]
+    columns += [Column(name, "drop of message / scene:") for name in ("GSPure", "random")]
+    return Table("Capacity", columns, body)
+
+
+TABLES: Final = (before, attacks, measures, equal, paper, adaptive, hardening, capacity)
+KINDS: Final[Mapping[str, Callable[[Path], Table]]] = {kind.__name__: kind for kind in TABLES}
+BY: Final = ("", "random_")
+"""Prefixes of the columns of a capacity table: drops by GSPure, and by random pruning of as many rows."""
 
 
 def filled(text: str, runs: Path = RUNS) -> str:
@@ -92,6 +158,33 @@ def filled(text: str, runs: Path = RUNS) -> str:
 
 def _literal(row: Summary | Survival) -> bool:
     return row.extraction == MESSAGE
+
+
+def _extracted(row: Survival | Matched) -> str:
+    """Return a condition's name, with that of the extraction if it is not the first."""
+    name = condition_name(*condition_of(row))
+    return name if row.extraction == MESSAGE else f"{name}, {extraction_name(row.extraction)}"
+
+
+def _script_rows(run: Path) -> list[dict[str, str]]:
+    with run.with_suffix(".csv").open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def _extracted_rows(
+    rows: Sequence[Mapping[str, str]], conditions: Iterable[tuple[str, str]], extractions: Sequence[str]
+) -> list[Row]:
+    """Return PSNR of the scene, then of each extraction, by attack and condition; means over seeds."""
+    body = []
+    for attack in dict.fromkeys(row["attack"] for row in rows):
+        cells = [Cell(f"*{attack} model*" if attack == CLEAN else attack if attack == UNATTACKED else f"`{attack}`")]
+        for condition in conditions:
+            alike = [r for r in rows if (r["scheme"], r["protocol"], r["attack"]) == (*condition, attack)]
+            levels = [mean(float(r["scene"]) for r in alike)] if alike else []
+            levels += [mean(float(r["message"]) for r in alike if r["extraction"] == e) for e in extractions if alike]
+            cells.append(Cell(" / ".join(f"{level:.1f}" for level in levels) or UNKNOWN))
+        body.append(Row(cells))
+    return body
 
 
 def _as_run(variant: str) -> bool:

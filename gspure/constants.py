@@ -112,6 +112,7 @@ SSIM_WINDOW: Final = 11
 SSIM_SIGMA: Final = 1.5
 SSIM_C1: Final = 0.01**2
 SSIM_C2: Final = 0.03**2
+MS_SSIM_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 
 TEST_EVERY: Final = 8
 """With cameras sorted by name, every eighth one is held out (3DGS's ``--eval`` split)."""

@@ -330,6 +330,10 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
             "variants.gof.tolerance: expected nothing beside damage, found 3",
         ),
         (
+            {**PLANTED, "extractions": ["message", "message_orakle"]},
+            "extractions: expected some of message.*, found 'message_orakle'",
+        ),
+        (
             {**PLANTED, "variants": {"unattacked": {}, "gspure": {}, "gspur": {}}},
             "variants.gspur: expected one of .*plain_weight.*, found 'gspur'",
         ),

@@ -13,7 +13,7 @@ from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, as_text, compare, means, pair_images, read_metrics, write_metrics
-from gspure.evaluation.metrics import METRICS, gaussian_window, gradient_correlation, psnr, ssim
+from gspure.evaluation.metrics import METRICS, gaussian_window, gradient_correlation, ms_ssim, psnr, region_psnr, ssim
 from gspure.evaluation.recall import recall
 from gspure.images import read_image, record_views, write_image
 from tests.contest_cases import measured
@@ -62,7 +62,7 @@ def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
     assert ssim(image(0), image(0)) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("metric", [psnr, ssim, gradient_correlation])
+@pytest.mark.parametrize("metric", [psnr, ssim, region_psnr, ms_ssim, gradient_correlation])
 def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
     with pytest.raises(InputError, match=r"images: shape: expected \[20, 20, 3\], found \[20, 20, 1\]"):
         metric(np.zeros((20, 20, 3)), np.zeros((20, 20, 1)))
@@ -90,6 +90,44 @@ def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:
         full=True,
     )
     assert ssim(a, b) == pytest.approx(theirs[11:-11, 11:-11].mean(), abs=1e-12)
+
+
+def test_one_scale_of_ms_ssim_is_scikit_image_s_ssim() -> None:
+    from skimage.metrics import structural_similarity
+
+    a, b = image(3, 21, 30), (image(3, 21, 30) + image(4, 21, 30)) / 2
+    settings = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
+    expected = structural_similarity(a, b, data_range=1.0, channel_axis=-1, **settings)
+    assert ms_ssim(a, b) == pytest.approx(expected, abs=1e-9)
+
+
+def test_five_scales_of_ms_ssim_agree_with_another_implementation() -> None:
+    a, b = image(5, 192, 256), (image(5, 192, 256) + image(6, 192, 256)) / 2
+    assert ms_ssim(a, b) == pytest.approx(0.921504, abs=2e-5)  # of pytorch-msssim 1.0.0
+
+
+@pytest.mark.parametrize("side", [1, 10, 11, 21, 22, 43, 44, 175, 176])
+def test_ms_ssim_of_any_size_is_one_for_equal_images_only(side: int) -> None:
+    a = image(7, side, side + 3)
+    assert ms_ssim(a, a) == pytest.approx(1.0)
+    assert ms_ssim(a, 0.8 * a) < 1.0
+    assert ms_ssim(a, 1 - a) < ms_ssim(a, 0.8 * a)
+
+
+def test_the_background_of_the_reference_is_no_part_of_its_region() -> None:
+    a = np.zeros((8, 9, 3))
+    a[2:5, 3:7] = 0.5 + image(8, 3, 4) / 2
+    brightened = np.where(a == 0, 0.4, a)
+    assert region_psnr(a, brightened) == np.inf
+    assert psnr(a, brightened) < 10
+    darkened = 0.9 * a
+    assert region_psnr(a, darkened) == pytest.approx(psnr(a[2:5, 3:7], darkened[2:5, 3:7]))
+    assert region_psnr(a, np.zeros_like(a)) < psnr(a, np.zeros_like(a))
+
+
+def test_all_pixels_of_one_colour_are_a_region() -> None:
+    a = np.full((4, 5, 3), 0.25)
+    assert region_psnr(a, a + 0.1) == pytest.approx(psnr(a, a + 0.1))
 
 
 def test_equation_of_gradient_correlation_by_a_loop_over_neighbours() -> None:
@@ -262,8 +300,8 @@ HEADER = f"target,view,reference,{','.join(METRICS)}\n"
         "",
         "a,b\n1,2\n",
         HEADER,
-        HEADER + "scene,1,truth,x,2,3\n",
-        HEADER + "scene,1,photo,1,2,3\n",
+        HEADER + "scene,1,truth,x,2,3,4,5\n",
+        HEADER + "scene,1,photo,1,2,3,4,5\n",
         HEADER + "scene,1,2\n",
     ],
 )

@@ -52,6 +52,16 @@ def again(plan) -> Model:
     return Model(plan, "splats_in_splats", "raised@1")
 
 
+def test_chosen_extractions_are_those_that_are_compared(again):
+    assert again.targets == ["scene", "message", "message_adaptive", "message_oracle"]
+    plan = plan_of(assets=None, extractions=["message", "message_oracle"])
+    targets = {model.scheme: model.targets for model in plan.models}
+    assert targets == {
+        "splats_in_splats": ["scene", "message", "message_oracle"],
+        "secure_gs": ["scene", "message"],
+    }
+
+
 def test_candidates_of_the_retrieval_are_other_messages_and_random_scenes_of_the_same_size(again):
     others, traced = ([path for path in again.decoys if ("/pairs/" in path) == is_pair] for is_pair in (True, False))
     assert others == ["results/pairs/front/message"]

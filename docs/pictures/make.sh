@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Draw the README's pictures from the results of `make demo`, or that of docs/results.md from those of config/poses.yaml.
+# Draw the README's pictures from the results of `make demo`, or that of docs/results.md from those of config/six_pairs.yaml.
 # usage: docs/pictures/make.sh [demo|poses] [RESULTS]
 set -eu
 here=$(realpath "$(dirname "$0")")
@@ -35,8 +35,8 @@ case ${1:-demo} in
     done
     ;;
   poses)
-    cd "$results/gs_hider/interior_own"
-    draw poses 1 "photograph=../../pairs/interior_own/message" \
+    cd "$results/gs_hider/rooms_own"
+    draw poses 1 "photograph=../../pairs/rooms_own/message" \
       "unattacked=unattacked/renders/message" \
       "after GSPure=gspure/renders/message" \
       "clean model=clean/renders/message"

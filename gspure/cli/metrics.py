@@ -1,11 +1,11 @@
-"""``gspure metrics``: PSNR, SSIM and GC of two folders of images."""
+"""``gspure metrics``: the metrics of two folders of images."""
 
 from __future__ import annotations
 
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "compare two folders of images: PSNR, SSIM and gradient correlation (GC), per view and mean"
+HELP = "compare two folders of images: PSNR, SSIM, MS-SSIM, gradient correlation (GC), per view and mean"
 EXAMPLES = """\
   gspure metrics before after
   gspure metrics photographs renders --reference truth --out metrics.csv

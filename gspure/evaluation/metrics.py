@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gspure.constants import SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
+from gspure.constants import MS_SSIM_WEIGHTS, SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
 from gspure.errors import InputError
 
 Float64 = NDArray[np.float64]
@@ -41,13 +41,44 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     zeros beyond the border. scikit-image's defaults differ in all three.
     """
     _check_same_shape(a, b)
+    luminance, contrast = _similarity(np.asarray(a, np.float64), np.asarray(b, np.float64))
+    return float(np.mean(luminance * contrast))
+
+
+def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
+    r"""Return the multi-scale structural similarity index, 0 to 1.
+
+    .. math:: \prod_{j<M} \max(0, \overline{cs}_j)^{w_j} \cdot \max(0, \overline{l_M cs_M})^{w_M}
+
+    (Wang, Simoncelli and Bovik 2003), mean over channels, with the means of luminance l and of contrast and structure
+    cs over those pixels whose window lies in the image. Each scale halves the last by means of 2 x 2 pixels. An image
+    has the first M of `MS_SSIM_WEIGHTS` that its shorter side allows, divided by their sum; M is at least 1.
+    """
+    _check_same_shape(a, b)
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    mean_a, mean_b = _blur(a), _blur(b)
-    var_a, var_b = _blur(a * a) - mean_a**2, _blur(b * b) - mean_b**2
-    covariance = _blur(a * b) - mean_a * mean_b
-    luminance = (2 * mean_a * mean_b + SSIM_C1) / (mean_a**2 + mean_b**2 + SSIM_C1)
-    structure = (2 * covariance + SSIM_C2) / (var_a + var_b + SSIM_C2)
-    return float(np.mean(luminance * structure))
+    scales = int(np.log2(max(min(a.shape[:2]) / SSIM_WINDOW, 1.0))) + 1
+    weights = MS_SSIM_WEIGHTS[:scales]
+    index = np.ones(a.shape[2])
+    for scale, weight in enumerate(weights, start=1):
+        if scale > 1:
+            a, b = _halved(a), _halved(b)
+        luminance, contrast = (_inside(terms) for terms in _similarity(a, b))
+        mean = np.mean(luminance * contrast if scale == len(weights) else contrast, axis=(0, 1))
+        index *= np.maximum(0.0, mean) ** (weight / sum(weights))
+    return float(np.mean(index))
+
+
+def region_psnr(reference: NDArray[Any], image: NDArray[Any]) -> float:
+    """Return the PSNR in dB over the pixels in which the reference does not have its most frequent colour.
+
+    A flat background does not count, such as the black around an object. If the reference has one colour only, all
+    pixels count.
+    """
+    _check_same_shape(reference, image)
+    pixels, others = (np.reshape(a, (-1, a.shape[-1])) for a in (reference, image))
+    _, colours, counts = np.unique(pixels, axis=0, return_inverse=True, return_counts=True)
+    region = colours.ravel() != np.argmax(counts)
+    return psnr(pixels[region], others[region]) if region.any() else psnr(reference, image)
 
 
 def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -76,6 +107,28 @@ def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
     """
     rises = [float(np.sum(np.diff(10.0 ** (-np.asarray(psnr) / 10)))) for psnr in (message, scene)]
     return float(np.sqrt(max(rises[0], 0.0) / rises[1])) if rises[1] > 0 else math.nan
+
+
+def _similarity(a: Float64, b: Float64) -> tuple[Float64, Float64]:
+    """Return the two factors of SSIM of every pixel and channel: luminance, and contrast with structure."""
+    mean_a, mean_b = _blur(a), _blur(b)
+    var_a, var_b = _blur(a * a) - mean_a**2, _blur(b * b) - mean_b**2
+    covariance = _blur(a * b) - mean_a * mean_b
+    luminance = (2 * mean_a * mean_b + SSIM_C1) / (mean_a**2 + mean_b**2 + SSIM_C1)
+    return luminance, (2 * covariance + SSIM_C2) / (var_a + var_b + SSIM_C2)
+
+
+def _inside(terms: Float64) -> Float64:
+    """Return the pixels whose window lies in the image; along a side that is too short for one, all."""
+    margins = [SSIM_WINDOW // 2 if side >= SSIM_WINDOW else 0 for side in terms.shape[:2]]
+    rows, columns = (slice(margin, side - margin) for margin, side in zip(margins, terms.shape, strict=False))
+    return terms[rows, columns]
+
+
+def _halved(image: Float64) -> Float64:
+    """Return the means of 2 x 2 pixels; an odd last row or column is left out."""
+    height, width = (side // 2 for side in image.shape[:2])
+    return np.asarray(image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1).mean(axis=(1, 3)))
 
 
 def _gradients(image: Float64) -> Float64:
@@ -116,6 +169,8 @@ class Metric(NamedTuple):
 METRICS: Final[Mapping[str, Metric]] = {
     "psnr": Metric(psnr, "PSNR", 2, ".6f"),
     "ssim": Metric(ssim, "SSIM", 3, ".8f"),
+    "region": Metric(region_psnr, "region PSNR", 2, ".6f"),
+    "ms_ssim": Metric(ms_ssim, "MS-SSIM", 3, ".8f"),
     "structure": Metric(gradient_correlation, "GC", 3, ".8f"),
 }
 

@@ -35,6 +35,9 @@ class Summary(NamedTuple):
 
     score: Interval | None
 
+    retrieved: Interval | None
+    """Share of views in which retrieval identifies the message."""
+
     off_path_scene: Interval | None
     off_path_message: Interval | None
     off_path_score: Interval | None
@@ -63,7 +66,8 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
             printed = [psnr.get((condition.scheme, variant, target), math.nan) for target in TARGETS]
             printed.append(scores.get((condition.scheme, variant), math.nan))
             for extraction in extractions:
-                means = (*_means(scenes, extraction), *_means(off_path, extraction))
+                top1 = {(o.scene, o.seed): o.retrieval[extraction].top1 for o in scenes if extraction in o.retrieval}
+                means = (*_means(scenes, extraction), known_interval(top1), *_means(off_path, extraction))
                 rows.append(Summary(*condition, variant, extraction, *means, *printed))
     return rows
 

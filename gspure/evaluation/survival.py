@@ -54,6 +54,10 @@ class Survival(NamedTuple):
     """Like all means below, over the `present` scenes, or over all scenes if there are none."""
 
     scene_drop: Interval | None
+    region_drop: Interval | None
+    """Drop of the message's PSNR without its background (`gspure.evaluation.metrics.region_psnr`)."""
+
+    ms_ssim_drop: Interval | None
     rms_ratio: float
     """Damage to the message divided by that to the scene (`gspure.evaluation.metrics.rms_ratio`)."""
 
@@ -180,6 +184,8 @@ def _survival(
         any(reached) if reached else None,
         known_interval(_drops(attacked, extraction)),
         known_interval(_drops(attacked, SCENE)),
+        known_interval(_drops_of("region", attacked, extraction)),
+        known_interval(_drops_of("ms_ssim", attacked, extraction)),
         _rms_ratio(variant, {**levels, variant: after}, scene_psnr) if is_picture(extraction) else math.nan,
         _mean(differences(after, scene_floor)),
         known_interval(_shares_left(before, after, scene_floor, present_before)),
@@ -191,6 +197,10 @@ def _survival(
 
 def _drops(attacked: Sequence[Outcome], target: str) -> Cells:
     return {(o.scene, o.seed): o.drop(target) for o in attacked}
+
+
+def _drops_of(metric: str, attacked: Sequence[Outcome], target: str) -> Cells:
+    return {(o.scene, o.seed): o.drops(target)[metric] for o in attacked}
 
 
 def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, Cells]) -> float:

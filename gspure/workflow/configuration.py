@@ -114,6 +114,11 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
         _check_scheme(known[scheme], settings, source)
         if photographed and known[scheme].ray_traced_only:
             raise InputError(source, f"schemes.{scheme}", expected="ray-traced pairs only", found=photographed[0])
+    extractions = sorted({name for scheme in settled["schemes"] for name in known[scheme].extractions})
+    for name in {*(settled["extractions"] or ())} - {*extractions}:
+        raise InputError(
+            source, "extractions", expected=f"some of {', '.join(extractions) or 'none'}", found=repr(name)
+        )
     return settled
 
 

@@ -198,9 +198,10 @@ class Model:
 
     @property
     def targets(self) -> list[str]:
-        """What is compared: the scene, and every extraction of the message."""
-        extractions = self.plan.schemes[self.scheme].extractions if self.is_watermarked else ()
-        return [SCENE, *filter(is_picture, extractions)]
+        """What is compared: the scene, and the extractions of the message."""
+        available = self.plan.schemes[self.scheme].extractions if self.is_watermarked else ()
+        chosen = self.plan.config["extractions"] or available
+        return [SCENE, *(name for name in available if name in chosen and is_picture(name))]
 
     @property
     def controls(self) -> list[str]:

@@ -14,6 +14,7 @@ SCHEME = Scheme(
     FeatureModel.read,
     DecoderKey.read,
     {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
+    ranges={"constant_rate": (0, 1)},
     signature=("semantic_0",),
     beside=(decoder_name("*", SCENE_DECODER),),
     packages=PYTORCH,

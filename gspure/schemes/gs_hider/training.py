@@ -23,7 +23,7 @@ from gspure.training.trainer import densified
 Float32 = NDArray[np.float32]
 
 DECODER_RATE: Final = 1e-3
-"""The authors' (constant over 50 000 iterations); here it falls to zero. Adam's other settings are its defaults."""
+"""The authors', constant over 50 000 iterations. Adam's other settings are its defaults."""
 
 
 class Training:
@@ -37,6 +37,8 @@ class Training:
         The initial Gaussians; their colours are ignored.
     message_weight : float
         lambda in L = L_scene + lambda L_message; 0 omits the message branch.
+    falls : bool
+        Whether the decoders' learning rate falls to zero once Gaussians no longer grow.
 
     """
 
@@ -50,6 +52,7 @@ class Training:
         max_gaussians: int,
         seed: int,
         device: Device,
+        falls: bool = True,
     ) -> None:
         scene, message = untrained(2, seed)
         self.pair = pair
@@ -59,6 +62,7 @@ class Training:
             self.branches.append(Branch(message, pair.message, message_weight, device))
         self._optimizer = torch.optim.Adam([p for b in self.branches for p in b.decoder.parameters()], DECODER_RATE)
         self._schedule = Schedule.scaled(iterations)
+        self._falls = falls
         self._max_gaussians = max_gaussians
         self._rng = np.random.default_rng(seed)
 
@@ -88,7 +92,7 @@ class Training:
             self.field.accumulate(camera, pull_back(np.sum(gradients, axis=0)))
             loss += float(sum(losses))
         for group in self._optimizer.param_groups:
-            group["lr"] = DECODER_RATE * self._schedule.settling(iteration)
+            group["lr"] = DECODER_RATE * (self._schedule.settling(iteration) if self._falls else 1.0)
         self._optimizer.step()
         self.field.step(self._schedule.rates(iteration, self.pair.extent))
         return loss
