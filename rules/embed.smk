@@ -78,7 +78,7 @@ rule embed_message:
         code=lambda wildcards: get_model(wildcards).code("embed"),
         pair=lambda wildcards, input: os.path.dirname(input.cameras),
         folder="results/{scheme}/{scene}",
-        options=lambda wildcards: get_model(wildcards).embedding_options,
+        options=lambda wildcards: get_model(wildcards).embedding_options(),
     message:
         "Embedding the message of {wildcards.scene} with {wildcards.scheme}"
     shell:
@@ -94,7 +94,7 @@ use rule embed_message as train_clean_model with:
         "results/benchmarks/{scheme}/{scene}/clean/embed.tsv"
     params:
         folder="results/{scheme}/{scene}/clean",
-        options=lambda wildcards: f"{get_model(wildcards).embedding_options} --set message_weight=0",
+        options=lambda wildcards: get_model(wildcards).embedding_options(message_weight=0),
     message:
         "Training {wildcards.scheme} on {wildcards.scene} without a message"
 

@@ -17,10 +17,10 @@ SWEEPS = {"gspure": ["gspure", "tau_2"], "pruning": ["weak", "strong"]}
 
 CELLS = {  # SHA-256 of all rows below the header: they change with the columns only
     "contest.csv": "8006cd6dc530819b",
-    "matched.csv": "a576643345c33f38",
+    "matched.csv": "6898bc5d0c36d59e",
     "results.csv": "3c6d349990f4fa6f",
-    "summary.csv": "95a3c3944d542be4",
-    "survival.csv": "f981d9a1bed2c2bf",
+    "summary.csv": "a04d0d35e75f95a7",
+    "survival.csv": "c043aa9afde5ca3d",
 }
 
 

@@ -78,7 +78,10 @@ def test_there_is_a_model_of_each_asset_and_of_each_scheme_pair_and_repetition(p
 
 def test_a_repetition_has_the_pair_and_other_seeds(again):
     assert again.pair["cameras"] == again.camera_source("scene") == "results/pairs/raised/cameras.json"
-    assert again.embedding_options == "--seed 4 --initialization both --set iterations=60"
+    assert again.embedding_options() == "--seed 4 --initialization both --set iterations=60"
+    weighted = Model(plan_of(assets=None, schemes={"gs_hider": {"message_weight": 0.25}}), "gs_hider", "raised")
+    assert weighted.embedding_options(message_weight=0).endswith("--set message_weight=0")
+    assert weighted.embedding_options(message_weight=0).count("message_weight") == 1
     assert "--seed 6" in Variant(again, "noise").attack_options
 
 

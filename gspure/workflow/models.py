@@ -151,10 +151,9 @@ class Model:
         """The first pair with another message, if there is one."""
         return next(iter(other_pairs(self.plan.config["pairs"], pair_of(self.scene))), None)
 
-    @property
-    def embedding_options(self) -> str:
-        """The seed and the settings of its scheme as options."""
-        settings = dict(self.plan.config["schemes"][self.scheme])
+    def embedding_options(self, **changes: float) -> str:
+        """Return the seed and the settings of its scheme as options, with `changes` of the settings."""
+        settings = {**self.plan.config["schemes"][self.scheme], **changes}
         seed = settings.pop("seed") + repetition_of(self.scene)
         return f"--seed {seed} {options(self.settings, 'initialization')} {repeated('--set', settings)}"
 
