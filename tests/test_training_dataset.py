@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from gspure.artifacts import read_json, write_json
 from gspure.cameras import write_cameras
 from gspure.errors import InputError
 from gspure.model.points import read_point_ply, write_point_ply
@@ -260,6 +261,39 @@ def test_a_training_split_alone_is_split_by_name(blender):
         (blender / f"transforms_{split}.json").unlink()
     assert names(read_dataset(blender, "native").test) == ["train_r_0"]
     assert names(read_dataset(blender / "transforms_train.json", "native").test) == ["train_r_0"]
+
+
+@pytest.fixture
+def nerfstudio(blender):
+    """Return a function that writes a transforms.json of the five training views, with lists of files."""
+    content = read_json(blender / "transforms_train.json")
+    files = [frame["file_path"] for frame in content["frames"]]
+
+    def write(**lists):
+        path = blender / "transforms.json"
+        write_json(path, content | {f"{name}_filenames": [files[i] for i in rows] for name, rows in lists.items()})
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("lists", "train", "test"),
+    [
+        ({"train": [0, 1, 2], "test": [3, 4]}, [0, 1, 2], [3, 4]),
+        ({"train": [0, 1, 2], "val": [4]}, [0, 1, 2], [4]),
+        ({"test": [3]}, [0, 1, 2, 4], [3]),
+    ],
+)
+def test_the_file_lists_of_nerfstudio_split_the_views(nerfstudio, lists, train, test):
+    found = read_dataset(nerfstudio(**lists), "native")
+    assert names(found.train) == [f"train_r_{i}" for i in train]
+    assert names(found.test) == [f"train_r_{i}" for i in test]
+
+
+def test_a_view_in_both_lists_is_refused(nerfstudio):
+    with pytest.raises(InputError, match="test_filenames: expected no training views, found train_r_2"):
+        read_dataset(nerfstudio(train=[0, 1, 2], test=[2, 3]), "native")
 
 
 @pytest.mark.parametrize("shade", [0.0, 0.4, 1.0])

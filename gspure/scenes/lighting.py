@@ -104,8 +104,10 @@ def _interpolated(lightmap: Lightmap, faces: NDArray[np.intp], uv: Float64) -> F
     place = uv * (n - 1)
     low = np.minimum(place.astype(np.intp), n - 2)
     (u0, v0), (fu, fv) = low.T, (place - low).T[..., None]
-    low_v = (1 - fu) * lightmap[faces, v0, u0] + fu * lightmap[faces, v0, u0 + 1]
-    high_v = (1 - fu) * lightmap[faces, v0 + 1, u0] + fu * lightmap[faces, v0 + 1, u0 + 1]
+    nodes, first = lightmap.reshape(-1, 3), (faces * n + v0) * n + u0
+    low_v, high_v = (
+        (1 - fu) * nodes.take(left, axis=0) + fu * nodes.take(left + 1, axis=0) for left in (first, first + n)
+    )
     out: Float64 = (1 - fv) * low_v + fv * high_v
     return out
 

@@ -44,9 +44,10 @@ def _colours(scene: LitScene, camera: Camera, u: Float64, v: Float64) -> tuple[F
     colours, depths = np.empty((len(u), 3)), np.empty(len(u))
     for start in range(0, len(u), _RAYS_AT_ONCE):
         part = slice(start, start + _RAYS_AT_ONCE)
-        x = ((u[part] - camera.K[0, 2]) / camera.K[0, 0])[:, None]
-        y = ((v[part] - camera.K[1, 2]) / camera.K[1, 1])[:, None]
-        directions = x * right + y * down + forward  # view-space z is 1, so that ray parameters are depths
+        x = (u[part] - camera.K[0, 2]) / camera.K[0, 0]
+        y = (v[part] - camera.K[1, 2]) / camera.K[1, 1]
+        # view-space z is 1, so that ray parameters are depths
+        directions = np.stack([x * right[i] + y * down[i] + forward[i] for i in range(3)], axis=1)
         radiance, depths[part] = scene.seen(np.broadcast_to(camera.centre, directions.shape), directions)
         colours[part] = np.where(np.isinf(depths[part])[:, None], scene.scene.background, displayed(radiance))
     return colours, depths
@@ -56,7 +57,9 @@ def _at_edges(image: Float64) -> NDArray[np.bool_]:
     """Return the pixels [H,W] that differ from one of their eight neighbours."""
     height, width = image.shape[:2]
     padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    blocks = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
-    contrast = np.maximum.reduce(blocks) - np.minimum.reduce(blocks)
-    edges: NDArray[np.bool_] = contrast.max(axis=2) > EDGE
+    ends = []
+    for extreme in (np.maximum, np.minimum):
+        across = extreme.reduce([padded[:, i : i + width] for i in range(3)])
+        ends.append(extreme.reduce([across[i : i + height] for i in range(3)]))
+    edges: NDArray[np.bool_] = (ends[0] - ends[1] > EDGE).any(axis=2)
     return edges

@@ -65,4 +65,4 @@ def inlaid(outer: Texture, inner: Texture, centre: tuple[float, float], size: tu
 
 
 def _choose(is_first: NDArray[np.bool_], first: str, second: str) -> Float64:
-    return np.where(is_first[:, None], reflectance(first), reflectance(second))
+    return np.stack([reflectance(second), reflectance(first)]).take(is_first, axis=0)

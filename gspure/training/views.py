@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from gspure.artifacts import read_json
 from gspure.cameras import Camera, read_cameras, split
 from gspure.cameras.colmap import find_sparse
-from gspure.cameras.naming import distinct
+from gspure.cameras.entry import Entry
+from gspure.cameras.naming import distinct, safe_name
 from gspure.cameras.reading import camera_file
 
 BLENDER: Final = "transforms_train.json"
@@ -15,6 +17,10 @@ BLENDER: Final = "transforms_train.json"
 
 BLENDER_HELD_OUT: Final = ("transforms_test.json", "transforms_val.json")
 """Its held-out views: the first of these that exists."""
+
+
+_NERFSTUDIO_HELD_OUT: Final = ("test_filenames", "val_filenames")
+"""Lists of the held-out views in nerfstudio's transforms.json: the first of these that exists."""
 
 
 class Views(NamedTuple):
@@ -36,15 +42,39 @@ class Views(NamedTuple):
 
 
 def read_views(source: Path) -> Views:
-    """Read the views of any source of `gspure.cameras.read_cameras`, with all splits of a Blender scene.
+    """Read the views of any source of `gspure.cameras.read_cameras`, with the splits of a Blender or nerfstudio scene.
 
-    Raise `InputError` if a camera file is unreadable, or two views share a name.
+    Raise `InputError` if a camera file is unreadable, two views share a name, or a split lists no view.
     """
     cameras = read_cameras(source)
-    if not source.is_dir() or find_sparse(source) or camera_file(source).name != BLENDER:
+    if source.is_dir() and find_sparse(source):
+        return Views(cameras)
+    content = read_json(camera_file(source) if source.is_dir() else source)
+    if isinstance(content, dict) and any(name in content for name in _NERFSTUDIO_HELD_OUT):
+        return _nerfstudio_views(Entry(source, "", content), cameras)
+    if not source.is_dir() or camera_file(source).name != BLENDER:
         return Views(cameras)
     file = next((source / name for name in BLENDER_HELD_OUT if (source / name).is_file()), None)
     if file is None:
         return Views(cameras)
     held_out = read_cameras(file)
     return Views(distinct([*cameras, *held_out], file), frozenset(camera.name for camera in held_out))
+
+
+def _nerfstudio_views(entry: Entry, cameras: list[Camera]) -> Views:
+    """Return the views that the lists ``train_filenames`` and ``test_filenames`` (or val) name, as nerfstudio does."""
+    key = next(name for name in _NERFSTUDIO_HELD_OUT if name in entry)
+    held_out = _names(entry, key)
+    train = _names(entry, "train_filenames") if "train_filenames" in entry else {c.name for c in cameras} - held_out
+    if missing := (train | held_out) - {camera.name for camera in cameras}:
+        raise entry.refusal(key, expected="views of the file", found=min(missing))
+    if both := train & held_out:
+        raise entry.refusal(key, expected="no training views", found=min(both))
+    return Views([camera for camera in cameras if camera.name in train | held_out], frozenset(held_out))
+
+
+def _names(entry: Entry, key: str) -> set[str]:
+    files = entry.raw(key, "a list of file names")
+    if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
+        raise entry.refusal(key, expected="a list of file names", found=type(files).__name__)
+    return {safe_name(file) for file in files}
