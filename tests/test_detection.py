@@ -110,6 +110,21 @@ def test_the_command_writes_readings_and_their_mean(renders, tmp_path, capsys):
         main([*words, "--message", "01a"])
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["--command", "true", "--wrong-key", "0"], "--wrong-key"),
+        (["--command", "true", "--scheme", "planted"], "--scheme"),
+        (["--key", "key", "--scheme", "planted", "--message", "01"], "--message"),
+    ],
+)
+def test_options_of_another_source_of_readings_are_refused(renders, tmp_path, words, option, capsys):
+    (tmp_path / "key").mkdir()
+    words = [str(tmp_path / word) if word == "key" else word for word in words]
+    assert main(["detect", str(renders), *words, "--out", str(tmp_path / "out.csv")]) == 2
+    assert f"detect: {option}: expected none" in capsys.readouterr().err
+
+
 # --- thresholds -------------------------------------------------------------------------------------------------------
 
 

@@ -44,6 +44,7 @@ def run(args: Arguments) -> None:
     from gspure.evaluation.detection import Reading
     from gspure.evaluation.detector import read_marks
 
+    _require_fitting_options(args)
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     images = [args.images / f"{reading.view}.png" for reading in readings]
@@ -51,6 +52,16 @@ def run(args: Arguments) -> None:
     write_provenance(args.out, inputs={path.as_posix(): path for path in images}, settings=settings)
     unit = "% of the bits are correct" if readings[0].bits else "score"
     print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")
+
+
+def _require_fitting_options(args: Arguments) -> None:
+    """Refuse options that the chosen source of readings does not use."""
+    from gspure.errors import InputError
+
+    unused = {"--message": args.message} if args.key else {"--scheme": args.scheme, "--wrong-key": args.wrong_key}
+    for option in (option for option, value in unused.items() if value not in (None, "")):
+        expected = f"none with --{'key' if args.key else 'command'}"
+        raise InputError("detect", option, expected=expected, found=str(unused[option]))
 
 
 def _read_bits(args: Arguments) -> list[Reading]:
