@@ -234,7 +234,7 @@ def test_the_verdict_is_on_the_mark_if_there_is_no_other_message(outcomes, tmp_p
     write_report(tmp_path / "report.html", "t", outcomes, survivals=survival(outcomes), contests=contest(outcomes, {}))
     page = (tmp_path / "report.html").read_text()
     assert "mark (mark) did not survive GSPure, which lowers the mark (mark) by 38.0 points" in page
-    assert "only the owner, with the key" not in page
+    assert "can tell whether a message survived" not in page
 
 
 def test_a_users_model_is_judged_without_photographs_and_controls():

@@ -51,7 +51,7 @@ def add_arguments(parser: Parser) -> None:
     from gspure.cli.options import described
 
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
-    parser.text("name", "NAME", f"one of {names}, or one of an installed plug-in")
+    parser.text("name", "NAME", f"one of {names}, or an attack of an installed plug-in")
     parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
     evidence = parser.add_argument_group("measurements, for attacks that need them")
     for option, origin in _EVIDENCE.items():
@@ -76,9 +76,12 @@ def add_arguments(parser: Parser) -> None:
         required=False,
     )
     parser.writes(
-        "--cost", "JSON", "also write CPU time without the search for --damage, and peak memory with it", required=False
+        "--cost",
+        "JSON",
+        "also write CPU time (without the search of --damage) and peak memory (with it)",
+        required=False,
     )
-    parser.reads("--measured", "JSON", "for --cost: cost files of the measurements, to add", nargs="*", default=[])
+    parser.reads("--measured", "JSON", "for --cost: cost files of measurements to add", nargs="*", default=[])
     add_device(parser)
 
 

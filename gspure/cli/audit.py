@@ -34,14 +34,14 @@ def add_arguments(parser: Parser) -> None:
     parser.reads(
         "source",
         "MODEL|CONFIG",
-        "file of a 3DGS model or folder of a training run, whose configuration is written to "
+        "file of a 3DGS model, or folder of a training run: writes a configuration for it to "
         f"{_CONFIGURATION}; or a configuration of the workflow, .yaml",
     )
     add_cameras(parser, "views of MODEL", required=False)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
     parser.add_argument("-c", "--cores", type=int, metavar="N", help="number of cores (default: all)")
     add_quiet(parser)
-    parser.flag("-v", "--verbose", "print Snakemake's lines instead of a bar, as with options of Snakemake")
+    parser.flag("-v", "--verbose", "print Snakemake's output, not a progress bar; options after -- imply this")
     parser.set_defaults(passed_on=[])  # what follows `--`
 
 

@@ -49,7 +49,7 @@ def read_device(args: Arguments) -> Device:
 
 def add_scheme(parser: Parser) -> None:
     """Add ``--scheme``, for `read_public`."""
-    parser.text("--scheme", "NAME", "the model's watermarking scheme (default: recognized by the model's columns)")
+    parser.text("--scheme", "NAME", "the model's watermarking scheme (default: recognized from the model's columns)")
 
 
 def read_public(args: Arguments) -> PublicModel:

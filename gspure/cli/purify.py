@@ -43,7 +43,7 @@ files in DIR:
   metrics.csv        metrics of the renders after pruning (and repair), against those before
   figures/           clusters, weights, kept and pruned rows, before and after; if one fails, a warning says why
 
-The record of the model and of each array is beside it, in FILE.json: its checksum, origin and settings.
+FILE.json beside the model and each array records its checksum, origin and settings.
 """
 
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
