@@ -11,7 +11,7 @@ from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
 from gspure.schemes.gs_hider import SCHEME
 from gspure.schemes.gs_hider.decoder_file import LARGEST, DecoderFile
-from gspure.schemes.gs_hider.layout import COLUMNS, MESSAGE_DECODER, SCENE_DECODER
+from gspure.schemes.gs_hider.layout import COLUMNS, MESSAGE_DECODER, SCENE_DECODER, find_decoder
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from tests.models import without
 
@@ -241,3 +241,10 @@ def test_without_torch_models_can_be_attacked_and_rendering_names_what_to_instal
     assert SCHEME.read_public(tmp_path / "pruned").decoder.content == b"any"
     with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install gspure\[torch\]"):
         public.scene()
+
+
+def test_several_decoders_beside_a_model_are_warned_of(tmp_path, capsys):
+    for iteration in (30, 200):
+        (tmp_path / f"chkpnt{iteration}_{SCENE_DECODER}.pth").touch()
+    assert find_decoder(tmp_path, SCENE_DECODER) == tmp_path / f"chkpnt200_{SCENE_DECODER}.pth"
+    assert "iteration 200 is used" in capsys.readouterr().err

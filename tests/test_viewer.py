@@ -18,14 +18,15 @@ from gspure.method.pruning import prune_mask
 AXES = np.eye(3)[[1, 2, 0]]
 
 
-def evidence(count: int) -> Evidence:
+def evidence(count: int, tau_c: float = 4.0, tau_n: float = 4.0) -> Evidence:
     rng = np.random.default_rng(1)
     means = rng.normal(size=(count, 3)).astype(np.float32)
     labels = rng.integers(-1, 4, count).astype(np.int32)
     labels[:4] = range(4)
     weights = np.where(rng.random(count) < 0.3, 0, rng.random(count)).astype(np.float32) * np.float32(4.0) ** -labels
     hidden = rng.random(count).astype(np.float32)
-    return Evidence(means, labels, weights, prune_mask(labels, weights), hidden=hidden)
+    pruned = prune_mask(labels, weights, tau_c, tau_n)
+    return Evidence(means, labels, weights, pruned, hidden=hidden, tau_c=tau_c, tau_n=tau_n)
 
 
 def written(path: Path, shown: Evidence, sh_dc: NDArray[np.float32] | None = None) -> dict[str, Any]:
@@ -37,8 +38,9 @@ def unpacked(text: str, dtype: str) -> NDArray[Any]:
     return np.frombuffer(base64.b64decode(text), dtype)
 
 
-def test_at_the_decision_the_slider_removes_what_gspure_prunes(tmp_path: Path) -> None:
-    shown = evidence(600)
+@pytest.mark.parametrize("factors", [(4.0, 4.0), (3.0, 1.0), (0.7, 6.0)])
+def test_at_the_decision_the_slider_removes_what_gspure_prunes(tmp_path: Path, factors: tuple[float, float]) -> None:
+    shown = evidence(600, *factors)
     data = written(tmp_path, shown)
     removed = unpacked(data["removal"], "<u2") <= data["cuts"][data["decision"]]
     np.testing.assert_array_equal(removed, shown.pruned)

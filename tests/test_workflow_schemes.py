@@ -21,7 +21,7 @@ CONFIG = {
         "unattacked": {},
         "gspure": {},
         "rigid_transform": {},
-        "degree_9": {"attack": "sh_truncation", "degree": 9},
+        "crop_all": {"attack": "crop", "fraction": 1e-9},
     },
 }
 
@@ -30,7 +30,7 @@ CONFIG = {
 def finished(tmp_path_factory, checkout):  # noqa: F811
     project = Project(tmp_path_factory.mktemp("schemes"), checkout)
     project.configure(CONFIG)
-    project.run(TABLE, status=1)  # degree_9 fails
+    project.run(TABLE, status=1)  # crop_all fails
     return project
 
 
@@ -75,8 +75,8 @@ def test_a_moved_model_is_rendered_from_moved_views(rows):
 
 
 def test_a_refused_attack_is_reported_and_the_run_continues(rows):
-    (row,) = numbers(rows, "degree_9").values()
-    assert "attack sh_truncation: degree" in row["failure"]
+    (row,) = numbers(rows, "crop_all").values()
+    assert "attack crop: " in row["failure"]
     assert not row["psnr"]
 
 

@@ -95,16 +95,23 @@ def _cluster_legend(sizes: NDArray[np.intp], total: int) -> Legend:
     return (first, tuple(second)) if first else (tuple(second),)
 
 
-def rank_cloud(means: NDArray[np.float32], labels: NDArray[np.int32], weights: NDArray[np.float32]) -> Cloud:
-    """Colour each Gaussian by the rank of the weight that decides about it (`gspure.method.pruning.deciding_weights`).
+def rank_cloud(
+    means: NDArray[np.float32],
+    labels: NDArray[np.int32],
+    weights: NDArray[np.float32],
+    tau_c: float = 1.0,
+    tau_n: float = 1.0,
+) -> Cloud:
+    """Colour each Gaussian by the rank of the weight that decides about it, times its factor: GSPure prunes low ranks.
 
-    The rank is the share of Gaussians with a lower deciding weight, from 0 to 1; equal weights share their mean rank.
+    The weight is that of `gspure.method.pruning.deciding_weights`, the factor `tau_c` in clusters and `tau_n` outside.
+    The rank is the share of Gaussians with a lower product, from 0 to 1; equal ones share their mean rank.
     """
-    deciding = deciding_weights(labels, weights)
+    deciding = deciding_weights(labels, weights) * np.where(labels != NOISE_LABEL, tau_c, tau_n)
     _, tie, count = np.unique(deciding, return_inverse=True, return_counts=True)
     first = np.cumsum(count) - count
     rank = (first + (count - 1) / 2)[tie] / max(len(means) - 1, 1)
-    scalars = {"rank": rank.astype(np.float32), "weight": weights, "deciding_weight": deciding.astype(np.float32)}
+    scalars = {"rank": rank.astype(np.float32), "weight": weights}
     scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), ("lowest", "rank of the mean weight", "highest"))
     return Cloud(means, _colour_map(rank), scalars, scale=scale)
 

@@ -25,7 +25,8 @@ TITLES: Final = ("message before pruning", "rank of the weight", "message after 
 """Titles of the three clouds of a purification."""
 
 _RANKS: Final = (
-    "Rows ranked by the mean weight of their cluster or, outside clusters, by their weight. Low ranks are pruned."
+    "Rows ranked by the mean weight of their cluster or, outside clusters, by their weight, each times its pruning "
+    "factor (τ_c or τ_n). Low ranks are pruned."
 )
 
 
@@ -116,7 +117,7 @@ def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]
     caption = f"{clusters} clusters of the {len(means):,} {rows}, by HDBSCAN on position, opacity and weight."
     caption += " The legend gives their shares; noise is grey."
     yield "clusters", partial(cluster_cloud, means, labels), caption
-    yield "ranks", partial(rank_cloud, means, labels, evidence.weights), _RANKS
+    yield "ranks", partial(ranks, evidence), _RANKS
     caption = f"{evidence.pruned.sum():,} of {len(means):,} {rows} are pruned."
     yield "kept", partial(kept_cloud, means, evidence.pruned), caption
     if (hidden := evidence.hidden) is not None:
@@ -126,7 +127,12 @@ def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]
 def _purification(evidence: Evidence, hidden: NDArray[np.float32]) -> list[Cloud]:
     """Return the message before pruning, the ranks, and the message after pruning."""
     before = share_cloud(evidence.means, evidence.weights, hidden)
-    return [before, rank_cloud(evidence.means, evidence.labels, evidence.weights), before.subset(~evidence.pruned)]
+    return [before, ranks(evidence), before.subset(~evidence.pruned)]
+
+
+def ranks(evidence: Evidence) -> Cloud:
+    """Return the cloud of the ranks by which GSPure prunes."""
+    return rank_cloud(evidence.means, evidence.labels, evidence.weights, evidence.tau_c, evidence.tau_n)
 
 
 def _message_caption(evidence: Evidence, hidden: NDArray[np.float32]) -> str:

@@ -17,11 +17,10 @@ from gspure.figures.clouds import (
     cluster_cloud,
     colour_cloud,
     kept_cloud,
-    rank_cloud,
     share_cloud,
     weight_cloud,
 )
-from gspure.figures.gallery import Evidence
+from gspure.figures.gallery import Evidence, ranks
 from gspure.method.pruning import cluster_weights
 
 MAX_POINTS: Final = 40_000
@@ -75,9 +74,9 @@ def _positions(means: NDArray[np.float32], axes: NDArray[np.floating]) -> NDArra
 
 
 def _removal(evidence: Evidence) -> NDArray[np.float64]:
-    """Return for every row [K] the share of rows removed once it is, if the lowest deciding weights go first."""
-    deciding = rank_cloud(evidence.means, evidence.labels, evidence.weights).scalars["deciding_weight"]
-    return np.searchsorted(np.sort(deciding), deciding, side="right") / len(deciding)
+    """Return for every row [K] the share of rows removed once it is, if the lowest ranks go first, as in GSPure."""
+    rank = ranks(evidence).scalars["rank"]
+    return np.searchsorted(np.sort(rank), rank, side="right") / len(rank)
 
 
 def _clusters(evidence: Evidence, shown: NDArray[np.intp]) -> dict[str, Any]:
@@ -97,7 +96,7 @@ def _clouds(evidence: Evidence, sh_dc: NDArray[np.float32] | None) -> Iterator[t
     if sh_dc is not None:
         yield "colour", colour_cloud(means, sh_dc)
     yield "cluster", cluster_cloud(means, labels)
-    yield "rank", rank_cloud(means, labels, weights)
+    yield "rank", ranks(evidence)
     yield "weight", weight_cloud(means, weights)
     yield "pruned", kept_cloud(means, evidence.pruned)
     if evidence.hidden is not None:

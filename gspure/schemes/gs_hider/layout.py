@@ -18,6 +18,7 @@ from typing import Final
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
 from gspure.model.finite import drawable
+from gspure.progress import warn
 
 CHANNELS: Final = 16
 FEATURES: Final = tuple(f"semantic_{i}" for i in range(CHANNELS))
@@ -60,6 +61,8 @@ def find_decoder(folder: Path, role: str) -> Path | None:
     if not files and folder.parent.name == "point_cloud":
         file = folder.parents[1] / decoder_name(folder.name.removeprefix("iteration_"), role)
         return file if file.is_file() else None
+    if len(files) > 1:
+        warn(f"{folder} has {len(files)} files {decoder_name('N', role)}: that of iteration {max(files)} is used")
     return files[max(files)] if files else None
 
 
