@@ -41,7 +41,7 @@ rule write_report:
         figures=get_finished([*FIGURES, *CONDITION_FIGURES]),
         viewers=get_finished(expand("results/{model}/figures/model/viewer.json", model=MODELS)),
         links=[*map(os.path.relpath, workflow.configfiles), "results/logs"],
-        provenance=lambda wildcards, input: [
+        records=lambda wildcards, input: [
             f"{path}.json"
             for path in [input.table, input.summary, input.matched, input.contest, input.survival, *input.artifacts]
         ],
@@ -52,5 +52,5 @@ rule write_report:
             "report --table {input.table:q} --figures {params.figures:q} --diagnosis {input.diagnoses:q} {input.hidden:q}"
             " --viewer {params.viewers:q} --matched {input.matched:q} --contest {input.contest:q} --survival {input.survival:q}"
             " --costs {input.costs:q}"
-            " --provenance {params.provenance:q} --link {params.links:q} --out {output.page:q}"
+            " --records {params.records:q} --link {params.links:q} --out {output.page:q}"
         )

@@ -347,7 +347,7 @@ def test_the_page_opens_with_the_audit_and_names_the_files(tmp_path: Path) -> No
     words = [word for option, name in given_files.items() for word in (option, str(tmp_path / name))]
     assert main(["report", *table, *words]) == 0
     page = Page(tmp_path / "r.html")
-    text = page.text.split("Files and provenance", 1)[1]  # below the contents
+    text = page.text.split("Files and records", 1)[1]  # below the contents
     assert text.index("The message survived 1 of 2 attacks") < text.index("Limitations")
     assert text.index("Limitations") < text.index("Survival of the message")
     for name in ("results.csv", "survival.csv", "contest.csv"):

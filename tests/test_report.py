@@ -258,19 +258,19 @@ def test_a_figure_that_is_not_an_image_is_refused(tmp_path: Path, figures: list[
         write_report(tmp_path / "report.html", "Title", PLANTED, figures=figures)
 
 
-def test_provenance_is_listed(tmp_path: Path, figures: list[Path]) -> None:
+def test_records_are_listed(tmp_path: Path, figures: list[Path]) -> None:
     note = figures[0].with_name("kept.png.json")
-    write_report(tmp_path / "report.html", "Title", PLANTED, provenance=[note])
+    write_report(tmp_path / "report.html", "Title", PLANTED, records=[note])
     digest = json.loads(note.read_text())["digest"]
     text = Page(tmp_path / "report.html").text
     assert f"{note} {digest[:12]}" in text
     assert f'"digest": "{digest}"' in text
 
 
-def test_a_file_without_provenance_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_no_record_is_refused(tmp_path: Path) -> None:
     write_json(tmp_path / "other.json", [1, 2])
-    with pytest.raises(InputError, match=r"other.json: file: expected provenance beside its file"):
-        write_report(tmp_path / "report.html", "Title", PLANTED, provenance=[tmp_path / "other.json"])
+    with pytest.raises(InputError, match=r"other.json: file: expected a record beside its file"):
+        write_report(tmp_path / "report.html", "Title", PLANTED, records=[tmp_path / "other.json"])
 
 
 def test_nothing_measured_makes_a_page_too(tmp_path: Path) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from gspure.cli.options import add_files
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "write a self-contained HTML page with audit, tables, figures and provenance"
+HELP = "write a self-contained HTML page with audit, tables, figures and records"
 EXAMPLES = """\
   gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
   gspure report --table results.csv \\
       --figures results/planted/room/figures/*.png results/planted/room/figures/model/*.png \\
-      --diagnosis results/planted/room/diagnosis.json --provenance results/planted/room/*.np?.json \\
+      --diagnosis results/planted/room/diagnosis.json --records results/planted/room/*.np?.json \\
       --title "How robust is the watermark of this room?" --out report.html
 """
 
@@ -19,7 +19,7 @@ _FILES = {
     "--figures": ("PNG", "from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/CONDITION"),
     "--diagnosis": ("JSON", "from `gspure prune` or `gspure hidden`, in folders SCHEME/SCENE"),
     "--viewer": ("JSON", "from `gspure figures model`, in folders SCHEME/SCENE"),
-    "--provenance": ("JSON", "provenance records to list"),
+    "--records": ("JSON", "records of artifacts to list"),
     "--link": ("FILE", "further files to link: configuration, logs"),
 }
 
@@ -59,6 +59,6 @@ def run(args: Arguments) -> None:
         costs=read_table(args.costs, AttackCost) if args.costs else [],
         viewers=args.viewer,
         links=[args.table, *derived, *filter(None, [args.costs]), *args.link],
-        provenance=args.provenance,
+        records=args.records,
     )
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB, self-contained")

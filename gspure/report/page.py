@@ -95,7 +95,7 @@ def write_report(
     costs: Sequence[AttackCost] = (),
     viewers: Sequence[Path] = (),
     links: Sequence[Path] = (),
-    provenance: Sequence[Path] = (),
+    records: Sequence[Path] = (),
 ) -> None:
     """Write the page, whole or not at all. It loads nothing from outside itself, and links the files of the run.
 
@@ -103,7 +103,7 @@ def write_report(
     them), `viewers` (``viewer.json`` of `gspure figures model`) and `diagnoses` (``diagnosis.json`` of `gspure prune`,
     ``hidden.json`` of `gspure hidden`) belong to the model whose scheme and scene are consecutive folders of their
     path; figures in ``figures/SCHEME-PROTOCOL-INITIALIZATION`` belong to all models of the condition. Where the renders
-    of an ``attacks.png`` lie beside its folder, the page shows these instead. `links` are files to link, `provenance`
+    of an ``attacks.png`` lie beside its folder, the page shows these instead. `links` are files to link, `records`
     those of `gspure.artifacts.write_provenance` to list.
 
     Raise `InputError` if a file cannot be read, or a figure or diagnosis belongs to none of the models.
@@ -158,7 +158,7 @@ def write_report(
         limits=limits(outcomes),
         suspicions=REASONS,
         links=[link(file, path) for file in links],
-        records=[(file.as_posix(), record(file)) for file in provenance],
+        records=[(file.as_posix(), record(file)) for file in records],
     )
     write_text(path, page, checksum=True)
 

@@ -98,12 +98,12 @@ def lineup(figure: Path, outcomes: Sequence[Outcome], further: str = "") -> Line
 
 
 def record(file: Path) -> dict[str, Any]:
-    """Return the provenance in a record file, or raise `InputError` if it is none."""
+    """Return the content of a record, or raise `InputError` if the file is none."""
     found = (record_of(file.with_suffix("")) if file.suffix == ".json" else None) or {}
     match found:
         case {"digest": str(), "settings": dict()}:
             return found
-    raise InputError(file, "file", expected="provenance beside its file", found="none")
+    raise InputError(file, "file", expected="a record beside its file", found="none")
 
 
 def _embedded(image: Any, widest: int) -> str:

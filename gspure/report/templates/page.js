@@ -13,7 +13,7 @@ addEventListener("click", event => {
 addEventListener("hashchange", () => reveal(location.hash)?.scrollIntoView());
 reveal(location.hash)?.scrollIntoView();
 
-// Print everything but provenance, and every viewer.
+// Print everything but records, and every viewer.
 const folded = () => document.querySelectorAll("details:not(.record, [open])");
 let unfolded = [];
 addEventListener("beforeprint", () => {
