@@ -25,7 +25,7 @@ from gspure.evaluation.statistics import (
 )
 
 MARGIN: Final = 1.0
-"""Least margin above the floor of a message that counts as present, dB. Ours: about the smallest visible difference."""
+"""Smallest margin above the floor at which a message counts as present, dB. Our choice."""
 
 
 class Survival(NamedTuple):
@@ -62,23 +62,23 @@ class Survival(NamedTuple):
     """Damage to the message divided by that to the scene (`gspure.evaluation.metrics.rms_ratio`)."""
 
     above_floor: Interval | None
-    """The message's PSNR minus the floor of the same scene, dB; or the same of a detector's mean readings."""
+    """The message's PSNR, or a detector's mean reading, minus the floor of the same scene."""
 
     share_left: Interval | None
-    """`above_floor` as a share of what it was before the attack; None if no scene is `present`."""
+    """`above_floor` divided by its value before the attack; None if no scene is `present`."""
 
     above_wrong_key: Interval | None
     """The message's PSNR minus that of a wrong key applied to the unattacked model, dB."""
 
     control: str
-    """The kind of message-free model from which it is hardest to distinguish; empty if there is none."""
+    """The kind of message-free model with the lowest AUC; empty if there is none."""
 
     detectability: Detectability | None
     """AUC against that kind, with one value per scene."""
 
     @property
     def name(self) -> str:
-        """Its display name, with the damage that its search reached if that is not the wanted one."""
+        """The variant's display name, with the damage that its search reached if it misses the wanted one."""
         return reached_name(self.variant, *((self.scene_drop.low, self.scene_drop.high) if self.scene_drop else ()))
 
     @property
@@ -88,9 +88,9 @@ class Survival(NamedTuple):
 
     @property
     def survives(self) -> bool | None:
-        """Whether the message is present after the attack in all scenes where it was before, or gone in all of them.
+        """True if the message remains present in all scenes in which it was, False if it is gone in all of them.
 
-        It is gone if it is neither present nor retrieved. None if neither holds, or if it was never present.
+        Gone is neither present nor retrieved. None in all other cases.
         """
         if not self.present or self.survived not in {0, self.present} or self.only_retrieved:
             return None
@@ -100,10 +100,8 @@ class Survival(NamedTuple):
 def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     """Return the survival of the message for every condition, extraction and variant that is not a control.
 
-    Seeds are averaged within scenes. Kinds of controls are compared separately: those of one scene share its truth, so
-    they are not independent.
-
-    Outcomes may have any order; conditions and variants keep it.
+    Conditions and variants keep the order of `outcomes`. Seeds are averaged within scenes. Kinds of controls are
+    compared separately: those of one scene share its photographs, so they are not independent.
     """
     rows = []
     for alike in by_condition(outcomes).values():
@@ -211,7 +209,7 @@ def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, C
 
 
 def _shares_left(before: Cells, after: Cells, scene_floor: Cells, present: set[str]) -> Cells:
-    """Return the share of each `present` scene, of means over seeds, as cells with one seed."""
+    """Return the share left in each `present` scene, from means over seeds, as cells with one seed."""
     known = before.keys() & after.keys() & scene_floor.keys()
     cells = sorted(cell for cell in known if cell[0] in present)
     margins = [differences({cell: psnr[cell] for cell in cells}, scene_floor) for psnr in (before, after)]

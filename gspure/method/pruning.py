@@ -18,9 +18,7 @@ def mean_weight(weights: NDArray[Any]) -> float:
 
     .. math:: \bar\omega = \frac{1}{K} \sum_{i=1}^{K} \omega_i
 
-    Summed in ascending order, so that the order of rows has no effect, as in `cluster_weights`.
-
-    The mean of no `weights` [K] is 0.
+    `weights` [K] are summed in ascending order, so the order of rows has no effect. Without rows, the mean is 0.
     """
     return float(np.mean(np.sort(weights), dtype=np.float64)) if len(weights) else 0.0
 
@@ -64,7 +62,7 @@ def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C
 
 
 def plain_prune_mask(weights: NDArray[Any], tau: float = TAU_N) -> Mask:
-    r"""Return the prune mask [K] without clustering, the baseline of comparisons, for weights [K] and a factor above 0.
+    r"""Return the prune mask [K] without clustering, for weights [K] and a factor above 0.
 
     .. math:: \mathbb{I}(\omega_k < \bar\omega / \tau)
     """

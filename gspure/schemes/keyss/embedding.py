@@ -2,7 +2,7 @@
 
 From the paper: the network, the weights of the losses (0.5 scene, 0.5 message, 0.01 wrong key) and AdamW. Ours: a wrong
 key should add nothing to the public rows; the message does not train public opacities; the network's learning rate;
-training starts from points, with the rules of 3DGS, not from a trained model of the scene.
+training starts from points, with the densification of 3DGS, not from a trained model of the scene.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def embed(
 ) -> tuple[PublicModel, NetworkKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
-    `message_weight` is the share of the message's loss, that of the scene is 1; `network_rate` is the first learning
-    rate of the network; `max_gaussians` bounds growth.
+    `message_weight` is the weight of the message's loss (the scene's is 1), `network_rate` the network's initial
+    learning rate, `max_gaussians` the limit of densification.
 
     Raise `InputError` if a setting is out of range, or PyTorch is missing.
     """

@@ -1,7 +1,7 @@
 """The network: from a public Gaussian and the key to a Gaussian of the message (arXiv 2503.07191).
 
 A perceptron with layers of 64 and 128 units reads the 59 stored numbers of a row and the 768 of the key. Linear heads,
-here the parts of one last layer, return what is added to position, quaternion, log-scale, opacity logit and harmonics.
+stored as one last layer, return offsets of position, quaternion, log-scale, opacity logit and harmonics.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ SHAPES: Final = {
 _LAST: Final = len(SIZES) - 2
 
 RATE: Final = 2e-3
-"""First learning rate. Ours, for some thousand iterations; the authors' is 5e-5."""
+"""Initial learning rate. Ours, for a few thousand iterations; the authors' is 5e-5."""
 
 
 def fresh(rng: np.random.Generator) -> dict[str, Float32]:
-    """Return untrained layers with PyTorch's default initialization, and heads of zero: the message is the scene."""
+    """Return layers with PyTorch's default initialization, and heads of zero: the initial message is the scene."""
     bounds = [inputs**-0.5 for inputs in SIZES[:_LAST]] + [0.0]
     return {
         name: rng.uniform(-1, 1, shape).astype(np.float32) * np.float32(bounds[int(name[-1])])
@@ -54,7 +54,7 @@ def random_key(rng: np.random.Generator) -> Float32:
 
 
 def added(xp: Any, network: Network, key: Any, rows: Any) -> Any:
-    """Return what turns public rows [K,59] into those of the message; `xp` is the library of all, numpy or torch."""
+    """Return the offsets [K,59] from public rows to those of the message; `xp` is the arrays' library."""
     weight = network["weight_0"]
     values = rows @ weight[:, :ROW].T + (weight[:, ROW:] @ key + network["bias_0"])  # the key is the same in all rows
     for layer in range(1, _LAST + 1):

@@ -26,7 +26,7 @@ from gspure.training.torch_bridge import TorchRenderer
 Float32 = NDArray[np.float32]
 
 WRONG_WEIGHT: Final = 0.02
-"""Weight of the mean of what the network adds with a wrong key; the authors' 0.01 / 0.5, as the scene's weight is 1."""
+"""Weight of the loss on offsets with a wrong key: the authors' 0.01 / 0.5, since the scene's weight is 1."""
 
 _SIZES: Final = (3, 4, 3, 1, 3, 45)
 """Lengths of the parts of a row: position, quaternion, log-scale, opacity logit, base colour, higher harmonics."""
@@ -60,7 +60,7 @@ class Learner:
         self._optimizer = torch.optim.AdamW(self._layers.values())
 
     def added(self, rows: torch.Tensor, key: Float32) -> torch.Tensor:
-        """Return what turns public rows into those of the message."""
+        """Return the offsets from public rows to those of the message."""
         return added(torch, self._layers, torch.from_numpy(key), rows)
 
     def step(self, rate: float) -> None:
