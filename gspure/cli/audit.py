@@ -34,8 +34,8 @@ def add_arguments(parser: Parser) -> None:
     parser.reads(
         "source",
         "MODEL|CONFIG",
-        "file of a 3DGS model, or folder of a training run: writes a configuration for it to "
-        f"{_CONFIGURATION}; or a configuration of the workflow, .yaml",
+        "file of a 3DGS model or folder of a training run (its configuration is written to "
+        f"{_CONFIGURATION}); or a configuration of the workflow, .yaml",
     )
     add_cameras(parser, "views of MODEL", required=False)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
