@@ -6,10 +6,12 @@ import re
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 KERNELS = sorted((ROOT / "kernels_cl").glob("*.cl"))
@@ -86,3 +88,17 @@ def test_the_checks_of_the_set_up_run(name):
     assert "Traceback" not in done.stderr
     if name == "opencl":  # the tests need a device
         assert (done.returncode, done.stdout[:6]) == (0, "setup:")
+
+
+def test_conda_installs_what_pip_installs() -> None:
+    metadata = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    names = {"matplotlib": "matplotlib-base", "snakemake": "snakemake-minimal"}
+    required = [re.match(r"([\w-]+)(.*)", text) for text in metadata["dependencies"]]
+    expected = {f"{names.get(match[1], match[1])} {match[2]}" for match in required if match}
+    environment = yaml.safe_load((ROOT / "envs" / "gspure.yaml").read_text())["dependencies"]
+    recipe = yaml.safe_load((ROOT / "envs" / "conda-recipe" / "recipe.yaml").read_text())
+    for packages in (
+        [*environment, "snakemake-minimal >=9.0,<10"],
+        recipe["requirements"]["run"],
+    ):  # it runs in Snakemake
+        assert {*packages} - {"pocl"} == expected | {f"python {metadata['requires-python']}"}
