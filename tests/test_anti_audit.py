@@ -109,7 +109,7 @@ def test_purify_continues_and_names_suspicious_rows(folder: Path, capsys) -> Non
     assert len(read_model(folder / "out" / "purified.ply")) == len(model) - pruned.sum()
     assert pruned[WALL : WALL + HIDDEN].mean() > 0.9
     assert {path.name for path in (folder / "out" / "figures").glob("*.png")} == {
-        f"{name}.png" for name in ("before_after", "clusters", "ranks", "kept", "weights")
+        f"{name}.png" for name in ("before_after", "clusters", "ranks", "kept", "splats", "weights")
     }
 
 

@@ -29,7 +29,7 @@ def folder(tmp_path, monkeypatch):
 def words(monkeypatch):
     """The command line of Snakemake, which is not started."""
     started = []
-    monkeypatch.setattr(os, "execv", lambda program, command: started.extend(command) or 0)
+    monkeypatch.setattr(os, "execve", lambda program, command, environment: started.extend(command) or 0)
     monkeypatch.setattr(subprocess, "call", lambda command: started.extend(command) or 0)
     return started
 
@@ -62,7 +62,7 @@ def test_a_dry_run_of_a_model_leaves_the_configuration_of_the_last_audit(folder,
         configurations.append(Path(command[command.index("--configfile") + 1]).read_text())
         return 0
 
-    monkeypatch.setattr(os, "execv", lambda program, command: start(command))
+    monkeypatch.setattr(os, "execve", lambda program, command, environment: start(command))
     monkeypatch.setattr(subprocess, "call", start)
     assert main([*audit, "orbit", "--dry-run"]) == 0
     assert not Path("results").exists()

@@ -55,10 +55,10 @@ def run(args: Arguments) -> int:
     if any(_LOCKS.glob("*.lock")) and not {"--unlock", "--nolock"} & {*args.passed_on}:
         hint = f"if none runs: gspure audit {shlex.quote(str(configuration))} -- --unlock"
         raise InputError(_LOCKS, "lock", expected="no other run here", found="one that runs or was killed", hint=hint)
+    environment = {**os.environ, COMMAND: shlex.join(["gspure", *sys.argv[1:]])}
     if args.quiet or not (args.verbose or args.passed_on):
-        os.environ[SHOWN] = "problems" if args.quiet else "jobs"
-    os.environ[COMMAND] = shlex.join(["gspure", *sys.argv[1:]])
-    return os.execv(sys.executable, _command(args, configuration))  # noqa: S606
+        environment[SHOWN] = "problems" if args.quiet else "jobs"
+    return os.execve(sys.executable, _command(args, configuration), environment)  # noqa: S606
 
 
 def _command(args: Arguments, configuration: Path) -> list[str]:

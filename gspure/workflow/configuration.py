@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import redirect_stderr
 from copy import deepcopy
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -245,7 +247,8 @@ def _check_ranges(settings: Mapping[str, Any], known: Mapping[str, Any], source:
     model = Gaussians.from_stored(**columns, opacity_logits=one[0], sh_coeffs=np.ones((1, 16, 3), np.float32))
     evidence = Evidence(one[0], np.zeros(1, np.bool_), one[0], one[0], np.zeros(1, np.int32))
     try:
-        find_attack(settings["attack"]).apply(model, evidence, **chosen)
+        with redirect_stderr(StringIO()):
+            find_attack(settings["attack"]).apply(model, evidence, **chosen)
     except InputError as error:
         if error.field in chosen:
             raise InputError(source, f"{place}.{error.field}", expected=error.expected, found=error.found) from None
