@@ -59,7 +59,7 @@ def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys):
     for arguments in commands("gspure"):
         if arguments[0] not in {"train", "audit"}:
             assert main(arguments) == 0
-    assert re.search(r"^mean +\d+\.\d+( +\d\.\d+)+$", capsys.readouterr().out, re.MULTILINE)
+    assert re.search(r"^mean +\d+\.\d+( +\d+\.\d+)+$", capsys.readouterr().out, re.MULTILINE)
     assert {path.name for path in folder.iterdir()} >= {"purified", "before", "after"}
     assert np.load("purified/prune_mask.npy").any()
 

@@ -34,12 +34,11 @@ def splats(
     pruned: NDArray[np.bool_],
     device: Device | None = None,
 ) -> Drawing:
-    """Return the figure ``splats.png`` of two held-out views, for `write_splats`."""
+    """Return the figure ``splats.png`` of two views, held-out ones if there are any, for `write_splats`."""
     views = split(cameras)[1] or [*cameras]
     path, shown = folder / "splats.png", views[:: -(-len(views) // 2)]
     caption = (
-        "The model in held-out views; the same with a colour per cluster, and noise faint; and only the rows that "
-        "GSPure prunes, over white."
+        "The model; the same with a colour per cluster, and noise faint; only the rows that GSPure prunes, over white."
     )
     return Drawing(path, caption, partial(write_splats, path, model, shown, labels, pruned, device))
 
