@@ -204,7 +204,7 @@ def _drops(row: Survival | None) -> Cell:
 def _reached(row: Matched) -> Cell:
     """Return a drop, with the damage to the scene where it is not the wanted one."""
     cell = interval(row.drop)
-    bound = "≥ " if row.gentle else ""
+    bound = "≥ " if row.scene_drop < row.damage else "≤ "
     return cell if row.scene_drop == row.damage else Cell(f"{bound}{cell} at {plain(row.scene_drop)} dB")
 
 
