@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, split
@@ -16,6 +17,7 @@ from gspure.figures import style
 from gspure.figures.clouds import cluster_cloud
 from gspure.figures.gallery import Drawing
 from gspure.figures.panels import show
+from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
@@ -24,6 +26,7 @@ TITLES: Final = ("model", "clusters (grey: in none)", "pruned rows alone")
 _WIDEST: Final = 640  # pixels of a view
 _FAINT: Final = -2.0  # logit of the highest opacity of rows outside clusters
 _WHITE: Final = (1.0, 1.0, 1.0)
+_SHAPES: Final = [*"xyz", "opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4))]
 
 
 def splats(
@@ -64,11 +67,21 @@ def write_splats(
         for view, row in zip(views, grid, strict=True):
             width = min(view.width, _WIDEST)
             camera = view.resized(width, max(round(view.height * width / view.width), 1))
+            show(row[0], model.scene(device)(camera), view.name)
             gaussians, rows = model.gaussians(camera)
-            logits = gaussians.table["opacity"]
-            faint = np.where(labels[rows] == NOISE_LABEL, np.minimum(logits, _FAINT), logits).astype(np.float32)
-            clustered = Renderer(gaussians.with_columns({"opacity": faint}), device)
-            clusters = clustered.feature_map(camera, colours[rows], _WHITE)
-            alone = Renderer(gaussians[pruned[rows]], device).image(camera, _WHITE)
-            for axes, image in zip(row, (model.scene(device)(camera), clusters, alone), strict=True):
-                show(axes, image, view.name if axes is row[0] else "")
+            show(row[1], _clusters(gaussians, labels[rows], colours[rows], camera, device), "")
+            show(row[2], Renderer(gaussians[pruned[rows]], device).image(camera, _WHITE), "")
+
+
+def _clusters(
+    gaussians: Gaussians,
+    labels: NDArray[np.int32],
+    colours: NDArray[np.float32],
+    camera: Camera,
+    device: Device | None,
+) -> NDArray[np.float32]:
+    """Return a picture in `colours` [K,3], from a copy without the harmonics, which are most of a model."""
+    logits = gaussians.table["opacity"]
+    faint = np.where(labels == NOISE_LABEL, np.minimum(logits, _FAINT), logits).astype(np.float32)
+    shapes = Gaussians(repack_fields(gaussians.table[_SHAPES])).with_columns({"opacity": faint})
+    return Renderer(shapes, device).feature_map(camera, colours, _WHITE)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 Weights = NDArray[np.float32]
 
-_MEMORY = 500e6, 900
+_MEMORY = 500e6, 1150
 """Bytes that purification takes beside the stored rows: Python and the driver, and of each Gaussian. Measured up to six
 million Gaussians and 1600 px (benchmarks/results.md)."""
 
