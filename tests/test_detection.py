@@ -288,14 +288,14 @@ def test_readings_are_collected_with_the_clean_models_as_null(tmp_path):
 
 def test_an_image_that_two_models_share_as_control_counts_once(tmp_path):
     (tmp_path / "images").mkdir()
-    images = {f"view_{i}": tmp_path / "images" / f"{i}.png" for i in range(60)}
+    images = {f"view_{i}": tmp_path / "images" / f"view_{i}.png" for i in range(60)}
     for i, image in enumerate(images.values()):
         image.write_bytes(b"%d" % i)
     files = []
     for scene, variant, score in [("a", "gspure", 9.0), ("a", "clean", 0.0), ("b", "gspure", 9.0), ("b", "clean", 0.0)]:
         files.append(tmp_path / "vanilla" / scene / variant / "detections" / "mine.csv")
         write_table(files[-1], Reading, [Reading(view, score + i / 100, 0) for i, view in enumerate(images)])
-        write_provenance(files[-1], inputs=images, settings={})
+        write_provenance(files[-1], inputs={path.as_posix(): path for path in images.values()}, settings={})
     known = read_detections(files)
     assert math.isnan(known["vanilla", "a", "gspure"]["mine"].tpr)  # 60 unmarked views, not 120
 

@@ -123,7 +123,7 @@ def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[s
         if not rows:
             raise InputError(path, "rows", expected="at least one view on the camera path", found="none")
         if variant_of(path)[-1] in MESSAGE_FREE:
-            images = recorded_inputs(path)
+            images = {Path(image).stem: digest for image, digest in recorded_inputs(path).items()}
             known = {images.get(row.view, f"{row.view} of {path}"): row.level for row in rows}
             clean.setdefault(path.stem, {}).update(known)
     by_variant: dict[tuple[str, str, str], dict[str, Detection]] = {}
