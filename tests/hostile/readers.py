@@ -32,6 +32,7 @@ from gspure.model import Gaussians, read_model, require_finite, write_model
 from gspure.model.inria import saved_iterations, training_arguments
 from gspure.model.points import read_point_ply, write_point_ply
 from gspure.renderer import CONTRIBUTION
+from gspure.schemes import marked_clones
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import COLUMNS as FEATURE_COLUMNS
 from gspure.schemes.gs_hider.layout import read_rows
@@ -233,6 +234,18 @@ def _splats_key(folder: Path) -> None:
 def _keyss_key(folder: Path) -> None:
     rng = np.random.default_rng(0)
     NetworkKey(random_vector(rng), fresh(rng)).write(folder)
+
+
+def _clones_key(folder: Path) -> None:
+    from gspure.schemes.marked_clones.decoder import untrained
+    from gspure.schemes.marked_clones.key import ClonesKey
+
+    ClonesKey(np.arange(8) < 4, untrained(8, 0), np.arange(ROWS) < 3).write(folder)
+
+
+def _read_clones_key(folder: Path) -> None:
+    key = marked_clones.SCHEME.read_key(folder)
+    assert key.read_bits(np.zeros((16, 16, 3), np.float32)).shape == key.bits.shape
 
 
 def _planted_key(folder: Path) -> None:
@@ -507,6 +520,13 @@ READERS = (
     ),
     Reader("key of SecureGS", lambda f: random_key().write(f), HiddenKey.read, {"securegs_hidden.npz": "npz"}),
     Reader("key of KeySS", _keyss_key, NetworkKey.read, {"keyss.npz": "npz"}),
+    Reader(
+        "key of Marked Clones",
+        _clones_key,
+        _read_clones_key,
+        {"marked_clones.npz": "npz", "carriers.npy": "npy"},
+        TORCH,
+    ),
     Reader("key of the planted pair", _planted_key, PlantedKey.read, {"planted.npz": "npz", "carriers.npy": "npy"}),
     Reader(
         "decoder of GS-Hider",
