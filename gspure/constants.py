@@ -3,8 +3,6 @@
 Kernels receive the renderer's constants as ``-D`` definitions, so that there is one place to read and to change them.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 # --- Rasterization rules, as the published 3DGS models were trained with (Kerbl et al. 2023, reference rasterizer) ----

@@ -1,7 +1,5 @@
 """Corrupt artifacts of a workflow: found by their checksums, and set aside so that the next run makes them again."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterable
 from contextlib import suppress

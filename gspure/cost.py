@@ -4,8 +4,6 @@ The cost of ``attack.log`` is in ``attack.cost.json``. It differs from run to ru
 no job depends on it.
 """
 
-from __future__ import annotations
-
 import resource
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How models, cameras and results show themselves in a terminal and in a notebook."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from html import escape

@@ -1,7 +1,5 @@
 """The one exception type for bad input: which file, which field, what was expected, what was found."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from collections.abc import Iterable, Iterator

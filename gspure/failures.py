@@ -3,8 +3,6 @@
 The status of ``attack.log`` is ``attack.failed.json``.
 """
 
-from __future__ import annotations
-
 import re
 import signal
 from collections.abc import Iterable, Sequence

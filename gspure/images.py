@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import read_json, replacing, write_json
 from gspure.artifacts.checksums import record_checksum
+from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
-Float32 = NDArray[np.float32]
 
 FORMATS: Final = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
 """What photographs come in. Pillow knows more formats, some of which start other programs."""
@@ -98,9 +98,9 @@ def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
         Image.fromarray(levels(array)).save(temporary, format="PNG")
 
 
-def levels(array: NDArray[np.floating]) -> NDArray[np.uint8]:
+def levels(array: NDArray[np.floating]) -> UInt8:
     """Return values clipped to 0..1 as the nearest of 256 levels, a half upwards."""
-    rounded: NDArray[np.uint8] = np.floor(np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
+    rounded: UInt8 = np.floor(np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
     return rounded
 
 

@@ -1,7 +1,5 @@
 """Attacks and schemes of installed packages, and the optional packages that attacks and schemes need."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec

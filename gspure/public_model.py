@@ -1,7 +1,5 @@
 """A public model, as its scheme publishes it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Final, NamedTuple, Self
@@ -10,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, spread
+from gspure.dtypes import Float32, Indices
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import drawable
 from gspure.opencl.adam import LearningRates
@@ -19,8 +18,7 @@ from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 from gspure.progress import track
 from gspure.renderer import CONTRIBUTION, Renderer
 
-Float32 = NDArray[np.float32]
-Rows = NDArray[np.intp]
+Rows = Indices
 RenderView = Callable[[Camera], Float32]
 """From a camera to its image [H,W,3], not clipped."""
 

@@ -1,7 +1,5 @@
 """The only entry to the device: images, feature maps, contributions and depths of a model's views."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import GEOMETRY_ATTRIBUTES
+from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.conservation import require_conservation
@@ -22,8 +21,6 @@ from gspure.opencl.gradients import by_row
 from gspure.opencl.opacity_field import centre_contributions, opacities_at
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
 from gspure.opencl.storage import store, upload_features, upload_sh_coeffs
-
-Float32 = NDArray[np.float32]
 
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
 """A touched Gaussian of a view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""

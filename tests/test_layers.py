@@ -14,7 +14,7 @@ TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sor
 
 # A part imports from its own layer and from those above it.
 LAYERS = (
-    {"constants", "display", "errors", "artifacts", "cost", "failures", "progress", "plugins"},
+    {"constants", "display", "dtypes", "errors", "artifacts", "cost", "failures", "progress", "plugins"},
     {"model", "cameras", "images", "datasets"},
     {"opencl"},
     {"renderer"},
@@ -32,7 +32,7 @@ LAYERS = (
     {"cli"},
 )
 DEPTH = {part: depth for depth, layer in enumerate(LAYERS) for part in layer}
-REFERENCE_MAY_IMPORT = {"constants", "model", "cameras", "reference"}
+REFERENCE_MAY_IMPORT = {"constants", "dtypes", "model", "cameras", "reference"}
 
 # Packages that only one part or module knows, and packages too slow to import before they are needed.
 OWNERS = {

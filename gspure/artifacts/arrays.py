@@ -1,7 +1,5 @@
 """Arrays on disk, as .npy and .npz without pickle: checked before anything is allocated for them."""
 
-from __future__ import annotations
-
 import math
 import os
 import warnings
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 
 from gspure.artifacts.checksums import verify
 from gspure.artifacts.files import replacing
+from gspure.dtypes import Indices
 from gspure.errors import InputError, reading
 
 Shape = tuple[int | None, ...]
@@ -124,7 +123,7 @@ def _told(dtype: np.dtype[Any] | type, shape: Shape) -> str:
     return f"{name} [{', '.join('any' if n is None else str(n) for n in shape)}]"
 
 
-def _unfit(array: NDArray[Any], least: float) -> NDArray[np.intp]:
+def _unfit(array: NDArray[Any], least: float) -> Indices:
     """Return the places that hold NaN, infinity or less than `least`, in any field of a structured array."""
     columns = [array[name] for name in array.dtype.names] if array.dtype.names else [array]
     bad = np.zeros(array.shape, np.bool_)

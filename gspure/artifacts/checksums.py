@@ -4,8 +4,6 @@ Record and file move together when a folder is moved. A file that is copied with
 no checksum and is read as it is. CRC-32 finds corruption, several times faster than digests that withstand forgery.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import reprlib

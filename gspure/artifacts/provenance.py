@@ -1,7 +1,5 @@
 """Where a file comes from: a record beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path

@@ -1,20 +1,16 @@
 """Attacks that change how rows look: scaling, rounding, fewer spherical harmonics."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.attacks.attack import Attacked, Rng, named, require, require_nonnegative, select_columns
 from gspure.attacks.strength import Strength
+from gspure.dtypes import Float32
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.progress import warn
 from gspure.public_model import ATTRIBUTES, Columns
-
-Float32 = NDArray[np.float32]
 
 FACTOR: Final = 1.2
 """Scale of the features. Ours: the paper says "amplifies", without a value."""

@@ -1,7 +1,5 @@
 """What an attack is: the form that built-in attacks and plug-ins share."""
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,15 +13,14 @@ from gspure import __version__
 from gspure.attacks.strength import Damage, Match, Strength, search
 from gspure.cameras.camera import Camera
 from gspure.display import Described
+from gspure.dtypes import Bools, Float32, Float64, Indices, Int32
 from gspure.errors import InputError
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import Columns, PublicModel
 
-Mask = NDArray[np.bool_]
-Rows = NDArray[np.intp]
-Float32 = NDArray[np.float32]
+Rows = Indices
 Rng = np.random.Generator
 Setting = float | int | str
 
@@ -48,10 +45,10 @@ class Evidence:
     """
 
     weights: Float32 | None = None
-    prune_mask: Mask | None = None
+    prune_mask: Bools | None = None
     opacities: Float32 | None = None
     surface: Float32 | None = None
-    labels: NDArray[np.int32] | None = None
+    labels: Int32 | None = None
 
 
 EVIDENCE: Final = frozenset(field.name for field in fields(Evidence))
@@ -83,7 +80,7 @@ class Attacked(Described):
     model: Gaussians
     rows: Rows
     count: int
-    transform: NDArray[np.float64] | None = None
+    transform: Float64 | None = None
 
     @property
     def facts(self) -> dict[str, str]:
@@ -94,21 +91,19 @@ class Attacked(Described):
         }
 
     @property
-    def prune_mask(self) -> Mask:
+    def prune_mask(self) -> Bools:
         """Rows [K] of the public model that are gone, whatever the order and number of the rest."""
         mask = np.ones(self.count, np.bool_)
         mask[self.rows[self.rows >= 0]] = False
         return mask
 
     @classmethod
-    def without(cls, model: Gaussians, prune_mask: Mask) -> Self:
+    def without(cls, model: Gaussians, prune_mask: Bools) -> Self:
         """Return `model` without the rows where `prune_mask` [K] is true."""
         return cls(model[~prune_mask], np.flatnonzero(~prune_mask), len(model))
 
     @classmethod
-    def changed(
-        cls, model: Gaussians, values: Mapping[str, NDArray[Any]], transform: NDArray[np.float64] | None = None
-    ) -> Self:
+    def changed(cls, model: Gaussians, values: Mapping[str, NDArray[Any]], transform: Float64 | None = None) -> Self:
         """Return `model` with new `values` (each [K]) in the named columns."""
         return cls(model.with_columns(values), np.arange(len(model)), len(model), transform)
 

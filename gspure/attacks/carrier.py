@@ -3,8 +3,6 @@
 A message out of an attack's reach says nothing about robustness; the paper's own tables hold such rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fnmatch import filter as matching
 

@@ -1,7 +1,5 @@
 """Compression: a round trip through a web format."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final

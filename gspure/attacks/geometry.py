@@ -1,19 +1,15 @@
 """Attacks on where the model is: cropping and rigid motion."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.attacks.attack import Attacked, Rng, named, require, require_attribute, require_fraction
 from gspure.attacks.strength import Strength
+from gspure.dtypes import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.model.sh_rotation import rotate_sh
 from gspure.public_model import Columns
-
-Float64 = NDArray[np.float64]
 
 CROPPED: Final = 0.5
 """Side of the box, relative to the model's. Ours."""

@@ -1,16 +1,15 @@
 """Attacks that train on renders of the public model at public cameras: no photographs, no key, no message."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attack, Attacked, Float32, Rng, require
+from gspure.attacks.attack import Attack, Attacked, Rng, require
 from gspure.cameras.camera import Camera
 from gspure.constants import SH_DC, TAU_N
+from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.images import read_back
 from gspure.method.pruning import plain_prune_mask

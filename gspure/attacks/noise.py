@@ -1,7 +1,5 @@
 """Attacks that add random noise to stored values."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,15 +1,14 @@
 """Attacks that remove rows: GSPure and others, each with its own strength."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.attacks.attack import Attack, Attacked, Float32, Mask, Rng, named, require_fraction, require_nonnegative
+from gspure.attacks.attack import Attack, Attacked, Rng, named, require_fraction, require_nonnegative
 from gspure.attacks.strength import Strength
 from gspure.constants import TAU_C, TAU_N
+from gspure.dtypes import Bools, Float32, Int32
 from gspure.method import pruning
 from gspure.method.pruning import plain_prune_mask
 from gspure.model.gaussians import Gaussians
@@ -24,7 +23,7 @@ TOLERANCE: Final = 3.0
 """Scales from the surface. Ours: the paper does not say how GOF, a reconstruction method, decides what to remove."""
 
 
-def gspure(model: Gaussians, _rng: Rng, prune_mask: Mask) -> Attacked:
+def gspure(model: Gaussians, _rng: Rng, prune_mask: Bools) -> Attacked:
     """Remove the rows that GSPure decided on (`gspure.method.pruning.prune_mask`)."""
     return Attacked.without(model, prune_mask)
 
@@ -33,7 +32,7 @@ def gspure_scaled(
     model: Gaussians,
     _rng: Rng,
     weights: Float32,
-    labels: NDArray[np.int32],
+    labels: Int32,
     *,
     scale: float = 1.0,
     tau_c: float = TAU_C,
@@ -80,14 +79,14 @@ def gof(model: Gaussians, _rng: Rng, surface: Float32, *, tolerance: float = TOL
     return Attacked.without(model, ~(surface <= tolerance))
 
 
-def random_mask(count: int, removed: int, rng: Rng) -> Mask:
+def random_mask(count: int, removed: int, rng: Rng) -> Bools:
     """Return a mask [count] that is true at exactly `removed` random places; masks of one seed are nested."""
     mask = np.zeros(count, np.bool_)
     mask[rng.permutation(count)[:removed]] = True
     return mask
 
 
-def lowest_mask(values: NDArray[Any], removed: int) -> Mask:
+def lowest_mask(values: NDArray[Any], removed: int) -> Bools:
     """Return a mask [K] that is true at exactly the `removed` lowest `values` [K]; of equals, earlier rows first."""
     mask = np.zeros(len(values), np.bool_)
     mask[np.argsort(values, kind="stable")[:removed]] = True

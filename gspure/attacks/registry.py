@@ -1,7 +1,5 @@
 """All attacks by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.attacks``)."""
 
-from __future__ import annotations
-
 from gspure.attacks import appearance, compression, controls, geometry, learning, noise, pruning, rows
 from gspure.attacks.attack import EVIDENCE, PUBLIC, Attack
 from gspure.errors import InputError

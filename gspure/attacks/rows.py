@@ -8,8 +8,6 @@ They transmit as much at their centre if
 so images change little, while every chosen row has another opacity and occurs twice.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure import __version__
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32, Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import finite_mean
 from gspure.evaluation.metrics import psnr
@@ -21,7 +21,7 @@ from gspure.public_model import PublicModel
 if TYPE_CHECKING:
     from gspure.opencl.device import Device
 
-Images = Sequence[NDArray[np.float32]]
+Images = Sequence[Float32]
 Damage = Callable[[PublicModel], float]
 """From an attacked model to the drop of the scene's PSNR, dB."""
 
@@ -118,11 +118,11 @@ def scene_damage(
     Raise `InputError` if every photograph is identical to the unattacked render, so there is no PSNR to drop from.
     """
 
-    def renders(model: PublicModel) -> list[NDArray[np.float32]]:
+    def renders(model: PublicModel) -> list[Float32]:
         scene = model.scene(device, model.model.background)
         return [read_back(scene(view)) for view in views]
 
-    def psnrs(model: PublicModel, references: Images) -> NDArray[np.float64]:
+    def psnrs(model: PublicModel, references: Images) -> Float64:
         return np.array([psnr(a, b) for a, b in zip(references, renders(model), strict=True)])
 
     if photographs is None:

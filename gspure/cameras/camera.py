@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from gspure.constants import NEAR_PLANE, TEST_EVERY
 from gspure.display import Described
-
-Float64 = NDArray[np.float64]
+from gspure.dtypes import Float64, Indices
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,9 +111,7 @@ def spread(cameras: Sequence[Camera]) -> float:
     return float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
 
 
-def points_shown(
-    camera: Camera, points: NDArray[Any], margin: float = 0.0
-) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def points_shown(camera: Camera, points: NDArray[Any], margin: float = 0.0) -> tuple[Indices, Float64]:
     """Return the rows [S] of world `points` [P,3] in the image and behind the near plane, and their positions [S,3].
 
     Positions are column and row in pixels, and depth along the view axis. `margin` extends the image on every side, as

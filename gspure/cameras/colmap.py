@@ -4,8 +4,6 @@ Axes and pixel convention are those of `gspure.cameras.camera.Camera`. All camer
 lenses.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

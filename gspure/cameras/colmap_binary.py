@@ -1,7 +1,5 @@
 """COLMAP's binary files: little-endian, a 64-bit count, then records without padding."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Any

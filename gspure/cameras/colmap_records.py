@@ -3,14 +3,10 @@
 Source: https://colmap.github.io/format.html and https://colmap.github.io/cameras.html.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from gspure.dtypes import Float64, UInt8
 from gspure.errors import InputError
 
 MODEL_NAMES = (
@@ -64,8 +60,8 @@ class Pose(NamedTuple):
 class Points(NamedTuple):
     """The sparse point cloud: positions [P,3] in world units and 8-bit colours [P,3]."""
 
-    xyz: NDArray[np.float64]
-    rgb: NDArray[np.uint8]
+    xyz: Float64
+    rgb: UInt8
 
 
 def parameter_names(source: Path, camera_id: int, model: str) -> tuple[str, ...]:

@@ -1,7 +1,5 @@
 """COLMAP's text files: one record per line, images on two lines, comments after ``#``."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

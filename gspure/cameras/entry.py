@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float64
 from gspure.errors import InputError
-
-Float64 = NDArray[np.float64]
 
 _MAX_SIDE = 65535  # pixels; far above any photograph, far below what would exhaust memory by accident
 _LARGEST = 1e100  # squares and cubes of what is read stay finite

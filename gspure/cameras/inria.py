@@ -7,8 +7,6 @@ no photographs. Our superset has optional keys: ``cx`` and ``cy`` (pixels), if t
 the lens. Programs that read the original format read ours.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import reprlib

@@ -1,7 +1,5 @@
 """Names of views, which are unique and safe as file names."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import unicodedata

@@ -11,8 +11,6 @@ from COLMAP's world is not undone; for a model in COLMAP's world, read the COLMA
 Source: https://docs.nerf.studio/quickstart/data_conventions.html.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,11 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from gspure.cameras.camera import Camera, Float64, intrinsics
+from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, view_name
 from gspure.cameras.photographs import is_present, photograph_size
 from gspure.cameras.undistortion import COEFFICIENTS
+from gspure.dtypes import Float64
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")

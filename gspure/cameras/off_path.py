@@ -1,14 +1,13 @@
 """Views beside the camera path, which neither training nor contributions use."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from gspure.cameras.camera import Camera, Float64, looking_at, split
+from gspure.cameras.camera import Camera, looking_at, split
+from gspure.dtypes import Float64
 from gspure.errors import InputError
 
 PREFIX: Final = "off_path_"

@@ -1,7 +1,5 @@
 """Generated views and the up direction, for models that come without cameras."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
@@ -9,9 +7,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera, Float64, intrinsics
+from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.constants import NEAR_PLANE
+from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say

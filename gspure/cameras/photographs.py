@@ -1,7 +1,5 @@
 """The photographs of views: their sizes, and missing ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

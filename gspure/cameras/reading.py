@@ -1,16 +1,15 @@
 """Reading of cameras in all formats, recognized by the content of the path, and of rigid transforms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 
 from gspure.artifacts import load_array, read_json
 from gspure.cameras import inria, nerfstudio
-from gspure.cameras.camera import Camera, Float64
+from gspure.cameras.camera import Camera
 from gspure.cameras.colmap import find_sparse, read_colmap
 from gspure.cameras.entry import Entry
+from gspure.dtypes import Float64
 from gspure.errors import InputError
 
 _IN_FOLDER = ("cameras.json", "transforms.json", "transforms_train.json")

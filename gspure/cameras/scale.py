@@ -1,7 +1,5 @@
 """The image scale rule: the size at which views are rendered and compared with photographs."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

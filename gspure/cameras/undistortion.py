@@ -4,18 +4,16 @@ Source: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html, the model of Bro
 nerfstudio share.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera, Float64
+from gspure.cameras.camera import Camera
 from gspure.cameras.photographs import photograph, require_images
+from gspure.dtypes import Float32, Float64
 from gspure.errors import InputError
 from gspure.images import read_image, write_image
 from gspure.progress import track
@@ -107,7 +105,7 @@ def _distorted(camera: Camera, pinhole: Camera, points: Float64) -> Float64:
     return np.asarray(lens * camera.K[[0, 1], [0, 1]] + camera.K[:2, 2])
 
 
-def _resampled(camera: Camera, pinhole: Camera) -> NDArray[np.float32]:
+def _resampled(camera: Camera, pinhole: Camera) -> Float32:
     """Return the photograph of `camera` as `pinhole` takes it, by cubic interpolation."""
     from scipy.ndimage import map_coordinates
 

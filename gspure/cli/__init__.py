@@ -5,8 +5,6 @@ A command module holds ``HELP`` (one line), ``EXAMPLES`` (shown below the option
 ``gspure --help`` stays quick.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import os

@@ -1,7 +1,5 @@
 """``gspure audit``: the workflow on the user's models, from a checkout or an installed package."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

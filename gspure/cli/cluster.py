@@ -1,7 +1,5 @@
 """``gspure cluster``: flat clusters from a spanning tree."""
 
-from __future__ import annotations
-
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 

@@ -1,7 +1,5 @@
 """``gspure completion``: the script by which a shell completes commands, options and files."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``gspure contest``: survival of the message, and GSPure against every other attack."""
 
-from __future__ import annotations
-
 from gspure.cli.options import add_sweeps, read_sweeps
 from gspure.cli.parser import Arguments, Parser
 

@@ -1,7 +1,5 @@
 """``gspure contributions``: the contribution of every Gaussian to every view."""
 
-from __future__ import annotations
-
 import argparse
 
 from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views

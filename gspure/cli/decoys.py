@@ -1,7 +1,5 @@
 """``gspure decoys``: pictures of random rooms, for `gspure retrieve`."""
 
-from __future__ import annotations
-
 from gspure.cli.options import add_quiet, require_least
 from gspure.cli.parser import Arguments, Parser
 

@@ -1,7 +1,5 @@
 """``gspure doctor``: check OpenCL, OpenGL and packages."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shlex

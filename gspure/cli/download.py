@@ -1,7 +1,5 @@
 """``gspure download``: public benchmark scenes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from gspure.cli.options import add_quiet

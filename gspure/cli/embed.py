@@ -1,7 +1,5 @@
 """``gspure embed``: hide a message in a scene by training."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,5 @@
 """``gspure failures``: the failed jobs of the workflow."""
 
-from __future__ import annotations
-
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 

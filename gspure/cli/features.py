@@ -1,7 +1,5 @@
 """``gspure features``: standardized position, opacity and weight of every Gaussian."""
 
-from __future__ import annotations
-
 from gspure.cli.parser import Arguments, Parser
 
 HELP = "standardize positions, opacities and weights: features F [K,5]"

@@ -1,7 +1,5 @@
 """``gspure hidden``: the share of the message's weight on rows that plain_weight prunes."""
 
-from __future__ import annotations
-
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction

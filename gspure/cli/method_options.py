@@ -1,7 +1,5 @@
 """Options of clustering and pruning; not in `options`, which imports the renderer, so that its edits rerun neither."""
 
-from __future__ import annotations
-
 from gspure.cli.parser import Parser
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MIN_SAMPLES, TAU_C, TAU_N
 

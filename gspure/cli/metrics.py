@@ -1,7 +1,5 @@
 """``gspure metrics``: the metrics of two folders of images."""
 
-from __future__ import annotations
-
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 

@@ -1,7 +1,5 @@
 """``gspure opacities``: the opacity of every row, for clustering and attacks."""
 
-from __future__ import annotations
-
 from gspure.cli.options import add_scheme, add_views, read_public, read_views
 from gspure.cli.parser import Arguments, Parser
 

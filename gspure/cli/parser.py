@@ -1,7 +1,5 @@
 """The parser of commands: their kinds of arguments, the files that they name, and refusals in one line."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Callable, Iterable, Iterator

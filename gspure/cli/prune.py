@@ -1,7 +1,5 @@
 """``gspure prune``: the prune mask, and a diagnosis of the clustering."""
 
-from __future__ import annotations
-
 from gspure.cli.method_options import add_factors
 from gspure.cli.parser import Arguments, Parser
 

@@ -1,7 +1,5 @@
 """``gspure render``: images of a model."""
 
-from __future__ import annotations
-
 from gspure.cli.options import (
     add_background,
     add_device,

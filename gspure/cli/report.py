@@ -1,7 +1,5 @@
 """``gspure report``: one page about all models of a run."""
 
-from __future__ import annotations
-
 from gspure.cli.options import add_files
 from gspure.cli.parser import Arguments, Parser
 

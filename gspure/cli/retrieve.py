@@ -1,7 +1,5 @@
 """``gspure retrieve``: compare extractions with the right message and with others."""
 
-from __future__ import annotations
-
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError

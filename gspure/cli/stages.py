@@ -1,7 +1,5 @@
 """``gspure stages``: delete unused stages, and verify files of a workflow."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from gspure.cli.parser import Arguments, Parser

@@ -10,14 +10,10 @@ from gspure.cli.parser import Arguments, Parser
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
     from gspure.cameras import Camera
+    from gspure.dtypes import Float32
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
-
-    Float32 = NDArray[np.float32]
 
 HELP = "measure the distance of every row from the visible surface, for the attack gof"
 EXAMPLES = """\

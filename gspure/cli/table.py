@@ -1,7 +1,5 @@
 """``gspure table``: one table of all variants of all models."""
 
-from __future__ import annotations
-
 from gspure.cli.options import add_files
 from gspure.cli.parser import Arguments, Parser
 

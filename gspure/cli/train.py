@@ -13,11 +13,12 @@ from gspure.cli.parser import Arguments, Parser
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
+    from gspure.dtypes import Float32
     from gspure.evaluation.comparison import ViewMetrics
     from gspure.opencl.device import Device
     from gspure.opencl.trainable import Parameters
     from gspure.training.checkpoints import Snapshot
-    from gspure.training.dataset import Dataset, Float32
+    from gspure.training.dataset import Dataset
     from gspure.training.trainer import Trainer
 
 HELP = "train a 3DGS model from photographs"

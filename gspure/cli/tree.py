@@ -1,7 +1,5 @@
 """``gspure tree``: HDBSCAN's minimum spanning tree."""
 
-from __future__ import annotations
-
 from gspure.cli.method_options import add_min_samples
 from gspure.cli.parser import Arguments, Parser
 

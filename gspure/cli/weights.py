@@ -1,7 +1,5 @@
 """``gspure weights``: the average contribution of every Gaussian over the views."""
 
-from __future__ import annotations
-
 from gspure.cli.parser import Arguments, Parser
 
 HELP = "average the contributions over the views: weights omega [K]"

@@ -3,8 +3,6 @@
 The publishers give no digests; `gspure.datasets.fetch` says what stands in for them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final

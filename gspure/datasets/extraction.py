@@ -1,7 +1,5 @@
 """A capture out of its archive: the photographs that papers compare on, and where they were taken from."""
 
-from __future__ import annotations
-
 import stat
 import zipfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Two folders of images compared view by view, and the table ``metrics.csv`` of the result."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby

@@ -1,7 +1,5 @@
 """GSPure minus every other attack, in the same scenes and seeds, with the significance of each difference."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple

@@ -3,8 +3,6 @@
 A message is present only if its PSNR is above theirs.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 CLEAN, WRONG_KEY, OTHER_SCENE = "clean", "wrong_key", "other_scene"

@@ -1,7 +1,5 @@
 """The cost of attacks, averaged over scenes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple

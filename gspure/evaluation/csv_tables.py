@@ -5,8 +5,6 @@ takes one column per field (``drop_mean``, ``drop_low``, ...), a mapping of metr
 `gspure.evaluation.metrics.METRICS`. NaN and None are empty cells.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

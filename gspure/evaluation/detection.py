@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts import recorded_inputs
 from gspure.cameras.off_path import PREFIX
+from gspure.dtypes import Bools
 from gspure.errors import InputError
 from gspure.evaluation.controls import MESSAGE_FREE
 from gspure.evaluation.csv_tables import Exact, read_table
@@ -87,7 +87,7 @@ class Threshold(NamedTuple):
         return cls(sorted(clean)[-1 - above], (1 + above) / (1 + len(clean)))
 
 
-def share_correct(decoded: NDArray[np.bool_], message: NDArray[np.bool_]) -> float:
+def share_correct(decoded: Bools, message: Bools) -> float:
     """Return the share of correct bits in percent."""
     return 100.0 * float(np.mean(decoded == message))
 

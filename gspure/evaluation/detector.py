@@ -1,7 +1,5 @@
 """Marks read from images: with the key of a scheme that hides bits, or by a command of the user's, the detector."""
 
-from __future__ import annotations
-
 import json
 import math
 import shlex
@@ -11,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.detection import Reading, share_correct
 from gspure.images import read_image, require_all_images
@@ -34,9 +32,7 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
     return [_reading(view, answer[view], message) for view in sorted(views)]
 
 
-def read_bits(
-    read: Callable[[NDArray[np.float32]], NDArray[np.bool_]], message: NDArray[np.bool_], images: Path
-) -> list[Reading]:
+def read_bits(read: Callable[[Float32], Bools], message: Bools, images: Path) -> list[Reading]:
     """Return what a key reads from each PNG file of a folder, compared with the embedded `message`."""
     shown = {path.stem: read(read_image(path)) for path in _png_files(images)}
     return [Reading(view, share_correct(bits, message), len(message)) for view, bits in shown.items()]

@@ -3,8 +3,6 @@
 To add a metric: a function, and a line in `METRICS`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
@@ -13,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gspure.constants import MS_SSIM_WEIGHTS, SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
+from gspure.dtypes import Float64
 from gspure.errors import InputError
-
-Float64 = NDArray[np.float64]
 
 
 def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:

@@ -1,7 +1,5 @@
 """Display names of schemes, scenes, variants and targets in reports and figures."""
 
-from __future__ import annotations
-
 from typing import Final
 
 _NAMES: Final = {

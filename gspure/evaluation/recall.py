@@ -1,11 +1,10 @@
 """Agreement of a pruning with the known carriers of a message."""
 
-from __future__ import annotations
-
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from gspure.dtypes import Bools
 
 CARRIERS: Final = "carriers.npy"
 """File of a key, of schemes that know which rows carry the message: bool [K]."""
@@ -21,7 +20,7 @@ class Recall(NamedTuple):
     """Share of the rows that carry the message that are pruned."""
 
 
-def recall(pruned: NDArray[np.bool_], truth: NDArray[np.bool_]) -> Recall:
+def recall(pruned: Bools, truth: Bools) -> Recall:
     """Return precision and recall of a pruning; `pruned` and `truth`, the rows that carry the message, are bool [K]."""
     hits = int(np.count_nonzero(pruned & truth))
     return Recall(_ratio(hits, int(pruned.sum())), _ratio(hits, int(truth.sum())))

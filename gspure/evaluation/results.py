@@ -1,7 +1,5 @@
 """The long table ``results.csv``: one row per model, variant and target."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

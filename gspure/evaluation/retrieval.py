@@ -1,18 +1,17 @@
 """Retrieval: whether an extraction is most similar to its message among candidates, regardless of brightness."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.dtypes import Float32, Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import Pair
-from gspure.evaluation.metrics import Float64, gradient_correlation
+from gspure.evaluation.metrics import gradient_correlation
 from gspure.evaluation.statistics import detectability
-from gspure.images import Float32, read_image
+from gspure.images import read_image
 
 CHANCE: Final = 0.05
 """The message is retrieved if chance hits as many views with at most this probability. Ours."""

@@ -1,7 +1,5 @@
 """Outcomes averaged over scenes: one row per condition, variant and extraction, as in the paper's Table 1."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Survival of the message after each attack: its margin above the negative controls of its scene."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL, SH_DC
+from gspure.dtypes import Bools, Float32, Float64, Indices, Int32, UInt8
 from gspure.figures import style
 from gspure.method.pruning import deciding_weights
 
@@ -27,7 +28,7 @@ Legend = tuple[tuple[tuple[str, str], ...], ...]
 class Scale:
     """A colour scale: uint8 [S,3] from lowest to highest, with labels of the low end, the middle and the high end."""
 
-    colours: NDArray[np.uint8]
+    colours: UInt8
     words: tuple[str, str, str]
 
 
@@ -39,8 +40,8 @@ class Cloud:
     is empty if there is a `scale` of continuous colours.
     """
 
-    points: NDArray[np.float32]
-    colours: NDArray[np.uint8]
+    points: Float32
+    colours: UInt8
     scalars: Mapping[str, NDArray[np.generic]]
     legend: Legend = ()
     scale: Scale | None = None
@@ -48,18 +49,18 @@ class Cloud:
     def __len__(self) -> int:
         return len(self.points)
 
-    def subset(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Cloud:
+    def subset(self, rows: Indices | Bools) -> Cloud:
         """Return the points in `rows` (indices or a mask [N]), with the legend of all."""
         scalars = {name: values[rows] for name, values in self.scalars.items()}
         return replace(self, points=self.points[rows], colours=self.colours[rows], scalars=scalars)
 
 
-def colour_cloud(means: NDArray[np.float32], sh_dc: NDArray[np.float32]) -> Cloud:
+def colour_cloud(means: Float32, sh_dc: Float32) -> Cloud:
     """Colour each Gaussian as it looks on average over all directions: by its coefficients of degree 0, [K,3]."""
     return Cloud(means, np.rint(255 * np.clip(0.5 + SH_DC * sh_dc, 0, 1)).astype(np.uint8), {})
 
 
-def weight_cloud(means: NDArray[np.float32], weights: NDArray[np.float32]) -> Cloud:
+def weight_cloud(means: Float32, weights: Float32) -> Cloud:
     """Colour each Gaussian by its weight [K], on a logarithmic scale; grey if no view shows it."""
     positive = weights > 0
     decades = np.log10(weights, where=positive, out=np.zeros(len(weights)))
@@ -71,7 +72,7 @@ def weight_cloud(means: NDArray[np.float32], weights: NDArray[np.float32]) -> Cl
     return Cloud(means, colours, {"weight": weights}, scale=scale)
 
 
-def cluster_cloud(means: NDArray[np.float32], labels: NDArray[np.int32]) -> Cloud:
+def cluster_cloud(means: Float32, labels: Int32) -> Cloud:
     """Colour each Gaussian by its cluster: a colour for each of the largest, tints for others, grey for noise."""
     coloured = len(style.CLUSTERS)
     palette = [style.rgb(c) for c in (*style.CLUSTERS, *(style.tint(c, _TINT) for c in style.CLUSTERS), style.NOISE)]
@@ -84,7 +85,7 @@ def cluster_cloud(means: NDArray[np.float32], labels: NDArray[np.int32]) -> Clou
     return Cloud(means, np.array(palette)[entry[labels]], {"cluster": labels}, _cluster_legend(sizes, len(labels)))
 
 
-def _cluster_legend(sizes: NDArray[np.intp], total: int) -> Legend:
+def _cluster_legend(sizes: Indices, total: int) -> Legend:
     sizes = np.sort(sizes)[::-1]
     coloured = len(style.CLUSTERS)
     first = tuple((f"{n / total:.1%}", colour) for n, colour in zip(sizes, style.CLUSTERS, strict=False))
@@ -96,9 +97,9 @@ def _cluster_legend(sizes: NDArray[np.intp], total: int) -> Legend:
 
 
 def rank_cloud(
-    means: NDArray[np.float32],
-    labels: NDArray[np.int32],
-    weights: NDArray[np.float32],
+    means: Float32,
+    labels: Int32,
+    weights: Float32,
     tau_c: float = 1.0,
     tau_n: float = 1.0,
 ) -> Cloud:
@@ -116,14 +117,14 @@ def rank_cloud(
     return Cloud(means, _colour_map(rank), scalars, scale=scale)
 
 
-def _colour_map(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _colour_map(values: Float64) -> UInt8:
     from matplotlib import colormaps
 
-    colours: NDArray[np.uint8] = colormaps[style.RANKS](values, bytes=True)[:, :3]
+    colours: UInt8 = colormaps[style.RANKS](values, bytes=True)[:, :3]
     return colours
 
 
-def kept_cloud(means: NDArray[np.float32], pruned: NDArray[np.bool_]) -> Cloud:
+def kept_cloud(means: Float32, pruned: Bools) -> Cloud:
     """Colour each Gaussian by the prune mask (bool [K])."""
     colours = np.array([style.rgb(style.KEPT), style.rgb(style.PRUNED)])[pruned.astype(np.intp)]
     share = float(pruned.mean()) if len(pruned) else 0.0
@@ -131,7 +132,7 @@ def kept_cloud(means: NDArray[np.float32], pruned: NDArray[np.bool_]) -> Cloud:
     return Cloud(means, colours, {"pruned": pruned.astype(np.uint8)}, (row,))
 
 
-def share_cloud(means: NDArray[np.float32], weights: NDArray[np.float32], hidden: NDArray[np.float32]) -> Cloud:
+def share_cloud(means: Float32, weights: Float32, hidden: Float32) -> Cloud:
     """Colour each Gaussian by the message's share of its weight, h / (h + ω); grey if both are 0.
 
     `hidden` holds its weight h in views of the message (`gspure.schemes.hidden_weight.hidden_weights`), `weights` ω in
@@ -145,7 +146,7 @@ def share_cloud(means: NDArray[np.float32], weights: NDArray[np.float32], hidden
     return Cloud(means, colours, scalars, scale=scale)
 
 
-def _between(share: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _between(share: Float64) -> UInt8:
     """Return colours [S,3] between those of the scene (0) and of the message (1)."""
     ends = [style.rgb(colour).astype(np.float64) for colour in (style.KEPT, style.MESSAGE)]
     return np.rint(ends[0] + share[:, None] * (ends[1] - ends[0])).astype(np.uint8)

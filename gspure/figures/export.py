@@ -1,7 +1,5 @@
 """Point clouds as files: glTF for viewers, VTP for ParaView and VTK."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path
@@ -11,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import write_text
+from gspure.dtypes import UInt8
 from gspure.figures.clouds import Cloud
 
 _FLOAT: Final = 5126
@@ -90,7 +89,7 @@ def _accessor(array: NDArray[Any], view: int) -> dict[str, Any]:
     return accessor | ({"componentType": _UNSIGNED_SHORT, "normalized": True} if array.dtype == "<u2" else {})
 
 
-def _linear_rgba(colours: NDArray[np.uint8]) -> NDArray[np.uint16]:
+def _linear_rgba(colours: UInt8) -> NDArray[np.uint16]:
     """Return sRGB bytes [N,3] as glTF's vertex colours: linear, opaque, 16 bits since 8 would lose the dark ones."""
     srgb = np.arange(256) / 255
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

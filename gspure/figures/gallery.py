@@ -1,7 +1,5 @@
 """All figures of one model and its purification."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cache, partial
@@ -9,10 +7,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
+from gspure.dtypes import Bools, Float32, Int32
 from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud
 from gspure.figures.export import write_gltf, write_vtp
 from gspure.figures.plate import PICTURE_WIDTH, THIRD_WIDTH, write_plate
@@ -37,12 +35,12 @@ class Evidence:
     `pruned` is true where a row is pruned; `hidden` are weights in views of the message, if there is one.
     """
 
-    means: NDArray[np.float32]
-    labels: NDArray[np.int32]
-    weights: NDArray[np.float32]
-    pruned: NDArray[np.bool_]
+    means: Float32
+    labels: Int32
+    weights: Float32
+    pruned: Bools
     _: KW_ONLY
-    hidden: NDArray[np.float32] | None = None
+    hidden: Float32 | None = None
     tau_c: float = TAU_C
     tau_n: float = TAU_N
     rows: str = "Gaussians"
@@ -95,7 +93,7 @@ def drawings(
         write_gltf(folder / f"{name}.gltf", shown, world_axes(means, cameras))
         write_vtp(folder / f"{name}.vtp", shown)
 
-    def draw_purification(hidden: NDArray[np.float32]) -> None:
+    def draw_purification(hidden: Float32) -> None:
         clouds = [cloud.subset(thinned(len(cloud))) for cloud in _purification(evidence, hidden)]
         pictures = [portrait(cloud, fitted(eye(), THIRD_WIDTH), opengl=problem is None) for cloud in clouds]
         write_plate(folder / "purification.png", pictures, clouds, TITLES)
@@ -124,7 +122,7 @@ def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]
         yield "hidden", partial(share_cloud, means, evidence.weights, hidden), _message_caption(evidence, hidden)
 
 
-def _purification(evidence: Evidence, hidden: NDArray[np.float32]) -> list[Cloud]:
+def _purification(evidence: Evidence, hidden: Float32) -> list[Cloud]:
     """Return the message before pruning, the ranks, and the message after pruning."""
     before = share_cloud(evidence.means, evidence.weights, hidden)
     return [before, ranks(evidence), before.subset(~evidence.pruned)]
@@ -135,7 +133,7 @@ def ranks(evidence: Evidence) -> Cloud:
     return rank_cloud(evidence.means, evidence.labels, evidence.weights, evidence.tau_c, evidence.tau_n)
 
 
-def _message_caption(evidence: Evidence, hidden: NDArray[np.float32]) -> str:
+def _message_caption(evidence: Evidence, hidden: Float32) -> str:
     caption = (
         f"The message's share of the weight of all {evidence.rows}: h / (h + ω), with the weight h in views of the "
         "message and ω in views of the scene; grey where both are 0."
@@ -145,14 +143,14 @@ def _message_caption(evidence: Evidence, hidden: NDArray[np.float32]) -> str:
     return caption
 
 
-def _pruned_weight(evidence: Evidence, hidden: NDArray[np.float32]) -> str:
+def _pruned_weight(evidence: Evidence, hidden: Float32) -> str:
     if not hidden.any():
         return "No row holds weight of the message."
     message, scene = (_share(values, evidence.pruned) for values in (hidden, evidence.weights))
     return f"Pruning removes {message:.1%} of the weight in the message and {scene:.1%} of that in the scene."
 
 
-def _share(values: NDArray[np.float32], chosen: NDArray[np.bool_]) -> float:
+def _share(values: Float32, chosen: Bools) -> float:
     total = float(values.sum(dtype=np.float64))
     return float(values[chosen].sum(dtype=np.float64)) / total if total else 0.0
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float32
 from gspure.evaluation.metrics import psnr
 from gspure.evaluation.names import display_name
 from gspure.figures import style
@@ -16,7 +16,7 @@ from gspure.figures import style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Image = NDArray[np.float32]
+Image = Float32
 
 GAIN: Final = 5
 """Factor of the displayed differences."""

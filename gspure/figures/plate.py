@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from gspure.dtypes import UInt8
 from gspure.figures import style
 from gspure.figures.clouds import Cloud, Legend, Scale
 
@@ -25,9 +23,7 @@ _ROW: Final = 0.15  # height of a row of the legend, inches
 _TITLE: Final = 0.2  # height of a title
 
 
-def write_plate(
-    path: Path, pictures: Sequence[NDArray[np.uint8]], clouds: Sequence[Cloud], titles: Sequence[str] = ()
-) -> None:
+def write_plate(path: Path, pictures: Sequence[UInt8], clouds: Sequence[Cloud], titles: Sequence[str] = ()) -> None:
     """Write pictures of clouds, all of one size, each with its legend or scale and an optional title, as a PNG."""
     height, width = pictures[0].shape[:2]
     above, below = _TITLE if titles else 0.0, _ROW * (max(len(cloud.legend) or 2 for cloud in clouds) + 0.7)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Bools, Float32, Float64
 from gspure.evaluation.matched import reached_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
 from gspure.figures import style
@@ -26,8 +26,8 @@ _TAIL: Final = 5e-4  # share of the weights below the axis, which are drawn in i
 
 def write_weight_histogram(
     path: Path,
-    weights: NDArray[np.float32],
-    pruned: NDArray[np.bool_],
+    weights: Float32,
+    pruned: Bools,
     tau_c: float,
     tau_n: float,
     rows: str = "Gaussians",
@@ -71,7 +71,7 @@ def write_weight_histogram(
             text.set_parse_math(True)
 
 
-def _range(decades: NDArray[np.float64]) -> tuple[float, float]:
+def _range(decades: Float64) -> tuple[float, float]:
     """Return the lowest and highest decade of the axis, without a share of `_TAIL` of the smallest weights."""
     if not len(decades):
         return -3.0, 0.0

@@ -3,14 +3,12 @@
 Both draw the same dots on white; those of pyvista are shaded as spheres.
 """
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32, UInt8
 from gspure.figures import zbuffer
 from gspure.figures.clouds import Cloud
 from gspure.figures.probe import prefer_egl
@@ -23,7 +21,7 @@ _DARKEST: Final = 0.4
 _DIRECTIONS: Final = 8
 
 
-def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> NDArray[np.uint8]:
+def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> UInt8:
     """Return a picture of a cloud, uint8 [H,W,3] on white.
 
     The size is that of `camera`, which has square pixels (see `gspure.figures.viewpoint.fitted`). With `opengl`,
@@ -37,7 +35,7 @@ def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> NDArray[np.uint8]
     image, depth = (_draw_balls if opengl else zbuffer.draw)(cloud, fine, size)
     image = eye_dome(image, depth, radius=max(size, fine.width // 200))
     blocks = image.reshape(camera.height, _SMOOTHING, camera.width, _SMOOTHING, 3)
-    smooth: NDArray[np.uint8] = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    smooth: UInt8 = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
     return smooth
 
 
@@ -46,7 +44,7 @@ def dot_size(count: int, camera: Camera) -> int:
     return max(int(min(2 * np.sqrt(camera.width * camera.height / count), camera.width / 150)), 2)
 
 
-def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[UInt8, Float32]:
     """Draw like `zbuffer.draw`, with pyvista."""
     prefer_egl()
     import pyvista as pv
@@ -68,7 +66,7 @@ def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uin
         depth = project(cloud.points, camera)[1]
         plotter.camera.clipping_range = (depth.min() * 0.99, depth.max() * 1.01)
         plotter.show(auto_close=False)
-        image: NDArray[np.uint8] = plotter.screenshot(return_img=True)
+        image: UInt8 = plotter.screenshot(return_img=True)
         nearest = -plotter.get_image_depth(fill_value=-np.inf).astype(np.float32)
     finally:
         plotter.close()
@@ -86,7 +84,7 @@ def _aim(vtk_camera: Any, camera: Camera) -> None:
     vtk_camera.SetWindowCenter(-offset[0], offset[1])
 
 
-def eye_dome(image: NDArray[np.uint8], depth: NDArray[np.float32], radius: int) -> NDArray[np.uint8]:
+def eye_dome(image: UInt8, depth: Float32, radius: int) -> UInt8:
     """Return the image with eye-dome lighting: a pixel is darker, the nearer its neighbours are (Boucheny 2009).
 
     It shows edges and depth of point clouds, which have no normals. VTK's filter has a fixed strength, at which the
@@ -105,5 +103,5 @@ def eye_dome(image: NDArray[np.uint8], depth: NDArray[np.float32], radius: int) 
             occlusion += np.fmax(octaves - padded[y : y + height, x : x + width], 0)
     shade = _DARKEST + (1 - _DARKEST) * np.exp(-_STRENGTH / _DIRECTIONS * occlusion)
     shade[np.isinf(depth)] = 1
-    shaded: NDArray[np.uint8] = np.rint(image * shade[..., None]).astype(np.uint8)
+    shaded: UInt8 = np.rint(image * shade[..., None]).astype(np.uint8)
     return shaded

@@ -3,8 +3,6 @@
 ``python -m gspure.figures.probe`` renders a small picture off screen and prints the name of the renderer.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

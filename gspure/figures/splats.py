@@ -1,7 +1,5 @@
 """Views of a model by our renderer: as it is, its clusters, and the pruned rows alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -9,10 +7,10 @@ from typing import Final
 
 import numpy as np
 from numpy.lib.recfunctions import repack_fields
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, split
 from gspure.constants import NOISE_LABEL
+from gspure.dtypes import Bools, Float32, Int32
 from gspure.figures import style
 from gspure.figures.clouds import cluster_cloud
 from gspure.figures.gallery import Drawing
@@ -33,8 +31,8 @@ def splats(
     folder: Path,
     model: PublicModel,
     cameras: Sequence[Camera],
-    labels: NDArray[np.int32],
-    pruned: NDArray[np.bool_],
+    labels: Int32,
+    pruned: Bools,
     device: Device | None = None,
 ) -> Drawing:
     """Return the figure ``splats.png`` of two views, held-out ones if there are any, for `write_splats`."""
@@ -50,8 +48,8 @@ def write_splats(
     path: Path,
     model: PublicModel,
     views: Sequence[Camera],
-    labels: NDArray[np.int32],
-    pruned: NDArray[np.bool_],
+    labels: Int32,
+    pruned: Bools,
     device: Device | None = None,
 ) -> None:
     """Write a row of pictures for each view as a PNG; `labels` [K] and `pruned` [K] are of the rows.
@@ -75,11 +73,11 @@ def write_splats(
 
 def _clusters(
     gaussians: Gaussians,
-    labels: NDArray[np.int32],
-    colours: NDArray[np.float32],
+    labels: Int32,
+    colours: Float32,
     camera: Camera,
     device: Device | None,
-) -> NDArray[np.float32]:
+) -> Float32:
     """Return a picture in `colours` [K,3], from a copy without the harmonics, which are most of a model."""
     logits = gaussians.table["opacity"]
     faint = np.where(labels == NOISE_LABEL, np.minimum(logits, _FAINT), logits).astype(np.float32)

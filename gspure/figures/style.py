@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts import replacing
+from gspure.dtypes import UInt8
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,7 +98,7 @@ def page(
             figure.savefig(temporary, metadata={"Software": None})
 
 
-def rgb(colour: str) -> NDArray[np.uint8]:
+def rgb(colour: str) -> UInt8:
     """Return a ``#rrggbb`` colour as uint8 [3]."""
     return np.frombuffer(bytes.fromhex(colour.removeprefix("#")), np.uint8)
 

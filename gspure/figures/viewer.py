@@ -1,7 +1,5 @@
 """The data of the report's 3-D viewer: points, their colours, and what pruning removes; quantized, as JSON."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import write_json
 from gspure.constants import NOISE_LABEL
+from gspure.dtypes import Float32, Float64, Indices
 from gspure.figures.clouds import (
     Cloud,
     cluster_cloud,
@@ -33,9 +32,7 @@ _BULK: Final = (0.02, 0.98)  # quantiles
 _CUTS: Final = 400  # positions of the slider
 
 
-def write_viewer(
-    path: Path, evidence: Evidence, axes: NDArray[np.floating], sh_dc: NDArray[np.float32] | None = None
-) -> None:
+def write_viewer(path: Path, evidence: Evidence, axes: NDArray[np.floating], sh_dc: Float32 | None = None) -> None:
     """Write the data of the viewer as JSON with base64 arrays, little-endian.
 
     The rows of `axes` [3,3] are the world's right, up and front (`gspure.figures.viewpoint.world_axes`). `sh_dc` [K,3]
@@ -65,7 +62,7 @@ def _packed(values: NDArray[Any], dtype: str) -> str:
     return base64.b64encode(values.astype(dtype).tobytes()).decode()
 
 
-def _positions(means: NDArray[np.float32], axes: NDArray[np.floating]) -> NDArray[np.float64]:
+def _positions(means: Float32, axes: NDArray[np.floating]) -> Float64:
     """Return centres [K,3] along the world's axes, where the bulk fills [-1, 1] of the longest; 32767 is `REACH`."""
     local = means @ axes.T
     low, high = np.quantile(local, _BULK, axis=0)
@@ -73,13 +70,13 @@ def _positions(means: NDArray[np.float32], axes: NDArray[np.floating]) -> NDArra
     return np.asarray(np.rint(32767 * np.clip((local - (low + high) / 2) / half / REACH, -1, 1)))
 
 
-def _removal(evidence: Evidence) -> NDArray[np.float64]:
+def _removal(evidence: Evidence) -> Float64:
     """Return for every row [K] the share of rows removed once it is, if the lowest ranks go first, as in GSPure."""
     rank = ranks(evidence).scalars["rank"]
     return np.searchsorted(np.sort(rank), rank, side="right") / len(rank)
 
 
-def _clusters(evidence: Evidence, shown: NDArray[np.intp]) -> dict[str, Any]:
+def _clusters(evidence: Evidence, shown: Indices) -> dict[str, Any]:
     """Return the cluster of every point, 65535 for noise, and of these clusters size and mean weight."""
     labels, index = np.unique(evidence.labels[shown], return_inverse=True)
     noise = int(labels[0] == NOISE_LABEL)
@@ -91,7 +88,7 @@ def _clusters(evidence: Evidence, shown: NDArray[np.intp]) -> dict[str, Any]:
     }
 
 
-def _clouds(evidence: Evidence, sh_dc: NDArray[np.float32] | None) -> Iterator[tuple[str, Cloud]]:
+def _clouds(evidence: Evidence, sh_dc: Float32 | None) -> Iterator[tuple[str, Cloud]]:
     means, labels, weights = evidence.means, evidence.labels, evidence.weights
     if sh_dc is not None:
         yield "colour", colour_cloud(means, sh_dc)
@@ -114,7 +111,7 @@ def _coloured(cloud: Cloud) -> dict[str, Any]:
     return {**meaning, "palette": _packed(palette, "u1"), "index": _packed(index, "u1")}
 
 
-def _cuts(evidence: Evidence, removal: NDArray[np.float64]) -> dict[str, Any]:
+def _cuts(evidence: Evidence, removal: Float64) -> dict[str, Any]:
     """Return the positions of the slider, that of the decision among them, and the shares removed at each."""
     decision = float(evidence.pruned.mean())
     cuts = np.unique([*np.linspace(0, 1, _CUTS + 1), decision])

@@ -1,7 +1,5 @@
 """Viewpoints of point clouds, and the choice of the points to draw."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,8 +7,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.orbit import guessed_up
-
-Float64 = NDArray[np.float64]
+from gspure.dtypes import Bools, Float64, Indices
 
 MAX_POINTS = 2_000_000
 """Larger clouds are thinned to this number of points, always the same ones."""
@@ -25,7 +22,7 @@ _AZIMUTH = np.radians(30.0)
 _AGREEMENT = 0.25  # least length of the mean over mean length for which directions agree
 
 
-def thinned(count: int) -> NDArray[np.intp]:
+def thinned(count: int) -> Indices:
     """Return the sorted rows to draw of `count`: all, or `MAX_POINTS` of them, sampled with a fixed seed."""
     if count <= MAX_POINTS:
         return np.arange(count)
@@ -104,11 +101,11 @@ def _framing(slopes: Float64, viewmat: Float64) -> Camera:
     return Camera("overview", 1000, rows, intrinsics(focal, focal, cx, cy), viewmat)
 
 
-def _without_floaters(means: NDArray[np.floating]) -> NDArray[np.bool_]:
+def _without_floaters(means: NDArray[np.floating]) -> Bools:
     """Return the mask of the points in the box around the bulk, widened on every side by half its extent."""
     low, high = np.quantile(means, _BULK, axis=0)
     slack = (high - low) / 2
-    inside: NDArray[np.bool_] = ((means >= low - slack) & (means <= high + slack)).all(axis=1)
+    inside: Bools = ((means >= low - slack) & (means <= high + slack)).all(axis=1)
     return inside
 
 
@@ -121,7 +118,7 @@ def project(means: NDArray[np.floating], camera: Camera) -> tuple[Float64, Float
     return pixels, depth
 
 
-def in_view(means: NDArray[np.floating], camera: Camera) -> NDArray[np.intp]:
+def in_view(means: NDArray[np.floating], camera: Camera) -> Indices:
     """Return the rows that a picture from `camera` shows, without floaters far in front of or behind all others.
 
     Floaters would extend the depth range, and with it the shading, over empty space.

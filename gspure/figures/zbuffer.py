@@ -1,20 +1,18 @@
 """Drawing of dots with numpy, for machines without OpenGL."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32, UInt8
 from gspure.figures.clouds import Cloud
 from gspure.figures.viewpoint import project
 
 _PIXELS_AT_ONCE: Final = 4_000_000
 
 
-def draw(cloud: Cloud, camera: Camera, size: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+def draw(cloud: Cloud, camera: Camera, size: int) -> tuple[UInt8, Float32]:
     """Draw a cloud as dots with a diameter of `size` pixels on white; the nearest dot is visible.
 
     All points are in view (see `gspure.figures.viewpoint.in_view`). Return colour [H,W,3], and depth [H,W] along the

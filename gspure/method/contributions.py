@@ -6,8 +6,6 @@ match it counts as missing. An index (one .tsv per job, written last) lists the 
 of all parts share (`Measurement`).
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import os

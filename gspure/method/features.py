@@ -1,13 +1,12 @@
 """The features of the clustering: standardized position, opacity and weight."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import Bools, Float64
 from gspure.errors import InputError
 from gspure.model.suspicious import extent_and_distances
 from gspure.progress import warn
@@ -30,7 +29,7 @@ LARGEST: Final = 1e6
 """Largest feature of rows that are left out; those of others are at most the square root of their number. Ours."""
 
 
-def standardize(columns: NDArray[Any], counted: NDArray[np.bool_] | slice = slice(None)) -> NDArray[np.float64]:
+def standardize(columns: NDArray[Any], counted: Bools | slice = slice(None)) -> Float64:
     r"""Return each column [K,C] with mean 0 and standard deviation 1; a constant column becomes 0.
 
     .. math:: (x - \mu) / \sigma
@@ -48,7 +47,7 @@ def standardize(columns: NDArray[Any], counted: NDArray[np.bool_] | slice = slic
     return np.clip(np.where(constant, 0.0, (columns - mean) / np.where(constant, 1.0, deviation)), -LARGEST, LARGEST)
 
 
-def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:
+def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]) -> Float64:
     r"""Return the joint features F_k of position, opacity and weight: float64 [K,5].
 
     .. math::
@@ -71,7 +70,7 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
     return standardize(raw, _counted(raw[:, :3]))
 
 
-def _counted(means: NDArray[np.float64]) -> NDArray[np.bool_] | slice:
+def _counted(means: Float64) -> Bools | slice:
     """Return the rows that count towards means and standard deviations; warn of outlying ones that change them."""
     inner = extent_and_distances(means)[1] <= OUTLYING
     if inner.all():
@@ -86,7 +85,7 @@ def _counted(means: NDArray[np.float64]) -> NDArray[np.bool_] | slice:
     return inner if stretch > STRETCH else slice(None)
 
 
-def take(joint: NDArray[np.float64], parts: Collection[str]) -> NDArray[np.float64]:
+def take(joint: Float64, parts: Collection[str]) -> Float64:
     """Return the columns of the `joint` features [K,5] that belong to these `PARTS`, in the order of `COLUMNS`.
 
     Columns are standardized one by one, so they do not depend on the others.

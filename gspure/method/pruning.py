@@ -1,16 +1,13 @@
 """Adaptive pruning: of clusters as a whole, and of noise points one by one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
+from gspure.dtypes import Bools, Float64
 from gspure.errors import InputError
-
-Mask = NDArray[np.bool_]
 
 
 def mean_weight(weights: NDArray[Any]) -> float:
@@ -23,7 +20,7 @@ def mean_weight(weights: NDArray[Any]) -> float:
     return float(np.mean(np.sort(weights), dtype=np.float64)) if len(weights) else 0.0
 
 
-def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:
+def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> Float64:
     r"""Return the mean weight of every cluster: float64 [M].
 
     .. math:: \tilde\Omega(C_i) = \frac{1}{|C_i|} \sum_{k \in C_i} \omega_k
@@ -37,7 +34,7 @@ def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.f
     return total / np.bincount(labels[clustered])
 
 
-def deciding_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.float64]:
+def deciding_weights(labels: NDArray[Any], weights: NDArray[Any]) -> Float64:
     """Return for each Gaussian the mean weight of its cluster, or for noise its weight (paper, §Adaptive Pruning)."""
     deciding = np.array(weights, np.float64)
     clustered = labels != NOISE_LABEL
@@ -45,7 +42,7 @@ def deciding_weights(labels: NDArray[Any], weights: NDArray[Any]) -> NDArray[np.
     return deciding
 
 
-def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C, tau_n: float = TAU_N) -> Mask:
+def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C, tau_n: float = TAU_N) -> Bools:
     r"""Return the prune mask [K] of adaptive pruning, for labels and weights [K].
 
     .. math::
@@ -61,7 +58,7 @@ def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C
     return deciding_weights(labels, weights) < np.where(labels != NOISE_LABEL, *thresholds)
 
 
-def plain_prune_mask(weights: NDArray[Any], tau: float = TAU_N) -> Mask:
+def plain_prune_mask(weights: NDArray[Any], tau: float = TAU_N) -> Bools:
     r"""Return the prune mask [K] without clustering, for weights [K] and a factor above 0.
 
     .. math:: \mathbb{I}(\omega_k < \bar\omega / \tau)

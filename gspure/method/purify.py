@@ -13,13 +13,13 @@ from gspure import __version__
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
 from gspure.display import Described
+from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.method import pruning
 from gspure.method.clustering.diagnosis import Diagnosis, diagnose
 from gspure.method.clustering.selection import Labels, Selection, select
 from gspure.method.clustering.tree import coincident_points, spanning_tree
 from gspure.method.features import features
-from gspure.method.pruning import Mask
 from gspure.method.weights import Reduction, accumulate, require_in_view
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say, track
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gspure.opencl.frame import Energy
 
 Array = NDArray[Any]
-Weights = NDArray[np.float32]
+Weights = Float32
 
 _MEMORY = 500e6, 1150
 """Bytes that purification takes beside the stored rows: Python and the driver, and of each Gaussian. Measured up to six
@@ -59,7 +59,7 @@ class Purification(Described):
     model: Gaussians
     weights: Weights
     labels: Labels
-    prune_mask: Mask
+    prune_mask: Bools
     diagnosis: Diagnosis
 
     @property
@@ -120,7 +120,7 @@ def purify(
     from gspure.opencl.device import choose_device
     from gspure.renderer import CONTRIBUTION
 
-    def decide(means: Array, opacities: Array, weights: Weights) -> tuple[Labels, Mask, Diagnosis]:
+    def decide(means: Array, opacities: Array, weights: Weights) -> tuple[Labels, Bools, Diagnosis]:
         tree = spanning_tree(features(means, opacities, weights), min_samples, device=device)
         labels = select(tree, min_cluster_size, selection, max_cluster_share, device=device)
         pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)

@@ -1,7 +1,5 @@
 """Gaussians without weight because they are smaller than a pixel in every view."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +9,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import ALPHA_MIN
+from gspure.dtypes import Indices
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import principal_axes
 
@@ -22,7 +21,7 @@ class Subpixel:
     At `magnification` times the width of the views, half of them would cover a pixel.
     """
 
-    rows: NDArray[np.intp]
+    rows: Indices
     magnification: float
 
     def line(self, count: int, width: int) -> str:

@@ -1,13 +1,12 @@
 """Weights: the contributions of Gaussians to the public views, averaged over the views."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any, Final, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import Float32, Float64, Indices
 from gspure.errors import InputError
 
 Stage = TypeVar("Stage")
@@ -21,7 +20,7 @@ HEAVY_SHARE: Final = 0.1
 """Share of all ω beyond which a row is heavy; in models of fewer than 1000 rows, 100 times the mean. Ours."""
 
 
-def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> NDArray[np.float64]:
+def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> Float64:
     r"""Return ω_{k,v} of the Gaussians touched in one view, from its `gspure.renderer.CONTRIBUTION` records [T].
 
     .. math:: \omega_{k,v} = \alpha_k E(G_k, o_v, r_v) \prod_{j<k} (1 - \alpha_j E(G_j, o_v, r_v))
@@ -51,7 +50,7 @@ def evenly_spread(stages: Sequence[Stage], views: int) -> list[Stage]:
     return [stages[(2 * part + 1) * len(stages) // (2 * views)] for part in range(views)]
 
 
-def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction = "sum") -> NDArray[np.float32]:
+def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction = "sum") -> Float32:
     r"""Return the weights ω_k of `count` Gaussians: float32 [K].
 
     .. math:: \omega_k = \frac{1}{N} \sum_{v=1}^{N} \omega_{k,v}
@@ -77,7 +76,7 @@ def require_in_view(weights: NDArray[Any]) -> None:
         raise InputError("weights", "rows", expected="at least one in view", found=f"none of {len(weights)}", hint=hint)
 
 
-def heavy_rows(weights: NDArray[Any]) -> NDArray[np.intp]:
+def heavy_rows(weights: NDArray[Any]) -> Indices:
     """Return the rows of so large a weight that they shift mean and standard deviation of all weights [K]."""
     bound = max(HEAVY_SHARE, 100 / max(len(weights), 1))
     return np.flatnonzero(weights > bound * weights.sum(dtype=np.float64))

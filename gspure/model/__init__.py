@@ -1,7 +1,5 @@
 """A set of 3D Gaussians and its files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from gspure.model.compressed import is_compressed, read_compressed

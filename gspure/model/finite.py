@@ -1,14 +1,12 @@
 """Rows with numbers that are not finite: detection, and models without them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Indices
 from gspure.errors import InputError
 from gspure.model.gaussians import COLOUR, CORE, Gaussians
 from gspure.model.signature import Signature
@@ -22,9 +20,9 @@ _INVISIBLE: Final = -200.0
 _LISTED: Final = 10
 
 
-def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, NDArray[np.intp]]:
+def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, Indices]:
     """Return the rows with an infinity or a not-a-number, for each of the named columns that has any."""
-    parts_by_name: dict[str, list[NDArray[np.intp]]] = {name: [] for name in names}
+    parts_by_name: dict[str, list[Indices]] = {name: [] for name in names}
     for rows, block in model.blocks():
         for name, parts in parts_by_name.items():
             finite = np.isfinite(block[name])
@@ -33,7 +31,7 @@ def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, NDArray
     return {name: np.concatenate(parts) for name, parts in parts_by_name.items() if parts}
 
 
-def undrawable_rows(model: Gaussians) -> NDArray[np.intp]:
+def undrawable_rows(model: Gaussians) -> Indices:
     """Return the rows that cannot be drawn, sorted: a number in them is not finite, or a scale overflows float32."""
     rows = _undrawable(model).values()
     return np.unique(np.concatenate([*rows])) if rows else np.empty(0, np.intp)
@@ -79,7 +77,7 @@ def _drawn_columns(model: Gaussians) -> Sequence[str]:
     return (*CORE, *colour, *model.columns_named("semantic_"))
 
 
-def _undrawable(model: Gaussians) -> dict[str, NDArray[np.intp]]:
+def _undrawable(model: Gaussians) -> dict[str, Indices]:
     """Return the rows that cannot be drawn, for each column that prevents it."""
     undrawable = non_finite_rows(model, _drawn_columns(model))
     for name in _SCALES:
@@ -90,11 +88,11 @@ def _undrawable(model: Gaussians) -> dict[str, NDArray[np.intp]]:
     return undrawable
 
 
-def _refuse(model: Gaussians, source: str | Path, name: str, rows: NDArray[np.intp]) -> None:
+def _refuse(model: Gaussians, source: str | Path, name: str, rows: Indices) -> None:
     found = f"infinity or not-a-number in {len(rows)} of {len(model)} rows, first in row {rows[0]}"
     raise InputError(source, name, expected="finite numbers", found=found, hint="`gspure info` counts them all")
 
 
-def listed(rows: Sequence[int] | NDArray[np.intp]) -> str:
+def listed(rows: Sequence[int] | Indices) -> str:
     """Return the first rows as text."""
     return ", ".join(map(str, rows[:_LISTED])) + ", ..." * (len(rows) > _LISTED)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from gspure.artifacts import digest
 from gspure.constants import MAX_SH_DEGREE
 from gspure.display import Described
+from gspure.dtypes import Float32
 from gspure.model.activations import logit, sigmoid
 
-Float32 = NDArray[np.float32]
 Table = NDArray[np.void]
 
 CORE = ("x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")

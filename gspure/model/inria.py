@@ -7,8 +7,6 @@
     <model>/point_cloud/iteration_<N>/point_cloud.ply     the model after N iterations
 """
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

@@ -5,8 +5,6 @@ property order, any byte order and further scalar properties are read. Elements 
 compressed PLY is read, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Coloured points, such as 3DGS's ``input.ply``, and meshes as PLY files."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +9,7 @@ from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
 from gspure.artifacts import replacing
+from gspure.dtypes import Float64, Indices, UInt8
 from gspure.errors import InputError
 from gspure.model.vertices import Vertices
 
@@ -20,7 +19,7 @@ _COLOUR: Final = ("red", "green", "blue")
 _GREY: Final = 128
 
 
-def read_point_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+def read_point_ply(path: Path) -> tuple[Float64, UInt8]:
     """Read positions [P,3] and 8-bit colours [P,3]; points without colour are grey.
 
     Raise `InputError` if the file is missing, corrupt or no PLY, or has no positions, colours that are not 8-bit,
@@ -44,7 +43,7 @@ def read_point_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     return xyz, np.column_stack([rows[name] for name in _COLOUR])
 
 
-def write_point_ply(path: Path, xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> None:
+def write_point_ply(path: Path, xyz: NDArray[Any], rgb: UInt8) -> None:
     """Write points as 3DGS's input.ply (float32 positions, zero normals, 8-bit colours), whole or not at all."""
     table = np.zeros(len(xyz), [(name, "<f4") for name in _POSITION + _NORMAL] + [(name, "u1") for name in _COLOUR])
     for names, values in ((_POSITION, xyz), (_COLOUR, rgb)):
@@ -58,11 +57,11 @@ def write_point_ply(path: Path, xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> No
 class Mesh:
     """Triangles: `vertices` [V,3] in world units, `faces` [F,3], anticlockwise as seen from outside."""
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.intp]
+    vertices: Float64
+    faces: Indices
 
     @property
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Float64:
         """Positions of the corners of each face, [F,3,3]."""
         return np.asarray(self.vertices[self.faces])
 

@@ -1,16 +1,15 @@
 """Rotation matrices of quaternions, and principal axes of Gaussians."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import Float64
 from gspure.model.gaussians import Gaussians
 
 
-def rotation_matrices(quats: NDArray[Any]) -> NDArray[np.float64]:
+def rotation_matrices(quats: NDArray[Any]) -> Float64:
     """Return the rotations [K,3,3] of quaternions (w, x, y, z) [K,4] of any norm but zero."""
     quats = np.asarray(quats, np.float64)
     w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
@@ -22,7 +21,7 @@ def rotation_matrices(quats: NDArray[Any]) -> NDArray[np.float64]:
     return np.array(rows).transpose(2, 0, 1)
 
 
-def principal_axes(model: Gaussians) -> NDArray[np.float64]:
+def principal_axes(model: Gaussians) -> Float64:
     """Return each Gaussian's axes, one standard deviation long: [K,3 axes,3]; NaN for a zero quaternion."""
     quats = model.quats.astype(np.float64)
     with np.errstate(invalid="ignore"):

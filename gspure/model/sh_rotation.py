@@ -10,14 +10,12 @@ and U, which maps them to the real harmonics of 3DGS: :math:`\sqrt 2\, \mathrm{R
 \mathrm{Im}\, Y_l^{|m|}` for m < 0, with the Condon-Shortley sign.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from gspure.dtypes import Float64
 
 
 def rotate_sh(sh_coeffs: NDArray[Any], rotvec: Float64) -> NDArray[Any]:

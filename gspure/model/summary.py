@@ -1,13 +1,12 @@
 """Statistics of a model, the content of ``gspure info``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import Float32, Indices
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import COLOUR, CORE, Gaussians
 from gspure.model.signature import Signature
@@ -41,7 +40,7 @@ class Summary:
     non_finite_columns: dict[str, tuple[int, int]]
     zero_quaternion_rows: int
     repeated_position_rows: int
-    suspicious: dict[str, NDArray[np.intp]]
+    suspicious: dict[str, Indices]
 
 
 def summarize(model: Gaussians) -> Summary:
@@ -68,7 +67,7 @@ def _summarized(model: Gaussians, columns: tuple[str, ...]) -> Summary:
     )
 
 
-def _quantities(model: Gaussians) -> dict[str, NDArray[np.float32]]:
+def _quantities(model: Gaussians) -> dict[str, Float32]:
     return {
         **dict(zip("xyz", model.means.T, strict=True)),
         "opacity": model.opacities,
@@ -77,12 +76,12 @@ def _quantities(model: Gaussians) -> dict[str, NDArray[np.float32]]:
     }
 
 
-def _quantiles(values: NDArray[np.float32]) -> tuple[float, ...]:
+def _quantiles(values: Float32) -> tuple[float, ...]:
     finite = values[np.isfinite(values)]
     return tuple(np.quantile(finite, LEVELS).tolist()) if len(finite) else ()
 
 
-def _repeated(means: NDArray[np.float32]) -> int:
+def _repeated(means: Float32) -> int:
     finite = means[np.isfinite(means).all(axis=1)] + np.float32(0)  # -0 becomes 0: equal numbers, equal bits
     rows: NDArray[Any] = finite.view("V12")
     return len(rows) - len(np.unique(rows))

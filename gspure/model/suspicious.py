@@ -1,18 +1,16 @@
 """Rows that training does not produce, which an owner could plant to mislead or stop an audit."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float32, Float64, Indices
 from gspure.model.finite import listed, undrawable_rows
 from gspure.model.gaussians import Gaussians
 
-Rows = NDArray[np.intp]
+Rows = Indices
 
 NEEDLE_ASPECT: Final = 1e4
 """Largest ratio of the longest to the second longest axis; the shortest may be shorter, as surfaces are flat."""
@@ -70,7 +68,7 @@ def to_json(suspicious: Mapping[str, Rows]) -> dict[str, list[int]]:
     return {reason: rows.tolist() for reason, rows in suspicious.items()}
 
 
-def coincident_rows(means: NDArray[np.float32]) -> tuple[Rows, Rows]:
+def coincident_rows(means: Float32) -> tuple[Rows, Rows]:
     """Return, for finite centres [K,3], the rows in piles, and all rows with the centre of another row."""
     order = np.lexsort(means.T)
     ordered = means[order]
@@ -80,7 +78,7 @@ def coincident_rows(means: NDArray[np.float32]) -> tuple[Rows, Rows]:
     return order[size_of >= PILE], order[size_of > 1]
 
 
-def extent_and_distances(means: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+def extent_and_distances(means: Float64) -> tuple[float, Float64]:
     """Return the extent of finite centres [K,3], and their distances [K] from the median, in extents."""
     if not len(means):
         return 0.0, np.zeros(0)

@@ -1,7 +1,5 @@
 """Adam over a model's parameters on the device (adam.cl)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tile lists of a band of tile rows, and the split of an image into bands whose lists fit in memory (binning.cl)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

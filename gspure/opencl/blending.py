@@ -1,14 +1,11 @@
 """Blending of tile lists into pixels, and of pixels' weights into contributions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
-import numpy as np
 import pyopencl as cl
-from numpy.typing import NDArray
 
 from gspure.constants import TILE
+from gspure.dtypes import Float32
 from gspure.opencl.binning import TileLists
 from gspure.opencl.engine import Program
 from gspure.opencl.frame import Frame
@@ -43,9 +40,7 @@ def prepare_canvas(frame: Frame) -> Canvas:
     return canvas
 
 
-def blend_band(
-    frame: Frame, projected: Projected, lists: TileLists, background: NDArray[np.float32], canvas: Canvas
-) -> None:
+def blend_band(frame: Frame, projected: Projected, lists: TileLists, background: Float32, canvas: Canvas) -> None:
     """Blend one band of tiles into `canvas` (blending_cpu.cl, blending_gpu.cl)."""
     engine, buffers, traversal = frame.engine, frame.engine.buffers, frame.traversal
     program = frame.program(

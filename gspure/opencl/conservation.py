@@ -1,11 +1,10 @@
 """Conservation of light, a property of the contributions of any model to any view."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import ALPHA_MAX
+from gspure.dtypes import Float32
 from gspure.errors import InputError
 
 TOLERANCE = 1e-4
@@ -14,7 +13,7 @@ TOLERANCE = 1e-4
 _HINT = "the OpenCL driver computes wrongly; choose another device: `gspure doctor`"
 
 
-def require_conservation(view: str, contributions: NDArray[np.void], transmittance: NDArray[np.float32]) -> None:
+def require_conservation(view: str, contributions: NDArray[np.void], transmittance: Float32) -> None:
     """Check that contributions and transmittance [H,W] of a view are shares of the light and add up to all of it.
 
     Raise `InputError` with view, row (or pixel) and value, if a sum or maximum of a row is negative, infinite or not a

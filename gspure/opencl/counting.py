@@ -1,7 +1,5 @@
 """The common part of the stable counting sorts (counting.cl)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pyopencl as cl
 

@@ -1,7 +1,5 @@
 """OpenCL devices: listed, tested, chosen."""
 
-from __future__ import annotations
-
 import atexit
 import ctypes
 import os

@@ -1,7 +1,5 @@
 """A frame: what its traversal computes, and what its stages share."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 

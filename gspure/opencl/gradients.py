@@ -1,14 +1,12 @@
 """The backward pass: from the gradient of an image to the gradients of the Gaussians' parameters."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 import pyopencl as cl
-from numpy.typing import NDArray
 
 from gspure.constants import GEOMETRY_ATTRIBUTES, MOMENTS
+from gspure.dtypes import Float32
 from gspure.opencl.binning import TileLists
 from gspure.opencl.blending import SUM_GROUP, Canvas, walk_tiles
 from gspure.opencl.engine import Engine
@@ -69,7 +67,7 @@ def project_backward(frame: Frame, projected: Projected, splat_gradients: cl.Buf
     return gradients
 
 
-def by_row(engine: Engine, storage: Storage, blocks: cl.Buffer, attributes: int) -> NDArray[np.float32]:
+def by_row(engine: Engine, storage: Storage, blocks: cl.Buffer, attributes: int) -> Float32:
     """Return values that lie in storage order and blocks as an array [K,attributes] in row order."""
     rows = np.empty((storage.count, attributes), np.float32)
     with engine.mapped(blocks, blocked_shape(storage.count, attributes), np.float32) as blocked:

@@ -1,15 +1,12 @@
 """HDBSCAN's condensed hierarchy (hierarchy.cl)."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import UInt32
 from gspure.opencl.engine import Engine
-
-Indices = NDArray[np.uint32]
 
 
 class Condensed(NamedTuple):
@@ -20,11 +17,11 @@ class Condensed(NamedTuple):
     that cluster and that level.
     """
 
-    parents: Indices
-    parent_levels: Indices
-    joined: Indices
-    point_clusters: Indices
-    point_levels: Indices
+    parents: UInt32
+    parent_levels: UInt32
+    joined: UInt32
+    point_clusters: UInt32
+    point_levels: UInt32
 
 
 def condense(engine: Engine, edges: NDArray[Any], level_starts: NDArray[Any], min_cluster_size: int) -> Condensed:

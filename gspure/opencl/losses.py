@@ -1,19 +1,16 @@
 """The loss of 3DGS between an image on the device and a photograph, and its gradient (losses.cl)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pyopencl as cl
-from numpy.typing import NDArray
 
 from gspure.constants import SSIM_SIGMA, SSIM_WINDOW
+from gspure.dtypes import Float32
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine
 
-Float32 = NDArray[np.float32]
 _MARGIN = SSIM_WINDOW // 2
 
 SSIM_WEIGHT = 0.2

@@ -1,7 +1,5 @@
 """Blending along the rays through points in space in one view (opacity_field.cl)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +7,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import TILE
+from gspure.dtypes import Float32, Indices
 from gspure.opencl.binning import TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.frame import Frame, Traversal
@@ -19,15 +18,13 @@ from gspure.opencl.storage import Rows, Storage, positions_of
 FINER = 4
 """Tiles of points are this many times smaller than those of pixels: lists are shorter, opacities the same. Ours."""
 
-Float32 = NDArray[np.float32]
-
 
 @dataclass(frozen=True)
 class Placed:
     """The S points that a view shows, tile by tile: `rows`, `tiles`, and `positions` (u, v, z) [S,3]."""
 
-    rows: NDArray[np.intp]
-    tiles: NDArray[np.intp]
+    rows: Indices
+    tiles: Indices
     positions: Float32
 
 
@@ -101,7 +98,7 @@ def _blend_band(frame: Frame, projected: Projected, lists: TileLists, placed: Pl
     return values
 
 
-def _work_items(tiles: NDArray[np.intp], lanes: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _work_items(tiles: Indices, lanes: int) -> tuple[Indices, Indices]:
     """Assign points to work-items; return the tile [I] and the points [I,lanes] of each work-item.
 
     `tiles` are those of the points, ascending. The last point of a tile is repeated to fill its last work-item.

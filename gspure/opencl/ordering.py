@@ -1,7 +1,5 @@
 """The depth order of the visible Gaussians (ordering.cl)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A frame from end to end: forward to pixels, and backward from their gradient."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Kernel sources: their folder, build options and digest."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import cache

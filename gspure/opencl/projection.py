@@ -1,7 +1,5 @@
 """Projection of a model into one view (projection.cl)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The minimum spanning tree under the mutual reachability distance, by Boruvka's algorithm (spanning.cl)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -9,12 +7,12 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from gspure.constants import LEAF
+from gspure.dtypes import Float64, Indices, Int32, UInt32
 from gspure.opencl.engine import Engine
 
 _NONE = 0xFFFFFFFF
 
-Indices = NDArray[np.uint32]
-Floats = NDArray[np.float64]
+Floats = Float64
 
 
 class _Search:
@@ -67,7 +65,7 @@ class _Search:
         self._lengths = engine.uploaded(np.full(self.count, np.inf))
         self._least_lengths = engine.uploaded(self.core)
 
-    def edges(self, component: Indices, components: int) -> tuple[Indices, Indices, Floats]:
+    def edges(self, component: UInt32, components: int) -> tuple[UInt32, UInt32, Floats]:
         """Return (points, partners, squared lengths) of the shortest edge that leaves each component."""
         engine = self._engine
         engine.copied(component, self._component)
@@ -105,7 +103,7 @@ class _Search:
 
 def minimum_spanning_tree(
     engine: Engine, points: Floats, copies: NDArray[Any], min_samples: int
-) -> tuple[NDArray[np.intp], Floats, Floats]:
+) -> tuple[Indices, Floats, Floats]:
     """Return the minimum spanning tree of distinct points under the mutual reachability distance.
 
     There are two or more `points` [U,C], each of which stands for `copies` [U] points; `min_samples` counts other
@@ -114,7 +112,7 @@ def minimum_spanning_tree(
     """
     search = _Search(engine, points, copies, min_samples)
     component, components = np.arange(search.count, dtype=np.uint32), search.count
-    ends: list[Indices] = []
+    ends: list[UInt32] = []
     squares: list[Floats] = []
     while components > 1:
         near, far, lengths = search.edges(component, components)
@@ -127,7 +125,7 @@ def minimum_spanning_tree(
     return np.sort(search.order[np.concatenate(ends)], axis=1), np.sqrt(np.concatenate(squares)), np.sqrt(core)
 
 
-def _join(targets: Indices, lengths: Floats) -> tuple[NDArray[np.intp], int, NDArray[np.int32]]:
+def _join(targets: UInt32, lengths: Floats) -> tuple[Indices, int, Int32]:
     """Join each component to its target, without cycles.
 
     Two components that are each other's target need one edge. Longer cycles have edges of equal length; one of them is

@@ -8,9 +8,9 @@ from math import prod
 
 import numpy as np
 import pyopencl as cl
-from numpy.typing import NDArray
 
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
+from gspure.dtypes import Float32, UInt32
 from gspure.model.activations import sigmoid
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.engine import Engine
@@ -24,7 +24,7 @@ _BITS = 10  # of a cell of the Morton curve, per axis
 _SAMPLE = 10_000  # centres, for the extent of the curve
 
 
-Rows = NDArray[np.uint32]
+Rows = UInt32
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def blocked_shape(count: int, attributes: int) -> tuple[int, int, int]:
 def store(engine: Engine, model: Gaussians) -> Storage:
     """Upload the geometry of a model, activated."""
 
-    def geometry(rows: slice) -> NDArray[np.float32]:
+    def geometry(rows: slice) -> Float32:
         stored = Gaussians(model.table[rows]).columns(*_GEOMETRY)
         model.release_pages()
         with np.errstate(over="ignore"):
@@ -74,7 +74,7 @@ def upload_sh_coeffs(engine: Engine, storage: Storage, model: Gaussians) -> cl.B
     """Upload the spherical-harmonic coefficients: attribute 3 b + c holds band b of colour channel c."""
     attributes = 3 * (model.sh_degree + 1) ** 2
 
-    def sh_coeffs(rows: slice) -> NDArray[np.float32]:
+    def sh_coeffs(rows: slice) -> Float32:
         stored = Gaussians(model.table[rows]).sh_coeffs
         model.release_pages()
         return stored.reshape(len(stored), attributes)
@@ -82,14 +82,12 @@ def upload_sh_coeffs(engine: Engine, storage: Storage, model: Gaussians) -> cl.B
     return upload_attributes(engine, storage.order, attributes, sh_coeffs)
 
 
-def upload_features(engine: Engine, storage: Storage, features: NDArray[np.float32]) -> cl.Buffer:
+def upload_features(engine: Engine, storage: Storage, features: Float32) -> cl.Buffer:
     """Upload features [K,C]."""
     return upload_attributes(engine, storage.order, features.shape[1], lambda rows: features[rows])
 
 
-def upload_attributes(
-    engine: Engine, order: Rows, attributes: int, values: Callable[[slice], NDArray[np.float32]]
-) -> cl.Buffer:
+def upload_attributes(engine: Engine, order: Rows, attributes: int, values: Callable[[slice], Float32]) -> cl.Buffer:
     """Upload ``values(rows)`` [n,attributes] in storage order; the last block is padded with zeros: transparent."""
     shape = blocked_shape(len(order), attributes)
     buffer = engine.allocate(4 * prod(shape))
@@ -110,12 +108,12 @@ def positions_of(order: Rows) -> Rows:
     return positions
 
 
-def storage_order(means: NDArray[np.float32]) -> Rows:
+def storage_order(means: Float32) -> Rows:
     """Return the row at each position; results do not depend on it. `FEW` rows stay as they are."""
     return morton_order(means) if len(means) > FEW else np.arange(len(means), dtype=np.uint32)
 
 
-def morton_order(means: NDArray[np.float32]) -> NDArray[np.uint32]:
+def morton_order(means: Float32) -> UInt32:
     """Return the rows of `means` [K,3] along a Morton (Z-order) curve; rows in one cell keep their order.
 
     Neighbours on the screen then share cache lines and pages, and whole blocks of 16 fall outside a view together
@@ -132,7 +130,7 @@ def morton_order(means: NDArray[np.float32]) -> NDArray[np.uint32]:
     return np.argsort(codes, kind="stable").astype(np.uint32)
 
 
-def _spread(cells: NDArray[np.uint32]) -> NDArray[np.uint32]:
+def _spread(cells: UInt32) -> UInt32:
     """Put two zero bits between neighbouring bits of 10-bit numbers."""
     for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
         cells = (cells | cells << np.uint32(shift)) & np.uint32(mask)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
+from gspure.dtypes import Float32, UInt32
 from gspure.opencl.adam import Adam, LearningRates, Moments
 from gspure.opencl.blending import SUM_GROUP
 from gspure.opencl.device import Device, choose_device
@@ -20,8 +21,6 @@ from gspure.opencl.gradients import DeviceGradients, by_row
 from gspure.opencl.losses import SSIM_WEIGHT, Photograph, upload_photographs
 from gspure.opencl.passes import Rendered, backward, forward
 from gspure.opencl.storage import Storage, morton_order, upload_attributes
-
-Float32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class Statistics:
     """
 
     gradient_norms: Float32
-    views: NDArray[np.uint32]
+    views: UInt32
 
 
 class TrainableModel:

@@ -1,19 +1,16 @@
 """Two models with one geometry, trained together: the same Gaussians, with two opacities and two colours each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.engine import Style
 from gspure.opencl.trainable import Statistics, TrainableModel, TrainState
 
-Float32 = NDArray[np.float32]
 States = tuple[TrainState, TrainState]
 
 

@@ -1,7 +1,5 @@
 """Front-to-back alpha blending over a whole image, one Gaussian at a time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +8,10 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, MEDIAN_TRANSMITTANCE, NEAR_PLANE, TRANSMITTANCE_MIN
+from gspure.dtypes import Bools, Float64
 from gspure.model.gaussians import Gaussians
 from gspure.reference.projection import Energy, Rays, Splats, pixel_centres, project
 from gspure.reference.spherical_harmonics import sh_colors
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -144,8 +141,8 @@ class Discontinuities:
         unclamped: Float64,
         after: Float64,
         depths: Float64,
-        alive: NDArray[np.bool_],
-        touched: NDArray[np.bool_],
+        alive: Bools,
+        touched: Bools,
     ) -> None:
         """Update the margins with the i-th Gaussian at the pixels that it reaches."""
         margins, z = self.margins, projection.depths[i]
@@ -159,6 +156,6 @@ class Discontinuities:
             shrink(margins.near, np.abs(depths / NEAR_PLANE - 1), alive)
 
 
-def shrink(smallest: Float64, values: Float64, where: NDArray[np.bool_]) -> None:
+def shrink(smallest: Float64, values: Float64, where: Bools) -> None:
     """Lower `smallest` to `values` in place, at the pixels of `where`."""
     np.minimum(smallest, values, out=smallest, where=where)

@@ -1,14 +1,10 @@
 """Which part of the image a Gaussian reaches: where alpha >= 1/255."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.constants import ALPHA_MIN
+from gspure.dtypes import Float64
 from gspure.reference.projection import Rays, Splats
-
-Float64 = NDArray[np.float64]
 
 
 def extents(projection: Splats | Rays) -> Float64:

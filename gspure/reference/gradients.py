@@ -4,8 +4,6 @@ The rules of blending have steps (the cut-off, the stop, the order of depths). A
 ignores these steps, and is zero through an active clamp.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -14,6 +12,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
+from gspure.dtypes import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
 from gspure.reference.projection import (
@@ -25,8 +24,6 @@ from gspure.reference.projection import (
     projection_jacobians,
 )
 from gspure.reference.spherical_harmonics import sh_basis, sh_basis_gradients, sh_colors
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,12 @@
 """The loss of 3DGS, (1 - w) L1 + w (1 - SSIM), and its gradient with respect to the image."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
-
-Float64 = NDArray[np.float64]
+from gspure.dtypes import Float64
 
 
 def image_loss(image: NDArray[Any], target: NDArray[Any], ssim_weight: float) -> tuple[float, Float64]:

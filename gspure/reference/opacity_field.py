@@ -1,7 +1,5 @@
 """Opacity at points in space (Yu et al. 2024, Gaussian Opacity Fields), one Gaussian at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, cast
 
@@ -10,10 +8,9 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE
+from gspure.dtypes import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.reference.projection import Rays, pixel_rays, project
-
-Float64 = NDArray[np.float64]
 
 
 def opacity_field(model: Gaussians, cameras: Sequence[Camera], points: NDArray[Any]) -> Float64:

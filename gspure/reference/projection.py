@@ -5,13 +5,10 @@ of the 3-D Gaussian along the pixel's ray, GSPure's equation for the ray-Gaussia
 Gaussians only, front to back.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import (
@@ -23,10 +20,10 @@ from gspure.constants import (
     NEAR_PLANE,
     RAY_SCALE_RATIO,
 )
+from gspure.dtypes import Bools, Float64, Indices
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
 
-Float64 = NDArray[np.float64]
 Energy = Literal["ewa", "ray"]
 
 
@@ -38,7 +35,7 @@ class Projected:
     pixels.
     """
 
-    rows: NDArray[np.intp]
+    rows: Indices
     depths: Float64
     opacities: Float64
     means: Float64
@@ -121,7 +118,7 @@ def project(model: Gaussians, camera: Camera, energy: Energy) -> Splats | Rays:
     return Rays(**vars(shared), axes=axes, scales=scales, intrinsics=camera.K)
 
 
-def in_range(model: Gaussians, means: Float64, energy: Energy) -> NDArray[np.bool_]:
+def in_range(model: Gaussians, means: Float64, energy: Energy) -> Bools:
     """Return which rows [K], with view-space centres `means`, have numbers that float32 can handle."""
     quats, scales = np.abs(model.quats).max(axis=1), np.sort(model.scales, axis=1)
     drawn = (np.abs(means) <= COORDINATE_MAX).all(axis=1) & (scales[:, 2] <= MAGNITUDE_MAX)

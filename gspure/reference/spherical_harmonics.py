@@ -1,13 +1,11 @@
 """View-dependent colour: real spherical harmonics of degree 0 to 3 in the sign convention of 3DGS models."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from gspure.dtypes import Float64
 
 
 def sh_basis(directions: NDArray[Any]) -> Float64:

@@ -3,8 +3,6 @@
 This module gathers the facts; ``templates/audit.html.j2`` puts them into words.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isnan

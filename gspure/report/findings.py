@@ -1,7 +1,5 @@
 """The results of one model, and the limits of all numbers: the facts for ``templates/findings.j2``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite

@@ -1,7 +1,5 @@
 """The report: one self-contained HTML page about all models of a run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce

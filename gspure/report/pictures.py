@@ -1,7 +1,5 @@
 """Pictures of the page: figures with captions and files, and one view of a model after every attack."""
 
-from __future__ import annotations
-
 import base64
 import io
 import os

@@ -1,7 +1,5 @@
 """One model of a table, rendered as Markdown, LaTeX or CSV."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, isnan

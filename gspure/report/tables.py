@@ -1,7 +1,5 @@
 """The tables of the report, built from those of the evaluation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import groupby

@@ -10,12 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float64
 from gspure.errors import InputError
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,19 +4,16 @@ Light is kept on a grid of nodes per face (a light map) and interpolated between
 the same maps, so both show the same view-independent colours, free of sampling noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float64, Indices
 from gspure.scenes.scene import Lamp, Scene, albedo, displayed, first_hits
 from gspure.scenes.solids import Solid
 
-Float64 = NDArray[np.float64]
-Lightmap = NDArray[np.float64]
+Lightmap = Float64
 """Light on one solid [faces, n, n, 3] at n x n nodes of each face (v, u): irradiance / pi, linear."""
 
 NODE_SPACING = 0.09
@@ -42,11 +39,11 @@ class LitScene:
     scene: Scene
     lightmaps: tuple[Lightmap, ...]
 
-    def radiance(self, index: int, faces: NDArray[np.intp], uv: Float64) -> Float64:
+    def radiance(self, index: int, faces: Indices, uv: Float64) -> Float64:
         """Return the linear radiance [N,3] that leaves places of solid `index`."""
         return albedo(self.scene.solids[index], faces, uv) * _interpolated(self.lightmaps[index], faces, uv)
 
-    def colours(self, index: int, faces: NDArray[np.intp], uv: Float64) -> Float64:
+    def colours(self, index: int, faces: Indices, uv: Float64) -> Float64:
         """Return the display colours [N,3] of places of solid `index`."""
         return displayed(self.radiance(index, faces, uv))
 
@@ -99,7 +96,7 @@ def _maps(scene: Scene, light: Float64, counts: Sequence[int]) -> tuple[Lightmap
     return tuple(maps)
 
 
-def _interpolated(lightmap: Lightmap, faces: NDArray[np.intp], uv: Float64) -> Float64:
+def _interpolated(lightmap: Lightmap, faces: Indices, uv: Float64) -> Float64:
     n = lightmap.shape[1]
     place = uv * (n - 1)
     low = np.minimum(place.astype(np.intp), n - 2)

@@ -1,20 +1,16 @@
 """Cameras on a closed, smooth path in front of a stage, its photographs as files, and points on what they show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, intrinsics, looking_at
+from gspure.dtypes import Float32, Float64, UInt8
 from gspure.images import write_image
 from gspure.progress import track
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.ray_tracer import trace
-
-Float64 = NDArray[np.float64]
 
 TARGET = (0.0, 0.5, 0.75)
 """Where all cameras look, metres."""
@@ -33,7 +29,7 @@ def picture(scene: LitScene, cameras: Sequence[Camera], folder: Path) -> None:
 
 def photograph(
     scene: LitScene, cameras: Sequence[Camera], folder: Path, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+) -> tuple[Float64, UInt8]:
     """Write ``folder/VIEW.png`` of each view; return points [P,3] on what they show and their 8-bit colours [P,3]."""
     points = []
     for camera in track(cameras, f"photograph {folder.name}"):
@@ -44,9 +40,7 @@ def photograph(
     return np.concatenate(xyz), np.concatenate(rgb)
 
 
-def seen_points(
-    camera: Camera, image: NDArray[np.float32], depth: NDArray[np.float32], rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+def seen_points(camera: Camera, image: Float32, depth: Float32, rng: np.random.Generator) -> tuple[Float64, UInt8]:
     """Return positions [P,3] and 8-bit colours [P,3] of what random pixels of a photograph show.
 
     `image` and `depth` are what `gspure.scenes.ray_tracer.trace` gave for the view.

@@ -3,8 +3,6 @@
 They decide how well the message can be separated from the scene.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gspure.scenes.solids import BACK, BOTTOM, LEFT, RIGHT, Room

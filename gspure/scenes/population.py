@@ -1,18 +1,14 @@
 """The Gaussians of an ordinary scene: what shows it, and what contributes little, as in trained models."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float64
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.solids import Room, Solid
 from gspure.scenes.surfels import Surfels, tile
-
-Float64 = NDArray[np.float64]
 
 SHARE = 0.03
 """Share of the scene's Gaussians inside solids; as many float in the air, and as many lie faintly on surfaces."""

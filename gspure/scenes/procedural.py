@@ -1,7 +1,5 @@
 """Random scenes by seed: furnished rooms, landscapes under a sky, objects over black. Seeds are independent."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final

@@ -1,16 +1,11 @@
 """A small deterministic ray tracer: photographs and depth of a lit scene."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Bools, Float32, Float64
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.scene import displayed
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 EDGE = 1.0 / 64.0
 """A pixel whose display value differs by more than this from a neighbour's is sampled more finely."""
@@ -53,7 +48,7 @@ def _colours(scene: LitScene, camera: Camera, u: Float64, v: Float64) -> tuple[F
     return colours, depths
 
 
-def _at_edges(image: Float64) -> NDArray[np.bool_]:
+def _at_edges(image: Float64) -> Bools:
     """Return the pixels [H,W] that differ from one of their eight neighbours."""
     height, width = image.shape[:2]
     padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
@@ -61,5 +56,5 @@ def _at_edges(image: Float64) -> NDArray[np.bool_]:
     for extreme in (np.maximum, np.minimum):
         across = extreme.reduce([padded[:, i : i + width] for i in range(3)])
         ends.append(extreme.reduce([across[i : i + height] for i in range(3)]))
-    edges: NDArray[np.bool_] = (ends[0] - ends[1] > EDGE).any(axis=2)
+    edges: Bools = (ends[0] - ends[1] > EDGE).any(axis=2)
     return edges

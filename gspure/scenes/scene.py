@@ -1,16 +1,12 @@
 """A scene: solids, a lamp and the sky, and what a ray meets first."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Bools, Float64, Indices
 from gspure.scenes.solids import Solid, Vector
 from gspure.scenes.textures import GAMMA
-
-Float64 = NDArray[np.float64]
 
 _PACKET = 12
 """Successive rays that are tested together for solids out of their reach."""
@@ -48,7 +44,7 @@ class Scene:
     background: Vector = (0.0, 0.0, 0.0)
 
 
-def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float64, NDArray[np.intp]]:
+def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float64, Indices]:
     """Return distances and numbers [N] of the solids that rays [N,3] meet first; inf and -1 if there is none."""
     count = len(origins)
     origins, directions = (
@@ -69,7 +65,7 @@ def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Flo
     return distances.ravel()[:count], solids.ravel()[:count]
 
 
-def _reached(scene: Scene, origins: Float64, directions: Float64) -> NDArray[np.bool_]:
+def _reached(scene: Scene, origins: Float64, directions: Float64) -> Bools:
     """Return the solids [P,S] that packets of rays [P,K,3] may meet: their bounds meet a cone around the rays.
 
     The cone starts at the origin of one ray; bounds grow by the distance of the others' origins from it.
@@ -86,11 +82,11 @@ def _reached(scene: Scene, origins: Float64, directions: Float64) -> NDArray[np.
     squared = (centres**2).sum(axis=1) + (apex**2).sum(axis=1, keepdims=True) - 2.0 * apex @ centres.T
     across = np.sqrt(np.maximum(squared - along**2, 0.0))
     beside, ahead = across * cosine - along * sine, along * cosine + across * sine  # of the cone's nearest side
-    reached: NDArray[np.bool_] = (cosine < 0.0) | ((beside < reach) & (ahead > -reach))
+    reached: Bools = (cosine < 0.0) | ((beside < reach) & (ahead > -reach))
     return reached
 
 
-def albedo(solid: Solid, faces: NDArray[np.intp], uv: Float64) -> Float64:
+def albedo(solid: Solid, faces: Indices, uv: Float64) -> Float64:
     """Return the linear reflectances [N,3] of places of a solid."""
     places = uv * solid.extents[faces]
     if len(solid.textures) == 1:

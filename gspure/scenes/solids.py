@@ -4,8 +4,6 @@ A solid has one or more faces, each with a chart: unit coordinates (u, v) in [0,
 points up. All arithmetic is element by element in float64, so it does not depend on a BLAS library or its threads.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,11 +11,10 @@ from math import hypot
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float64, Indices
 from gspure.scenes.textures import Texture
 
-Float64 = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 _NO_HIT_BEFORE = 1e-6
@@ -62,7 +59,7 @@ class Solid(Protocol):
         """Return the ray parameter [N] of the first hit of rays [N,3]; inf where there is none."""
         ...
 
-    def locate(self, points: Float64) -> tuple[NDArray[np.intp], Float64]:
+    def locate(self, points: Float64) -> tuple[Indices, Float64]:
         """Return the face [N] and the unit coordinates [N,2] of points [N,3] of the surface."""
         ...
 
@@ -110,7 +107,7 @@ class Box:
             np.minimum(far, leaves, out=far)
         return np.where((near < far) & (near > _NO_HIT_BEFORE), near, np.inf)
 
-    def locate(self, points: Float64) -> tuple[NDArray[np.intp], Float64]:
+    def locate(self, points: Float64) -> tuple[Indices, Float64]:
         """Face whose plane is nearest, and the place on it."""
         local = self._turned(points - np.array(self.centre), -self.yaw) / self.size + 0.5
         outward = np.abs(local - 0.5)
@@ -217,7 +214,7 @@ class Sphere:
         near = (b - np.sqrt(np.maximum(discriminant, 0.0))) / a
         return np.where((discriminant > 0.0) & (near > _NO_HIT_BEFORE), near, np.inf)
 
-    def locate(self, points: Float64) -> tuple[NDArray[np.intp], Float64]:
+    def locate(self, points: Float64) -> tuple[Indices, Float64]:
         """Face 0, longitude and colatitude."""
         local = (points - np.array(self.centre)) / self.radius
         u = np.arctan2(local[:, 1], local[:, 0]) / (2.0 * np.pi) + 0.5

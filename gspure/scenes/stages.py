@@ -1,7 +1,5 @@
 """The scenes of the demo: a warm studio, and a blue vault as its message."""
 
-from __future__ import annotations
-
 from gspure.scenes.placement import Placement
 from gspure.scenes.scene import Lamp, Scene
 from gspure.scenes.solids import Box, Sphere

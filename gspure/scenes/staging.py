@@ -1,14 +1,12 @@
 """Ray-traced pairs: a scene and a message by name, and how the message stands relative to the scene."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float64
 from gspure.scenes.lighting import LitScene, bake
 from gspure.scenes.placement import PLACEMENTS, Placement
 from gspure.scenes.procedural import PROCEDURAL
@@ -54,7 +52,7 @@ class Staging:
         return self._lit(self.message, self.placement)
 
     @property
-    def message_transform(self) -> NDArray[np.float64]:
+    def message_transform(self) -> Float64:
         """The rigid transform [4,4] of the message and its cameras into the scene's world."""
         transform = np.eye(4)
         if self.protocol == "own":

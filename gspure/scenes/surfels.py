@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import Float64, Indices
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.solids import Box, Solid
-
-Float64 = NDArray[np.float64]
 
 SPREAD = 0.57
 """Standard deviation of a surfel along each side of its tile, in lengths of that side."""
@@ -52,7 +51,7 @@ class Surfels:
     def __len__(self) -> int:
         return len(self.means)
 
-    def __getitem__(self, rows: NDArray[np.intp]) -> Surfels:
+    def __getitem__(self, rows: Indices) -> Surfels:
         return Surfels(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def moved(self, transform: Float64) -> Surfels:
@@ -126,13 +125,13 @@ def _measured(lit: LitScene, tiles: NDArray[Any]) -> NDArray[Any]:
     return tiles
 
 
-def _by_face(tiles: NDArray[Any]) -> Iterator[tuple[int, int, NDArray[np.intp]]]:
+def _by_face(tiles: NDArray[Any]) -> Iterator[tuple[int, int, Indices]]:
     """Yield solid, face and rows of the tiles of each face."""
     for index, face in np.unique(tiles[["solid", "face"]]):
         yield index, face, np.flatnonzero((tiles["solid"] == index) & (tiles["face"] == face))
 
 
-def _spread(values: Float64, within: NDArray[np.intp]) -> tuple[Float64, Float64]:
+def _spread(values: Float64, within: Indices) -> tuple[Float64, Float64]:
     """Return the means [N,3] of vectors [N,S,3] within tiles, and the squared differences [N,S] of all from them."""
     mean = values[:, within].mean(axis=1)
     return mean, ((values - mean[:, None]) ** 2).sum(axis=2)

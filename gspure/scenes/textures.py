@@ -1,13 +1,10 @@
 """Procedural patterns: colour as a function of the place on a surface."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from gspure.dtypes import Bools, Float64
 
 Texture = Callable[[Float64], Float64]
 """From places [N,2] in metres along a surface's two directions to reflectances [N,3], linear, 0 to 1."""
@@ -64,5 +61,5 @@ def inlaid(outer: Texture, inner: Texture, centre: tuple[float, float], size: tu
     return at
 
 
-def _choose(is_first: NDArray[np.bool_], first: str, second: str) -> Float64:
+def _choose(is_first: Bools, first: str, second: str) -> Float64:
     return np.stack([reflectance(second), reflectance(first)]).take(is_first, axis=0)

@@ -3,8 +3,6 @@
 Its share on rows of low public weight predicts how much of the message is pruned by weight.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import Reduction, accumulate
 from gspure.opencl.device import Device
@@ -30,7 +29,7 @@ def hidden_weights(
     energy: Energy,
     device: Device | None = None,
     reduction: Reduction = "sum",
-) -> NDArray[np.float32]:
+) -> Float32:
     """Return the weight [K] of each row over views of the message, as omega_k is over views of the scene."""
 
     def stage(camera: Camera) -> NDArray[Any]:

@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts.checksums import record_of
 from gspure.cameras import Camera
+from gspure.dtypes import Float32, Float64, UInt8
 from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
 from gspure.scenes.placement import PLACEMENTS
@@ -31,8 +31,7 @@ from gspure.scenes.staging import Staging, scene_builder
 from gspure.training.dataset import Dataset, extent, read_dataset, read_photographs
 from gspure.training.schedule import shuffled
 
-Float32 = NDArray[np.float32]
-Points = tuple[NDArray[np.float64], NDArray[np.uint8]]
+Points = tuple[Float64, UInt8]
 
 PROBES: Final = 2
 """Number of views over which progress reports average the quality."""

@@ -1,7 +1,5 @@
 """Whether an owner can read the message that was just embedded, beside negative controls."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final

@@ -1,7 +1,5 @@
 """All schemes by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.schemes``)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from gspure.errors import InputError

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import TAU_C, TAU_N
+from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
@@ -52,10 +52,10 @@ class Key(ABC):
     def write(self, folder: Path) -> None:
         """Write the key's files."""
 
-    bits: NDArray[np.bool_] = np.zeros(0, np.bool_)
+    bits: Bools = np.zeros(0, np.bool_)
     """The message [N] of a scheme that hides bits."""
 
-    def read_bits(self, image: NDArray[np.float32]) -> NDArray[np.bool_]:  # noqa: ARG002
+    def read_bits(self, image: Float32) -> Bools:  # noqa: ARG002
         """Return the bits [N] that an image [H,W,3] of the scene shows, 0 to 1."""
         raise InputError("key", "message", expected="bits", found="a picture", hint="`gspure extract` renders it")
 

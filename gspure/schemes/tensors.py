@@ -8,8 +8,6 @@ PyTorch cannot replace this module: models of SecureGS are rendered, measured, p
 ``torch.load(weights_only=True)`` does not read TorchScript, in which Scaffold-GS stores its networks.
 """
 
-from __future__ import annotations
-
 import io
 import pickletools
 import struct
@@ -22,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import replacing
+from gspure.dtypes import Float32
 from gspure.errors import InputError, reading
 
-Float32 = NDArray[np.float32]
 Tensor = NDArray[Any]
 
 DATA_LIMIT: Final = 1 << 16

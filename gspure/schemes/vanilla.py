@@ -1,7 +1,5 @@
 """Ordinary training of one of a pair's scenes: clean models, and the base of simple schemes."""
 
-from __future__ import annotations
-
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, TrainableModel

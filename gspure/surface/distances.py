@@ -1,15 +1,13 @@
 """Distances from the visible surface: of rows by median depth, and of Gaussians from a mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
+from gspure.dtypes import Float32, Float64
 from gspure.model import Gaussians
 from gspure.model.points import Mesh
 from gspure.model.rotations import principal_axes
@@ -25,9 +23,7 @@ SPLITS: Final = 8
 """Largest number of parts into which a side of a face is divided. Ours."""
 
 
-def depth_distances(
-    public: PublicModel, cameras: Sequence[Camera], device: Device | None = None
-) -> NDArray[np.float32]:
+def depth_distances(public: PublicModel, cameras: Sequence[Camera], device: Device | None = None) -> Float32:
     """Return the distance [K] of each row from the surface, in standard deviations along the view axis.
 
     It is the minimum over the views and the row's Gaussians of |z - median depth of the pixel| / deviation. A row that
@@ -50,7 +46,7 @@ def depth_distances(
     return nearest
 
 
-def mesh_distances(model: Gaussians, mesh: Mesh) -> NDArray[np.float32]:
+def mesh_distances(model: Gaussians, mesh: Mesh) -> Float32:
     """Return the distance [K] of each centre from the mesh, in units of the Gaussian's largest scale."""
     from scipy.spatial import KDTree
 
@@ -58,7 +54,7 @@ def mesh_distances(model: Gaussians, mesh: Mesh) -> NDArray[np.float32]:
     return np.asarray(distances / model.scales.max(axis=1), np.float32)
 
 
-def face_points(mesh: Mesh) -> NDArray[np.float64]:
+def face_points(mesh: Mesh) -> Float64:
     """Return points on all faces, corners included, with a spacing of at most the median of the longest sides.
 
     Faces larger than `SPLITS` times that size have a larger spacing.

@@ -1,15 +1,13 @@
 """The 3-D filter of Mip-Splatting and GOF, which limits Gaussians to the sampling rate of the views."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
+from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.model import Gaussians
 
@@ -20,7 +18,7 @@ VARIANCE: Final = 0.2
 """Of the filter, in squared pixels of the nearest view (Yu et al. 2024, Mip-Splatting)."""
 
 
-def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> NDArray[np.float64]:
+def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
     """Return the filter's standard deviation [K] in world units, by each Gaussian's nearest view.
 
     A Gaussian that no view shows gets the largest of all.

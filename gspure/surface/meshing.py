@@ -1,7 +1,5 @@
 """The opacity field O(x) of a model, and its level set as a mesh (Yu et al. 2024, Gaussian Opacity Fields)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
@@ -9,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras import Camera
+from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.model.points import Mesh
@@ -30,7 +29,7 @@ _CHUNK = 1 << 20
 """Points per evaluation."""
 
 
-def opaque(model: Gaussians) -> NDArray[np.bool_]:
+def opaque(model: Gaussians) -> Bools:
     """Return the mask [K] of the Gaussians that define tetrahedra."""
     return np.asarray(model.opacities > OPAQUE)
 
@@ -63,7 +62,7 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
 
 def opacity_field(
     renderer: Renderer, cameras: Iterable[Camera], points: NDArray[Any], *, outside: float = 0.0
-) -> NDArray[np.float32]:
+) -> Float32:
     """Return O [P], the minimum over the views of the opacity of the world `points` [P,3]; 1 if no view shows them.
 
     The renderer has the energy "ray". Points below `outside` are not evaluated in further views, so values below it are

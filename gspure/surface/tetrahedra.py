@@ -1,16 +1,14 @@
 """Tetrahedra between points around Gaussians (Yu et al. 2024, Gaussian Opacity Fields), and the surface in them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import permutations, product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
+from gspure.dtypes import Bools, Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.rotations import principal_axes
 
@@ -20,13 +18,13 @@ REACH: Final = 3.0
 _CORNERS: Final = REACH * np.array([*product((-1.0, 1.0), repeat=3)])
 
 
-def box_points(model: Gaussians) -> NDArray[np.float64]:
+def box_points(model: Gaussians) -> Float64:
     """Return the corners of the box around each Gaussian, 8K rows, then its centres, K more."""
     corners = _CORNERS @ principal_axes(model) + model.means[:, None]
     return np.concatenate([corners.reshape(-1, 3), model.means])
 
 
-def shown(points: NDArray[np.float64], cameras: Sequence[Camera]) -> NDArray[np.bool_]:
+def shown(points: Float64, cameras: Sequence[Camera]) -> Bools:
     """Return the mask of the `points` [P,3] that any view shows."""
     mask = np.zeros(len(points), np.bool_)
     for camera in cameras:
@@ -35,14 +33,13 @@ def shown(points: NDArray[np.float64], cameras: Sequence[Camera]) -> NDArray[np.
     return mask
 
 
-def tetrahedra(points: NDArray[np.float64]) -> NDArray[np.intp]:
+def tetrahedra(points: Float64) -> Indices:
     """Return the Delaunay tetrahedra [T,4] of the `points` [P,3], at least four, not all in a plane."""
     from scipy.spatial import Delaunay
 
     return np.asarray(Delaunay(points).simplices, np.intp)
 
 
-Indices = NDArray[np.intp]
 Triangle = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 """Three crossed edges, each by its two corners."""
 
@@ -65,7 +62,7 @@ def _triangles(case: int) -> list[Triangle]:
 _TRIANGLES: Final = {case: np.array(_triangles(case)) for case in range(1, 15)}
 
 
-def march(points: NDArray[np.float64], tetrahedra: Indices, inside: NDArray[np.bool_]) -> tuple[Indices, Indices]:
+def march(points: Float64, tetrahedra: Indices, inside: Bools) -> tuple[Indices, Indices]:
     """Return the edges [V,2] that the surface crosses, and its triangles [F,3].
 
     The tetrahedra [T,4], of either orientation, partition a convex region of the points [P,3], of which some are

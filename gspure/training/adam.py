@@ -3,8 +3,6 @@
 For parameters that are not colours on the device, and as the oracle of `gspure.opencl.adam`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

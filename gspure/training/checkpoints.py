@@ -1,7 +1,5 @@
 """Checkpoints: the complete state of a run, so that a resumed run gives the same bits."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields

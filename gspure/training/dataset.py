@@ -1,14 +1,11 @@
 """Training data: views with photographs, and initial points. Everything is checked before training."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts import digest, read_json
 from gspure.cameras import Camera, require_images, scaled
@@ -18,14 +15,13 @@ from gspure.cameras.entry import Entry
 from gspure.cameras.naming import safe_name
 from gspure.cameras.photographs import missing_photographs, photograph, photograph_size, require_present
 from gspure.cameras.reading import camera_file
+from gspure.dtypes import Float32, Float64, UInt8
 from gspure.errors import InputError
 from gspure.images import read_image
 from gspure.model.points import read_point_ply
 from gspure.progress import say
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
 from gspure.training.views import read_views
-
-Float32 = NDArray[np.float32]
 
 EXTENT_MARGIN: Final = 1.1
 """The extent is this times the largest distance of a training camera from the mean of all (3DGS)."""
@@ -51,8 +47,8 @@ class Dataset:
     source: Path
     train: list[Camera]
     test: list[Camera]
-    xyz: NDArray[np.float64]
-    rgb: NDArray[np.uint8]
+    xyz: Float64
+    rgb: UInt8
 
     @property
     def extent(self) -> float:
@@ -141,7 +137,7 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
             raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}")
 
 
-def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[Float64, UInt8]:
     """Return the stored points, or random grey ones if fewer than `LEAST_POINTS` are stored."""
     xyz, rgb = stored_points(source)
     if len(xyz) >= LEAST_POINTS:
@@ -153,7 +149,7 @@ def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[NDArray[n
     return xyz, np.full(xyz.shape, _GREY, np.uint8)
 
 
-def stored_points(source: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+def stored_points(source: Path) -> tuple[Float64, UInt8]:
     """Return the sparse points of a capture, or none: those that its transforms.json names, or that lie beside it."""
     folder = source if source.is_dir() else source.parent
     sparse = find_sparse(folder)

@@ -4,8 +4,6 @@
 test, so no published model was trained with it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from types import EllipsisType
 from typing import Any, Final
@@ -13,10 +11,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import Bools, Float32, Indices
 from gspure.model.activations import logit, sigmoid
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
-
-Float32 = NDArray[np.float32]
 
 GRADIENT_THRESHOLD: Final = 2e-4
 """A Gaussian grows where the mean norm of dL/d(projected centre), in normalized device coordinates, reaches this."""
@@ -46,9 +43,9 @@ class Growth:
     its halves.
     """
 
-    rows: NDArray[np.intp]
-    new: NDArray[np.bool_]
-    half: NDArray[np.bool_]
+    rows: Indices
+    new: Bools
+    half: Bools
     offsets: Float32
 
 
@@ -112,7 +109,7 @@ def grow(state: TrainState, growth: Growth) -> TrainState:
     return TrainState(after, first, second)
 
 
-def reset_opacities(state: TrainState, rows: NDArray[np.bool_] | EllipsisType = ...) -> TrainState:
+def reset_opacities(state: TrainState, rows: Bools | EllipsisType = ...) -> TrainState:
     """Clip the opacities of some rows, by default of all, to `RESET_OPACITY`, and zero their moments."""
     logits, first, second = (part.opacity_logits.copy() for part in (state.parameters, state.first, state.second))
     logits[rows] = np.minimum(logits[rows], logit(RESET_OPACITY))
@@ -124,10 +121,10 @@ def reset_opacities(state: TrainState, rows: NDArray[np.bool_] | EllipsisType = 
     )
 
 
-def _grown(statistics: Statistics, max_gaussians: int | None) -> NDArray[np.bool_]:
+def _grown(statistics: Statistics, max_gaussians: int | None) -> Bools:
     """Return the mask of the Gaussians that grow; each adds one."""
     gradients = statistics.gradient_norms / np.maximum(statistics.views, 1)
-    grown: NDArray[np.bool_] = gradients >= GRADIENT_THRESHOLD
+    grown: Bools = gradients >= GRADIENT_THRESHOLD
     if max_gaussians is not None:
         room = max(0, max_gaussians - len(grown))
         grown[np.argsort(-gradients, kind="stable")[room:]] = False

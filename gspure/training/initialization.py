@@ -1,7 +1,5 @@
 """Initial Gaussians: at the points of structure from motion, or at random points in the views' common volume."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, Final
@@ -11,10 +9,9 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_SH_DEGREE, NEAR_PLANE, SH_DC
+from gspure.dtypes import Float64, Indices, UInt8
 from gspure.model.activations import logit
 from gspure.opencl.trainable import Parameters
-
-Float64 = NDArray[np.float64]
 
 OPACITY: Final = 0.1
 """Initial opacity (3DGS)."""
@@ -39,7 +36,7 @@ COMMON_SHARE: Final = 0.25
 _ROUNDS = 20
 
 
-def gaussians_at(xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> Parameters:
+def gaussians_at(xyz: NDArray[Any], rgb: UInt8) -> Parameters:
     """Return isotropic Gaussians at points [P,3] with these 8-bit colours [P,3], P >= 4.
 
     Spherical harmonics have degree 3; coefficients above the zeroth are zero.
@@ -60,7 +57,7 @@ def gaussians_at(xyz: NDArray[Any], rgb: NDArray[np.uint8]) -> Parameters:
     )
 
 
-def thinned(xyz: Float64, rgb: NDArray[np.uint8], at_most: int | None, seed: int) -> tuple[Float64, NDArray[np.uint8]]:
+def thinned(xyz: Float64, rgb: UInt8, at_most: int | None, seed: int) -> tuple[Float64, UInt8]:
     """Return points [P,3] and colours [P,3], or a random choice of `at_most` of them."""
     if at_most is None or len(xyz) <= at_most:
         return xyz, rgb
@@ -83,7 +80,7 @@ def random_points(cameras: Sequence[Camera], extent: float, count: int, rng: np.
     return np.concatenate(batches)[:count]
 
 
-def view_counts(points: NDArray[Any], cameras: Sequence[Camera]) -> NDArray[np.intp]:
+def view_counts(points: NDArray[Any], cameras: Sequence[Camera]) -> Indices:
     """Return the number of views [P] whose image contains each point [P,3]."""
     views = np.zeros(len(points), np.intp)
     for camera in cameras:

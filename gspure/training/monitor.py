@@ -1,7 +1,5 @@
 """Progress reports of a run: a bar on a terminal, lines in a log."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The output folder of training, in the layout of 3DGS's trainer, which most tools read."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path

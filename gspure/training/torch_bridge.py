@@ -8,16 +8,14 @@
 
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import GEOMETRY_ATTRIBUTES
+from gspure.dtypes import Float32
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Frame, Traversal
@@ -25,8 +23,6 @@ from gspure.opencl.gradients import by_row
 from gspure.opencl.passes import backward, forward
 from gspure.opencl.storage import Storage, storage_order, upload_attributes
 from gspure.training.pytorch import torch
-
-Float32 = NDArray[np.float32]
 
 _BANDS = (1, 4, 9, 16)
 """Spherical-harmonic coefficients per colour, of degrees 0 to 3."""

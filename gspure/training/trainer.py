@@ -1,7 +1,5 @@
 """The training loop: steps on random views, densification and opacity resets."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Training views and held-out views of a capture."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final, NamedTuple
 

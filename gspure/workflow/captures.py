@@ -1,7 +1,5 @@
 """Files of a capture or model: they are inputs of the workflow, so an edit of one makes its results stale."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Decisions of the method: the settings of each, the artifacts that they share, and sweeps of variants."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Command-line options of jobs."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Pairs of a scene and a message, as the resolved configuration describes them: the files and options of their jobs."""
 
-from __future__ import annotations
-
 import os
 import shlex
 from collections.abc import Mapping

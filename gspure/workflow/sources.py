@@ -1,7 +1,5 @@
 """Digests of the code behind a result, by which the workflow knows the results that an edit makes stale."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from functools import cache

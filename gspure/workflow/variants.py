@@ -1,7 +1,5 @@
 """The variants and controls of a model, and their decisions: the files and options of their jobs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """The attacks of the paper's Table 1 beside our own results."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import nan
 from typing import NamedTuple

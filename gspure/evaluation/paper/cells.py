@@ -1,7 +1,5 @@
 """The cells of the paper's tables."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final, Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """Printed numbers against the values that follow from the cells of Table 1."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 

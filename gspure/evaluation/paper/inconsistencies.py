@@ -1,7 +1,5 @@
 """Other inconsistencies of the paper's tables, each as a sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from typing import Final

@@ -1,7 +1,5 @@
 """The quantities that the paper derives from its tables, recomputed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 

@@ -1,18 +1,17 @@
 """Numbers by scene and seed, grouped by scene."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gspure.dtypes import Float64
 from gspure.errors import InputError
 
 Cells = Mapping[tuple[str, int], float]
 """A number for every (scene, seed)."""
 
-Groups = list[NDArray[np.float64]]
+Groups = list[Float64]
 
 
 def by_scene(cells: Cells) -> Groups:

@@ -8,8 +8,6 @@ area under its ROC curve (AUC) is the probability that an attacked model exceeds
 (Mann and Whitney 1947; Hanley and McNeil 1982): 1 if the two never overlap, 1/2 if the message cannot be detected.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

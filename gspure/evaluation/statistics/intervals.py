@@ -15,8 +15,6 @@ enclose the median of all scenes with probability :math:`1 - 2^{1-n}`, whatever 
 is less than 95 %; the range is then returned with that probability.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple

@@ -5,14 +5,13 @@ probability (Fisher 1935; Efron and Tibshirani 1993, §15). Seeds of one scene s
 sign together; flipping them one by one would count repetitions as evidence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gspure.dtypes import Float64
 from gspure.evaluation.statistics.cells import checked
 
 DRAWS: Final = 2**16
@@ -48,7 +47,7 @@ def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
     return PairedTest(float(means.mean()), _sign_flip_p(means), smallest, scenes)
 
 
-def _sign_flip_p(means: NDArray[np.float64]) -> float:
+def _sign_flip_p(means: Float64) -> float:
     from scipy.stats import permutation_test
 
     if len(means) == 1:  # scipy requires two; a single one is as far from 0 with either sign
@@ -57,7 +56,7 @@ def _sign_flip_p(means: NDArray[np.float64]) -> float:
     return float(permutation_test((means,), np.mean, vectorized=True, batch=4096, **flips).pvalue)
 
 
-def holm(p: ArrayLike) -> NDArray[np.float64]:
+def holm(p: ArrayLike) -> Float64:
     r"""Return p-values corrected for a family of tests, so that the level bounds the chance of any false rejection.
 
     .. math:: \tilde p_{(i)} = \max_{j \le i} \min\left(1, (m - j + 1)\, p_{(j)}\right)

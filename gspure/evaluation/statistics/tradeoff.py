@@ -4,12 +4,12 @@ The Score subtracts the drop of the scene from that of the message, so an attack
 drop of the message at a *fixed* drop of the scene, read from a sweep over the attack's strength, avoids this.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from gspure.dtypes import Bools
 
 MATCHED_DAMAGES: Final = (0.3, 0.7, 1.5, 2.0)
 """Drops of the scene in dB at which attacks are compared. Ours, from barely visible up to the customary 2 dB."""
@@ -18,7 +18,7 @@ DAMAGE_TOLERANCE: Final = 0.04
 """How far from a wanted drop of the scene a strength may be, dB. Ours: the size of the smallest differences shown."""
 
 
-def pareto_front(scene_drops: ArrayLike, message_residuals: ArrayLike) -> NDArray[np.bool_]:
+def pareto_front(scene_drops: ArrayLike, message_residuals: ArrayLike) -> Bools:
     """Return which points no other one dominates, that is, equals or undercuts in both and undercuts in one: bool [n].
 
     An attacker minimizes both the damage to the scene and what remains of the message, such as its PSNR. Coincident

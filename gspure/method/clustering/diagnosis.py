@@ -1,7 +1,5 @@
 """The effect of the clustering on pruning, with warnings."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
+from gspure.dtypes import Bools
 from gspure.errors import InputError
-from gspure.method.pruning import Mask, plain_prune_mask, prune_mask
+from gspure.method.pruning import plain_prune_mask, prune_mask
 from gspure.method.weights import few_in_view, heavy_rows
 from gspure.model.finite import listed
 
@@ -145,7 +144,7 @@ def diagnose(
     )
 
 
-def _changed(a: Mask, b: Mask) -> float:
+def _changed(a: Bools, b: Bools) -> float:
     return _share((a ^ b).sum(), (a | b).sum())
 
 

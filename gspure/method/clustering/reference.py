@@ -1,18 +1,15 @@
 """The minimum spanning tree by hdbscan, for devices without double precision and as the reference of tests."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from gspure.dtypes import Float64, Indices
 
 _LEAF_SIZE = 13  # hdbscan's default, 40 // 3
 
 
-def minimum_spanning_tree(
-    points: NDArray[np.float64], copies: NDArray[np.intp], min_samples: int
-) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+def minimum_spanning_tree(points: Float64, copies: Indices, min_samples: int) -> tuple[Indices, Float64, Float64]:
     """Return the tree of `gspure.opencl.spanning.minimum_spanning_tree`, by hdbscan's exact dual-tree Boruvka."""
     from hdbscan._hdbscan_boruvka import KDTreeBoruvkaAlgorithm
 
@@ -29,7 +26,7 @@ class _Neighbours:
     scikit-learn's k-d tree, which hdbscan would pass, takes at least six times as long for the same distances.
     """
 
-    def __init__(self, points: NDArray[np.float64], copies: NDArray[np.intp], min_samples: int) -> None:
+    def __init__(self, points: Float64, copies: Indices, min_samples: int) -> None:
         from scipy.spatial import cKDTree
 
         self.data = points
@@ -44,6 +41,6 @@ class _Neighbours:
         beyond = np.arange(self.count) > core[:, None]
         self._rows[beyond] = np.nonzero(beyond)[0]
 
-    def query(self, _points: Any, k: int, **_: bool) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    def query(self, _points: Any, k: int, **_: bool) -> tuple[Float64, Indices]:
         """Return distances and rows [U,k] of the nearest points, each point itself included."""
         return self._distances[:, :k], self._rows[:, :k]

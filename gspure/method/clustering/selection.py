@@ -5,22 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, NOISE_LABEL
+from gspure.dtypes import Bools, Float64, Indices, Int32
 from gspure.errors import InputError
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device
     from gspure.opencl.hierarchy import Condensed
 
-Labels = NDArray[np.int32]
+Labels = Int32
 Selection = Literal["eom_capped", "eom", "leaf"]
 SELECTIONS: Final[tuple[Selection, ...]] = get_args(Selection)
 
 
 def select(
-    tree: NDArray[np.float64],
+    tree: Float64,
     min_cluster_size: int = MIN_CLUSTER_SIZE,
     selection: Selection = "eom_capped",
     max_cluster_share: float = MAX_CLUSTER_SHARE,
@@ -82,7 +82,7 @@ def select(
     return _labels(condensed, chosen)
 
 
-def _leaves(condensed: Condensed) -> NDArray[np.bool_]:
+def _leaves(condensed: Condensed) -> Bools:
     """Return the mask of the clusters without children, except the root."""
     leaves = np.ones(len(condensed.parents) + 1, np.bool_)
     leaves[condensed.parents] = False
@@ -90,7 +90,7 @@ def _leaves(condensed: Condensed) -> NDArray[np.bool_]:
     return leaves
 
 
-def _excess_of_mass(condensed: Condensed, densities: NDArray[np.float64], cap: int) -> NDArray[np.bool_]:
+def _excess_of_mass(condensed: Condensed, densities: Float64, cap: int) -> Bools:
     """Return the mask of the clusters of at most `cap` points that are as stable as their descendants or more.
 
     The root is never among them.
@@ -104,7 +104,7 @@ def _excess_of_mass(condensed: Condensed, densities: NDArray[np.float64], cap: i
     return chosen
 
 
-def _stabilities(condensed: Condensed, densities: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def _stabilities(condensed: Condensed, densities: Float64) -> tuple[Float64, Indices]:
     """Return each cluster's stability, Σ (λ of a point's departure - λ of the cluster's birth), and its size."""
     count = len(condensed.parents) + 1
     births = np.append(densities[condensed.parent_levels], 0.0)
@@ -118,7 +118,7 @@ def _stabilities(condensed: Condensed, densities: NDArray[np.float64]) -> tuple[
     return stabilities, sizes
 
 
-def _labels(condensed: Condensed, chosen: NDArray[np.bool_]) -> Labels:
+def _labels(condensed: Condensed, chosen: Bools) -> Labels:
     """Return for each point the number of the outermost chosen cluster that contains it."""
     owners = np.full(len(chosen) + 1, len(chosen))  # the last entry stands for noise
     for cluster in range(len(chosen) - 2, -1, -1):

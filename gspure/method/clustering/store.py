@@ -1,17 +1,15 @@
 """The files ``tree.npy`` and ``clusters.npz``, checked here since the kernels of the clustering trust their input."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts import load_array, load_arrays, save_arrays
 from gspure.artifacts.arrays import Kind
 from gspure.constants import NOISE_LABEL
+from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.method.clustering.selection import Labels
 from gspure.method.clustering.tree import Tree
@@ -66,7 +64,7 @@ def read_tree(path: Path) -> Tree:
     return tree
 
 
-def _parts(a: NDArray[np.float64], b: NDArray[np.float64], count: int) -> int:
+def _parts(a: Float64, b: Float64, count: int) -> int:
     """Return the number of connected components of a graph of `count` points with edges (a, b)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import MIN_SAMPLES
+from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
 from gspure.progress import warn
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device
 
-Tree = NDArray[np.float64]
+Tree = Float64
 
 _MOST_NEIGHBOURS = 128  # that the kernels hold for a point
 
@@ -73,7 +74,7 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     return np.column_stack([np.sort(rows[pairs[order]], axis=1), distances[order]])
 
 
-def _lexicographic_order(points: NDArray[np.float64]) -> NDArray[np.intp]:
+def _lexicographic_order(points: Float64) -> Indices:
     order = np.argsort(points[:, 0], kind="stable")
     step = np.diff(points[order, 0]) > 0
     tied = ~(np.append(True, step) & np.append(step, True))
@@ -83,8 +84,8 @@ def _lexicographic_order(points: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _tree_of_distinct(
-    points: NDArray[np.float64], copies: NDArray[np.intp], min_samples: int, device: Device | None
-) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+    points: Float64, copies: Indices, min_samples: int, device: Device | None
+) -> tuple[Indices, Float64, Float64]:
     """Return the tree of `gspure.opencl.spanning.minimum_spanning_tree`; also of a single point."""
     if len(points) == 1:
         return np.zeros((0, 2), np.intp), np.zeros(0), np.zeros(1)

@@ -1,7 +1,5 @@
 """Models in the compressed formats of converters and viewers: five are read, two of them also written."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final

@@ -7,8 +7,6 @@
     per section   length of each partly filled bucket, uint32; centre of each bucket, 3 float32; rows
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -16,15 +14,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
-from gspure.model.compressed.quantization import (
-    COEFFICIENTS,
-    Float32,
-    byte_logits,
-    colour_coeffs,
-    positive_log,
-    require_room,
-)
+from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, colour_coeffs, positive_log, require_room
 from gspure.model.gaussians import Gaussians
 
 _HEADER: Final = np.dtype(
@@ -82,14 +74,14 @@ def read_ksplat(path: Path) -> Gaussians:
         return Gaussians(np.concatenate(tables))
 
 
-def _part(data: NDArray[np.uint8], at: int, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+def _part(data: UInt8, at: int, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
     """Return `count` records at byte `at`; raise `ValueError` if the file ends before."""
     if at + count * dtype.itemsize > len(data):
         raise ValueError(f"{len(data)} bytes, too few for its header")
     return np.frombuffer(data, dtype, count, at)
 
 
-def _rows(data: NDArray[np.uint8], at: int, section: np.void, level: int) -> tuple[NDArray[np.void], Float32, int]:
+def _rows(data: UInt8, at: int, section: np.void, level: int) -> tuple[NDArray[np.void], Float32, int]:
     """Return the rows of a section, their positions, and where the section ends."""
     count, stored, capacity, buckets, full, partial = (
         int(section[name]) for name in ("rows", "stored", "capacity", "buckets", "full", "partial")

@@ -7,8 +7,6 @@
     sh       f_rest_0, ...: uint8, with spherical harmonics beyond the zeroth only
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 
@@ -16,15 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyData
 
+from gspure.dtypes import Float32, UInt32
 from gspure.errors import InputError, reading
-from gspure.model.compressed.quantization import (
-    COEFFICIENTS,
-    Float32,
-    byte_logits,
-    colour_coeffs,
-    require_room,
-    smallest_three,
-)
+from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, colour_coeffs, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
 
 Bits = tuple[tuple[int, int], ...]
@@ -82,7 +74,7 @@ def _tables(path: Path, header: PlyData, offset: int) -> dict[str, NDArray[np.vo
     return tables
 
 
-def _numbers(packed: NDArray[np.uint32], bits: Bits) -> Float32:
+def _numbers(packed: UInt32, bits: Bits) -> Float32:
     """Return numbers from 0 to 1, one column for each pair of `bits`."""
     if packed.dtype != np.uint32:
         raise ValueError(f"packed numbers of type {packed.dtype}, not uint32")

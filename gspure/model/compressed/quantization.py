@@ -1,7 +1,5 @@
 """What compressed formats have in common: colours, opacities and rotations in few bits."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,10 +8,9 @@ from numpy.typing import NDArray
 
 from gspure.artifacts.arrays import UNPACKED_RATIO, UNPACKED_ROOM
 from gspure.constants import SH_DC
+from gspure.dtypes import Float32, Indices, UInt8
 from gspure.errors import InputError
 from gspure.model.activations import LEAST_OPACITY, logit
-
-Float32 = NDArray[np.float32]
 
 COEFFICIENTS: Final = (0, 3, 8, 15)
 """Spherical harmonics beyond the zeroth, by degree."""
@@ -38,7 +35,7 @@ def colour_coeffs(colours: NDArray[Any]) -> Float32:
     return np.asarray((colours - 0.5) / SH_DC, np.float32)
 
 
-def byte_logits(opacities: NDArray[np.uint8]) -> Float32:
+def byte_logits(opacities: UInt8) -> Float32:
     """Return the logits of opacities, 0 to 255."""
     return logit(opacities / 255, LEAST_OPACITY)
 
@@ -49,7 +46,7 @@ def positive_log(scales: NDArray[Any]) -> Float32:
     return np.log(np.where(scales < 0, np.nan, np.maximum(scales.astype(np.float32), least)), dtype=np.float32)
 
 
-def smallest_three(three: NDArray[Any], largest: NDArray[np.intp]) -> Float32:
+def smallest_three(three: NDArray[Any], largest: Indices) -> Float32:
     """Return unit quaternions [K,4] from their three smallest components [K,3] and the index [K] of the largest."""
     quats = np.empty((len(three), 4), np.float32)
     np.put_along_axis(quats, _OTHERS[largest], three, 1)

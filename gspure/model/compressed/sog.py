@@ -4,8 +4,6 @@ Scales and colours are indices into tables of 256 values (version 2) or scaled t
 two images, of their lower and upper 8 bits. Spherical harmonics are indices into an image of up to 65 536 entries.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile
@@ -15,14 +13,14 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts.arrays import UNPACKED_RATIO, UNPACKED_ROOM
+from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
-from gspure.model.compressed.quantization import COEFFICIENTS, Float32, byte_logits, require_room, smallest_three
+from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
 
-Bytes = NDArray[np.uint8]
+Bytes = UInt8
 Member = Callable[[str], bytes]
 
 INDEX: Final = "meta.json"

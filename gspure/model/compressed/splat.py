@@ -1,7 +1,5 @@
 """``.splat``: 32 bytes per Gaussian, without a header and without spherical harmonics beyond the zeroth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

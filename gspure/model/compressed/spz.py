@@ -15,16 +15,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
-from gspure.model.compressed.quantization import (
-    COEFFICIENTS,
-    Float32,
-    byte_logits,
-    require_room,
-    smallest_three,
-)
+from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
 
 TURNED: Final = np.array([1, -1, -1], np.float32)
@@ -133,7 +127,7 @@ def _unpacked(path: Path, data: bytes, header: _Header) -> bytes:
     return b"".join(streams)
 
 
-def _model(header: _Header, body: NDArray[np.uint8]) -> Gaussians:
+def _model(header: _Header, body: UInt8) -> Gaussians:
     means, alphas, colours, scales, rotations, *harmonics = (
         part.reshape(header.rows, -1) for part in np.split(body, np.cumsum(header.sizes())[:-1])
     )
@@ -150,14 +144,14 @@ def _model(header: _Header, body: NDArray[np.uint8]) -> Gaussians:
     )
 
 
-def _fixed_point(stored: NDArray[np.uint8], fraction_bits: int) -> Float32:
+def _fixed_point(stored: UInt8, fraction_bits: int) -> Float32:
     """Return fixed-point numbers of 24 bits, in two's complement."""
     low, middle, high = stored.reshape(len(stored), 3, 3).astype(np.int32).transpose(2, 0, 1)
     values = (low | middle << 8 | high << 16) << 8 >> 8
     return np.asarray(values / (1 << fraction_bits), np.float32)
 
 
-def _quats(stored: NDArray[np.uint8]) -> Float32:
+def _quats(stored: UInt8) -> Float32:
     """Return quaternions (w, x, y, z), stored as (x, y, z) in 3 bytes (version 2), or as three of four in 4 bytes."""
     if stored.shape[1] == 3:
         return smallest_three(stored / np.float32(127.5) - 1, np.zeros(len(stored), np.intp))

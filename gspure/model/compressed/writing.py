@@ -1,7 +1,5 @@
 """Compressed models, written by gsply (MIT), an optional package."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

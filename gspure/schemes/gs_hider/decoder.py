@@ -1,20 +1,16 @@
 """The network that decodes an image from a feature map: the scene (public) or the message (private)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32
 from gspure.opencl.losses import Photographs
 from gspure.public_model import RenderView
 from gspure.schemes.gs_hider.layout import CHANNELS
 from gspure.training.pytorch import torch
-
-Float32 = NDArray[np.float32]
 
 WIDTH: Final = 64
 LAYERS: Final = 5

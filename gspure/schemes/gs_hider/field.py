@@ -1,14 +1,12 @@
 """Gaussians with trained features: 3DGS's parameters and optimizer, with features instead of colours."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32
 from gspure.model import Gaussians
 from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates
@@ -18,7 +16,6 @@ from gspure.renderer import Gradients, Renderer
 from gspure.schemes.gs_hider.layout import CHANNELS, COLUMNS
 from gspure.training.adam import adam_step
 
-Float32 = NDArray[np.float32]
 Pullback = Callable[[Float32], None]
 
 FEATURES_RATE: Final = 2.5e-3

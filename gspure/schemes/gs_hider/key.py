@@ -1,7 +1,5 @@
 """GS-Hider's key: the decoder that reads the message from the feature map that everybody has."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from pathlib import Path
 from typing import Final, Self

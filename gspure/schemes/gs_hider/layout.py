@@ -10,8 +10,6 @@ Their code stores the model in ``point_cloud/iteration_N/`` and the decoders in 
 are in one folder and the private decoder in another. Both layouts are read.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -1,16 +1,14 @@
 """GS-Hider's public model: Gaussians with features, and the decoder of the scene."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts import filling
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.model import Gaussians, model_file, write_model
 from gspure.model.activations import sigmoid
@@ -22,8 +20,6 @@ from gspure.renderer import Renderer
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES, SCENE_DECODER, find_decoder, read_rows
 from gspure.training.adam import adam_step
-
-Float32 = NDArray[np.float32]
 
 
 class FeatureModel(PublicModel):

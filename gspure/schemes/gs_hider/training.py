@@ -1,14 +1,12 @@
 """The training loop: each iteration renders one view of the scene and of the message."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float32
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters
@@ -19,8 +17,6 @@ from gspure.schemes.pair import Capture, Pair
 from gspure.training.pytorch import single_threaded, torch
 from gspure.training.schedule import Schedule
 from gspure.training.trainer import densified
-
-Float32 = NDArray[np.float32]
 
 DECODER_RATE: Final = 1e-3
 """The authors', constant over 50 000 iterations. Adam's other settings are its defaults."""

@@ -5,8 +5,6 @@ key should add nothing to the public rows; the message does not train public opa
 training starts from points, with the densification of 3DGS, not from a trained model of the scene.
 """
 
-from __future__ import annotations
-
 import math
 
 from gspure.opencl.device import Device, choose_device

@@ -17,13 +17,14 @@ from gspure.artifacts import load_arrays, save_arrays
 from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_SH_DEGREE
+from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
-from gspure.schemes.keyss.network import KEY, RATE, SHAPES, Float32, Network, added, parameters_of, random_key, rows_of
+from gspure.schemes.keyss.network import KEY, RATE, SHAPES, Network, added, parameters_of, random_key, rows_of
 from gspure.schemes.scheme import Key
 from gspure.training.output import as_gaussians
 

@@ -4,19 +4,16 @@ A perceptron with layers of 64 and 128 units reads the 59 stored numbers of a ro
 stored as one last layer, return offsets of position, quaternion, log-scale, opacity logit and harmonics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.constants import GEOMETRY_ATTRIBUTES
+from gspure.dtypes import Float32
 from gspure.opencl.trainable import Parameters
 
-Float32 = NDArray[np.float32]
 Network = Mapping[str, Any]
 """``weight_i`` [O,I] and ``bias_i`` [O] of the layers."""
 

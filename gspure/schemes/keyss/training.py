@@ -1,14 +1,12 @@
 """The training loop: each iteration renders a view of the scene and one of the message, from the same rows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.model.activations import sigmoid
 from gspure.opencl.device import Device
@@ -22,8 +20,6 @@ from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.pytorch import torch
 from gspure.training.schedule import Schedule
 from gspure.training.torch_bridge import TorchRenderer
-
-Float32 = NDArray[np.float32]
 
 WRONG_WEIGHT: Final = 0.02
 """Weight of the loss on offsets with a wrong key: the authors' 0.01 / 0.5, since the scene's weight is 1."""

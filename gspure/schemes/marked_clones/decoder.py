@@ -5,18 +5,14 @@ and an encoder. The textures are learned, too, and serve no other purpose: the c
 All numbers are ours.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float32
 from gspure.training.pytorch import torch
-
-Float32 = NDArray[np.float32]
 
 FILTERS: Final = 64
 SIDE: Final = 9

@@ -3,8 +3,6 @@
 PyTorch is imported only when it is needed.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator
 from dataclasses import replace

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts import load_array, load_arrays, save_array, save_arrays
 from gspure.artifacts.arrays import Kind
+from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.recall import CARRIERS
 from gspure.schemes.marked_clones.decoder import Decoder, untrained
@@ -28,16 +28,16 @@ _FILE: Final = "marked_clones.npz"
 class ClonesKey(Key):
     """The bits [N], the decoder that reads them, and the rows [K] that are clones."""
 
-    def __init__(self, bits: NDArray[np.bool_], decoder: Decoder, carriers: NDArray[np.bool_]) -> None:
+    def __init__(self, bits: Bools, decoder: Decoder, carriers: Bools) -> None:
         self.bits = bits
         self.decoder = decoder
         self.carriers = carriers
 
-    def read_bits(self, image: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def read_bits(self, image: Float32) -> Bools:
         """Return the bits [N] that an image [H,W,3] shows."""
         with torch.inference_mode(), single_threaded():
             logits = self.decoder(torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None])
-        shown: NDArray[np.bool_] = logits[0].numpy() > 0
+        shown: Bools = logits[0].numpy() > 0
         return shown
 
     def wrong(self, rng: np.random.Generator) -> ClonesKey:

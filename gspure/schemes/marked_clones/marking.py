@@ -5,17 +5,15 @@ is the expected square of its gradient for an image gradient of random signs, th
 (Hutchinson); the uncertainty of a row is minus the sum of its logarithms, which no change of units affects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, looking_at, spread
+from gspure.dtypes import Bools
 from gspure.model import Gaussians
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.opencl.device import Device
@@ -79,9 +77,7 @@ def uncertain_rows(
 class Marking:
     """A run; iterating over it trains clones of `rows` and yields the loss of each step."""
 
-    def __init__(
-        self, model: Gaussians, rows: Rows, decoder: Decoder, bits: NDArray[np.bool_], device: Device | None
-    ) -> None:
+    def __init__(self, model: Gaussians, rows: Rows, decoder: Decoder, bits: Bools, device: Device | None) -> None:
         logits = model.table["opacity"].copy()
         logits[rows] = logit(1 - np.sqrt(1 - model.opacities[rows]), LEAST_OPACITY)
         self._clean = Scene(model, device)

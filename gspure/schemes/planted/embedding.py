@@ -6,14 +6,12 @@ contribute little (`gspure.scenes.population`), carriers that still touch pixels
 message at once where their surfaces coincide.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.constants import SH_DC
+from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.model.activations import logit
@@ -24,8 +22,6 @@ from gspure.scenes.surfels import Surfels, tile
 from gspure.schemes.pair import Pair
 from gspure.schemes.planted.key import PlantedKey
 from gspure.schemes.scheme import require
-
-Float64 = NDArray[np.float64]
 
 MESSAGE_SHARE = 0.42
 """Share of all Gaussians that is spread over the message's surfaces."""
@@ -66,9 +62,7 @@ def embed(
     return PublicModel(public), _key(public, rows, rng.uniform(*SOLID, message_count), hidden.colours)
 
 
-def _mixed(
-    shown: Surfels, opacities: Float64, hidden: Surfels, rng: np.random.Generator
-) -> tuple[Gaussians, NDArray[np.intp]]:
+def _mixed(shown: Surfels, opacities: Float64, hidden: Surfels, rng: np.random.Generator) -> tuple[Gaussians, Indices]:
     """Return the public model, in random order, and the row [M] in it that carries each hidden surfel."""
     serves = _serves(shown, hidden)
     separate = np.flatnonzero(serves < 0)
@@ -82,7 +76,7 @@ def _mixed(
     return public, np.argsort(order)[serves]
 
 
-def _serves(shown: Surfels, hidden: Surfels) -> NDArray[np.intp]:
+def _serves(shown: Surfels, hidden: Surfels) -> Indices:
     """Return for each hidden surfel [M] the shown one that can replace it, or -1.
 
     It is within a standard deviation, parallel, of similar size, and replaces no other.
@@ -114,7 +108,7 @@ def _gaussians(surfels: Surfels, opacities: Float64, rng: np.random.Generator) -
     )
 
 
-def _key(public: Gaussians, rows: NDArray[np.intp], opacities: Float64, colours: Float64) -> PlantedKey:
+def _key(public: Gaussians, rows: Indices, opacities: Float64, colours: Float64) -> PlantedKey:
     order = np.argsort(rows)
     carriers = np.zeros(len(public), np.bool_)
     carriers[rows] = True

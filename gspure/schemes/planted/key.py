@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts import load_array, load_arrays, save_array, save_arrays
 from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.recall import CARRIERS
 from gspure.model import Gaussians
@@ -25,8 +25,6 @@ from gspure.opencl.device import Device
 from gspure.public_model import PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
-
-Float32 = NDArray[np.float32]
 
 _FILE: Final = "planted.npz"
 _ARRAYS: Final[dict[str, Kind]] = {
@@ -45,7 +43,7 @@ class PlantedKey(Key):
     the private zeroth spherical-harmonic coefficient.
     """
 
-    carriers: NDArray[np.bool_]
+    carriers: Bools
     positions: Float32
     opacity: Float32
     f_dc: Float32

@@ -7,13 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.model.finite import non_finite_rows
-
-Float32 = NDArray[np.float32]
 
 STORED_OPACITY: Final = np.float32(-2.1972246)
 """logit(0.1), for every anchor: Scaffold-GS does not train the opacities that it stores."""

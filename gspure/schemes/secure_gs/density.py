@@ -5,14 +5,11 @@ growing is divided by r_down, so that the density of anchors does not reveal the
 the parameters of the clustering; ours.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float32 = NDArray[np.float32]
+from gspure.dtypes import Bools, Float32
 
 NEIGHBOURS: Final = 10
 """DBSCAN's min_samples. Ours."""
@@ -31,7 +28,7 @@ def hidden_box(positions: Float32, voxel: float) -> tuple[Float32, Float32] | No
     return (clustered.min(axis=0), clustered.max(axis=0)) if len(clustered) else None
 
 
-def inside(box: tuple[Float32, Float32] | None, positions: Float32) -> NDArray[np.bool_]:
+def inside(box: tuple[Float32, Float32] | None, positions: Float32) -> Bools:
     """Return the mask of the positions [...,3] in the box."""
     if box is None:
         return np.zeros(positions.shape[:-1], bool)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float64
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.pair import Pair
@@ -27,7 +27,6 @@ from gspure.training.monitor import watched
 if TYPE_CHECKING:
     from gspure.schemes.secure_gs.training import Training
 
-Float64 = NDArray[np.float64]
 
 FEAT_DIM: Final = 32
 K: Final = 10

@@ -7,22 +7,19 @@
     <key>/securegs_hidden.npz                                         {offset,opacity,cov,color}.{0,2}.{weight,bias}
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts import load_arrays, save_arrays
 from gspure.artifacts.arrays import Kind
+from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.schemes.secure_gs.networks import PARAMETERS, Networks
 from gspure.schemes.tensors import Tensor, read_tensors, write_tensors
 
-Float32 = NDArray[np.float32]
 Loaded = dict[str, dict[str, Float32]]
 
 PUBLIC: Final = ("opacity", "cov", "color")

@@ -1,16 +1,13 @@
 """Anchor growing: new anchors in empty voxels around Gaussians with large gradients (Scaffold-GS, section 3.3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import Float32
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
-
-Float32 = NDArray[np.float32]
 
 GRADIENT_THRESHOLD: Final = 2e-4
 """tau of the first level; it doubles with each level (Scaffold-GS)."""

@@ -1,7 +1,5 @@
 """SecureGS's key: networks that compute other Gaussians from the public anchors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final, Self
 

@@ -1,16 +1,14 @@
 """Trainable anchors and networks: tensors, gradients through the renderer, and Adam."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import ADAM_EPSILON
+from gspure.dtypes import Float32, Indices
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.schemes.secure_gs.anchors import Anchors
@@ -19,8 +17,6 @@ from gspure.schemes.secure_gs.networks import Networks
 from gspure.schemes.secure_gs.neural import Neural, neural
 from gspure.training.pytorch import torch
 from gspure.training.torch_bridge import TorchRenderer
-
-Float32 = NDArray[np.float32]
 
 VOLUME_WEIGHT: Final = 0.01
 """Weight of the active Gaussians' mean volume in each branch's loss (Scaffold-GS)."""
@@ -72,7 +68,7 @@ class Learner:
         return {n: {p: t.detach().numpy().copy() for p, t in net.items()} for n, net in self._branches[branch].items()}
 
     def differentiate(
-        self, branch: int, camera: Camera, rows: NDArray[np.intp], view: int, weight: float
+        self, branch: int, camera: Camera, rows: Indices, view: int, weight: float
     ) -> tuple[float, Neural, Float32]:
         """Add the gradients of a branch's loss to those of all parameters.
 
@@ -117,7 +113,7 @@ class Learner:
         self._optimizer.step()
         self._optimizer.zero_grad()
 
-    def replace_anchors(self, rows: NDArray[np.intp], new: Anchors) -> None:
+    def replace_anchors(self, rows: Indices, new: Anchors) -> None:
         """Keep the anchors `rows` and append new ones, whose moments start at zero."""
         after = joined(self.anchors.at(rows), new)
         self._positions = torch.from_numpy(after.positions)

@@ -1,17 +1,14 @@
 """The networks of Scaffold-GS: perceptrons with one hidden layer, as the state dicts in their files."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Float32
 from gspure.errors import InputError
 
-Float32 = NDArray[np.float32]
 Network = Mapping[str, Any]
 """State dict ``0.weight [H,I]``, ``0.bias [H]``, ``2.weight [O,H]``, ``2.bias [O]``: W_2 relu(W_0 x + b_0) + b_2."""
 

@@ -4,8 +4,6 @@ The formulas serve rendering and measuring with numpy and training with torch (`
 a network computes the offsets too (SecureGS, Eq. 4).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 

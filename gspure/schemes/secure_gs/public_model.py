@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import digest
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32
 from gspure.model import Gaussians, model_file, read_model, write_model
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
@@ -25,8 +26,6 @@ from gspure.schemes.secure_gs.visibility import visible_rows
 
 if TYPE_CHECKING:
     from gspure.schemes.secure_gs.learner import Learner
-
-Float32 = NDArray[np.float32]
 
 
 class AnchorModel(PublicModel):

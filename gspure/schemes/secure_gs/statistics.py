@@ -1,16 +1,13 @@
 """The statistics by which anchors grow and are pruned (Scaffold-GS, section 3.3)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Bools, Float32, Indices
 from gspure.schemes.secure_gs.neural import Neural
-
-Float32 = NDArray[np.float32]
 
 
 class Statistics:
@@ -39,7 +36,7 @@ class Statistics:
         self.opacities = np.zeros(count, np.float32)
         self.views = np.zeros(count, np.float32)
 
-    def add(self, rows: NDArray[np.intp], gaussians: Neural, norms: Float32) -> None:
+    def add(self, rows: Indices, gaussians: Neural, norms: Float32) -> None:
         """Add a view: the `rows` [V] of its anchors, their Gaussians (as arrays), the norms [A] of their gradients."""
         k = self.active_views.shape[1]
         self.views[rows] += 1
@@ -54,13 +51,13 @@ class Statistics:
         views = np.maximum(self.active_views, np.float32(1))
         return np.asarray(self.norms / views), np.asarray(self.centres / views[..., None])
 
-    def reset(self, gaussians: NDArray[np.bool_], anchors: NDArray[np.bool_]) -> None:
+    def reset(self, gaussians: Bools, anchors: Bools) -> None:
         """Zero the sums of these Gaussians [M,k] and these anchors [M]."""
         for sums in (self.norms, self.active_views, self.centres):
             sums[gaussians] = 0
         self.opacities[anchors] = self.views[anchors] = 0
 
-    def replace_anchors(self, rows: NDArray[np.intp], new: int) -> None:
+    def replace_anchors(self, rows: Indices, new: int) -> None:
         """Keep the sums of the anchors `rows` and append zeros for new ones."""
         for name, sums in vars(self).items():
             setattr(self, name, np.concatenate([sums[rows], np.zeros((new, *sums.shape[1:]), np.float32)]))

@@ -1,13 +1,11 @@
 """The training loop: each iteration renders one view of the scene and of the message from the same anchors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.opencl.device import Device
 from gspure.schemes.pair import Pair
@@ -25,8 +23,6 @@ VISIBLE_SHARE: Final = 0.8
 
 OPACITY_MIN: Final = 0.005
 """Anchors whose Gaussians' opacities have a lower sum, averaged over the views, are pruned (Scaffold-GS)."""
-
-Float32 = NDArray[np.float32]
 
 
 class Training:
@@ -139,7 +135,7 @@ class Training:
         room = max(0, self._max_anchors - len(anchors.positions))
         return grown(anchors.positions, candidates, self._voxel, anchors.k, room, self._rng)
 
-    def _masking(self, hidden: Float32, centres: Float32) -> NDArray[np.bool_]:
+    def _masking(self, hidden: Float32, centres: Float32) -> Bools:
         """Return the mask of the scene's Gaussians [M,k,3] in the region of growing hidden ones [C,3] (RDO)."""
         box = hidden_box(hidden, self._voxel) if self._density > 1 else None
         masking = inside(box, centres)

@@ -1,7 +1,5 @@
 """Visible anchors, by the rasterizer's rule for Gaussians, as in Scaffold-GS."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -9,12 +7,11 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, TILE
+from gspure.dtypes import Float64, Indices
 from gspure.model.rotations import rotation_matrices
 
-Float64 = NDArray[np.float64]
 
-
-def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scales: NDArray[Any]) -> NDArray[np.intp]:
+def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scales: NDArray[Any]) -> Indices:
     """Return the rows of the Gaussians [M] whose three-sigma square on the screen overlaps a tile of the image.
 
     (Scaffold-GS, ``prefilter_voxel``; the bounds of the 3DGS rasterizer.)

@@ -11,15 +11,13 @@ unchanged for b <= 23. The paper does not say how its integers represent numbers
 file stores them exactly.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float32 = NDArray[np.float32]
-Words = NDArray[np.uint32]
+from gspure.dtypes import Float32, UInt32
+
+Words = UInt32
 
 WORD: Final = 32
 SHIFT: Final = 17

@@ -5,8 +5,6 @@ quaternions and scales are shared; after the opacity mapping is fitted, the hidd
 mapped opacities, which extraction uses instead of the trained ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Final
 

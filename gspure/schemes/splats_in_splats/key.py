@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.artifacts import load_arrays, save_arrays
 from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
+from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.activations import LEAST_OPACITY, logit
@@ -30,8 +30,6 @@ from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Key
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.matching import adaptive_matches, exact_matches
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
-
-Float32 = NDArray[np.float32]
 
 ORACLE: Final = "message_oracle"
 

@@ -1,18 +1,16 @@
 """Which rows of the owner's original model the rows of an attacked one are."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.dtypes import Float64, Indices
 from gspure.model.gaussians import Gaussians
 from gspure.scenes.alignment import Similarity
 
-Float64 = NDArray[np.float64]
-Places = NDArray[np.intp]
+Places = Indices
 
 NEAR: Final = 1e-6
 """Largest distance of an unmoved row, as a share of the original's extent: text files are not exact. Ours."""

@@ -15,11 +15,10 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.constants import ADAM_BETA1, ADAM_BETA2
+from gspure.dtypes import Float32
 
-Float32 = NDArray[np.float32]
 Weights = tuple[Float32, ...]
 
 WIDTHS: Final = (1, 16, 32)

@@ -1,13 +1,10 @@
 """Joint training: one set of Gaussians, with one opacity and colour for the scene and another for the message."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
@@ -21,8 +18,6 @@ from gspure.schemes.pair import Capture, Pair
 from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import as_gaussians
 from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, Schedule, shuffled
-
-Float32 = NDArray[np.float32]
 
 REFINING: Final = LearningRates(0.0, 0.0, 0.0, 0.0, SH_DC_RATE, SH_REST_RATE)
 """Rates of `refine`: colours only."""
