@@ -10,6 +10,7 @@ from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from gspure.corruption import discard, missing_or_cut, set_aside
 from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary, unfinished
 from gspure.workflow.job_progress import COMMAND
+from gspure.workflow.options import profile_options
 
 # In that process: the failures of the first run. If a figure fails in it, a third process leaves this figure out, too.
 RUNS = list(filter(None, os.environ.get("GSPURE_FAILED_RUNS", "").split(os.pathsep)))
@@ -68,8 +69,8 @@ def summarize(run):
     local = ExecutorPluginRegistry().get_plugin("local").common_settings
     settings = shlex.split(workflow.spawned_job_args_factory.general_args(local))
     settings.remove("--no-hooks")
-    command = [sys.executable, "-m", "snakemake", *targets, "--snakefile", workflow.main_snakefile, *settings]
-    command += ["--cores", "all", "--keep-going", "--show-failed-logs", "--quiet", "host", "reason"]
+    command = [sys.executable, "-m", "snakemake", *targets, "--snakefile", workflow.main_snakefile]
+    command += [*profile_options(Path(workflow.basedir)), *settings]
     runs = os.pathsep.join([*RUNS, run])
     if SCREEN:
         SCREEN.close()

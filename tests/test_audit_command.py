@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import shlex
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -53,6 +55,31 @@ def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(fo
     assert "--dry-run" in words
     assert words[-3:] == ["--forcerun", "render_scene", "--cores"]
     assert not Path("results").exists()
+
+
+def test_snakemake_is_silent_about_the_default_profile_but_names_other_ones(folder):
+    def planned(*further):
+        command = [sys.executable, "-m", "gspure", "audit", "my model.ply", "--cameras", "orbit", "-n", *further]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stderr
+
+    assert "profile" not in planned()
+    Path("profiles/default").mkdir(parents=True)
+    Path("profiles/default/config.yaml").write_text("cores: 1\n")
+    assert "Using workflow specific profile" in planned()
+
+
+def test_the_options_of_the_default_profile_are_its_settings(folder, words):
+    assert main(["audit", "my model.ply", "--cameras", "orbit"]) == 0
+    parser = argparse.ArgumentParser()
+    for name in ("workflow-profile", "cores", "scheduler"):
+        parser.add_argument(f"--{name}")
+    for name in ("resources", "quiet"):
+        parser.add_argument(f"--{name}", nargs="+")
+    for name in ("keep-going", "rerun-incomplete", "show-failed-logs"):
+        parser.add_argument(f"--{name}", action="store_true")
+    options = vars(parser.parse_known_args(words)[0])
+    profile = yaml.safe_load((snakefile().parent / "profiles" / "default" / "config.yaml").read_text())
+    assert options == {"workflow_profile": "none"} | {name.replace("-", "_"): value for name, value in profile.items()}
 
 
 def test_a_dry_run_of_a_model_leaves_the_configuration_of_the_last_audit(folder, monkeypatch):

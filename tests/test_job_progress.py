@@ -18,11 +18,19 @@ class Terminal(io.StringIO):
 RUN = [
     (logging.INFO, "Building DAG of jobs...", {}),
     (logging.INFO, "Job stats", {"event": "run_info", "stats": {"attack_model": 3, "total": 3}}),
-    (logging.INFO, "", {"event": "job_info", "jobid": 4, "rule_msg": "Attacking a: crop", "rule_name": "attack_model"}),
+    (
+        logging.INFO,
+        "",
+        {"event": "job_info", "jobid": 4, "rule_msg": "Attacking a: crop", "rule_name": "attack_model", "log": []},
+    ),
     (logging.INFO, "", {"event": "job_finished", "job_id": 4}),
     (logging.INFO, "", {"event": "progress", "done": 1, "total": 3}),
     (logging.WARNING, "Low on [bold]disk", {}),
-    (logging.INFO, "", {"event": "job_info", "jobid": 2, "rule_msg": "Rendering a", "rule_name": "render_scene"}),
+    (
+        logging.INFO,
+        "",
+        {"event": "job_info", "jobid": 2, "rule_msg": "Rendering a", "rule_name": "render_scene", "log": []},
+    ),
     (logging.ERROR, "", {"event": "job_error", "jobid": 2, "log": ["results/logs/a.log"], "rule_name": "render_scene"}),
     (logging.ERROR, "Exiting because a job execution failed. Look above", {}),
     (logging.ERROR, "MissingInputException: a.ply", {"event": "error"}),
@@ -68,3 +76,12 @@ def test_quiet_shows_problems_only(monkeypatch):
 @pytest.mark.parametrize("message", ["Nothing to be done (all", "Terminating processes on user request"])
 def test_the_end_of_a_run_without_jobs_is_said(monkeypatch, message):
     assert shown(monkeypatch, io.StringIO(), records=[(logging.INFO, message, {})]).splitlines() == [message]
+
+
+def test_the_bar_shows_the_progress_of_the_newest_job(monkeypatch, tmp_path):
+    log = tmp_path / "surface.log"
+    log.write_text("device 0: pocl\nopacity field: 21 done in 47.8 s\nbisection: 2 of 8\nbisection: 3 of 8\nlast: of\n")
+    fields = {"event": "job_info", "jobid": 7, "rule_msg": "Measuring a", "rule_name": "measure", "log": [str(log)]}
+    text = shown(monkeypatch, Terminal(), records=[RUN[1], (logging.INFO, "", fields)])
+    assert "bisection: 3 of 8 (Measuring a)" in text
+    assert "2 of 8" not in text

@@ -14,6 +14,7 @@ from gspure.cli.options import add_cameras, add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
 from gspure.workflow.job_progress import COMMAND, SHOWN
+from gspure.workflow.options import DEFAULT_PROFILE, profile_options
 
 HELP = "run the whole workflow in the current folder: attack a model in many ways and write a report"
 EXAMPLES = """\
@@ -60,8 +61,11 @@ def run(args: Arguments) -> int:
 
 
 def _command(args: Arguments, configuration: Path) -> list[str]:
-    """Return the command line of Snakemake."""
-    options = ["--snakefile", str(snakefile()), "--configfile", str(configuration)]
+    """Return the command line of Snakemake; the default profile as options, unless another profile may be meant."""
+    workflow = snakefile()
+    options = ["--snakefile", str(workflow), "--configfile", str(configuration)]
+    if not (args.verbose or args.passed_on or any(Path(name).exists() for name in ("default", DEFAULT_PROFILE))):
+        options += profile_options(workflow.parent)
     options += ["--dry-run"] if args.dry_run else []
     options += ["--cores", str(args.cores)] if args.cores else []
     sys.stdout.flush()

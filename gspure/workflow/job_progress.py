@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+import re
 import sys
 import time
+from collections.abc import Sequence
 from datetime import timedelta
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gspure.progress import say, shows_bars
 
@@ -19,8 +22,22 @@ SHOWN: Final = "GSPURE_SHOWN"
 COMMAND: Final = "GSPURE_COMMAND"
 """Environment variable of `gspure audit`: its command line, which tries failed jobs again."""
 
+_PROGRESS: Final = re.compile(r"^.*: \d+ of \d+$", re.MULTILINE)
 _TOLD_BY_FAILURES: Final = ("Exiting because a job execution failed", "WorkflowError:\nAt least one job did not")
 _ALWAYS: Final = ("Nothing to be done", "Terminating processes")
+
+
+class Job(NamedTuple):
+    """A running job."""
+
+    message: str
+    logs: Sequence[str]
+
+    def __str__(self) -> str:
+        """Return the last line of progress in the job's logs, if there is one, and what it does."""
+        texts = (path.read_text(errors="replace") for path in map(Path, self.logs) if path.is_file())
+        lines = [line for text in texts for line in _PROGRESS.findall(text)]
+        return f"{lines[-1]} ({self.message})" if lines else self.message
 
 
 class JobProgress(logging.Handler):
@@ -28,7 +45,7 @@ class JobProgress(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__()
-        self._running: dict[int, str] = {}
+        self._running: dict[int, Job] = {}
         self._started = self._done = self._total = 0
         self._began = time.monotonic()
         self._bar: Progress | None = None
@@ -42,7 +59,7 @@ class JobProgress(logging.Handler):
                 self._bar = _started_bar(self._total) if shows_bars() else None
             case "job_info":
                 self._started += 1
-                self._running[fields["jobid"]] = fields["rule_msg"] or fields["rule_name"]
+                self._running[fields["jobid"]] = Job(fields["rule_msg"] or fields["rule_name"], fields["log"])
                 self._show_newest()
             case "job_finished":
                 self._running.pop(fields["job_id"], None)
@@ -50,8 +67,8 @@ class JobProgress(logging.Handler):
                 self._done, self._total = fields["done"], fields["total"]
                 self._show_newest(line=False)
             case "job_error":
-                job = self._running.pop(fields["jobid"], fields["rule_name"])
-                self._print(f"failed: {job} ({', '.join(fields['log'])})")
+                job = self._running.pop(fields["jobid"], Job(fields["rule_name"], ()))
+                self._print(f"failed: {job.message} ({', '.join(fields['log'])})")
             case None | "error":
                 text = record.getMessage()
                 if text.startswith(_ALWAYS) or (
@@ -69,10 +86,10 @@ class JobProgress(logging.Handler):
     def _show_newest(self, *, line: bool = True) -> None:
         newest = next(reversed(self._running.values()), None)
         if self._bar:
-            self._bar.update(self._bar.task_ids[0], completed=self._done, total=self._total, description=newest)
+            self._bar.update(self._bar.task_ids[0], completed=self._done, total=self._total, job=newest or "")
         elif line and newest:
             elapsed = timedelta(seconds=round(time.monotonic() - self._began))
-            say(f"job {self._started} of {self._total}, {elapsed}: {newest}")
+            say(f"job {self._started} of {self._total}, {elapsed}: {newest.message}")
 
     def _print(self, text: str) -> None:
         if self._bar:
@@ -86,10 +103,16 @@ def _started_bar(total: int) -> Progress:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
     from rich.table import Column
 
-    job = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
+    job = TextColumn("{task.fields[job]}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
     bar = Progress(
-        BarColumn(24), MofNCompleteColumn(), TextColumn("jobs"), TimeElapsedColumn(), job, console=Console(stderr=True)
+        BarColumn(24),
+        MofNCompleteColumn(),
+        TextColumn("jobs"),
+        TimeElapsedColumn(),
+        job,
+        console=Console(stderr=True),
+        refresh_per_second=2,
     )
-    bar.add_task("", total=total)
+    bar.add_task("", total=total, job="")
     bar.start()
     return bar
