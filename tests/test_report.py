@@ -316,6 +316,16 @@ def test_the_first_screen_answers_for_every_scheme_and_shows_it(tmp_path: Path, 
     assert evidence.count("<img") == 4
 
 
+def test_the_heading_asks_about_the_watermark_only_if_a_message_was_extracted(tmp_path: Path) -> None:
+    headings = {}
+    for name, outcomes in {"key": PLANTED, "no key": VANILLA, "both": PLANTED + VANILLA}.items():
+        write_report(tmp_path / "report.html", None, outcomes, survivals=survival(outcomes))
+        (headings[name],) = re.findall("<h1>(.*)</h1>", Page(tmp_path / "report.html").source)
+    assert "watermark" in headings["key"] == headings["both"]
+    assert "scene" in headings["no key"]
+    assert "watermark" not in headings["no key"]
+
+
 def test_without_a_key_the_first_screen_shows_what_was_removed_and_what_attacks_cost(tmp_path: Path) -> None:
     attacks = draw_attacks(tmp_path, "gspure")
     shutil.copytree(attacks.parents[1], folder := tmp_path / "vanilla" / "chair")

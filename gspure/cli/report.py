@@ -27,7 +27,7 @@ def add_arguments(parser: Parser) -> None:
     for option in ("--contest", "--survival", "--matched", "--costs"):
         parser.reads(option, "CSV", "from `gspure contest`", required=False)
     add_files(parser, _FILES)
-    parser.text("--title", "TITLE", "heading", "How robust is the watermark?")
+    parser.text("--title", "TITLE", "heading (default: what was measured)")
     parser.writes("--out", "HTML", "the page")
 
 

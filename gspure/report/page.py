@@ -82,7 +82,7 @@ class Comparison:
 
 def write_report(
     path: Path,
-    title: str,
+    title: str | None,
     outcomes: Sequence[Outcome],
     *,
     figures: Sequence[Path] = (),
@@ -97,12 +97,12 @@ def write_report(
 ) -> None:
     """Write the page, whole or not at all. It loads nothing from outside itself, and links the files of the run.
 
-    `outcomes` are all variants of all models. Figures (PNG, in display order, with captions in the ``.png.json`` beside
-    them), `viewers` (``viewer.json`` of `gspure figures model`) and `diagnoses` (``diagnosis.json`` of `gspure prune`,
-    ``hidden.json`` of `gspure hidden`) belong to the model whose scheme and scene are consecutive folders of their
-    path; figures in ``figures/SCHEME-PROTOCOL-INITIALIZATION`` belong to all models of the condition. Where the renders
-    of an ``attacks.png`` lie beside its folder, the page shows these instead. `links` are files to link, `records`
-    those of `gspure.artifacts.write_provenance` to list.
+    The default title says what was measured. `outcomes` are all variants of all models. Figures (PNG, in display order,
+    with captions in the ``.png.json`` beside them), `viewers` (``viewer.json`` of `gspure figures model`) and
+    `diagnoses` (``diagnosis.json`` of `gspure prune`, ``hidden.json`` of `gspure hidden`) belong to the model whose
+    scheme and scene are consecutive folders of their path; figures in ``figures/SCHEME-PROTOCOL-INITIALIZATION`` belong
+    to all models of the condition. Where the renders of an ``attacks.png`` lie beside its folder, the page shows these
+    instead. `links` are files to link, `records` those of `gspure.artifacts.write_provenance` to list.
 
     Raise `InputError` if a file cannot be read, or a figure or diagnosis belongs to none of the models.
     """
