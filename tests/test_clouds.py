@@ -1,5 +1,7 @@
 """The data behind pictures of point clouds: colours, ranks, legends."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -21,25 +23,30 @@ def hexadecimal(text: str) -> tuple[int, ...]:
     return tuple(bytes.fromhex(text[1:]))
 
 
-def test_the_largest_clusters_have_a_colour_each_smaller_ones_share_tints_and_noise_is_grey() -> None:
+def test_clusters_have_colours_by_size_pale_ones_if_they_are_kept_and_noise_is_grey() -> None:
     sizes = [30 - i for i in range(len(style.CLUSTERS) + 3)]
     labels = np.concatenate([np.repeat(np.arange(len(sizes)), sizes), [-1, -1]]).astype(np.int32)
     relabelled = np.where(labels < 0, -1, len(sizes) - 1 - labels).astype(np.int32)  # the largest comes last by number
     for named in (labels, relabelled):
-        cloud = cluster_cloud(np.zeros((len(labels), 3), np.float32), named)
-        starts = np.cumsum([0, *sizes])
-        assert [colour(cloud, i) for i in starts[: len(style.CLUSTERS)]] == [hexadecimal(c) for c in style.CLUSTERS]
-        assert colour(cloud, starts[len(style.CLUSTERS)]) == hexadecimal(style.tint(style.CLUSTERS[0], 0.5))
+        pruned = labels % 3 == 0  # not the noise
+        cloud = cluster_cloud(np.zeros((len(labels), 3), np.float32), named, pruned)
+        for cluster, start in enumerate(np.cumsum([0, *sizes[:-1]])):
+            base = hexadecimal(style.CLUSTERS[cluster % len(style.CLUSTERS)])
+            lighter = np.array(colour(cloud, start)) - base
+            assert (lighter == 0).all() if pruned[start] else lighter.sum() > 0
         assert colour(cloud, -1) == hexadecimal(style.NOISE)
+        text = " ".join(label for row in cloud.legend for label, _ in row)
+        fates = re.fullmatch("pruned:(.*)kept \\(pale\\):(.*)noise:.*", text).groups()
+        assert all(f"{size / len(labels):.1%}" in fates[i % 3 > 0] for i, size in enumerate(sizes[:9]))
 
 
 @settings(deadline=None)
-@given(arrays(np.int32, st.integers(1, 60), elements=st.integers(-1, 14)))
-def test_shares_in_the_legend_of_clusters_add_up(labels: np.ndarray) -> None:
+@given(arrays(np.int32, st.integers(1, 60), elements=st.integers(-1, 14)), st.integers(1, 4))
+def test_shares_in_the_legend_of_clusters_add_up(labels: np.ndarray, period: int) -> None:
     _, labels = np.unique(np.append(labels, -1), return_inverse=True)  # dense, with noise
     labels = (labels - 1).astype(np.int32)
-    legend = [entry for row in cluster_cloud(np.zeros((len(labels), 3), np.float32), labels).legend for entry in row]
-    shares = [float(label.rpartition(" ")[2].rstrip("%")) for label, _ in legend]
+    cloud = cluster_cloud(np.zeros((len(labels), 3), np.float32), labels, labels % period == 0)
+    shares = [float(label.split()[-1].rstrip("%")) for row in cloud.legend for label, _ in row if label.endswith("%")]
     assert sum(shares) == pytest.approx(100, abs=0.05 * len(shares) + 1e-9)
 
 

@@ -11,7 +11,7 @@ from PIL import Image
 from gspure.artifacts import save_array
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
-from gspure.figures import gallery, portrait, splats, style
+from gspure.figures import clouds, gallery, portrait, splats, style
 from gspure.images import write_image
 from gspure.method.clustering.store import Clusters, write_clusters
 from gspure.model import write_model
@@ -27,7 +27,7 @@ PNG = b"\x89PNG\r\n"
 @pytest.fixture
 def evidence(monkeypatch: pytest.MonkeyPatch) -> gallery.Evidence:
     monkeypatch.setattr(gallery, "PICTURE_WIDTH", 120)
-    monkeypatch.setattr(gallery, "THIRD_WIDTH", 120)
+    monkeypatch.setattr(gallery, "PAGE_WIDTH", 480)
     labels = np.repeat([-1, 0, 1, -1], 100).astype(np.int32)
     weights = np.where(np.arange(400) < 50, 0, RNG.random(400)).astype(np.float32)
     return gallery.Evidence(BALL, labels, weights, weights < 0.1, hidden=weights[::-1].copy())
@@ -42,7 +42,7 @@ def test_without_opengl_all_figures_are_drawn_and_say_why(
     clouds = ("clusters", "ranks", "kept", "hidden")
     expected = {f"{name}{suffix}" for name in clouds for suffix in (".png", ".gltf", ".vtp")}
     expected |= {f"{path}.json" for path in expected if path.endswith((".gltf", ".vtp"))}
-    expected |= {"purification.png", "weights.png"}
+    expected |= {"purification.png", "weights.png", "weights.svg", "weights.svg.json"}
     assert {path.name for path in (tmp_path / "figures").iterdir()} == expected
     assert {path.stem for path in captions} == {*clouds, "purification", "weights"}
     for path, caption in captions.items():
@@ -66,6 +66,24 @@ def test_without_a_message_its_figures_are_left_out(tmp_path: Path, evidence) ->
     assert {path.stem for path in unmarked} == {"clusters", "ranks", "kept", "weights"}
 
 
+def test_a_purification_begins_with_a_render_from_the_viewpoint_of_its_clouds(tmp_path: Path, evidence, monkeypatch):
+    plates, rendered = {}, []
+    monkeypatch.setattr(gallery, "write_plate", lambda path, *rest: plates.update({path.stem: rest}))
+
+    def render(view):
+        rendered.append(view)
+        return np.full((view.height, view.width, 3), 0.5)
+
+    gallery.draw(tmp_path, evidence, view=replace(camera(), width=40, height=30), render=render)
+    (view,) = rendered
+    (picture, *others), clouds_shown, titles = plates["purification"]
+    assert (picture == 128).all()
+    assert {other.shape for other in others} == {picture.shape} == {(view.height, view.width, 3)}
+    assert len(titles) == len(clouds_shown) == 4
+    gallery.draw(tmp_path, evidence, view=camera())
+    assert plates["purification"][2] == titles[1:]
+
+
 def test_a_fully_pruned_model_is_drawn(tmp_path: Path, evidence) -> None:
     gallery.draw(tmp_path, replace(evidence, pruned=np.ones(400, np.bool_)))
     assert (tmp_path / "purification.png").read_bytes().startswith(PNG)
@@ -85,7 +103,7 @@ def test_splats_show_clusters_in_their_colours_and_the_pruned_rows_alone(tmp_pat
     splats.write_splats(tmp_path / "splats.png", model, [camera()], labels, pruned.astype(bool))
     model_image, clusters, alone = images
     passing = Renderer(blobs(40)).transmittance(camera())[..., None]
-    colour = style.rgb(style.CLUSTERS[0]) / 255
+    colour = style.rgb(style.tint(style.CLUSTERS[0], clouds._PALE)) / 255  # of a kept cluster
     np.testing.assert_allclose(clusters, (1 - passing) * colour + passing, atol=1e-3)
     assert (alone == 1).all()
     splats.write_splats(tmp_path / "splats.png", model, [camera()], labels - 1, ~pruned.astype(bool))

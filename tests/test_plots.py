@@ -162,4 +162,25 @@ def test_charts_survive_extreme_outcomes(tmp_path: Path, value: float) -> None:
         tradeoff.write_tradeoff(tmp_path / "tradeoff.png", [*ordinary, extreme])
     psnr = {"scene": Interval(value, value, value, 0.0, 1), "message": Interval(20, -np.inf, np.inf, 0.0, 1)}
     factors.write_factor_curves(tmp_path / "f.png", [factors.Point((4.0, 4.0), psnr)], (4.0, 4.0))
-    assert {path.stem for path in tmp_path.iterdir()} == {"outcomes", "tradeoff", "f"}
+    assert {path.name.partition(".")[0] for path in tmp_path.iterdir()} == {"outcomes", "tradeoff", "f"}
+
+
+def test_charts_are_also_vector_graphics_and_pictures_are_not(tmp_path: Path) -> None:
+    scene = np.zeros((8, 10, 3), np.float32)
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        plots.write_outcomes(folder / "outcomes.png", [outcome("unattacked", 30, 30), outcome("gspure", 29, 12.5)])
+        panels.write_panels(folder / "panels.png", {"truth": {"a": scene}}, ["a"], difference=False)
+    a, b = (folder.joinpath("outcomes.svg") for folder in (tmp_path / "a", tmp_path / "b"))
+    assert "<svg" in a.read_text()
+    assert "<image" not in a.read_text()
+    assert a.read_bytes() == b.read_bytes()
+    assert not (tmp_path / "a" / "panels.svg").exists()
+
+
+@pytest.mark.parametrize("damage", [0.5, 9.0])
+def test_the_trade_off_marks_where_its_axis_becomes_logarithmic(tmp_path: Path, drawn, damage: float) -> None:
+    tradeoff.write_tradeoff(tmp_path / "t.png", [outcome("unattacked", 30, 30), outcome("gspure", 30 - damage, 12)])
+    (axes,) = drawn[0].axes
+    breaks = [text.xy[0] for text in axes.texts if text.get_text() == "//"]
+    assert breaks == ([tradeoff.LINEAR] if damage > tradeoff.LINEAR else [])
+    assert ("logarithmic" in axes.get_xlabel()) == (damage > tradeoff.LINEAR)

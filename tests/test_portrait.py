@@ -112,7 +112,7 @@ def test_vtp_holds_points_colours_and_scalars(tmp_path: Path) -> None:
     import pyvista as pv
 
     labels = RNG.integers(-1, 4, 400).astype(np.int32)
-    cloud = cluster_cloud(BALL, labels)
+    cloud = cluster_cloud(BALL, labels, labels == 2)
     export.write_vtp(tmp_path / "clusters.vtp", cloud)
     mesh = pv.read(tmp_path / "clusters.vtp")
     assert np.array_equal(mesh.points, BALL)

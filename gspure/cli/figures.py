@@ -16,6 +16,8 @@ from gspure.errors import InputError
 if TYPE_CHECKING:
     from gspure.cameras import Camera
 
+_WHITE = (1.0, 1.0, 1.0)
+
 HELP = "draw figures: point clouds and weights, renderings side by side, outcomes, sweeps, trade-offs"
 EXAMPLES = """\
   gspure figures model --model point_cloud.ply --weights weights.npy --clusters clusters.npz \\
@@ -49,7 +51,7 @@ def _add_model(parser: Parser) -> None:
     parser.writes(
         "--out",
         "DIR",
-        "folder for clusters, ranks, kept (and hidden) as .png, .gltf and .vtp, weights.png (and "
+        "folder for clusters, ranks, kept (and hidden) as .png, .gltf and .vtp, weights as .png and .svg (and "
         "purification.png), with cameras splats.png, viewer.json for the report; each .png has its caption in "
         ".png.json",
     )
@@ -113,9 +115,10 @@ def _draw_model(args: Arguments) -> Drawn:
     view = _named(cameras, args.view, args.cameras) if args.view else None
     sh_dc = model.columns(*COLOUR) if model.sh_degree >= 0 else None
     write_viewer(args.out / "viewer.json", evidence, world_axes(model.means, cameras), sh_dc)
-    captions = draw(args.out, evidence, cameras, view)
-    if cameras and public.visible:
-        splat = splats(args.out, public, cameras, labels, evidence.pruned, read_device(args))
+    device = read_device(args) if cameras and public.visible else None
+    captions = draw(args.out, evidence, cameras, view, public.scene(device, _WHITE) if device else None)
+    if device:
+        splat = splats(args.out, public, cameras, labels, evidence.pruned, device)
         splat.draw()
         captions[splat.path] = splat.caption
     names = ("model", "weights", "clusters", "hidden", "cameras")

@@ -52,7 +52,7 @@ _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 """Folders of renders, with the target of their metrics."""
 
 _FIGURES = ("before_after", "clusters", "ranks", "kept", "splats", "weights")
-_SUFFIXES = (".png", ".gltf", ".gltf.json", ".vtp", ".vtp.json")
+_SUFFIXES = (".png", ".svg", ".svg.json", ".gltf", ".gltf.json", ".vtp", ".vtp.json")
 _SHOWN = 3
 """Number of views in the before/after figure."""
 

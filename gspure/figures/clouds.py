@@ -19,7 +19,8 @@ from gspure.method.pruning import deciding_weights
 
 _STEPS = 256  # of a scale
 
-_TINT = 0.5  # share of white in the colours of small clusters
+_PALE = 0.55  # share of white in the colours of kept clusters
+_LEGEND = 7  # entries in a row
 
 Legend = tuple[tuple[tuple[str, str], ...], ...]
 
@@ -36,8 +37,8 @@ class Scale:
 class Cloud:
     """A coloured point cloud: world coordinates [N,3] and sRGB colours [N,3].
 
-    `scalars` [N] are the data behind the colours, for export. The rows of the legend are labels with their colours; it
-    is empty if there is a `scale` of continuous colours.
+    `scalars` [N] are the data behind the colours, for export. The rows of the legend are labels with their colours,
+    ``none`` for words alone; it is empty if there is a `scale` of continuous colours.
     """
 
     points: Float32
@@ -72,28 +73,38 @@ def weight_cloud(means: Float32, weights: Float32) -> Cloud:
     return Cloud(means, colours, {"weight": weights}, scale=scale)
 
 
-def cluster_cloud(means: Float32, labels: Int32) -> Cloud:
-    """Colour each Gaussian by its cluster: a colour for each of the largest, tints for others, grey for noise."""
-    coloured = len(style.CLUSTERS)
-    palette = [style.rgb(c) for c in (*style.CLUSTERS, *(style.tint(c, _TINT) for c in style.CLUSTERS), style.NOISE)]
-    sizes = np.bincount(labels[labels != NOISE_LABEL])
+def cluster_cloud(means: Float32, labels: Int32, pruned: Bools) -> Cloud:
+    """Colour each Gaussian by its cluster, pale if the cluster is kept; noise is grey.
+
+    The largest clusters have a colour each, which smaller ones use again. `pruned` [K] is true for all of a cluster or
+    for none of it.
+    """
+    hues = len(style.CLUSTERS)
+    pale = [style.tint(colour, _PALE) for colour in style.CLUSTERS]
+    palette = np.array([style.rgb(colour) for colour in (*style.CLUSTERS, *pale, style.NOISE)])
+    clustered = labels != NOISE_LABEL
+    sizes = np.bincount(labels[clustered])
+    kept = np.bincount(labels[clustered & pruned], minlength=len(sizes)) == 0
     entry = np.empty(len(sizes) + 1, np.intp)  # of the palette, by label; the noise label -1 is the last one
     largest_first = np.argsort(-sizes, kind="stable")
-    order = np.arange(len(sizes))
-    entry[largest_first] = np.where(order < coloured, order, coloured + order % coloured)
+    entry[largest_first] = np.arange(len(sizes)) % hues + hues * kept[largest_first]
     entry[NOISE_LABEL] = -1
-    return Cloud(means, np.array(palette)[entry[labels]], {"cluster": labels}, _cluster_legend(sizes, len(labels)))
+    legend = _cluster_legend(sizes[largest_first], kept[largest_first], max(len(labels), 1))
+    return Cloud(means, palette[entry[labels]], {"cluster": labels}, legend)
 
 
-def _cluster_legend(sizes: Indices, total: int) -> Legend:
-    sizes = np.sort(sizes)[::-1]
-    coloured = len(style.CLUSTERS)
-    first = tuple((f"{n / total:.1%}", colour) for n, colour in zip(sizes, style.CLUSTERS, strict=False))
-    second = [(f"noise: {1 - sizes.sum() / max(total, 1):.1%}", style.NOISE)]
-    if len(sizes) > coloured:
-        rest = f"{len(sizes) - coloured} smaller clusters (tints): {sizes[coloured:].sum() / total:.1%}"
-        second.insert(0, (rest, style.tint(style.CLUSTERS[0], _TINT)))
-    return (first, tuple(second)) if first else (tuple(second),)
+def _cluster_legend(sizes: Indices, kept: Bools, total: int) -> Legend:
+    """Return rows of pruned and of kept clusters, from the largest, and of noise; words have no colour."""
+    hues = len(style.CLUSTERS)
+    rows: list[tuple[tuple[str, str], ...]] = []
+    for fate, share, chosen in (("pruned", 0.0, ~kept), ("kept (pale)", _PALE, kept)):
+        entries = [(f"{fate}:", "none")] * bool(chosen.any())
+        largest = np.flatnonzero(chosen[:hues])
+        entries += [(f"{sizes[i] / total:.1%}", style.tint(style.CLUSTERS[i], share)) for i in largest]
+        if rest := np.count_nonzero(chosen[hues:]):
+            entries.append((f"{rest} smaller: {sizes[hues:][chosen[hues:]].sum() / total:.1%}", "none"))
+        rows += [tuple(entries[i : i + _LEGEND]) for i in range(0, len(entries), _LEGEND)]
+    return (*rows, ((f"noise: {1 - sizes.sum() / total:.1%}", style.NOISE),))
 
 
 def rank_cloud(
@@ -113,7 +124,7 @@ def rank_cloud(
     first = np.cumsum(count) - count
     rank = (first + (count - 1) / 2)[tie] / max(len(means) - 1, 1)
     scalars = {"rank": rank.astype(np.float32), "weight": weights}
-    scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), ("lowest", "rank of the mean weight", "highest"))
+    scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), ("lowest", "rank", "highest"))
     return Cloud(means, _colour_map(rank), scalars, scale=scale)
 
 

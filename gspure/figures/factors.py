@@ -36,12 +36,12 @@ def curve(points: Sequence[Point], axis: int, method: tuple[float, float]) -> li
 
 
 def write_factor_curves(path: Path, points: Sequence[Point], method: tuple[float, float]) -> None:
-    """Write a panel for each factor and target as a PNG; a ring marks `method`, the tau_n and tau_c of the method.
+    """Write a panel for each factor and target, as PNG and SVG; a ring marks `method`, its tau_n and tau_c.
 
     All points have the same targets.
     """
     targets = [target for target in (SCENE, MESSAGE) if all(target in point.psnr for point in points)]
-    with style.page(path, style.COLUMN, 0.45 + 1.05 * len(targets)) as figure:
+    with style.page(path, style.COLUMN, 0.45 + 1.05 * len(targets), vector=True) as figure:
         grid = figure.subplots(len(targets), 2, sharex="col", sharey="row", squeeze=False)
         for row, target in zip(grid, targets, strict=True):
             for axis, axes in enumerate(row):

@@ -13,14 +13,15 @@ from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
 from gspure.dtypes import Bools, Float32, Int32
 from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud
 from gspure.figures.export import write_gltf, write_vtp
-from gspure.figures.plate import PICTURE_WIDTH, THIRD_WIDTH, write_plate
+from gspure.figures.plate import PAGE_WIDTH, PICTURE_WIDTH, write_plate
 from gspure.figures.plots import write_weight_histogram
 from gspure.figures.portrait import portrait
 from gspure.figures.probe import gl_problem
 from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
+from gspure.public_model import RenderView
 
-TITLES: Final = ("message before pruning", "rank of the weight", "message after pruning")
-"""Titles of the three clouds of a purification."""
+TITLES: Final = ("model", "message before pruning", "rank of the weight", "message after pruning")
+"""Titles of the render and the three clouds of a purification."""
 
 _RANKS: Final = (
     "Rows ranked by the mean weight of their cluster or, outside clusters, by their weight, each times its pruning "
@@ -55,24 +56,33 @@ class Drawing(NamedTuple):
 
 
 def draw(
-    folder: Path, evidence: Evidence, cameras: Sequence[Camera] = (), view: Camera | None = None
+    folder: Path,
+    evidence: Evidence,
+    cameras: Sequence[Camera] = (),
+    view: Camera | None = None,
+    render: RenderView | None = None,
 ) -> dict[Path, str]:
     """Draw all `drawings`; return their captions."""
     captions = {}
-    for drawing in drawings(folder, evidence, cameras, view):
+    for drawing in drawings(folder, evidence, cameras, view, render):
         drawing.draw()
         captions[drawing.path] = drawing.caption
     return captions
 
 
 def drawings(
-    folder: Path, evidence: Evidence, cameras: Sequence[Camera] = (), view: Camera | None = None
+    folder: Path,
+    evidence: Evidence,
+    cameras: Sequence[Camera] = (),
+    view: Camera | None = None,
+    render: RenderView | None = None,
 ) -> Iterator[Drawing]:
     """Yield every figure of a model.
 
     They write ``clusters``, ``ranks``, ``kept`` and, of a model with a message, ``hidden``, each as .png, .gltf and
-    .vtp, and ``weights.png``. ``purification.png`` follows the paper's Fig. 6: the message before pruning, the ranks,
-    and the message after pruning. Without OpenGL, numpy draws the clouds, and their captions say so.
+    .vtp, and ``weights`` as .png and .svg. ``purification.png`` follows the paper's Fig. 6: the model, if there is a
+    function to `render` it, the message before pruning, the ranks, and the message after pruning, all from one
+    viewpoint. Without OpenGL, numpy draws the clouds, and their captions say so.
 
     The model's views, `cameras`, determine the up direction and whether to look from outside or from within, unless
     `view` is the viewpoint.
@@ -95,8 +105,13 @@ def drawings(
 
     def draw_purification(hidden: Float32) -> None:
         clouds = [cloud.subset(thinned(len(cloud))) for cloud in _purification(evidence, hidden)]
-        pictures = [portrait(cloud, fitted(eye(), THIRD_WIDTH), opengl=problem is None) for cloud in clouds]
-        write_plate(folder / "purification.png", pictures, clouds, TITLES)
+        count = len(clouds) + (render is not None)
+        camera = fitted(eye(), PAGE_WIDTH // count)
+        pictures = [portrait(cloud, camera, opengl=problem is None) for cloud in clouds]
+        if render:
+            pictures.insert(0, np.rint(255 * render(camera).clip(0, 1)).astype(np.uint8))
+            clouds.insert(0, Cloud(evidence.means[:0], np.empty((0, 3), np.uint8), {}))
+        write_plate(folder / "purification.png", pictures, clouds, TITLES[-count:])
 
     for name, make, caption in _clouds(evidence):
         path = folder / f"{name}.png"
@@ -113,8 +128,8 @@ def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]
     means, labels, rows = evidence.means, evidence.labels, evidence.rows
     clusters = int(labels.max(initial=NOISE_LABEL)) + 1
     caption = f"{clusters} clusters of the {len(means):,} {rows}, by HDBSCAN on position, opacity and weight."
-    caption += " The legend gives their shares; noise is grey."
-    yield "clusters", partial(cluster_cloud, means, labels), caption
+    caption += " The legend gives their shares. Kept clusters are pale, noise is grey."
+    yield "clusters", partial(cluster_cloud, means, labels, evidence.pruned), caption
     yield "ranks", partial(ranks, evidence), _RANKS
     caption = f"{evidence.pruned.sum():,} of {len(means):,} {rows} are pruned."
     yield "kept", partial(kept_cloud, means, evidence.pruned), caption

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 PICTURE_WIDTH: Final = round(style.COLUMN * style.DPI)
 """Width in pixels of a picture in a column, without resampling."""
 
-THIRD_WIDTH: Final = round(style.PAGE / 3 * style.DPI)
-"""Width in pixels of one of three pictures across the page."""
+PAGE_WIDTH: Final = round(style.PAGE * style.DPI)
+"""Width in pixels of all pictures across the page."""
 
 _ROW: Final = 0.15  # height of a row of the legend, inches
 _TITLE: Final = 0.2  # height of a title
@@ -52,10 +52,12 @@ def _draw_legend(figure: SubFigure, legend: Legend, share: float) -> None:
 
 
 def _draw_scale(figure: SubFigure, scale: Scale, share: float) -> None:
-    axes = figure.add_axes((0.15, 0.6 * share, 0.7, 0.18 * share))
+    axes = figure.add_axes((0.06, 0.6 * share, 0.88, 0.18 * share))
     axes.imshow(scale.colours[None], aspect="auto")
     axes.set_yticks([])
     axes.spines[:].set_visible(False)
     last = len(scale.colours) - 1
     axes.set_xticks([0, last / 2, last], list(scale.words))
+    axes.get_xticklabels()[0].set_horizontalalignment("left")
+    axes.get_xticklabels()[-1].set_horizontalalignment("right")
     axes.tick_params(length=0, pad=2)

@@ -32,7 +32,7 @@ def write_weight_histogram(
     tau_n: float,
     rows: str = "Gaussians",
 ) -> None:
-    """Write a histogram of the weights [K], with a separate bar for zero and thresholds at mean / tau.
+    """Write a histogram of the weights [K], with a separate bar for zero and thresholds at mean / tau, as PNG and SVG.
 
     The share of the `pruned` rows, bool [K], in every bar is coloured. The number of negative and non-finite weights is
     a label. `rows` are Gaussians or anchors.
@@ -46,7 +46,7 @@ def write_weight_histogram(
     if zero.any():
         ticks[low - 3 * step] = "0"
 
-    with style.page(path, style.COLUMN, 2.0) as figure:
+    with style.page(path, style.COLUMN, 2.0, vector=True) as figure:
         axes = figure.add_subplot()
         keys: list[Artist] = []
         below, below_zero = np.zeros(_BINS), 0.0
@@ -92,7 +92,7 @@ def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> lis
 
 
 def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
-    """Write scene and message PSNR of every variant of one model as bars in a PNG.
+    """Write scene and message PSNR of every variant of one model as bars, as PNG and SVG.
 
     Beside them is the Score or, of a model without a message, the share of the rows that the attack removed.
     """
@@ -100,7 +100,7 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
     targets = [t for t in (SCENE, MESSAGE) if any(t in o.targets for o in shown)]
     thickness = 0.72 / len(targets) if targets else 0
     rows = np.arange(len(shown))
-    with style.page(path, style.COLUMN, 0.6 + 0.27 * len(shown)) as figure:
+    with style.page(path, style.COLUMN, 0.6 + 0.27 * len(shown), vector=True) as figure:
         axes = figure.add_subplot()
         for i, target in enumerate(targets):
             values = np.array([o.targets[target].psnr if target in o.targets else np.nan for o in shown])

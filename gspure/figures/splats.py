@@ -20,7 +20,8 @@ from gspure.opencl.device import Device
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 
-TITLES: Final = ("model", "clusters (grey: in none)", "pruned rows alone")
+TITLES: Final = ("model", "clusters", "pruned rows alone")
+_TITLE: Final = 11  # points, legible on a phone
 _WIDEST: Final = 640  # pixels of a view
 _FAINT: Final = -2.0  # logit of the highest opacity of rows outside clusters
 _WHITE: Final = (1.0, 1.0, 1.0)
@@ -39,7 +40,8 @@ def splats(
     views = split(cameras)[1] or [*cameras]
     path, shown = folder / "splats.png", views[:: -(-len(views) // 2)]
     caption = (
-        "The model; the same with a colour per cluster, and noise faint; only the rows that GSPure prunes, over white."
+        "The model; its clusters, pale if GSPure keeps them, with noise in faint grey; only the rows that GSPure "
+        "prunes, over white."
     )
     return Drawing(path, caption, partial(write_splats, path, model, shown, labels, pruned, device))
 
@@ -56,12 +58,12 @@ def write_splats(
 
     Rows outside clusters are faint; clusters have the colours of `gspure.figures.clouds.cluster_cloud`.
     """
-    colours = (cluster_cloud(model.model.means, labels).colours / 255).astype(np.float32)
+    colours = (cluster_cloud(model.model.means, labels, pruned).colours / 255).astype(np.float32)
     aspect = sum(view.height / view.width for view in views)
-    with style.page(path, style.PAGE, aspect * style.PAGE / len(TITLES) + 0.16 * len(views) + 0.2) as figure:
+    with style.page(path, style.PAGE, aspect * style.PAGE / len(TITLES) + 0.16 * len(views) + 0.26) as figure:
         grid = figure.subplots(len(views), len(TITLES), squeeze=False)
         for axes, title in zip(grid[0], TITLES, strict=True):
-            axes.set_title(title, pad=3)
+            axes.set_title(title, pad=4, fontsize=_TITLE)
         for view, row in zip(views, grid, strict=True):
             width = min(view.width, _WIDEST)
             camera = view.resized(width, max(round(view.height * width / view.width), 1))

@@ -1,4 +1,4 @@
-"""The common style of all figures: sizes, fonts, colours, and writing of PNG files."""
+"""The common style of all figures: sizes, fonts, colours, and writing of PNG and SVG files."""
 
 from __future__ import annotations
 
@@ -75,6 +75,7 @@ _RC: Final[dict[str, Any]] = {
     "legend.handlelength": 1.2,
     "legend.columnspacing": 0.7,
     "axes.titlesize": 7,
+    "svg.hashsalt": "gspure",
     "figure.constrained_layout.h_pad": 0.02,
     "figure.constrained_layout.w_pad": 0.02,
     "figure.constrained_layout.hspace": 0.0,
@@ -84,18 +85,29 @@ _RC: Final[dict[str, Any]] = {
 
 @contextmanager
 def page(
-    path: Path, width: float, height: float, layout: Literal["constrained"] | None = "constrained"
+    path: Path,
+    width: float,
+    height: float,
+    layout: Literal["constrained"] | None = "constrained",
+    *,
+    vector: bool = False,
 ) -> Iterator[Figure]:
-    """Yield an empty figure of this size in inches, and write it as the PNG `path` after the block."""
+    """Yield an empty figure of this size in inches, and write it as the PNG `path` after the block.
+
+    A `vector` figure, a chart without pictures, is also written as an SVG beside it.
+    """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     with mpl.rc_context(_RC):
         figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="white")
         yield figure
+        # Without these entries, the bytes depend neither on matplotlib's version nor on the date.
         with replacing(path) as temporary:
-            # Without the Software entry, the bytes do not depend on matplotlib's version.
-            figure.savefig(temporary, metadata={"Software": None})
+            figure.savefig(temporary, format="png", metadata={"Software": None})
+        if vector:
+            with replacing(path.with_suffix(".svg"), checksum=True) as temporary:
+                figure.savefig(temporary, format="svg", metadata={"Creator": None, "Date": None})
 
 
 def rgb(colour: str) -> UInt8:

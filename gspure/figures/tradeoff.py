@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby, product
 from pathlib import Path
 from textwrap import shorten
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -52,7 +52,7 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
 
 
 def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None = None) -> list[Place]:
-    """Write the variants of one scheme as named points of a PNG; return those on the front, by damage.
+    """Write the variants of one scheme as named points, as PNG and SVG; return those on the front, by damage.
 
     `floor`, the mean over the scenes of the highest control in dB (`gspure.evaluation.survival.floor`), is drawn as a
     line.
@@ -61,7 +61,7 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
     damage, residual = [place.damage for place in listed], [place.residual for place in listed]
     on_front = pareto_front(damage, residual)
     front = [place for place, chosen in zip(listed, on_front, strict=True) if chosen]
-    with style.page(path, style.COLUMN, 2.7) as figure:
+    with style.page(path, style.COLUMN, 2.7, vector=True) as figure:
         axes = figure.add_subplot()
         axes.plot(damage, residual, "o", color=style.FAINT, markersize=2.4, label="attack")
         line = [(place.damage, place.residual) for place in front]
@@ -74,7 +74,6 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
         if floor is not None:
             axes.axhline(floor, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="floor (highest control)")
         _scale(axes, damage, damages(name for place in listed for name in place.variants))
-        axes.set_xlabel("drop of the scene's PSNR (dB)")
         axes.set_ylabel("PSNR of the message (dB)")
         figure.legend(loc="outside upper center", ncols=3)
         figure.draw_without_rendering()  # places the axes
@@ -91,6 +90,12 @@ def _scale(axes: Axes, damage: Sequence[float], marked: Sequence[float]) -> None
     shown = [tick for tick in _TICKS if tick <= right]
     axes.set_xticks(shown, [f"{tick:g}" for tick in shown])
     axes.minorticks_off()
+    label = "drop of the scene's PSNR (dB)"
+    if most > LINEAR:
+        label += f", logarithmic above {LINEAR:g}"
+        place: dict[str, Any] = {"xycoords": axes.get_xaxis_transform(), "ha": "center", "va": "center"}
+        axes.annotate("//", (LINEAR, 0), fontsize=6, bbox={"color": "white", "pad": 0.3}, **place)
+    axes.set_xlabel(label)
     for matched in marked:
         axes.axvline(matched, color=style.tint(style.FAINT, 0.7), linewidth=0.4, zorder=0)
 

@@ -92,7 +92,7 @@ def _clouds(evidence: Evidence, sh_dc: Float32 | None) -> Iterator[tuple[str, Cl
     means, labels, weights = evidence.means, evidence.labels, evidence.weights
     if sh_dc is not None:
         yield "colour", colour_cloud(means, sh_dc)
-    yield "cluster", cluster_cloud(means, labels)
+    yield "cluster", cluster_cloud(means, labels, evidence.pruned)
     yield "rank", ranks(evidence)
     yield "weight", weight_cloud(means, weights)
     yield "pruned", kept_cloud(means, evidence.pruned)

@@ -26,7 +26,7 @@ from gspure.report.templates import render
 _FIGURES: Final = "figures"  # the folder of those that show all models of a condition
 _LINEUP: Final = "attacks"
 _TRADEOFF: Final = "tradeoff"
-_CLOUDS: Final = ("purification", "clusters", "ranks", "kept", "hidden")  # what the viewer shows
+_CLOUDS: Final = ("clusters", "ranks", "kept", "hidden")  # what the viewer shows
 
 
 @dataclass(frozen=True)

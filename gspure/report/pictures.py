@@ -17,7 +17,7 @@ from gspure.images import opened
 
 _WIDEST: Final = 1400  # pixels of an embedded figure
 _RENDER: Final = 560  # and of a render
-_FORMATS: Final = (".png", ".glb", ".gltf", ".vtp")
+_FORMATS: Final = (".png", ".svg", ".glb", ".gltf", ".vtp")
 
 
 class Link(NamedTuple):
@@ -41,7 +41,7 @@ class Picture:
     """Whether it is as wide as a page rather than a column."""
 
     files: list[Link]
-    """The figure itself, and what holds the same in 3-D."""
+    """The figure itself, as a vector graphic if there is one, and what holds the same in 3-D."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def link(file: Path, page: Path) -> Link:
 
 
 def companions(file: Path, page: Path) -> list[Link]:
-    """Return links from a page to a PNG figure and to the files that hold the same in 3-D."""
+    """Return links from a page to a PNG figure and to the files that hold the same, as vectors or in 3-D."""
     return [link(path, page) for suffix in _FORMATS if (path := file.with_suffix(suffix)).exists()]
 
 
