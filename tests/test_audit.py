@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from gspure.cli import main
 from gspure.evaluation.comparison import RENDER
 from gspure.evaluation.contest import contest
+from gspure.evaluation.intervals import Interval
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.results import write_results
-from gspure.evaluation.statistics import Interval
 from gspure.evaluation.survival import MARGIN, survival
 from gspure.report.audit import ALLOWED, SIGNIFICANT, Audit, audits
 from gspure.report.templates import cost, db, listed, render, say, size

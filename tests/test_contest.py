@@ -17,8 +17,8 @@ from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest, 
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.matched import Matched, match
 from gspure.evaluation.results import write_results
-from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.evaluation.survival import survival
+from gspure.evaluation.tradeoff import MATCHED_DAMAGES
 from gspure.report.tables import conditions_markdown, other_attacks_table, survival_table
 from tests.contest_cases import attacked, benchmark, outcome
 

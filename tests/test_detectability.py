@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.evaluation.statistics import detectability
+from gspure.evaluation.significance import detectability
 
 VALUES = st.lists(st.integers(0, 6).map(float) | st.just(np.inf), min_size=1, max_size=8)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from gspure.errors import InputError
-from gspure.evaluation.statistics import LEVEL, by_scene, differences, mean_interval
+from gspure.evaluation.intervals import LEVEL, by_scene, differences, mean_interval
 
 DECIBELS = st.floats(-30, 30, allow_subnormal=False)
 SCENES = st.lists(st.lists(DECIBELS, min_size=1, max_size=3), min_size=1, max_size=9)

@@ -11,9 +11,9 @@ from gspure.evaluation.contest import contest
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.matched import Matched, match, reached_name, variant_at, wanted_damage
 from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.statistics import MATCHED_DAMAGES
 from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import survival
+from gspure.evaluation.tradeoff import MATCHED_DAMAGES
 from gspure.report.tables import condition_tables, conditions_markdown, matched_table, model_table, summary_table
 from tests.contest_cases import BEFORE, benchmark, measured
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
+from gspure.evaluation.intervals import Interval
 from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.statistics import Interval
 from gspure.figures import factors, lineup, panels, plots, style, tradeoff
 from tests.contest_cases import measured
 

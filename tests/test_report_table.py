@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.evaluation.statistics import Interval
+from gspure.evaluation.intervals import Interval
 from gspure.report.table import Cell, Column, Row, Table, interval, markdown_document, plain, signed
 from gspure.report.templates import render
 

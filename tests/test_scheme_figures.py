@@ -8,8 +8,8 @@ import pytest
 from matplotlib.text import Text
 
 from gspure.cli import main
+from gspure.evaluation.intervals import Interval
 from gspure.evaluation.results import write_results
-from gspure.evaluation.statistics import Interval
 from gspure.evaluation.survival import survival
 from gspure.figures.factors import Point, curve, write_factor_curves
 from gspure.figures.plots import write_outcomes

@@ -15,10 +15,17 @@ from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import REQUIRED, hide
 from gspure.schemes.secure_gs import SCHEME
 from gspure.schemes.secure_gs.anchors import Anchors
-from gspure.schemes.secure_gs.density import NEIGHBOURS, hidden_box, inside
 from gspure.schemes.secure_gs.embedding import first_anchors
 from gspure.schemes.secure_gs.files import HIDDEN
-from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidates, grown
+from gspure.schemes.secure_gs.growing import (
+    CELLS,
+    GRADIENT_THRESHOLD,
+    NEIGHBOURS,
+    Candidates,
+    grown,
+    hidden_box,
+    inside,
+)
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.schedule import AnchorSchedule
 from gspure.schemes.secure_gs.statistics import Statistics, screen_norms

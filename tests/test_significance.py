@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.evaluation.statistics import holm, paired_test
-from gspure.evaluation.statistics.significance import DRAWS
+from gspure.evaluation.significance import DRAWS, holm, paired_test
 
 DIFFERENCES = st.lists(st.integers(-20, 20).map(float), min_size=2, max_size=7)
 

@@ -15,8 +15,7 @@ from gspure.model.rotations import principal_axes, rotation_matrices
 from gspure.public_model import PublicModel
 from gspure.reference.opacity_field import opacity_field
 from gspure.surface.distances import INVISIBLE, depth_distances, face_points, mesh_distances
-from gspure.surface.filter import filter_sizes, filtered
-from gspure.surface.meshing import extract_mesh
+from gspure.surface.meshing import extract_mesh, filter_sizes, filtered
 from gspure.surface.tetrahedra import box_points, march
 from tests.anchor_cases import random_public
 from tests.models import blobs, camera, gaussians, tilted_camera

@@ -12,7 +12,7 @@ from gspure.errors import InputError
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.retrieval import Retrieval
-from gspure.evaluation.statistics import detectability
+from gspure.evaluation.significance import detectability
 from gspure.evaluation.survival import MARGIN, Survival, floor, not_embedded, survival
 from gspure.report.audit import audits
 from tests.contest_cases import BEFORE, CONTROLS, attacked, benchmark, measured, outcome

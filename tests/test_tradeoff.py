@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.evaluation.statistics import matched_message_drop, pareto_front
+from gspure.evaluation.tradeoff import matched_message_drop, pareto_front
 
 POINTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=1, max_size=12)
 SWEEP = ([0.0, 0.5, 1.0, 2.0], [0.0, 4.0, 6.0, 10.0])  # scene drop, message drop

@@ -1,4 +1,4 @@
-"""Attacks that remove rows: GSPure and others, each with its own strength."""
+"""Attacks that remove rows: GSPure and others, and the controls that they are compared with."""
 
 from typing import Any, Final
 
@@ -79,6 +79,36 @@ def gof(model: Gaussians, _rng: Rng, surface: Float32, *, tolerance: float = TOL
     return Attacked.without(model, ~(surface <= tolerance))
 
 
+def unattacked(model: Gaussians, _rng: Rng) -> Attacked:
+    """Return the model itself, byte for byte."""
+    return Attacked(model, np.arange(len(model)), len(model))
+
+
+def plain_weight(model: Gaussians, _rng: Rng, weights: Float32, *, tau: float = TAU_N) -> Attacked:
+    """Remove the rows with ω_k < ω̄ / `tau`: GSPure without clusters."""
+    return Attacked.without(model, plain_prune_mask(weights, tau))
+
+
+def plain_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, tau: float = TAU_N) -> Attacked:
+    """Remove the rows with α_k < ᾱ / `tau`."""
+    return Attacked.without(model, plain_prune_mask(opacities, tau))
+
+
+def random_matched(model: Gaussians, rng: Rng, prune_mask: Bools) -> Attacked:
+    """Remove as many rows as GSPure does, at random."""
+    return Attacked.without(model, random_mask(len(model), int(prune_mask.sum()), rng))
+
+
+def lowest_weight_matched(model: Gaussians, _rng: Rng, weights: Float32, prune_mask: Bools) -> Attacked:
+    """Remove as many rows as GSPure does, in ascending order of ω_k."""
+    return Attacked.without(model, lowest_mask(weights, int(prune_mask.sum())))
+
+
+def lowest_opacity_matched(model: Gaussians, _rng: Rng, opacities: Float32, prune_mask: Bools) -> Attacked:
+    """Remove as many rows as GSPure does, in ascending order of α_k."""
+    return Attacked.without(model, lowest_mask(opacities, int(prune_mask.sum())))
+
+
 def random_mask(count: int, removed: int, rng: Rng) -> Bools:
     """Return a mask [count] that is true at exactly `removed` random places; masks of one seed are nested."""
     mask = np.zeros(count, np.bool_)
@@ -93,6 +123,16 @@ def lowest_mask(values: NDArray[Any], removed: int) -> Bools:
     return mask
 
 
+CONTROLS = named(
+    {
+        unattacked: None,
+        plain_weight: TAUS,
+        plain_opacity: TAUS,
+        random_matched: None,
+        lowest_weight_matched: None,
+        lowest_opacity_matched: None,
+    }
+)
 ATTACKS = (
     *named({gspure: None}),
     Attack("gspure_scaled", gspure_scaled, strength=Strength("scale", 100.0, 0.01, "log"), sweep="gspure"),

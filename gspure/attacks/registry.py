@@ -1,12 +1,12 @@
 """All attacks by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.attacks``)."""
 
-from gspure.attacks import appearance, compression, controls, geometry, learning, noise, pruning, rows
+from gspure.attacks import appearance, compression, geometry, learning, noise, pruning, rows
 from gspure.attacks.attack import EVIDENCE, PUBLIC, Attack
 from gspure.errors import InputError
 from gspure.plugins import registered
 
 BUILT_IN = (
-    *controls.ATTACKS,
+    *pruning.CONTROLS,
     *pruning.ATTACKS,
     *noise.ATTACKS,
     *appearance.ATTACKS,

@@ -14,7 +14,7 @@ from gspure.dtypes import Float32, Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import finite_mean
 from gspure.evaluation.metrics import psnr
-from gspure.evaluation.statistics import DAMAGE_TOLERANCE
+from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE
 from gspure.images import read_back
 from gspure.public_model import PublicModel
 

@@ -83,8 +83,8 @@ def _draw_sweep(args: Arguments) -> Drawn:
 
 
 def _draw_tradeoff(args: Arguments) -> Drawn:
+    from gspure.evaluation.intervals import known_interval
     from gspure.evaluation.names import display_name
-    from gspure.evaluation.statistics import known_interval
     from gspure.evaluation.survival import floor
     from gspure.figures.tradeoff import LINEAR, places, write_tradeoff
 

@@ -75,8 +75,7 @@ def _from_mesh(args: Arguments, public: PublicModel, views: Sequence[Camera], de
     from gspure.errors import InputError
     from gspure.model.points import write_mesh_ply
     from gspure.surface.distances import mesh_distances
-    from gspure.surface.filter import filtered
-    from gspure.surface.meshing import extract_mesh
+    from gspure.surface.meshing import extract_mesh, filtered
 
     if not public.rows_are_gaussians:
         hint = "the Gaussians of anchors depend on the view; use method depth"

@@ -4,9 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
+from gspure.evaluation.intervals import Cells, Interval, differences, mean_interval
 from gspure.evaluation.matched import Drops, Point, Sweeps, completed, curves, damages
 from gspure.evaluation.outcomes import GSPURE, SCENE, UNATTACKED, Condition, Outcome, by_condition, is_picture, ordered
-from gspure.evaluation.statistics import Cells, Interval, differences, holm, mean_interval, paired_test
+from gspure.evaluation.significance import holm, paired_test
 
 Quantity = Literal["score", "message_drop", "scene_drop"]
 SCORE: Final = "score"

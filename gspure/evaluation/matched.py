@@ -9,16 +9,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.evaluation.intervals import Interval, by_scene, mean_interval
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, by_condition, ordered
-from gspure.evaluation.statistics import (
-    DAMAGE_TOLERANCE,
-    MATCHED_DAMAGES,
-    Interval,
-    by_scene,
-    matched_message_drop,
-    mean_interval,
-)
+from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE, MATCHED_DAMAGES, matched_message_drop
 
 Sweeps = Mapping[str, Sequence[str]]
 """Names of attacks, with the variants that are this attack at several strengths."""

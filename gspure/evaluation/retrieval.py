@@ -10,7 +10,7 @@ from gspure.dtypes import Float32, Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import Pair
 from gspure.evaluation.metrics import gradient_correlation
-from gspure.evaluation.statistics import detectability
+from gspure.evaluation.significance import detectability
 from gspure.images import read_image
 
 CHANCE: Final = 0.05

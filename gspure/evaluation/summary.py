@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from gspure.evaluation.intervals import Interval, known_interval
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, ordered
 from gspure.evaluation.paper import read_cells
 from gspure.evaluation.paper.cells import TARGETS
 from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
-from gspure.evaluation.statistics import Interval, known_interval
 
 
 class Summary(NamedTuple):

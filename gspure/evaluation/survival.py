@@ -8,19 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
+from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, known_interval, mean_interval
 from gspure.evaluation.matched import reached_name
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, is_picture, ordered
-from gspure.evaluation.statistics import (
-    Cells,
-    Detectability,
-    Interval,
-    by_scene,
-    detectability,
-    differences,
-    known_interval,
-    mean_interval,
-)
+from gspure.evaluation.significance import Detectability, detectability
 
 MARGIN: Final = 1.0
 """Smallest margin above the floor at which a message counts as present, dB. Our choice."""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from gspure.evaluation.intervals import Interval
 from gspure.evaluation.outcomes import MESSAGE, SCENE
-from gspure.evaluation.statistics import Interval
 from gspure.figures import style
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 from gspure.evaluation.matched import damages, reached_name
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
-from gspure.evaluation.statistics import pareto_front
+from gspure.evaluation.tradeoff import pareto_front
 from gspure.figures import style
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ from math import inf, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.contest import SCORE, Contest
+from gspure.evaluation.intervals import Interval, known_interval
 from gspure.evaluation.outcomes import (
     GSPURE,
     MESSAGE,
@@ -21,9 +22,9 @@ from gspure.evaluation.outcomes import (
     is_picture,
     ordered,
 )
-from gspure.evaluation.statistics import MATCHED_DAMAGES, Interval, known_interval
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival
+from gspure.evaluation.tradeoff import MATCHED_DAMAGES
 
 RANDOM: Final = "random_matched"
 """The attack that removes as many rows as GSPure, at random: GSPure has an effect only if it does better."""

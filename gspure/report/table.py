@@ -6,8 +6,8 @@ from math import isfinite, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.csv_tables import csv_text
+from gspure.evaluation.intervals import LEVEL, Interval
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.statistics import LEVEL, Interval
 
 UNKNOWN: Final = "–"
 

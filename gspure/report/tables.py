@@ -9,6 +9,7 @@ from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.costs import AttackCost
+from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import Matched, reached_name
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
@@ -24,7 +25,6 @@ from gspure.evaluation.outcomes import (
     ordered,
 )
 from gspure.evaluation.paper import Beside
-from gspure.evaluation.statistics import Interval
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.report.table import (

@@ -7,10 +7,10 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from gspure.evaluation.intervals import Interval
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import is_picture
-from gspure.evaluation.statistics import Interval
 from gspure.evaluation.survival import Survival
 from gspure.report import table
 

@@ -1,4 +1,7 @@
-"""The opacity field O(x) of a model, and its level set as a mesh (Yu et al. 2024, Gaussian Opacity Fields)."""
+"""The opacity field O(x) of a model, and its level set as a mesh (Yu et al. 2024, Gaussian Opacity Fields).
+
+The 3-D filter of Mip-Splatting and GOF first limits Gaussians to the sampling rate of the views.
+"""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
@@ -7,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras import Camera
-from gspure.dtypes import Bools, Float32
+from gspure.cameras.camera import points_shown
+from gspure.dtypes import Bools, Float32, Float64
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.model.points import Mesh
@@ -25,8 +29,44 @@ HALVINGS: Final = 8
 LEVEL: Final = 0.5
 """Opacity of the surface (GOF)."""
 
+FILTER_MARGIN: Final = 0.15
+"""Extension of the image beyond its edges, as a share of its size (GOF)."""
+
+FILTER_VARIANCE: Final = 0.2
+"""Of the filter, in squared pixels of the nearest view (Yu et al. 2024, Mip-Splatting)."""
+
 _CHUNK = 1 << 20
 """Points per evaluation."""
+
+
+def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
+    """Return the filter's standard deviation [K] in world units, by each Gaussian's nearest view.
+
+    A Gaussian that no view shows gets the largest of all.
+
+    Raise `InputError` if no view shows a Gaussian.
+    """
+    nearest = np.full(len(model), np.inf)
+    for camera in cameras:
+        rows, positions = points_shown(camera, model.means, FILTER_MARGIN)
+        nearest[rows] = np.minimum(nearest[rows], positions[:, 2])
+    visible = np.isfinite(nearest)
+    if not visible.any():
+        raise InputError("cameras", "views", expected="a view of the model", found="no Gaussian in any view")
+    focal = max(camera.K[0, 0] for camera in cameras)
+    return np.asarray(np.sqrt(FILTER_VARIANCE) / focal * np.where(visible, nearest, nearest[visible].max()))
+
+
+def filtered(model: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
+    """Return the model with its filter applied: scales s' = sqrt(s^2 + f^2), the same opacities.
+
+    GOF, which trains with the filter, also multiplies opacities by det s / det s'. Models trained with 3DGS's dilation,
+    which keeps opacities, would become transparent where their Gaussians are flat.
+    """
+    squared = np.square(filter_sizes(model, cameras))[:, None]
+    stored = model.columns("scale_0", "scale_1", "scale_2").astype(np.float64)
+    scales = 0.5 * np.logaddexp(2 * stored, np.log(squared))
+    return model.with_columns({f"scale_{axis}": scales[:, axis] for axis in range(3)})
 
 
 def opaque(model: Gaussians) -> Bools:
@@ -37,7 +77,7 @@ def opaque(model: Gaussians) -> Bools:
 def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | None = None) -> Mesh:
     """Return the surface O(x) = 1/2 in the views of `cameras`.
 
-    The model has its 3-D filter applied (`gspure.surface.filter.filtered`). Raise `InputError` if the views show too
+    The model has its 3-D filter applied (`filtered`). Raise `InputError` if the views show too
     few Gaussians for a tetrahedron, or none that is half opaque.
     """
     points = box_points(model[opaque(model)])

@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
+from gspure.evaluation.intervals import Interval, mean_interval
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, PSNR, SCORE, TARGETS, Cell
-from gspure.evaluation.statistics import Interval, mean_interval
 
 Means = Mapping[tuple[str, str, str], float]
 """PSNR by scheme, variant and target, mean over scenes."""

@@ -58,7 +58,7 @@ def embed(
     message_weight : float
         Share of the message's loss; that of the scene is 1.
     density : float
-        r_down of the region-aware density optimization (`gspure.schemes.secure_gs.density`); 1 switches it off.
+        r_down of the region-aware density optimization (`gspure.schemes.secure_gs.growing`); 1 switches it off.
 
     Raises
     ------

@@ -1,4 +1,10 @@
-"""Anchor growing: new anchors in empty voxels around Gaussians with large gradients (Scaffold-GS, section 3.3)."""
+"""Anchor growing: new anchors in empty voxels around Gaussians with large gradients (Scaffold-GS, section 3.3).
+
+With region-aware density optimization (RDO, SecureGS), the scene's anchors grow denser around the hidden object.
+DBSCAN finds the region where the hidden branch has large gradients. Inside its bounding box, the scene's threshold for
+growing is divided by r_down, so that the density of anchors does not reveal the object's shape. The paper does not give
+the parameters of the clustering; ours.
+"""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import Float32
+from gspure.dtypes import Bools, Float32
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
 
 GRADIENT_THRESHOLD: Final = 2e-4
@@ -14,6 +20,12 @@ GRADIENT_THRESHOLD: Final = 2e-4
 
 CELLS: Final = (16, 4, 1)
 """Sides of a new anchor's cell, in voxels, from the first level to the last (Scaffold-GS)."""
+
+NEIGHBOURS: Final = 10
+"""DBSCAN's min_samples. Ours."""
+
+REACH: Final = 16
+"""DBSCAN's eps in voxels: the side of the largest cell of a new anchor. Ours."""
 
 _BITS = 21
 
@@ -85,3 +97,20 @@ def _keys(cells: NDArray[np.floating]) -> NDArray[np.int64]:
     half = 1 << (_BITS - 1)
     x, y, z = (np.clip(cells, -half, half - 1).astype(np.int64) + half).T
     return np.asarray((x << (2 * _BITS)) | (y << _BITS) | z)
+
+
+def hidden_box(positions: Float32, voxel: float) -> tuple[Float32, Float32] | None:
+    """Return the lowest and highest corner [3] of the clusters in `positions` [C,3]; None without clusters."""
+    from sklearn.cluster import DBSCAN
+
+    if len(positions) < NEIGHBOURS:
+        return None
+    clustered = positions[DBSCAN(eps=REACH * voxel, min_samples=NEIGHBOURS).fit(positions).labels_ >= 0]
+    return (clustered.min(axis=0), clustered.max(axis=0)) if len(clustered) else None
+
+
+def inside(box: tuple[Float32, Float32] | None, positions: Float32) -> Bools:
+    """Return the mask of the positions [...,3] in the box."""
+    if box is None:
+        return np.zeros(positions.shape[:-1], bool)
+    return np.asarray(((positions >= box[0]) & (positions <= box[1])).all(axis=-1))

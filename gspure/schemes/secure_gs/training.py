@@ -10,8 +10,7 @@ from gspure.errors import InputError
 from gspure.opencl.device import Device
 from gspure.schemes.pair import Pair
 from gspure.schemes.secure_gs.anchors import Anchors
-from gspure.schemes.secure_gs.density import hidden_box, inside
-from gspure.schemes.secure_gs.growing import GRADIENT_THRESHOLD, Candidates, grown
+from gspure.schemes.secure_gs.growing import GRADIENT_THRESHOLD, Candidates, grown, hidden_box, inside
 from gspure.schemes.secure_gs.learner import Learner
 from gspure.schemes.secure_gs.networks import Networks
 from gspure.schemes.secure_gs.schedule import AnchorSchedule

@@ -1,4 +1,7 @@
-r"""Bootstrap intervals of a mean over scenes and seeds.
+r"""Numbers by scene and seed, and bootstrap intervals of their means.
+
+The scene is the unit everywhere. Views of a scene and seeds of one embedding share the scene and are not independent,
+so they are averaged within scenes, resampled within scenes, and change their signs together.
 
 Scenes are drawn with replacement, then seeds within each drawn scene (Efron and Tibshirani 1993, §8; Davison and
 Hinkley 1997, §3.8). The second draw counts the spread between seeds twice, so the intervals are slightly too wide.
@@ -16,13 +19,14 @@ is less than 95 %; the range is then returned with that probability.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.evaluation.statistics.cells import Cells, Groups, by_scene, checked
+from gspure.dtypes import Float64
+from gspure.errors import InputError
 
 LEVEL: Final = 0.95
 """Nominal coverage of an interval."""
@@ -31,6 +35,11 @@ RESAMPLES: Final = 10_000
 """Ours. The tails of six scenes then hold some 20 resamples."""
 
 SEED: Final = 0
+
+Cells = Mapping[tuple[str, int], float]
+"""A number for every (scene, seed)."""
+
+Groups = list[Float64]
 
 
 class Interval(NamedTuple):
@@ -51,6 +60,32 @@ class Interval(NamedTuple):
     def excludes_zero(self) -> bool:
         """Whether all of the interval has one sign; below six scenes, whether all scenes have it."""
         return self.low > 0 or self.high < 0
+
+
+def by_scene(cells: Cells) -> Groups:
+    """Return one array per scene with the values of its seeds; scenes and seeds in sorted order."""
+    scenes: dict[str, list[float]] = {}
+    for scene, seed in sorted(cells):
+        scenes.setdefault(scene, []).append(cells[scene, seed])
+    return [np.array(values, np.float64) for values in scenes.values()]
+
+
+def differences(a: Cells, b: Cells) -> Groups:
+    """Return ``a - b`` for the cells of both, as one array per scene."""
+    return by_scene({cell: a[cell] - b[cell] for cell in a.keys() & b.keys()})
+
+
+def checked(values: Sequence[ArrayLike]) -> Groups:
+    """Return the values in a canonical order, so that equal data gives equal bits in any order of scenes and seeds.
+
+    Raise `InputError` if there is no scene, a scene has no value, or a value is not finite.
+    """
+    groups = [np.sort(np.asarray(group, np.float64).ravel()) for group in values]
+    if not groups or not all(group.size for group in groups):
+        raise InputError("statistics", "values", expected="at least one per scene", found=f"{list(map(len, groups))}")
+    if not all(np.isfinite(group).all() for group in groups):
+        raise InputError("statistics", "values", expected="finite numbers", found=f"{[g.tolist() for g in groups]}")
+    return sorted(groups, key=lambda group: (group.mean(), *group))
 
 
 def mean_interval(values: Sequence[ArrayLike]) -> Interval:
