@@ -6,14 +6,15 @@ import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import read_json, replacing, write_json
-from gspure.artifacts.checksums import record_checksum
+from gspure.artifacts import read_json, replacing, verify, write_json
+from gspure.artifacts.checksums import file_checksum, record_checksum
 from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
 
@@ -28,7 +29,7 @@ MOST_PIXELS: Final = 1 << 27
 """A compressed file of any size may claim any number of pixels; no camera takes as many. Ours."""
 
 RENDERED: Final = "rendered.json"
-"""Record of the views that a folder of images has to hold, and of how they were rendered."""
+"""Record of the images that a folder has to hold, and of how they were rendered."""
 
 _STDERR: Final = 2
 
@@ -39,12 +40,14 @@ logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks o
 def opened(path: str | Path) -> Iterator[ImageFile]:
     """Open an image; its pixels are not decoded.
 
-    Raise `InputError` if the file is missing or none of `FORMATS`, or has more than `MOST_PIXELS`; or the block
-    fails.
+    Raise `InputError` if the file is missing or none of `FORMATS`, differs from its record or that of its folder, or
+    has more than `MOST_PIXELS`; or the block fails.
     """
     from PIL import Image
 
     with reading(path, "an image"):
+        verify(Path(path))
+        _require_recorded(Path(path))
         with Image.open(str(path), formats=FORMATS) as image:
             image.verify()  # compares the checksums of a PNG; decoding does not
         with Image.open(str(path), formats=FORMATS) as image:
@@ -119,36 +122,79 @@ def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
 
 
 def record_views(
-    folder: Path, views: Mapping[str, Sequence[float]], background: Sequence[float] = (), energy: str = ""
+    folder: Path,
+    views: Mapping[str, Sequence[float]],
+    background: Sequence[float] = (),
+    energy: str = "",
+    embedding: str = "",
 ) -> None:
-    """Write the record of a finished folder of images: its views, each with the numbers of its camera, if known.
+    """Write the record of a finished folder of images: their sizes and checksums, and their cameras' numbers, if known.
 
-    Renders of a scene also have their background and energy.
+    Renders of a scene also have their background and energy, and the embedding of the model
+    (`gspure.artifacts.embedding_of`), if it has one.
     """
-    colour = " ".join(f"{round(channel, 4):g}" for channel in background)  # as exact as a model's comment
-    record = {"views": {name: [*views[name]] for name in sorted(views)}, "background": colour, "energy": energy}
+    names = sorted(views)
+    record = {
+        "views": {name: [*views[name]] for name in names},
+        "bytes": {name: (folder / f"{name}.png").stat().st_size for name in names},
+        "crc32": {name: file_checksum(folder / f"{name}.png") for name in names},
+        "background": " ".join(f"{round(channel, 4):g}" for channel in background),  # as exact as a model's comment
+        "energy": energy,
+        "embedding": embedding,
+    }
     write_json(folder / RENDERED, {**record, "record": record_checksum(record)})
 
 
-def _recorded(folder: Path) -> dict[str, Any]:
+def _recorded(folder: Path) -> Mapping[str, Any]:
     """Return the record of a folder of images; one of no views if it has none."""
     file = folder / RENDERED
     if not file.is_file():
-        return {"views": {}}
+        return {"views": {}, "bytes": {}, "crc32": {}}
+    stat = file.stat()
+    return _read_record(file, (stat.st_mtime_ns, stat.st_ino, stat.st_size))
+
+
+@lru_cache(maxsize=16)
+def _read_record(file: Path, _state: tuple[int, ...]) -> Mapping[str, Any]:
     record = read_json(file)
     match record:
-        case {"views": dict(), "record": str(checksum)} if checksum == record_checksum(record):
-            return {**record}
+        case {"views": dict(), "bytes": dict(), "crc32": dict(), "record": str(checksum)}:
+            if checksum == record_checksum(record):
+                return {**record}
     raise InputError(file, "record", expected="the views of a finished folder", found="a corrupt record")
 
 
 def require_all_images(folder: Path) -> None:
-    """Refuse a folder that lacks the image of a view in its record; a folder without a record passes."""
-    views = _recorded(folder)["views"]
-    if missing := [view for view in views if not (folder / f"{view}.png").is_file()]:
-        found = f"all but {len(missing)}: {missing[0]}.png" + ", ..." * (len(missing) > 1)
+    """Refuse a folder that lacks the image of a view in its record, or whose image has another size; none is read.
+
+    A folder without a record passes.
+    """
+    record = _recorded(folder)
+    images = {view: folder / f"{view}.png" for view in record["views"]}
+    if missing := [path.name for path in images.values() if not path.is_file()]:
+        found = f"all but {len(missing)}: {missing[0]}" + ", ..." * (len(missing) > 1)
         hint = f"render them again; if deleted on purpose, delete {RENDERED} too"
-        raise InputError(folder, "images", expected=f"all {len(views)} views", found=found, hint=hint)
+        raise InputError(folder, "images", expected=f"all {len(images)} views", found=found, hint=hint)
+    for view, path in images.items():
+        if (size := path.stat().st_size) != record["bytes"].get(view):
+            raise _replaced(path, f"{record['bytes'].get(view)} bytes", f"{size} bytes")
+
+
+def _require_recorded(path: Path) -> None:
+    """Refuse an image that differs from the checksum in the record of its folder; without one, it passes."""
+    expected = _recorded(path.parent)["crc32"].get(path.stem) if path.suffix == ".png" else None
+    if expected and (found := file_checksum(path)) != expected:
+        raise _replaced(path, f"CRC-32 {expected}", found)
+
+
+def _replaced(path: Path, expected: str, found: str) -> InputError:
+    hint = f"corrupt or replaced; render it again, or delete {RENDERED} if it was replaced on purpose"
+    return InputError(path, "content", expected=f"{expected}, as in {RENDERED}", found=found, hint=hint)
+
+
+def shown_embedding(folder: Path) -> str:
+    """Return the embedding of the model that images show (`gspure.artifacts.embedding_of`); empty if unknown."""
+    return str(_recorded(folder).get("embedding", ""))
 
 
 def background_of(*folders: Path) -> tuple[float, ...]:
@@ -173,7 +219,7 @@ def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
 
 
 def require_intact(path: Path) -> None:
-    """Refuse an image that disagrees with its checksums, as PNG files have them."""
+    """Refuse an image that disagrees with its own checksums, as PNG files have them, or with that in its record."""
     with opened(path):
         pass
 

@@ -112,9 +112,10 @@ class PublicModel:
         """Read a model's .ply, or its folder, and the files beside the .ply."""
         return cls(read_model(path))
 
-    def write(self, path: Path) -> None:
-        """Write the .ply and the files beside it."""
+    def write(self, path: Path) -> list[Path]:
+        """Write the .ply and the files beside it; return all of them."""
         write_model(path, self.model)
+        return [path]
 
     def with_model(self, model: Gaussians) -> Self:
         """Return the same model with other rows, such as attacked ones."""

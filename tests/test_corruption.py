@@ -101,6 +101,10 @@ def test_renders_that_lack_an_image_are_missing_one():
         write_image(SCENE / "renders" / f"{view}.png", np.zeros((2, 2, 3)))
     record_views(SCENE / "renders", {"b": [], "a": []})
     assert missing_or_cut() == {}
+    (SCENE / "renders" / "b.png").write_bytes((SCENE / "renders" / "a.png").read_bytes() + b"longer")
+    (problem,) = missing_or_cut().items()
+    assert problem[0] == SCENE / "renders"
+    assert "b.png: content: expected" in problem[1]
     (SCENE / "renders" / "b.png").unlink()
     (problem,) = missing_or_cut().items()
     assert problem[0] == SCENE / "renders"

@@ -7,9 +7,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from gspure.artifacts import write_provenance
 from gspure.cameras.photographs import photograph_size
 from gspure.errors import InputError
-from gspure.images import read_image, write_image
+from gspure.evaluation.detector import read_marks
+from gspure.images import read_image, record_views, require_intact, write_image
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -177,3 +179,25 @@ def test_a_failed_write_leaves_the_old_image(tmp_path):
         write_image(tmp_path / "a.png", np.ones((2, 2, 7)))
     assert read_image(tmp_path / "a.png").tolist() == np.ones((2, 2, 3)).tolist()
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_an_image_replaced_by_another_is_refused_wherever_its_folder_has_a_record(tmp_path):
+    for name, level in (("before", 0.2), ("after", 0.4)):
+        write_image(tmp_path / name / "view.png", np.full((4, 4, 3), level))
+        record_views(tmp_path / name, {"view": []})
+    image = tmp_path / "after" / "view.png"
+    image.write_bytes((tmp_path / "before" / "view.png").read_bytes())
+    for read in (read_image, require_intact, lambda _: read_marks("echo", image.parent, "", 60)):
+        with pytest.raises(InputError, match=r"view.png: content: expected CRC-32 [0-9a-f]{8}, as in rendered.json"):
+            read(image)
+    (tmp_path / "after" / "rendered.json").unlink()
+    assert read_image(image).mean() == pytest.approx(0.2)
+
+
+def test_a_figure_that_differs_from_its_record_is_refused(tmp_path):
+    write_image(tmp_path / "figure.png", np.zeros((4, 4, 3)))
+    write_provenance(tmp_path / "figure.png", inputs={}, settings={})
+    write_image(tmp_path / "other.png", np.ones((4, 4, 3)))
+    (tmp_path / "figure.png").write_bytes((tmp_path / "other.png").read_bytes())
+    with pytest.raises(InputError, match=r"figure.png: content: expected CRC-32"):
+        require_intact(tmp_path / "figure.png")

@@ -254,6 +254,9 @@ def test_a_figure_of_an_unknown_model_is_refused(tmp_path: Path, figures: list[P
 
 def test_a_figure_that_is_not_an_image_is_refused(tmp_path: Path, figures: list[Path]) -> None:
     figures[0].write_bytes(b"half a file")
+    with pytest.raises(InputError, match=r"kept.png: content: expected CRC-32"):
+        write_report(tmp_path / "report.html", "Title", PLANTED, figures=figures)
+    figures[0].with_name("kept.png.json").unlink()
     with pytest.raises(InputError, match=r"kept.png: file: expected an image"):
         write_report(tmp_path / "report.html", "Title", PLANTED, figures=figures)
 

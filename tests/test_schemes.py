@@ -10,7 +10,7 @@ import pytest
 from numpy.lib.recfunctions import repack_fields
 
 from gspure import plugins
-from gspure.artifacts import load_array, read_json, save_array, write_provenance
+from gspure.artifacts import load_array, read_json, record_of, save_array, write_provenance
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -244,8 +244,9 @@ class Mirrored(PublicModel):
         return super().opacities(cameras) / 2
 
     def write(self, path):
-        super().write(path)
-        path.with_name("mirror.txt").write_text("beside the model")
+        written = [*super().write(path), path.with_name("mirror.txt")]
+        written[-1].write_text("beside the model")
+        return written
 
 
 @pytest.fixture
@@ -291,6 +292,7 @@ def test_every_command_draws_a_model_as_its_scheme_does(mirrored, file, options)
     arguments = ["--model", str(mirrored / f"{file}.ply"), "--out", str(attacked), *options]
     assert main(["attack", "random_pruning", *arguments]) == 0
     assert attacked.with_name("mirror.txt").is_file()
+    assert record_of(attacked.with_name("mirror.txt"))["settings"]["attack"] == "random_pruning"
 
 
 def test_built_in_schemes_have_the_settings_that_all_have():

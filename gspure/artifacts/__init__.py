@@ -4,6 +4,7 @@ from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_ar
 from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
 from gspure.artifacts.files import filling, read_json, replacing, write_json, write_text
 from gspure.artifacts.provenance import (
+    embedding_of,
     recorded_inputs,
     require_input,
     require_kind,
@@ -15,6 +16,7 @@ from gspure.artifacts.provenance import (
 
 __all__ = [
     "digest",
+    "embedding_of",
     "file_digest",
     "filling",
     "intact",

@@ -11,7 +11,13 @@ from gspure.errors import InputError
 
 
 def write_provenance(
-    path: Path, *, inputs: Mapping[str, Path], settings: Mapping[str, Any], geometry: str = "", kind: str = ""
+    path: Path,
+    *,
+    inputs: Mapping[str, Path],
+    settings: Mapping[str, Any],
+    geometry: str = "",
+    kind: str = "",
+    embedding: str = "",
 ) -> None:
     """Write ``<path>.json`` beside an artifact: size, checksum, digest, digests of its inputs, settings and version.
 
@@ -22,6 +28,9 @@ def write_provenance(
     has no model, it is that of all inputs, if they have the same. `kind` names what an array holds, where others have
     its type and shape. `require_made_from` compares ancestors: the digests of the inputs of this geometry that have a
     kind, and of the ancestors of these inputs.
+
+    `embedding` is common to the public model, the files beside it and the key that one run of `gspure embed` writes:
+    the digest of the public model (`embedding_of`). By default, it is that of the input `model`.
     """
     from gspure import __version__
 
@@ -39,7 +48,8 @@ def write_provenance(
         "settings": dict(settings),
     }
     ancestors = {kind: digest for source in files.values() for kind, digest in _ancestors(source, geometry).items()}
-    known = {"geometry": geometry, "kind": kind, "ancestors": ancestors}
+    embedding = embedding or (embedding_of(files["model"]) if "model" in files else "")
+    known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding}
     write_record(path, record | {name: value for name, value in known.items() if value})
 
 
@@ -58,6 +68,21 @@ def require_made_from(geometry: str, *artifacts: Path) -> None:
             raise InputError(artifact, "model", expected=f"geometry {geometry}", found=origin, hint=hint)
     for first, second in combinations(artifacts, 2):
         _require_agreement(first, second, _ancestors(first, geometry), _ancestors(second, geometry))
+
+
+def embedding_of(*artifacts: Path) -> str:
+    """Return the embedding that the records of artifacts, or of the files of folders, name; empty if none does.
+
+    Raise `InputError` naming the first artifact of another embedding.
+    """
+    files = [file for path in artifacts for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
+    known = {file: name for file in files if isinstance(name := (record_of(file) or {}).get("embedding"), str)}
+    first = next(iter(known), Path())
+    for file, name in known.items():
+        if name != known[first]:
+            hint = f"of another run of `gspure embed`; if they belong together, delete {record_file(file).name}"
+            raise InputError(file, "embedding", expected=f"{known[first]}, as of {first}", found=name, hint=hint)
+    return known.get(first, "")
 
 
 def require_same_inputs(artifact: Path, *others: Path) -> None:

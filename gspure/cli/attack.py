@@ -122,7 +122,7 @@ def run(args: Arguments) -> None:
     if not len(attacked.model):
         hint = " ".join(f"{name}={value}" for name, value in used.items() if name != "attack")
         raise InputError(f"attack {attack.name}", "rows", expected="some to remain", found=f"0 of {count}", hint=hint)
-    public.with_model(attacked.model.with_background(public.model.background)).write(args.out)
+    written = public.with_model(attacked.model.with_background(public.model.background)).write(args.out)
     if args.removed:
         save_array(args.removed, attacked.prune_mask)
     if args.transform:
@@ -135,7 +135,8 @@ def run(args: Arguments) -> None:
         kind = "removed rows" if path == args.removed else ""
         write_provenance(path, inputs=sources, settings=used, kind=kind)
     moved = {"transform": args.transform} if args.transform else {}
-    write_provenance(args.out, inputs=sources | moved, settings=used)
+    for path in written:
+        write_provenance(path, inputs=sources | moved, settings=used)
     _write_cost(args, searching)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 

@@ -66,16 +66,14 @@ def _require_fitting_options(args: Arguments) -> None:
 
 def _read_bits(args: Arguments) -> list[Reading]:
     """Return what the key reads from every image."""
-    import numpy as np
-
+    from gspure.cli.options import read_key
     from gspure.errors import InputError
     from gspure.evaluation.detector import read_bits
-    from gspure.schemes.registry import find_scheme
+    from gspure.images import shown_embedding
 
     if not args.scheme:
         raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
-    key = find_scheme(args.scheme).read_key(args.key)
-    key = key if args.wrong_key is None else key.wrong(np.random.default_rng(args.wrong_key))
+    key = read_key(args, args.images, shown_embedding(args.images))
     return read_bits(key.read_bits, key.bits, args.images)
 
 

@@ -45,7 +45,7 @@ def run(args: Arguments) -> None:
     import time
     from dataclasses import asdict
 
-    from gspure.artifacts import filling, write_json, write_provenance
+    from gspure.artifacts import file_digest, filling, write_json, write_provenance
     from gspure.cli.options import parsed_settings, read_device
     from gspure.evaluation.outcomes import BITS
     from gspure.progress import say
@@ -71,7 +71,7 @@ def run(args: Arguments) -> None:
     used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
     used |= scheme.settings | settings
     with filling(args.out) as folder:
-        public.write(folder / model)
+        embedding = file_digest(public.write(folder / model)[0])
         if key is not None:
             key.write(folder / "key")
         artifacts = sorted(path for path in folder.glob("*/*") if path.suffix != ".json")
@@ -79,7 +79,7 @@ def run(args: Arguments) -> None:
             artifacts.append(folder / "key" / "readability.json")
             write_json(artifacts[-1], asdict(check) | {"readable": check.readable})
         for path in artifacts:
-            write_provenance(path, inputs={"cameras": args.pair / "cameras.json"}, settings=used)
+            write_provenance(path, inputs={"cameras": args.pair / "cameras.json"}, settings=used, embedding=embedding)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()

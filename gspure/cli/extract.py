@@ -47,11 +47,12 @@ def run(args: Arguments) -> None:
     """Extract every view."""
     import numpy as np
 
-    from gspure.artifacts import filling
+    from gspure.artifacts import embedding_of, filling
     from gspure.cameras import write_cameras
-    from gspure.cli.options import read_device, read_views, unmoved
+    from gspure.cli.options import read_device, read_key, read_views, unmoved
     from gspure.errors import InputError
     from gspure.images import levels, record_views, require_no_other_images, write_image
+    from gspure.model import model_file
     from gspure.progress import track, warn
     from gspure.schemes.registry import find_scheme
     from gspure.schemes.scheme import ADAPTIVE
@@ -59,13 +60,12 @@ def run(args: Arguments) -> None:
     scheme = find_scheme(args.scheme)
     views = read_views(args)
     require_no_other_images(args.out, (camera.name for camera in views))
-    public, key = scheme.read_public(args.model), scheme.read_key(args.key)
+    public = scheme.read_public(args.model)
+    key = read_key(args, args.model, embedding_of(model_file(args.model)))
     extraction = args.extraction or next(iter(scheme.extractions))
     if extraction not in scheme.extractions:
         expected = f"one of {', '.join(scheme.extractions)}"
         raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(extraction))
-    if args.wrong_key is not None:
-        key = key.wrong(np.random.default_rng(args.wrong_key))
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
     view, is_flat = key.message(public, extraction, read_device(args)), True

@@ -32,6 +32,7 @@ def run(args: Arguments) -> None:
     import numpy as np
 
     from gspure.artifacts import (
+        embedding_of,
         load_array,
         require_kind,
         require_made_from,
@@ -41,20 +42,22 @@ def run(args: Arguments) -> None:
         write_provenance,
     )
     from gspure.errors import InputError
-    from gspure.model import read_model
+    from gspure.model import model_file, read_model
     from gspure.progress import warn
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
     from gspure.schemes.registry import find_scheme
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
+    embedding_of(model_file(args.model), args.key)
     public, key = scheme.read_public(args.model), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
     geometry = read_model(args.model).geometry_digest()
     require_made_from(geometry, args.weights)
     require_kind(args.weights, "weights")
     measured = settings_of(args.weights)
-    for name, chosen in (("energy", args.energy), ("reduction", args.reduction)):
+    settings = {name: getattr(args, name) for name in ("energy", "reduction", "split")}
+    for name, chosen in settings.items():
         if (found := measured.get(name, chosen)) != chosen:
             hint = f"--{name} {found} measures the message in the same way"
             raise InputError(args.weights, name, expected=chosen, found=str(found), hint=hint)
@@ -62,7 +65,7 @@ def run(args: Arguments) -> None:
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     share = share_on_low(weights, hidden, args.tau) if hidden.any() else None
     inputs = {"model": args.model, "cameras": args.cameras}
-    settings = {"scheme": scheme.name, "tau": args.tau, "energy": args.energy, "reduction": args.reduction}
+    settings |= {"scheme": scheme.name, "tau": args.tau}
     write_json(args.out, {"hidden_low_share": share})
     write_provenance(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
     if args.hidden:

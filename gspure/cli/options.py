@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gspure.evaluation.outcomes import Outcome
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
+    from gspure.schemes.scheme import Key
 
 Setting = float | int | str
 SPLITS = ("train", "test", "all")
@@ -57,6 +58,25 @@ def read_public(args: Arguments) -> PublicModel:
     from gspure.schemes.registry import read_public_model
 
     return read_public_model(args.model, args.scheme).drawable(args.model)
+
+
+def read_key(args: Arguments, source: Path, embedding: str) -> Key:
+    """Return the key of ``--scheme`` and ``--key``, or the unrelated one of ``--wrong-key``.
+
+    Warn if `embedding`, that of the model or images in `source` (`gspure.artifacts.embedding_of`), is not the key's.
+    """
+    import numpy as np
+
+    from gspure.artifacts import embedding_of
+    from gspure.progress import warn
+    from gspure.schemes.registry import find_scheme
+
+    of_key, key = embedding_of(args.key), find_scheme(args.scheme).read_key(args.key)
+    if args.wrong_key is not None:
+        return key.wrong(np.random.default_rng(args.wrong_key))
+    if embedding and of_key and embedding != of_key:
+        warn(f"{args.key} is the key of another model than {source}: what it reads there is a negative control")
+    return key
 
 
 def add_background(parser: Parser, behind: str, known: str) -> None:

@@ -82,7 +82,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
-    from gspure.artifacts import filling, write_json, write_provenance
+    from gspure.artifacts import embedding_of, filling, write_json, write_provenance
     from gspure.cameras import scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
     from gspure.evaluation.comparison import as_text
@@ -111,8 +111,7 @@ def run(args: Arguments) -> None:
     with filling(args.out) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train, args.repair, device)
-        files = [folder / "purified.ply"]
-        models["purified"].write(files[0])
+        files = models["purified"].write(folder / "purified.ply")
         if writes_views:
             files.append(folder / "cameras.json")
             write_cameras(files[-1], [replace(camera, image=None) for camera in cameras])
@@ -121,7 +120,8 @@ def run(args: Arguments) -> None:
         for path in files:
             write_provenance(path, inputs=inputs, settings=used, geometry=geometry)
         _write_arrays(folder, purification, inputs, settings=used, geometry=geometry)
-        rows = _compare(folder, models, test, device) if public.visible else []
+        embedding = embedding_of(inputs["model"])
+        rows = _compare(folder, models, test, device, embedding) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
         write_json(folder / "diagnosis.json", diagnosis)
@@ -204,7 +204,7 @@ def _write_arrays(folder: Path, purification: Purification, inputs: Mapping[str,
 
 
 def _compare(
-    folder: Path, models: Mapping[str, PublicModel], views: Sequence[Camera], device: Device
+    folder: Path, models: Mapping[str, PublicModel], views: Sequence[Camera], device: Device, embedding: str
 ) -> list[ViewMetrics]:
     """Render the views of each model, and compare the images as written with those of the unattacked one."""
     from gspure.evaluation.comparison import compare, pair_images, write_metrics
@@ -216,7 +216,8 @@ def _compare(
         scene = public.scene(device, background)
         for camera in track(views, f"render {title}"):
             write_image(renders / title / f"{camera.name}.png", scene(camera))
-        record_views(renders / title, {view.name: view.numbers.tolist() for view in views}, background, "ewa")
+        numbers = {view.name: view.numbers.tolist() for view in views}
+        record_views(renders / title, numbers, background, "ewa", embedding)
     pairs = [
         pair._replace(target=_RENDERS[title])
         for title in reversed([*models][1:])

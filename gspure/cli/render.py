@@ -37,9 +37,10 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Render every view."""
-    from gspure.artifacts import filling, save_array
+    from gspure.artifacts import embedding_of, filling, save_array
     from gspure.cameras import write_cameras
     from gspure.images import record_views, require_no_other_images, write_image
+    from gspure.model import model_file
     from gspure.progress import track
 
     views = read_views(args)
@@ -53,7 +54,8 @@ def run(args: Arguments) -> None:
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
-        record_views(folder, unmoved(args, views), background, args.energy)
+        embedding = embedding_of(model_file(args.model))
+        record_views(folder, unmoved(args, views), background, args.energy, embedding)
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
     for camera in [] if args.npy else views:  # of an earlier model

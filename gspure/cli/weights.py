@@ -38,7 +38,7 @@ def run(args: Arguments) -> None:
     require_in_view(weights)
     save_array(args.out, weights)
     inputs = {"model": args.model} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
-    measured = {name: value for name, value in settings_of(args.index[0]).items() if name == "energy"}
+    measured = {name: value for name, value in settings_of(args.index[0]).items() if name in {"energy", "split"}}
     settings = {**measured, "reduction": args.reduction, "views": len(stages)}
     write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="weights")
     for sentence in few_in_view(int(np.count_nonzero(weights)), len(weights)):

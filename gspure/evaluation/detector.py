@@ -13,7 +13,7 @@ import numpy as np
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.detection import Reading, share_correct
-from gspure.images import read_image, require_all_images
+from gspure.images import read_image, require_all_images, require_intact
 
 
 def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:
@@ -25,7 +25,10 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
 
     Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
-    views, answer = {path.stem for path in _png_files(images)}, _answer(command, images, timeout)
+    files = _png_files(images)
+    for file in files:
+        require_intact(file)
+    views, answer = {file.stem for file in files}, _answer(command, images, timeout)
     for view in sorted(views.symmetric_difference(answer)):
         found = "no entry" if view in views else "an entry of no image"
         raise InputError("detector", view, expected="an entry for every image", found=found)

@@ -18,6 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gspure.artifacts import load_array, read_json, replacing, save_array, write_json, write_provenance
+from gspure.artifacts.checksums import forget
 from gspure.cameras import read_cameras, read_points, write_cameras
 from gspure.cameras.photographs import photograph_size
 from gspure.datasets import Archive, extract
@@ -113,6 +114,11 @@ def _feature_model(folder: Path) -> None:
     for name in FEATURE_COLUMNS:
         table[name] = rng.standard_normal(ROWS)
     write_model(folder / "model.ply", Gaussians(table))
+
+
+def _anchor_model(folder: Path) -> None:
+    _, networks = random_public(ROWS).write(folder / "point_cloud.ply")
+    forget(networks)  # else its checksum refuses every change
 
 
 def _read_anchors(folder: Path) -> None:
@@ -259,6 +265,7 @@ def _decoder(folder: Path) -> None:
 
     (decoder,) = untrained(1, 0)
     DecoderFile.of(decoder, 7, "net").write(folder)
+    forget(folder / "chkpnt7_net.pth")
 
 
 def _split_networks(folder: Path) -> None:
@@ -453,7 +460,7 @@ READERS = (
     ),
     Reader(
         "model of SecureGS, .pth",
-        lambda f: random_public(ROWS).write(f / "point_cloud.ply"),
+        _anchor_model,
         _read_anchors,
         {"point_cloud.ply": "ply", "checkpoints.pth": "pth"},
     ),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gspure.artifacts import replacing
+from gspure.artifacts import replacing, verify
 from gspure.errors import InputError, reading
 from gspure.schemes.gs_hider.layout import decoder_name
 from gspure.schemes.tensors import Tensor, read_tensors
@@ -39,6 +39,7 @@ class DecoderFile:
     @staticmethod
     def read(path: Path) -> DecoderFile:
         """Read a file of at most `LARGEST` bytes; `network` checks its content."""
+        verify(path)
         with reading(path, _CONTENT):
             size = path.stat().st_size
             if size > LARGEST:

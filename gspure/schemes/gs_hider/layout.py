@@ -13,6 +13,7 @@ are in one folder and the private decoder in another. Both layouts are read.
 from pathlib import Path
 from typing import Final
 
+from gspure.artifacts import embedding_of
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
 from gspure.model.finite import drawable
@@ -48,8 +49,8 @@ def decoder_name(iteration: int | str, role: str) -> str:
     return f"chkpnt{iteration}_{role}.pth"
 
 
-def find_decoder(folder: Path, role: str) -> Path | None:
-    """Return the newest decoder in a folder, if there is any.
+def find_decoder(folder: Path, role: str, embedding: str = "") -> Path | None:
+    """Return the newest decoder in a folder, if there is any; of the embedding, if some are.
 
     For the authors' ``<model>/point_cloud/iteration_N``, it is the decoder of that iteration,
     ``<model>/chkpntN_net.pth``.
@@ -59,6 +60,7 @@ def find_decoder(folder: Path, role: str) -> Path | None:
     if not files and folder.parent.name == "point_cloud":
         file = folder.parents[1] / decoder_name(folder.name.removeprefix("iteration_"), role)
         return file if file.is_file() else None
+    files = {n: file for n, file in files.items() if embedding and embedding_of(file) == embedding} or files
     if len(files) > 1:
         warn(f"{folder} has {len(files)} files {decoder_name('N', role)}: that of iteration {max(files)} is used")
     return files[max(files)] if files else None

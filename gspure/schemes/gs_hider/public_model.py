@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gspure.artifacts import filling
+from gspure.artifacts import embedding_of, filling
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
 from gspure.errors import InputError
@@ -52,16 +52,18 @@ class FeatureModel(PublicModel):
         """Read a model's .ply, or its folder, and the decoder beside it or in the authors' layout."""
         path = Path(path)
         ply = model_file(path)
-        decoder = find_decoder(ply.parent, SCENE_DECODER)
+        decoder = find_decoder(ply.parent, SCENE_DECODER, embedding_of(ply))
+        embedding_of(ply, *filter(None, [decoder]))
         return cls(read_rows(ply), DecoderFile.read(decoder) if decoder else None)
 
-    def write(self, path: Path) -> None:
-        """Write the .ply and the decoder beside it."""
+    def write(self, path: Path) -> list[Path]:
+        """Write the .ply and the decoder beside it; return both."""
         path = Path(path)
         with filling(path.parent) as folder:
             write_model(folder / path.name, self.model)
             if self.decoder:
                 self.decoder.write(folder)
+        return [path, *([path.with_name(self.decoder.source.name)] if self.decoder else [])]
 
     def with_model(self, model: Gaussians) -> Self:
         """Return the same decoder with other rows."""

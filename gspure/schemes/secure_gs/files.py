@@ -13,10 +13,11 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import load_arrays, save_arrays
+from gspure.artifacts import load_arrays, save_arrays, verify
 from gspure.artifacts.arrays import Kind
 from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.progress import warn
 from gspure.schemes.secure_gs.networks import PARAMETERS, Networks
 from gspure.schemes.tensors import Tensor, read_tensors, write_tensors
 
@@ -39,6 +40,9 @@ def read_networks(folder: Path) -> Loaded:
     """
     united = folder / UNITED
     if united.is_file():
+        if any(folder.glob("*_mlp.pt")):
+            warn(f"{folder} has {UNITED} and networks *_mlp.pt: {UNITED} is used")
+        verify(united)
         return _by_network(united, read_tensors(united))
     tensors: dict[str, Tensor] = {}
     for name in (*PUBLIC, BANK):
@@ -51,9 +55,10 @@ def read_networks(folder: Path) -> Loaded:
     return _by_network(folder, tensors)
 
 
-def write_networks(folder: Path, networks: Networks) -> None:
-    """Write the public networks in Scaffold-GS's united format."""
+def write_networks(folder: Path, networks: Networks) -> Path:
+    """Write the public networks in Scaffold-GS's united format; return their file."""
     write_tensors(folder / UNITED, {f"{name}_mlp": network for name, network in networks.items()})
+    return folder / UNITED
 
 
 def read_hidden(folder: Path) -> Loaded:

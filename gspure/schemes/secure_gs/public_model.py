@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import digest
+from gspure.artifacts import digest, embedding_of
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
 from gspure.model import Gaussians, model_file, read_model, write_model
@@ -19,7 +19,7 @@ from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
 from gspure.renderer import Renderer
 from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors, table_of
-from gspure.schemes.secure_gs.files import read_networks, write_networks
+from gspure.schemes.secure_gs.files import UNITED, read_networks, write_networks
 from gspure.schemes.secure_gs.networks import Networks, require_networks
 from gspure.schemes.secure_gs.neural import Neural, as_gaussians, neural
 from gspure.schemes.secure_gs.visibility import visible_rows
@@ -73,14 +73,15 @@ class AnchorModel(PublicModel):
         file = model_file(Path(path))
         rows = read_model(file)
         require_anchors(file, rows)
+        embedding_of(file, file.parent / UNITED)
         public = cls(rows, read_networks(file.parent))
         require_networks(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
         return public
 
-    def write(self, path: Path) -> None:
-        """Write the .ply and the networks beside it."""
+    def write(self, path: Path) -> list[Path]:
+        """Write the .ply and the networks beside it; return both files."""
         write_model(path, self.model)
-        write_networks(Path(path).parent, self.networks)
+        return [Path(path), write_networks(Path(path).parent, self.networks)]
 
     def with_model(self, model: Gaussians) -> Self:
         """Return the same networks with other anchors."""

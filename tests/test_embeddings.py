@@ -1,0 +1,167 @@
+"""Public model, files beside it and key belong to one embedding; files of different ones are not mixed silently."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.artifacts import embedding_of, read_json, record_of, save_array, write_provenance
+from gspure.artifacts.checksums import record_file
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.images import record_views, write_image
+from gspure.schemes import gs_hider, secure_gs
+from gspure.schemes.gs_hider.decoder_file import DecoderFile
+from gspure.schemes.gs_hider.public_model import FeatureModel
+from tests.anchor_cases import random_public
+from tests.test_gs_hider_files import rows
+
+
+@pytest.fixture(scope="module")
+def planted(pair_folder, tmp_path_factory):
+    """Two embeddings in one pair, and the first one attacked."""
+    folder = tmp_path_factory.mktemp("planted")
+    for seed in ("1", "2"):
+        options = ("--set", "gaussians=400", "--seed", seed, "--out", str(folder / seed))
+        assert main(["embed", "planted", str(pair_folder), *options]) == 0
+    model, attacked = folder / "1" / "public" / "point_cloud.ply", folder / "attacked.ply"
+    assert main(["attack", "random_pruning", "--model", str(model), "--out", str(attacked)]) == 0
+    return folder
+
+
+def extract(model: Path, key: Path, pair: Path, out: Path, *options: str) -> int:
+    cameras = ("--cameras", str(pair / "cameras.json"), "--split", "test")
+    command = ["extract", str(model), "--scheme", "planted", "--key", str(key), *cameras, "--out", str(out)]
+    return main([*command, *options])
+
+
+def test_public_model_and_key_share_an_embedding_that_attacks_keep(planted):
+    first, second = (embedding_of(planted / seed / "public", planted / seed / "key") for seed in ("1", "2"))
+    assert first
+    assert first != second
+    assert embedding_of(planted / "attacked.ply") == first
+
+
+def test_an_extraction_with_the_key_of_another_model_is_warned_of(planted, pair_folder, tmp_path, capsys):
+    def warned(model: str, key: str, *options: str) -> bool:
+        capsys.readouterr()
+        assert extract(planted / model, planted / key / "key", pair_folder, tmp_path, *options) == 0
+        return "key of another model" in capsys.readouterr().err
+
+    assert warned("2/public", "1")
+    assert warned("attacked.ply", "2")
+    assert not warned("1/public", "1")
+    assert not warned("attacked.ply", "1")
+    assert not warned("attacked.ply", "2", "--wrong-key", "1")
+    shutil.copy(planted / "attacked.ply", tmp_path / "unrecorded.ply")
+    assert extract(tmp_path / "unrecorded.ply", planted / "2" / "key", pair_folder, tmp_path) == 0
+    assert "key of another model" not in capsys.readouterr().err
+
+
+def test_the_weight_of_a_message_is_not_measured_with_the_key_of_another_model(planted, pair_folder, tmp_path, capsys):
+    model = planted / "1" / "public" / "point_cloud.ply"
+    save_array(tmp_path / "weights.npy", np.ones(len(np.load(planted / "1" / "key" / "carriers.npy")), np.float32))
+    options = ["--scheme", "planted", "--cameras", str(pair_folder / "cameras.json"), "--out", str(tmp_path / "h.json")]
+    command = ["hidden", "--model", str(model), "--weights", str(tmp_path / "weights.npy"), *options]
+    assert main([*command, "--key", str(planted / "2" / "key")]) == 2
+    assert ": embedding: expected" in capsys.readouterr().err
+    assert main([*command, "--key", str(planted / "1" / "key")]) == 0
+
+
+def test_a_key_of_files_of_two_embeddings_is_refused(planted, pair_folder, tmp_path, capsys):
+    key = shutil.copytree(planted / "1" / "key", tmp_path / "key")
+    for name in ("carriers.npy", "carriers.npy.json"):
+        shutil.copy(planted / "2" / "key" / name, key / name)
+    assert extract(planted / "1" / "public", key, pair_folder, tmp_path / "out") == 2
+    assert "embedding: expected" in capsys.readouterr().err
+    record_file(key / "carriers.npy").unlink()
+    assert embedding_of(key) == embedding_of(planted / "1" / "key")
+
+
+def published(model, folder: Path, embedding: str) -> list[Path]:
+    """Write a public model as `gspure embed` does."""
+    written = model.write(folder / "point_cloud.ply")
+    for path in written:
+        write_provenance(path, inputs={}, settings={}, embedding=embedding)
+    return written
+
+
+def hider(iteration: int) -> FeatureModel:
+    return FeatureModel(rows(), DecoderFile(Path(f"chkpnt{iteration}_net.pth"), bytes([iteration])))
+
+
+MODELS = {"gs_hider": (hider(7), hider(9)), "secure_gs": (random_public(seed=1), random_public(seed=2))}
+READERS = {"gs_hider": gs_hider.SCHEME.read_public, "secure_gs": secure_gs.SCHEME.read_public}
+
+
+@pytest.mark.parametrize("scheme", MODELS)
+def test_a_network_of_another_model_is_refused(tmp_path, scheme):
+    models = [published(model, tmp_path / str(i), f"run {i}") for i, model in enumerate(MODELS[scheme])]
+    mixed = tmp_path / "mixed"
+    mixed.mkdir()
+    for path in (models[0][0], models[1][1]):
+        shutil.copy(path, mixed)
+        shutil.copy(record_file(path), mixed)
+    with pytest.raises(InputError, match="embedding: expected run 0"):
+        READERS[scheme](mixed)
+    record_file(mixed / models[1][1].name).unlink()
+    READERS[scheme](mixed)
+
+
+@pytest.mark.parametrize("scheme", MODELS)
+def test_attacks_keep_the_embedding_of_networks(tmp_path, scheme):
+    model, *_ = published(MODELS[scheme][0], tmp_path / "public", "run 0")
+    out = tmp_path / "attacked" / "point_cloud.ply"
+    assert main(["attack", "random_pruning", "--model", str(model), "--out", str(out)]) == 0
+    networks = [path for path in out.parent.iterdir() if path.suffix == ".pth"]
+    assert [record_of(path)["embedding"] for path in (out, *networks)] == ["run 0", "run 0"]
+
+
+def test_of_several_decoders_that_of_the_model_is_used(tmp_path, capsys):
+    published(hider(9), tmp_path, "run 9")
+    published(hider(7), tmp_path, "run 7")
+    assert FeatureModel.read(tmp_path).decoder.source.name == "chkpnt7_net.pth"
+    assert capsys.readouterr().err == ""
+
+
+def test_a_corrupt_network_is_found_when_it_is_read(tmp_path):
+    for scheme, (model, _) in MODELS.items():
+        network = published(model, tmp_path / scheme, "")[1]
+        network.write_bytes(network.read_bytes()[:-1] + b"!")
+        with pytest.raises(InputError, match=f"{network.name}: content: expected CRC-32"):
+            READERS[scheme](tmp_path / scheme)
+
+
+def test_networks_in_two_formats_are_warned_of(tmp_path, capsys):
+    published(random_public(), tmp_path, "")
+    (tmp_path / "color_mlp.pt").touch()
+    secure_gs.SCHEME.read_public(tmp_path)
+    assert "checkpoints.pth is used" in capsys.readouterr().err
+
+
+def test_bits_read_from_renders_of_another_model_are_warned_of(tmp_path, capsys):
+    pytest.importorskip("torch")
+    from gspure.schemes.marked_clones.decoder import untrained
+    from gspure.schemes.marked_clones.key import ClonesKey
+
+    ClonesKey(np.ones(4, np.bool_), untrained(4, 0), np.ones(3, np.bool_)).write(tmp_path / "key")
+    write_provenance(tmp_path / "key" / "carriers.npy", inputs={}, settings={}, embedding="run 0")
+    write_image(tmp_path / "renders" / "view.png", np.zeros((16, 16, 3)))
+    command = ["detect", str(tmp_path / "renders"), "--scheme", "marked_clones", "--key", str(tmp_path / "key")]
+    for embedding, warned in (("run 0", False), ("run 1", True), ("", False)):
+        record_views(tmp_path / "renders", {"view": []}, embedding=embedding)
+        assert main([*command, "--out", str(tmp_path / "bits.csv")]) == 0
+        assert ("key of another model" in capsys.readouterr().err) == warned
+
+
+def test_renders_record_the_embedding_of_their_model(planted, pair_folder, tmp_path):
+    cameras = ("--cameras", str(pair_folder / "cameras.json"), "--split", "test")
+    assert main(["render", str(planted / "attacked.ply"), *cameras, "--out", str(tmp_path / "renders")]) == 0
+    assert main(["purify", str(planted / "attacked.ply"), *cameras[:2], "--out", str(tmp_path / "purified")]) == 0
+    embedding = embedding_of(planted / "1" / "key")
+    assert embedding_of(tmp_path / "purified" / "purified.ply") == embedding
+    for folder in ("renders", "purified/renders/purified"):
+        assert read_json(tmp_path / folder / "rendered.json")["embedding"] == embedding
