@@ -100,13 +100,13 @@ def test_splats_show_clusters_in_their_colours_and_the_pruned_rows_alone(tmp_pat
     images = []
     monkeypatch.setattr(splats, "show", lambda axes, image, label: images.append(image))
     model, (labels, pruned) = PublicModel(blobs(40)), np.zeros((2, 40), np.int32)
-    splats.write_splats(tmp_path / "splats.png", model, [camera()], labels, pruned.astype(bool))
+    splats.splats(tmp_path, model, [camera()], labels, pruned.astype(bool), None).draw()
     model_image, clusters, alone = images
     passing = Renderer(blobs(40)).transmittance(camera())[..., None]
     colour = style.rgb(style.tint(style.CLUSTERS[0], clouds._PALE)) / 255  # of a kept cluster
     np.testing.assert_allclose(clusters, (1 - passing) * colour + passing, atol=1e-3)
     assert (alone == 1).all()
-    splats.write_splats(tmp_path / "splats.png", model, [camera()], labels - 1, ~pruned.astype(bool))
+    splats.splats(tmp_path, model, [camera()], labels - 1, ~pruned.astype(bool), None).draw()
     *_, noise, alone = images
     np.testing.assert_allclose(alone, model_image + passing, atol=1e-3)
     assert noise.mean() > clusters.mean()

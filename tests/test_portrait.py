@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gspure.cameras import Camera, intrinsics
-from gspure.figures import export, portrait, viewpoint, zbuffer
+from gspure.figures import export, portrait, viewpoint
 from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud
 from gspure.figures.portrait import eye_dome
 from gspure.figures.probe import gl_problem
@@ -28,7 +28,7 @@ ASKEW = Camera("view", 120, 80, intrinsics(100, 100, 45, 50), np.eye(4))
 
 
 def test_the_nearest_dot_is_visible() -> None:
-    image, depth = zbuffer.draw(NEAR_AND_FAR, ASKEW, 6)
+    image, depth = portrait.draw_dots(NEAR_AND_FAR, ASKEW, 6)
     assert image[50, 45].tolist() == [200, 0, 0]
     assert depth[50, 45] == 4
     assert image[0, 0].tolist() == [255, 255, 255]

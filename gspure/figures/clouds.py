@@ -107,13 +107,7 @@ def _cluster_legend(sizes: Indices, kept: Bools, total: int) -> Legend:
     return (*rows, ((f"noise: {1 - sizes.sum() / total:.1%}", style.NOISE),))
 
 
-def rank_cloud(
-    means: Float32,
-    labels: Int32,
-    weights: Float32,
-    tau_c: float = 1.0,
-    tau_n: float = 1.0,
-) -> Cloud:
+def rank_cloud(means: Float32, labels: Int32, weights: Float32, tau_c: float = 1.0, tau_n: float = 1.0) -> Cloud:
     """Colour each Gaussian by the rank of the weight that decides about it, times its factor: GSPure prunes low ranks.
 
     The weight is that of `gspure.method.pruning.deciding_weights`, the factor `tau_c` in clusters and `tau_n` outside.

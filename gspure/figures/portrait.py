@@ -9,12 +9,12 @@ import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32, UInt8
-from gspure.figures import zbuffer
 from gspure.figures.clouds import Cloud
 from gspure.figures.probe import prefer_egl
 from gspure.figures.viewpoint import in_view, project
 
 _SMOOTHING: Final = 2  # factor of supersampling
+_PIXELS_AT_ONCE: Final = 4_000_000
 
 _STRENGTH: Final = 30.0
 _DARKEST: Final = 0.4
@@ -32,7 +32,7 @@ def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> UInt8:
         return np.full((camera.height, camera.width, 3), 255, np.uint8)
     fine = camera.resized(camera.width * _SMOOTHING, camera.height * _SMOOTHING)
     size = dot_size(len(cloud), fine)
-    image, depth = (_draw_balls if opengl else zbuffer.draw)(cloud, fine, size)
+    image, depth = (_draw_balls if opengl else draw_dots)(cloud, fine, size)
     image = eye_dome(image, depth, radius=max(size, fine.width // 200))
     blocks = image.reshape(camera.height, _SMOOTHING, camera.width, _SMOOTHING, 3)
     smooth: UInt8 = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
@@ -44,8 +44,30 @@ def dot_size(count: int, camera: Camera) -> int:
     return max(int(min(2 * np.sqrt(camera.width * camera.height / count), camera.width / 150)), 2)
 
 
+def draw_dots(cloud: Cloud, camera: Camera, size: int) -> tuple[UInt8, Float32]:
+    """Draw a cloud as dots with a diameter of `size` pixels on white; the nearest dot is visible.
+
+    All points are in view (see `gspure.figures.viewpoint.in_view`). Return colour [H,W,3], and depth [H,W] along the
+    view, inf in the background.
+    """
+    pixels, depth = project(cloud.points, camera)
+    shape = (camera.height + 2 * size, camera.width + 2 * size)  # dots may cross the border
+    image = np.full((*shape, 3), 255, np.uint8)
+    nearest = np.full(shape, np.inf, np.float32)
+    grid = np.indices((size, size)).reshape(2, -1).T
+    dot = grid[((grid - (size - 1) / 2) ** 2).sum(axis=1) <= size**2 / 4]
+    far_to_near = np.argsort(-depth, kind="stable")
+    for rows in np.array_split(far_to_near, len(depth) * len(dot) // _PIXELS_AT_ONCE + 1):
+        corner = np.rint(pixels[rows, ::-1] - size / 2).astype(np.intp) + size
+        y, x = (corner[:, None] + dot).reshape(-1, 2).T
+        image[y, x] = np.repeat(cloud.colours[rows], len(dot), axis=0)  # the last write is kept
+        nearest[y, x] = np.repeat(depth[rows], len(dot))
+    inner = slice(size, -size)
+    return image[inner, inner], nearest[inner, inner]
+
+
 def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[UInt8, Float32]:
-    """Draw like `zbuffer.draw`, with pyvista."""
+    """Draw like `draw_dots`, with pyvista."""
     prefer_egl()
     import pyvista as pv
 

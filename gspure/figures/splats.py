@@ -1,7 +1,6 @@
 """Views of a model by our renderer: as it is, its clusters, and the pruned rows alone."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -36,50 +35,37 @@ def splats(
     pruned: Bools,
     device: Device | None = None,
 ) -> Drawing:
-    """Return the figure ``splats.png`` of two views, held-out ones if there are any, for `write_splats`."""
+    """Return the figure ``splats.png``: a row of pictures for each of two views, held-out ones if there are any.
+
+    `labels` [K] and `pruned` [K] are of the rows. Rows outside clusters are faint; clusters have the colours of
+    `gspure.figures.clouds.cluster_cloud`.
+    """
     views = split(cameras)[1] or [*cameras]
     path, shown = folder / "splats.png", views[:: -(-len(views) // 2)]
     caption = (
         "The model; its clusters, pale if GSPure keeps them, with noise in faint grey; only the rows that GSPure "
         "prunes, over white."
     )
-    return Drawing(path, caption, partial(write_splats, path, model, shown, labels, pruned, device))
+
+    def draw() -> None:
+        colours = (cluster_cloud(model.model.means, labels, pruned).colours / 255).astype(np.float32)
+        aspect = sum(view.height / view.width for view in shown)
+        with style.page(path, style.PAGE, aspect * style.PAGE / len(TITLES) + 0.16 * len(shown) + 0.26) as figure:
+            grid = figure.subplots(len(shown), len(TITLES), squeeze=False)
+            for axes, title in zip(grid[0], TITLES, strict=True):
+                axes.set_title(title, pad=4, fontsize=_TITLE)
+            for view, row in zip(shown, grid, strict=True):
+                width = min(view.width, _WIDEST)
+                camera = view.resized(width, max(round(view.height * width / view.width), 1))
+                show(row[0], model.scene(device)(camera), view.name)
+                gaussians, rows = model.gaussians(camera)
+                show(row[1], _clusters(gaussians, labels[rows], colours[rows], camera, device), "")
+                show(row[2], Renderer(gaussians[pruned[rows]], device).image(camera, _WHITE), "")
+
+    return Drawing(path, caption, draw)
 
 
-def write_splats(
-    path: Path,
-    model: PublicModel,
-    views: Sequence[Camera],
-    labels: Int32,
-    pruned: Bools,
-    device: Device | None = None,
-) -> None:
-    """Write a row of pictures for each view as a PNG; `labels` [K] and `pruned` [K] are of the rows.
-
-    Rows outside clusters are faint; clusters have the colours of `gspure.figures.clouds.cluster_cloud`.
-    """
-    colours = (cluster_cloud(model.model.means, labels, pruned).colours / 255).astype(np.float32)
-    aspect = sum(view.height / view.width for view in views)
-    with style.page(path, style.PAGE, aspect * style.PAGE / len(TITLES) + 0.16 * len(views) + 0.26) as figure:
-        grid = figure.subplots(len(views), len(TITLES), squeeze=False)
-        for axes, title in zip(grid[0], TITLES, strict=True):
-            axes.set_title(title, pad=4, fontsize=_TITLE)
-        for view, row in zip(views, grid, strict=True):
-            width = min(view.width, _WIDEST)
-            camera = view.resized(width, max(round(view.height * width / view.width), 1))
-            show(row[0], model.scene(device)(camera), view.name)
-            gaussians, rows = model.gaussians(camera)
-            show(row[1], _clusters(gaussians, labels[rows], colours[rows], camera, device), "")
-            show(row[2], Renderer(gaussians[pruned[rows]], device).image(camera, _WHITE), "")
-
-
-def _clusters(
-    gaussians: Gaussians,
-    labels: Int32,
-    colours: Float32,
-    camera: Camera,
-    device: Device | None,
-) -> Float32:
+def _clusters(gaussians: Gaussians, labels: Int32, colours: Float32, camera: Camera, device: Device | None) -> Float32:
     """Return a picture in `colours` [K,3], from a copy without the harmonics, which are most of a model."""
     logits = gaussians.table["opacity"]
     faint = np.where(labels == NOISE_LABEL, np.minimum(logits, _FAINT), logits).astype(np.float32)
