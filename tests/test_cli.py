@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,8 @@ HEAVY = ("numpy", "scipy", "pyopencl", "hdbscan", "pyvista", "matplotlib", "plyf
 
 def examples(command):
     """The words of a command's examples, as a shell splits them."""
-    lines = cli._module(command).EXAMPLES.replace("\\\n", " ").splitlines()
+    module = import_module(f"gspure.cli.{command.replace('-', '_')}")
+    lines = module.EXAMPLES.replace("\\\n", " ").splitlines()
     return [shlex.split(line, comments=True) for line in lines if line.startswith("  gspure ")]
 
 

@@ -111,11 +111,8 @@ def _is_of(kind: Kind, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bool:
     wanted, lengths = kind
     abstract = wanted in (np.integer, np.str_)
     fits = np.issubdtype(dtype, wanted) if abstract else dtype == np.dtype(wanted)
-    return bool(fits) and len(shape) == len(lengths) and all(map(_fits, shape, lengths))
-
-
-def _fits(length: int, wanted: int | None) -> bool:
-    return length >= 0 if wanted is None else length == wanted
+    of_lengths = all(n >= 0 if length is None else n == length for n, length in zip(shape, lengths, strict=False))
+    return bool(fits) and len(shape) == len(lengths) and of_lengths
 
 
 def _told(dtype: np.dtype[Any] | type, shape: Shape) -> str:

@@ -42,7 +42,8 @@ def read_colmap(folder: Path) -> list[Camera]:
                 cameras_file, f"camera {lens.camera_id}", expected="one of this number", found="a second one"
             )
         optics[lens.camera_id] = _optics(cameras_file, lens)
-    photographs = _photograph_folder(images_file.parent)
+    above = images_file.absolute().parents[:3]
+    photographs = next((parent / "images" for parent in above if (parent / "images").is_dir()), None)
     cameras = []
     for pose in _FORMATS[images_file.suffix].poses(images_file):
         if pose.camera_id not in optics:
@@ -68,11 +69,6 @@ def _file(folder: Path, stem: str) -> Path:
         if (path := sparse / f"{stem}{suffix}").is_file():
             return path
     raise InputError(sparse, stem, expected=f"{stem}.bin or {stem}.txt of a COLMAP sparse model", found="neither")
-
-
-def _photograph_folder(sparse: Path) -> Path | None:
-    parents = (sparse.absolute(), *sparse.absolute().parents[:2])
-    return next((parent / "images" for parent in parents if (parent / "images").is_dir()), None)
 
 
 def _optics(source: Path, lens: Lens) -> dict[str, Any]:

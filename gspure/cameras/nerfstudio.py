@@ -46,14 +46,10 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     entries = [Entry.of(source, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
     entries = [Entry(source, e.where, {**shared, **e.values}) for e in entries]
     names = [view_name(e, "file_path") for e in entries]
-    images = [_image(e, source.parent) for e in entries]
+    files = [source.parent / e.text("file_path") for e in entries]
+    images = [file if file.suffix else file.with_suffix(".png") for file in files]  # Blender scenes omit it
     existing = next((image for image in images if is_present(image)), None)
     return distinct([_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)], source)
-
-
-def _image(entry: Entry, folder: Path) -> Path:
-    image = folder / entry.text("file_path")
-    return image if image.suffix else image.with_suffix(".png")  # Blender scenes omit it
 
 
 def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:

@@ -46,10 +46,6 @@ def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
         width = int(parsed["width"])
         return [c.resized(width, max(1, c.height * width // c.width)) if c.width > width else c for c in cameras]
     if rule == "photographs":
-        return [_as_photographed(camera) for camera in cameras]
+        sizes = [photograph_size(photograph(camera)) for camera in cameras]
+        return [c.resized(min(w, c.width), min(h, c.height)) for c, (w, h) in zip(cameras, sizes, strict=True)]
     return list(cameras)
-
-
-def _as_photographed(camera: Camera) -> Camera:
-    width, height = photograph_size(photograph(camera))
-    return camera.resized(min(width, camera.width), min(height, camera.height))

@@ -1,16 +1,15 @@
 """The command line: one module per subcommand.
 
-A command module holds ``HELP`` (one line), ``EXAMPLES`` (shown below the options), ``add_arguments(parser)`` and
-``run(args)``; `gspure.cli.parser` has the kinds of arguments. It imports heavy packages inside ``run`` only, so that
-``gspure --help`` stays quick.
+A command module holds ``EXAMPLES`` (shown below the options), ``add_arguments(parser)`` and ``run(args)``;
+`gspure.cli.parser` has the kinds of arguments. It imports heavy packages inside ``run`` only, so that its ``--help``
+stays quick.
 """
 
 import argparse
 import importlib
 import os
 import sys
-from collections.abc import Sequence
-from types import ModuleType
+from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
 from gspure import __version__, progress
@@ -18,44 +17,44 @@ from gspure.cli.parser import Arguments, Parser, require_distinct, suggestion
 from gspure.cost import LOG, cost_of, spent
 from gspure.errors import InputError, printable
 
-USER_COMMANDS = (
-    "audit",
-    "purify",
-    "info",
-    "cameras",
-    "render",
-    "metrics",
-    "pair",
-    "embed",
-    "extract",
-    "detect",
-    "attack",
-    "train",
-    "download",
-    "failures",
-    "stages",
-    "paper-check",
-    "doctor",
-    "completion",
-)
-JOBS = (
-    "contributions",
-    "weights",
-    "opacities",
-    "hidden",
-    "surface",
-    "features",
-    "tree",
-    "cluster",
-    "prune",
-    "decoys",
-    "retrieve",
-    "table",
-    "contest",
-    "figures",
-    "report",
-)
-COMMANDS = USER_COMMANDS + JOBS
+USER_COMMANDS = {
+    "audit": "run the whole workflow in the current folder: attack a model in many ways and write a report",
+    "purify": "run GSPure on one model: purified model, weights, clusters, metrics and figures",
+    "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
+    "cameras": "convert cameras of any format, or generate views, and write cameras.json",
+    "render": "render a model's views to images",
+    "metrics": "compare two folders of images: PSNR, SSIM, MS-SSIM, gradient correlation (GC), per view and mean",
+    "pair": "make a pair: photographs of a scene and of a message, for `gspure embed`",
+    "embed": "train a watermarked model on a pair: the public model and the owner's key",
+    "extract": "render the message of a public or attacked model with the owner's key",
+    "detect": "read bits from a folder of images with a scheme's key, or any mark with your own detector",
+    "attack": "apply one attack or control to a model: remove, change or move its Gaussians",
+    "train": "train a 3DGS model from photographs",
+    "download": "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending",
+    "failures": "list the failed jobs of the workflow, with reasons and logs",
+    "stages": "delete unused stage files (contributions per view), or verify files by their checksums",
+    "paper-check": "check the paper's printed numbers against those that follow from its tables",
+    "doctor": "check OpenCL devices, OpenGL and packages, and print how to fix what is missing",
+    "completion": "print the script for tab completion of a shell",
+}
+JOBS = {
+    "contributions": "compute the contribution of every Gaussian to each view (stored per view)",
+    "weights": "average the contributions over the views: weights omega [K]",
+    "opacities": "write the opacity of every row (for an anchor, the mean over its Gaussians and the views)",
+    "hidden": "measure the share of the message's weight on rows that plain_weight prunes",
+    "surface": "measure the distance of every row from the visible surface, for the attack gof",
+    "features": "standardize positions, opacities and weights: features F [K,5]",
+    "tree": "compute HDBSCAN's minimum spanning tree from features and min_samples",
+    "cluster": "select clusters from a spanning tree",
+    "prune": "decide which Gaussians to prune, and diagnose the clustering",
+    "decoys": "ray-trace random rooms, as false candidates of `gspure retrieve`",
+    "retrieve": "test whether extractions retrieve the message among candidates",
+    "table": "collect the metrics of all variants in one table, with the Score",
+    "contest": "measure the survival of the message, and compare GSPure with every other attack",
+    "figures": "draw figures: point clouds and weights, renderings side by side, outcomes, sweeps, trade-offs",
+    "report": "write a self-contained HTML page with audit, tables, figures and records",
+}
+COMMANDS = USER_COMMANDS | JOBS
 
 DESCRIPTION = "Measure how robust a 3D Gaussian Splatting watermark is against GSPure and other attacks."
 
@@ -102,10 +101,10 @@ def _refuse(command: str, reason: str) -> int:
 
 def parser_of(name: str) -> argparse.ArgumentParser:
     """Return the parser of one command; the others are not imported."""
-    module = _module(name)
+    module = importlib.import_module(f"gspure.cli.{name.replace('-', '_')}")
     parser = Parser(
         prog=f"gspure {name}",
-        description=module.HELP,
+        description=COMMANDS[name],
         epilog="examples:\n" + module.EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -131,9 +130,5 @@ def _overview(argv: Sequence[str]) -> NoReturn:
     parser.error("expected a command")
 
 
-def _listed(title: str, names: Sequence[str]) -> str:
-    return "\n".join([f"{title}:", *(f"  {name:<15}{_module(name).HELP}" for name in names)])
-
-
-def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"gspure.cli.{name.replace('-', '_')}")
+def _listed(title: str, commands: Mapping[str, str]) -> str:
+    return "\n".join([f"{title}:", *(f"  {name:<15}{meaning}" for name, meaning in commands.items())])

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from gspure.cameras import Camera
     from gspure.public_model import PublicModel
 
-HELP = "apply one attack or control to a model: remove, change or move its Gaussians"
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
   gspure attack gspure --model point_cloud.ply --prune-mask prune_mask.npy --out purified.ply

@@ -16,7 +16,6 @@ from gspure.errors import InputError, reading
 from gspure.workflow.job_progress import COMMAND, SHOWN
 from gspure.workflow.options import DEFAULT_PROFILE, profile_options
 
-HELP = "run the whole workflow in the current folder: attack a model in many ways and write a report"
 EXAMPLES = """\
   gspure audit point_cloud.ply --cameras orbit              # results/report.html
   gspure audit output/bicycle --cameras output/bicycle --dry-run

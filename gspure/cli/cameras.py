@@ -15,7 +15,6 @@ from gspure.errors import InputError
 if TYPE_CHECKING:
     from gspure.cameras import Camera
 
-HELP = "convert cameras of any format, or generate views, and write cameras.json"
 EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
   gspure cameras scene/transforms.json --out cameras.json --scale 1/4

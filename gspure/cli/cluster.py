@@ -3,7 +3,6 @@
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 
-HELP = "select clusters from a spanning tree"
 EXAMPLES = """\
   gspure cluster --tree tree.npy --out clusters.npz
   gspure cluster --tree tree.npy --selection leaf --min-cluster-size 100 --out leaves.npz
@@ -17,7 +16,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Select and write the clusters."""
     from gspure.artifacts import write_provenance
     from gspure.method.clustering.selection import select
     from gspure.method.clustering.store import Clusters, read_tree, write_clusters

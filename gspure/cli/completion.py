@@ -6,7 +6,6 @@ from pathlib import Path
 from gspure.cli.options import camera_source
 from gspure.cli.parser import Arguments, Output, Parser
 
-HELP = "print the script for tab completion of a shell"
 EXAMPLES = """\
   gspure completion bash      # > ~/.local/share/bash-completion/completions/gspure
   gspure completion zsh       # > ~/.zfunc/_gspure, a folder of $fpath
@@ -18,7 +17,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Print the script."""
     from gspure.plugins import require_packages
 
     require_packages({"shtab": "gspure[completion]"}, "completion")

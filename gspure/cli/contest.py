@@ -3,7 +3,6 @@
 from gspure.cli.options import add_sweeps, read_sweeps
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "measure the survival of the message, and compare GSPure with every other attack"
 EXAMPLES = """\
   gspure contest --table results.csv --out contest.csv --survival survival.csv --matched matched.csv \\
       --markdown contest.md
@@ -25,7 +24,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Write the tables."""
     from gspure.artifacts import write_provenance, write_text
     from gspure.evaluation.contest import Contest, contest
     from gspure.evaluation.costs import AttackCost, attack_costs

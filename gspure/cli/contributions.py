@@ -5,7 +5,6 @@ import argparse
 from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "compute the contribution of every Gaussian to each view (stored per view)"
 EXAMPLES = """\
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --index room.tsv
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --part 1/2 --index 1.tsv
@@ -31,7 +30,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Compute the missing views of this part, then write its index."""
     from gspure.artifacts import write_provenance
     from gspure.method.contributions import Measurement, contribute, write_index
     from gspure.model import read_model

@@ -3,7 +3,6 @@
 from gspure.cli.options import add_quiet, require_least
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "ray-trace random rooms, as false candidates of `gspure retrieve`"
 EXAMPLES = """\
   gspure decoys --views 4 --width 160 --height 120 --out decoys
 

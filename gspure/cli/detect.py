@@ -11,7 +11,6 @@ from gspure.cli.parser import Arguments, Parser
 if TYPE_CHECKING:
     from gspure.evaluation.detection import Reading
 
-HELP = "read bits from a folder of images with a scheme's key, or any mark with your own detector"
 EXAMPLES = """\
   gspure detect renders --command "python examples/spread_spectrum.py detect --key 7" --out spread.csv
   gspure detect renders --command "python decode.py --weights decoder.pt" --message 0110100110010110 --out bits.csv

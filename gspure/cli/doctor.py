@@ -17,7 +17,6 @@ from packaging.requirements import Requirement
 import gspure
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "check OpenCL devices, OpenGL and packages, and print how to fix what is missing"
 EXAMPLES = """\
   gspure doctor
   GSPURE_DEVICE=1 gspure doctor  # check one device

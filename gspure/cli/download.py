@@ -6,7 +6,6 @@ from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
-HELP = "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending"
 EXAMPLES = """\
   gspure download all --accept-licence                      # into data/, for config/mipnerf360.yaml
   gspure download garden playroom --out data --accept-licence
@@ -33,7 +32,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Download the archives and unpack the missing scenes."""
     from gspure.datasets import SCENES, archive_of, extract, fetch
     from gspure.datasets.extraction import RECORD
     from gspure.progress import say

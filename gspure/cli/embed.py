@@ -8,7 +8,6 @@ from gspure.cli.parser import Arguments, Parser
 if TYPE_CHECKING:
     from gspure.schemes.readability import Readability
 
-HELP = "train a watermarked model on a pair: the public model and the owner's key"
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
   gspure embed gs_hider pair --out marked --set iterations=2000 --set message_weight=0.5

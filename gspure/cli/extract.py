@@ -9,7 +9,6 @@ from gspure.cli.parser import Arguments, Parser
 if TYPE_CHECKING:
     from gspure.public_model import Lesson
 
-HELP = "render the message of a public or attacked model with the owner's key"
 EXAMPLES = """\
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out message
   gspure extract purified.ply --scheme splats_in_splats --key marked/key --cameras pair/cameras.json --out message \\

@@ -3,7 +3,6 @@
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
-HELP = "list the failed jobs of the workflow, with reasons and logs"
 EXAMPLES = """\
   gspure failures results      # exit status 1 if any job failed
 """
@@ -14,7 +13,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> int:
-    """Print a line for each reason."""
     from gspure.failures import failures_below, summary
 
     if not args.folder.is_dir():

@@ -2,7 +2,6 @@
 
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "standardize positions, opacities and weights: features F [K,5]"
 EXAMPLES = """\
   gspure features --model point_cloud.ply --weights weights.npy --out features.npy
   gspure features --model point_cloud.ply --weights weights.npy --opacities opacities.npy --out features.npy
@@ -17,7 +16,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Compute and write the features."""
     import numpy as np
 
     from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_provenance

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 _WHITE = (1.0, 1.0, 1.0)
 
-HELP = "draw figures: point clouds and weights, renderings side by side, outcomes, sweeps, trade-offs"
 EXAMPLES = """\
   gspure figures model --model point_cloud.ply --weights weights.npy --clusters clusters.npz \\
       --cameras cameras.json --out figures

@@ -4,7 +4,6 @@ from gspure.cli.options import add_device, add_energy, add_views, read_device, r
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
 
-HELP = "measure the share of the message's weight on rows that plain_weight prunes"
 EXAMPLES = """\
   gspure hidden --model marked/public/point_cloud.ply --scheme splats_in_splats --key marked/key \\
       --cameras pair/cameras.json --weights weights.npy --out hidden.json

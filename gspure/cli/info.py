@@ -14,7 +14,6 @@ from gspure.cli.parser import Arguments, Parser
 if TYPE_CHECKING:
     from gspure.model.summary import Summary
 
-HELP = "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme"
 EXAMPLES = """\
   gspure info point_cloud.ply
   gspure info output/bicycle                                   # a training run's folder: its newest iteration
@@ -29,7 +28,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Print the summary of one model."""
     from gspure.errors import printable
     from gspure.model import model_file, read_model
     from gspure.model.inria import training_arguments

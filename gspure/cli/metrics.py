@@ -3,7 +3,6 @@
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "compare two folders of images: PSNR, SSIM, MS-SSIM, gradient correlation (GC), per view and mean"
 EXAMPLES = """\
   gspure metrics before after
   gspure metrics photographs renders --reference truth --out metrics.csv
@@ -33,7 +32,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Compare, write the table, and print it."""
     from gspure.artifacts import write_provenance
     from gspure.evaluation.comparison import as_text, compare, pair_images, write_metrics
     from gspure.progress import say, track

@@ -3,7 +3,6 @@
 from gspure.cli.options import add_scheme, add_views, read_public, read_views
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "write the opacity of every row (for an anchor, the mean over its Gaussians and the views)"
 EXAMPLES = """\
   gspure opacities --model point_cloud.ply --cameras cameras.json --out opacities.npy
 """
@@ -17,7 +16,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Compute and write the opacities."""
     from gspure.artifacts import save_array, write_provenance
     from gspure.model import read_model
 

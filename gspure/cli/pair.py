@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from gspure.model import Gaussians
     from gspure.scenes.alignment import Similarity
 
-HELP = "make a pair: photographs of a scene and of a message, for `gspure embed`"
 EXAMPLES = """\
   gspure pair room vault --out pair                       # ray-traced; placements: raised, front, behind, coincident
   gspure pair interior-1 landscape-2 --protocol own --out pair --views 48 --width 320 --height 240

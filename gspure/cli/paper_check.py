@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from gspure.evaluation.paper import Cell, Check
     from gspure.report.table import Table
 
-HELP = "check the paper's printed numbers against those that follow from its tables"
 EXAMPLES = """\
   gspure paper-check
   gspure paper-check --out paper.csv     # one row per number

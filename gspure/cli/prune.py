@@ -3,7 +3,6 @@
 from gspure.cli.method_options import add_factors
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "decide which Gaussians to prune, and diagnose the clustering"
 EXAMPLES = """\
   gspure prune --clusters clusters.npz --weights weights.npy --out prune_mask.npy
   gspure prune --clusters clusters.npz --weights weights.npy --model point_cloud.ply --out prune_mask.npy \\
@@ -23,7 +22,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Write the mask, and optionally the diagnosis; print the diagnosis."""
     import numpy as np
 
     from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_json, write_provenance

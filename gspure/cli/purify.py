@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
 
-HELP = "run GSPure on one model: purified model, weights, clusters, metrics and figures"
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified
   gspure purify output/bicycle --cameras output/bicycle --out purified --tau-n 2 --tau-c 3

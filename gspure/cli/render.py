@@ -15,7 +15,6 @@ from gspure.cli.options import (
 )
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "render a model's views to images"
 EXAMPLES = """\
   gspure render point_cloud.ply --cameras cameras.json --out renders
   gspure render point_cloud.ply --cameras orbit --out renders             # generated views, in renders/cameras.json

@@ -3,7 +3,6 @@
 from gspure.cli.options import add_files
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "write a self-contained HTML page with audit, tables, figures and records"
 EXAMPLES = """\
   gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
   gspure report --table results.csv \\
@@ -32,7 +31,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Write the page."""
     from gspure.artifacts import require_input
     from gspure.evaluation.contest import Contest
     from gspure.evaluation.costs import AttackCost

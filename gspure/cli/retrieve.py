@@ -4,7 +4,6 @@ from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
-HELP = "test whether extractions retrieve the message among candidates"
 EXAMPLES = """\
   gspure retrieve pair/message --extractions results/planted/room/*/renders/message --out retrieval.csv
   gspure retrieve pair/message --extractions results/planted/room/*/renders/message \\
@@ -21,7 +20,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Write the table."""
     from pathlib import Path
 
     from gspure.artifacts import write_provenance

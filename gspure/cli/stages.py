@@ -5,7 +5,6 @@ from pathlib import Path
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
-HELP = "delete unused stage files (contributions per view), or verify files by their checksums"
 EXAMPLES = """\
   gspure stages prune
   gspure stages prune --stages /scratch/stages --results /scratch/results

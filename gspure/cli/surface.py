@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
 
-HELP = "measure the distance of every row from the visible surface, for the attack gof"
 EXAMPLES = """\
   gspure surface --model point_cloud.ply --cameras cameras.json --out surface.npy --mesh mesh.ply
   gspure surface --model point_cloud.ply --cameras cameras.json --out surface.npy --method depth
@@ -42,7 +41,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Measure and write the distances."""
     from gspure.artifacts import save_array, write_provenance
     from gspure.attacks.pruning import TOLERANCE
     from gspure.errors import InputError

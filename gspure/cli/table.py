@@ -3,7 +3,6 @@
 from gspure.cli.options import add_files
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "collect the metrics of all variants in one table, with the Score"
 EXAMPLES = """\
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md
   gspure table --metrics results/planted/room/*/metrics.csv --prune-masks results/planted/room/*/prune_mask.npy \\
@@ -40,7 +39,6 @@ def _condition(text: str) -> tuple[str, str]:
 
 
 def run(args: Arguments) -> None:
-    """Write the tables."""
     from itertools import chain
 
     from gspure.artifacts import write_provenance, write_text

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from gspure.training.dataset import Dataset
     from gspure.training.trainer import Trainer
 
-HELP = "train a 3DGS model from photographs"
 EXAMPLES = """\
   gspure train scene --out trained                     # COLMAP project: scene/images and scene/sparse/0
   gspure train scene/transforms.json --out trained --resolution 1/4 --iterations 7000

@@ -3,7 +3,6 @@
 from gspure.cli.method_options import add_min_samples
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "compute HDBSCAN's minimum spanning tree from features and min_samples"
 EXAMPLES = """\
   gspure tree --features features.npy --out tree.npy
   gspure tree --features features.npy --min-samples 20 --out tree_20.npy
@@ -28,7 +27,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Compute and write the tree."""
     import numpy as np
 
     from gspure.artifacts import load_array, save_array, write_provenance

@@ -2,7 +2,6 @@
 
 from gspure.cli.parser import Arguments, Parser
 
-HELP = "average the contributions over the views: weights omega [K]"
 EXAMPLES = """\
   gspure weights --index room.tsv --model point_cloud.ply --out weights.npy
   gspure weights --index room.tsv --model point_cloud.ply --views 4 --out omega_4.npy

@@ -150,22 +150,10 @@ def _text(value: Any) -> str:
     return "" if value is None else str(value)
 
 
-def _number(text: str) -> float:
-    return float(text) if text else math.nan
-
-
-def _truth(text: str) -> bool | None:
-    return {"true": True, "false": False, "": None}[_one_of(text, ("true", "false", ""))]
-
-
-def _count(text: str) -> int | None:
-    return int(text) if text else None
-
-
 _SCALARS: Final[Mapping[Any, Callable[[str], Any]]] = {
     str: str,
     int: int,
-    int | None: _count,
-    float: _number,
-    bool | None: _truth,
+    int | None: lambda text: int(text) if text else None,
+    float: lambda text: float(text) if text else math.nan,
+    bool | None: lambda text: {"true": True, "false": False, "": None}[_one_of(text, ("true", "false", ""))],
 }

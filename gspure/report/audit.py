@@ -243,13 +243,12 @@ def _other_attacks(contests: Sequence[Contest]) -> OtherAttacks | None:
 def _off_path(gspure: Sequence[Outcome]) -> OffPath | None:
     """Return what GSPure removes as seen off the camera path; its decision rests on views on the path."""
     sides = (gspure, [o.off_path_outcome() for o in gspure])
-    on, off = ([_drop(side, target) for target in (MESSAGE, SCENE)] for side in sides)
+    on, off = (
+        [known_interval({(o.scene, o.seed): o.psnr_drop(target) for o in side}) for target in (MESSAGE, SCENE)]
+        for side in sides
+    )
     drops = [drop for drop in (*off, *on) if drop]
     return OffPath(*drops) if len(drops) == len(OffPath._fields) else None
-
-
-def _drop(outcomes: Sequence[Outcome], target: str) -> Interval | None:
-    return known_interval({(o.scene, o.seed): o.psnr_drop(target) for o in outcomes})
 
 
 def _scene_psnr(outcomes: Sequence[Outcome]) -> list[tuple[Summary, Interval]]:

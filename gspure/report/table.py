@@ -85,7 +85,7 @@ class Table:
     def markdown(self) -> str:
         """Return a Markdown table whose columns are aligned in plain text, too."""
         lines = [[column.full_title for column in self.columns]]
-        lines += [[_markdown_cell(cell) for cell in row.cells] for row in self.rows]
+        lines += [[f"**{cell}**" if cell.best else str(cell) for cell in row.cells] for row in self.rows]
         lines = [[text.replace("|", r"\|") for text in line] for line in lines]
         widths = [max(3, *map(len, texts)) for texts in zip(*lines, strict=True)]
         signs = [f"<{width}" if words else f">{width}" for width, words in zip(widths, self._words, strict=True)]
@@ -157,10 +157,6 @@ def plain(value: float) -> str:
 def signed(value: float) -> str:
     """Return a difference with its sign; – if it is unknown or infinite."""
     return f"{value:+.2f}".replace("-0.00", "+0.00").replace("-", "−") if isfinite(value) else UNKNOWN
-
-
-def _markdown_cell(cell: Cell) -> str:
-    return f"**{cell}**" if cell.best else str(cell)
 
 
 def _latex_row(texts: Iterable[str]) -> str:
