@@ -25,12 +25,13 @@ from tests.models import blobs, camera, tilted_camera
 VIEWS = [camera(name="a"), tilted_camera(name="b")]
 ROWS = 80
 WEIGHTS = np.random.default_rng(0).lognormal(0, 1, ROWS).astype(np.float32)
+LABELS = np.arange(ROWS, dtype=np.int32) % 4 - 1
 NAMES = [attack.name for attack in ATTACKS]
 GEOMETRY = {"x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3))}
 
 
 def attacked_by(name: str, seed: int = 0, **settings) -> Attacked:
-    evidence = Evidence(WEIGHTS) if find_attack(name).needs else Evidence()
+    evidence = Evidence(WEIGHTS, labels=LABELS) if find_attack(name).needs else Evidence()
     settings = {"iterations": 6, **settings}
     return find_attack(name).apply(PublicModel(blobs(ROWS)), evidence, seed=seed, cameras=VIEWS, **settings)
 
@@ -45,7 +46,7 @@ def test_the_same_arguments_give_the_same_bytes_and_change_the_model(name: str) 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_damage_needs_no_photographs_key_or_message(name: str) -> None:
-    assert find_attack(name).parameters <= {"public", "cameras", "device", "weights"}
+    assert find_attack(name).parameters <= {"public", "cameras", "device", "weights", "labels"}
 
 
 def test_an_attack_gets_cameras_without_their_photographs() -> None:
@@ -61,7 +62,7 @@ def test_an_attack_gets_cameras_without_their_photographs() -> None:
     assert [view.name for view in got] == ["a", "b"]
 
 
-@pytest.mark.parametrize("name", ["finetune", "prune_repair"])
+@pytest.mark.parametrize("name", ["finetune", "prune_repair", "gspure_repair"])
 def test_learning_the_appearance_leaves_the_geometry_bit_identical(name: str) -> None:
     attacked = attacked_by(name, learn="appearance")
     before = blobs(ROWS)[~attacked.prune_mask]
@@ -76,6 +77,14 @@ def test_prune_repair_keeps_the_rows_above_the_threshold_and_repairs_the_scene()
     damage_of = scene_damage(PublicModel(blobs(ROWS)), VIEWS)
     pruned = PublicModel(blobs(ROWS)[~attacked.prune_mask])
     assert damage_of(PublicModel(attacked.model)) < damage_of(pruned) - 0.1
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_gspure_repair_removes_the_rows_that_gspure_scaled_removes(scale: float) -> None:
+    factors = {"scale": scale, "tau_c": 2.0, "tau_n": 1.5}
+    evidence = Evidence(WEIGHTS, labels=LABELS)
+    pruned = find_attack("gspure_scaled").apply(PublicModel(blobs(ROWS)), evidence, **factors)
+    np.testing.assert_array_equal(attacked_by("gspure_repair", **factors).prune_mask, pruned.prune_mask)
 
 
 def test_reestimate_changes_all_colours_and_keeps_the_rest_and_the_scene() -> None:

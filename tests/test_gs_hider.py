@@ -12,11 +12,13 @@ from gspure.opencl.device import choose_device  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
 from gspure.public_model import PublicModel  # noqa: E402
 from gspure.renderer import Renderer  # noqa: E402
-from gspure.schemes.gs_hider import SCHEME  # noqa: E402
+from gspure.schemes.gs_hider import HARDENED, SCHEME  # noqa: E402
 from gspure.schemes.gs_hider.decoder import Decoder, differentiated, noise_gain, untrained  # noqa: E402
 from gspure.schemes.gs_hider.field import Field  # noqa: E402
 from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES  # noqa: E402
+from gspure.schemes.gs_hider.public_model import FeatureModel  # noqa: E402
 from gspure.schemes.gs_hider.training import Training  # noqa: E402
+from gspure.schemes.hidden_weight import low_rows  # noqa: E402
 from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
 from gspure.training.initialization import gaussians_at  # noqa: E402
@@ -121,6 +123,34 @@ def test_features_stay_aligned_with_gaussians_during_densification(pair):
     # The reset after iteration 10 left at most 0.01; two steps of at most about 0.05 in the logit have followed.
     assert run.field.model().opacities.max() < 0.012
     assert run.field.statistics().views.max() <= 2
+
+
+def test_rows_that_a_view_leaves_out_do_not_show_and_learn_nothing(pair):
+    field, camera = Field(gaussians_at(*pair.points), choose_device()), pair.scene.views[0]
+    low = np.arange(len(field)) % 3 == 0
+    shown, pull_back = field.feature_map(camera, low)
+    smaller = FeatureModel(field.model()[~low], None)
+    np.testing.assert_array_equal(shown, smaller.feature_map()(camera))
+    for gradient in vars(pull_back(np.ones_like(shown))).values():
+        assert not gradient[low].any()
+        assert gradient.shape[0] == len(field)
+    assert pull_back(np.ones_like(shown)).channels[~low].any()
+
+
+def test_a_hardened_message_outlives_the_pruning_of_rows_of_low_weight(own_pair_folder):
+    pair = read_pair(own_pair_folder)
+
+    def lost(scheme):
+        public, key = hide(scheme, pair, iterations=200, max_gaussians=2000)
+        low, shown = (
+            low_rows(public, pair.scene.views, 2.0, None),
+            zip(pair.message.views, pair.message.images, strict=True),
+        )
+        views = [key.message(kept, "message") for kept in (public, without(public, low))]
+        before, after = np.mean([[psnr(view(c).clip(0, 1), image) for view in views] for c, image in shown], axis=0)
+        return before - after
+
+    assert lost(HARDENED) < lost(SCHEME) - 1
 
 
 def test_the_columns_are_those_of_the_authors(hidden):

@@ -33,13 +33,14 @@ SMALL = {
     "splats_in_splats": {"iterations": 60, "max_gaussians": 800},
     "splats_in_splats_hardened": {"iterations": 60, "max_gaussians": 800},
     "gs_hider": {"iterations": 4, "max_gaussians": 400},
+    "gs_hider_hardened": {"iterations": 4, "max_gaussians": 400},
     "secure_gs": {"iterations": 4, "max_anchors": 100},
     "keyss": {"iterations": 8, "max_gaussians": 400},
     "marked_clones": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "marking_steps": 2},
     "planted": {"gaussians": 800},
     "veil": {"iterations": 20, "max_gaussians": 800},
 }
-NEEDS_TORCH = {"gs_hider", "secure_gs", "keyss", "marked_clones"}
+NEEDS_TORCH = {"gs_hider", "gs_hider_hardened", "secure_gs", "keyss", "marked_clones"}
 
 
 def example():
@@ -296,8 +297,7 @@ def test_every_command_draws_a_model_as_its_scheme_does(mirrored, file, options)
 
 
 def test_built_in_schemes_have_the_settings_that_all_have():
-    splats = ["splats_in_splats", "splats_in_splats_hardened"]
-    assert list(schemes()) == [*splats, "gs_hider", "secure_gs", "keyss", "marked_clones", "planted"]
+    assert list(schemes()) == [name for name in SMALL if name != "veil"]
     assert all("message_weight" in scheme.settings for scheme in schemes().values())
 
 

@@ -145,6 +145,15 @@ def test_only_a_fitting_owner_gets_photographs_and_no_attack_does(plan, again):
     assert "photographs" not in f"{learned.attack_options} {learned.render_files}"
 
 
+def test_only_an_owner_who_adapts_has_to_find_out_how_the_model_moved(again):
+    attacked = Variant(again, "gspure")
+    assert attacked.view_files("message_adaptive")["original"] == again.public
+    assert "transform" not in attacked.view_files("message_adaptive")
+    for target in ("scene", "message", "message_oracle"):
+        assert "transform" in attacked.view_files(target)
+        assert "original" not in attacked.view_files(target)
+
+
 def test_an_attack_takes_the_evidence_and_the_factor_of_its_decision(again):
     assert Variant(again, "leaf").evidence == {"prune_mask": f"{again.folder}/decisions/leaf/prune_mask.npy"}
     attack = Variant(again, "plain_weight")

@@ -8,7 +8,7 @@ from gspure.attacks.attack import Attacked, Rng, named, require, require_attribu
 from gspure.attacks.strength import Strength
 from gspure.dtypes import Float64
 from gspure.model.gaussians import Gaussians
-from gspure.model.sh_rotation import rotate_sh
+from gspure.model.motion import moved, rotation
 from gspure.public_model import Columns
 
 CROPPED: Final = 0.5
@@ -53,9 +53,8 @@ def rigid_transform(
     `axis` are three numbers separated by commas, of any length but zero; so is `translation`, in radii of the model,
     none beyond `FARTHEST`.
 
-    Centres, rotations and spherical harmonics rotate, so that the model looks the same from views that move along.
-    Features without direction, as GS-Hider's, stay. Anchors can only be translated: their networks read the viewing
-    direction in world coordinates.
+    The model looks the same from views that move along (`gspure.model.motion`). Anchors can only be translated: their
+    networks read the viewing direction in world coordinates.
     """
     require("rigid_transform", "angle", angle, "a number", fits=bool(np.isfinite(angle)))
     direction, shift = _vector("axis", axis), _vector("translation", translation)
@@ -64,15 +63,13 @@ def rigid_transform(
     near = bool((np.abs(shift) <= FARTHEST).all())
     require("rigid_transform", "translation", translation, f"at most {FARTHEST:.0f} radii (float32)", fits=near)
     shift *= radius(model)
-    radians = float(np.deg2rad(angle))
+    rotvec = direction / length * np.deg2rad(angle)
     transform = np.eye(4)
-    transform[:3, :3] = _rotation(direction / length, radians)
+    transform[:3, :3] = rotation(rotvec)
     transform[:3, 3] = shift
     if angle:
         require_attribute("rigid_transform", columns, "rotation")
-        model = _rotated(model, direction / length, radians)
-    means = (model.means @ transform[:3, :3].T + shift).astype(np.float32)
-    return Attacked.changed(model, dict(zip("xyz", means.T, strict=True)), transform)
+    return Attacked(moved(model, rotvec, shift), np.arange(len(model)), len(model), transform)
 
 
 def radius(model: Gaussians) -> float:
@@ -86,15 +83,6 @@ def radius(model: Gaussians) -> float:
     return float(np.quantile(np.linalg.norm(means - np.median(means, axis=0), axis=1), INNER))
 
 
-def _rotated(model: Gaussians, axis: Float64, radians: float) -> Gaussians:
-    """Return the model with every Gaussian rotated in place."""
-    product = _left_product(np.cos(radians / 2), *np.sin(radians / 2) * axis)
-    result = model.with_columns({f"rot_{i}": column for i, column in enumerate(product @ model.quats.T)})
-    if model.sh_degree <= 0:
-        return result
-    return result.with_appearance(model.table["opacity"], rotate_sh(model.sh_coeffs, radians * axis))
-
-
 def _vector(setting: str, text: str) -> Float64:
     try:
         vector = np.array([float(number) for number in text.split(",")])
@@ -103,19 +91,6 @@ def _vector(setting: str, text: str) -> Float64:
     fits = vector.shape == (3,) and bool(np.isfinite(vector).all())
     require("rigid_transform", setting, text, "three numbers separated by commas", fits=fits)
     return vector
-
-
-def _rotation(axis: Float64, radians: float) -> Float64:
-    """Return the rotation [3,3] about a unit axis (Rodrigues)."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: Float64 = np.eye(3) + np.sin(radians) * cross + (1 - np.cos(radians)) * cross @ cross
-    return rotation
-
-
-def _left_product(w: float, x: float, y: float, z: float) -> Float64:
-    """Return the matrix [4,4] of left multiplication by the quaternion (w, x, y, z)."""
-    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
 
 
 ATTACKS = named({crop: Strength("fraction", 1.0, 0.0), rigid_transform: None})

@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attack, Attacked, Rng, require
+from gspure.attacks.attack import Attacked, Rng, named, require
 from gspure.cameras.camera import Camera
-from gspure.constants import SH_DC, TAU_N
-from gspure.dtypes import Float32
+from gspure.constants import SH_DC, TAU_C, TAU_N
+from gspure.dtypes import Bools, Float32, Int32
 from gspure.errors import InputError
 from gspure.images import read_back
-from gspure.method.pruning import plain_prune_mask
+from gspure.method import pruning
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import TrainableModel
@@ -98,9 +98,34 @@ def prune_repair(
     learn: str = "all",
 ) -> Attacked:
     """Remove the rows with ω_k < ω̄ / `tau`, then train the rest on renders of the unpruned model, as `finetune`."""
-    prune_mask = plain_prune_mask(weights, tau)
-    pruned = public.with_model(public.model[~prune_mask])
-    rows = Teacher("prune_repair", public, cameras, device).train(pruned, rng, iterations, learn)
+    teacher = Teacher("prune_repair", public, cameras, device)
+    return _repaired(teacher, pruning.plain_prune_mask(weights, tau), rng, iterations, learn)
+
+
+def gspure_repair(
+    _model: Gaussians,
+    rng: Rng,
+    weights: Float32,
+    labels: Int32,
+    public: PublicModel,
+    cameras: Sequence[Camera],
+    device: Device | None,
+    *,
+    scale: float = 1.0,
+    tau_c: float = TAU_C,
+    tau_n: float = TAU_N,
+    iterations: int = ITERATIONS,
+    learn: str = "all",
+) -> Attacked:
+    """Remove the rows that `gspure_scaled` removes, then train the rest as `prune_repair`."""
+    teacher = Teacher("gspure_repair", public, cameras, device)
+    return _repaired(teacher, pruning.prune_mask(labels, weights, scale * tau_c, scale * tau_n), rng, iterations, learn)
+
+
+def _repaired(teacher: Teacher, prune_mask: Bools, rng: Rng, iterations: int, learn: str) -> Attacked:
+    """Remove rows of the teacher's model, and train the rest on its renders."""
+    pruned = teacher.public.with_model(teacher.public.model[~prune_mask])
+    rows = teacher.train(pruned, rng, iterations, learn)
     return Attacked(rows, np.flatnonzero(~prune_mask), len(prune_mask))
 
 
@@ -153,4 +178,4 @@ def distil(
     return Attacked(distilled, np.full(len(distilled), -1), len(model))
 
 
-ATTACKS = tuple(Attack(function.__name__, function) for function in (finetune, prune_repair, reestimate, distil))
+ATTACKS = named(dict.fromkeys((finetune, prune_repair, gspure_repair, reestimate, distil)))

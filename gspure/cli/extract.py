@@ -13,6 +13,8 @@ EXAMPLES = """\
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out message
   gspure extract purified.ply --scheme splats_in_splats --key marked/key --cameras pair/cameras.json --out message \\
       --extraction message_oracle                                                    # with the exact hidden values
+  gspure extract moved.ply --scheme splats_in_splats --key marked/key --cameras pair/cameras.json --out message \\
+      --extraction message_adaptive --original marked/public                         # an unknown rotation or scale
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out wrong_key \\
       --wrong-key 1                                                                  # a negative control
 """
@@ -36,6 +38,13 @@ def add_arguments(parser: Parser) -> None:
         "keyss; only the training views are used",
         required=False,
     )
+    parser.reads(
+        "--original",
+        "MODEL",
+        "the published model: an unknown rotation, translation and scale of MODEL is undone first, from the rows that "
+        "both share",
+        required=False,
+    )
     add_views(parser, split="all")
     add_off_path(parser)
     parser.writes("--out", "DIR", "folder for VIEW.png; it must not hold other images")
@@ -53,6 +62,7 @@ def run(args: Arguments) -> None:
     from gspure.images import levels, record_views, require_no_other_images, write_image
     from gspure.model import model_file
     from gspure.progress import track, warn
+    from gspure.schemes.matching import registered
     from gspure.schemes.registry import find_scheme
     from gspure.schemes.scheme import ADAPTIVE
 
@@ -65,6 +75,10 @@ def run(args: Arguments) -> None:
     if extraction not in scheme.extractions:
         expected = f"one of {', '.join(scheme.extractions)}"
         raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(extraction))
+    if args.original and args.transform:
+        raise InputError("extract", "--transform", expected="nothing beside --original", found=str(args.transform))
+    if args.original:
+        public = registered(public, scheme.read_public(args.original).model)
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
     view, is_flat = key.message(public, extraction, read_device(args)), True

@@ -15,6 +15,7 @@ _NAMES: Final = {
     "splats_in_splats": "Splats in Splats",
     "splats_in_splats_hardened": "Splats in Splats (hardened)",
     "gs_hider": "GS-Hider",
+    "gs_hider_hardened": "GS-Hider (hardened)",
     "secure_gs": "SecureGS",
     "keyss": "KeySS",
     "marked_clones": "Marked Clones",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Float32
+from gspure.dtypes import Bools, Float32
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import Reduction, accumulate
 from gspure.opencl.device import Device
@@ -37,6 +37,12 @@ def hidden_weights(
         return merge_by_row(Renderer(gaussians, device, energy=energy).contributions(camera), owners)
 
     return accumulate(map(stage, track(cameras, "hidden weight")), len(public.model), reduction)
+
+
+def low_rows(public: PublicModel, cameras: Sequence[Camera], tau: float, device: Device | None) -> Bools:
+    """Return the mask [K] of the rows that `plain_weight` removes: those of low public weight in these views."""
+    weights = accumulate(map(public.contributions(device), cameras), len(public.model))
+    return plain_prune_mask(weights, tau)
 
 
 def share_on_low(weights: NDArray[Any], hidden: NDArray[Any], tau: float) -> float:

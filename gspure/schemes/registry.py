@@ -10,7 +10,7 @@ from gspure.schemes import gs_hider, keyss, marked_clones, planted, secure_gs, s
 from gspure.schemes.scheme import REQUIRED, Scheme
 
 _SPLATS = (splats_in_splats.SCHEME, splats_in_splats.HARDENED)
-_NETWORKS = (gs_hider.SCHEME, secure_gs.SCHEME, keyss.SCHEME, marked_clones.SCHEME)
+_NETWORKS = (gs_hider.SCHEME, gs_hider.HARDENED, secure_gs.SCHEME, keyss.SCHEME, marked_clones.SCHEME)
 BUILT_IN = (*_SPLATS, *_NETWORKS, planted.SCHEME)
 GROUP = "gspure.schemes"
 

@@ -152,10 +152,15 @@ class Variant:
         return f"{self.folder}/public/point_cloud.ply"
 
     def view_files(self, target: str) -> dict[str, str]:
-        """Return the views that show a target, the attack's rigid transform, and photographs that an owner fits to."""
-        files = self.model.views(target) | ({"transform": f"{self.folder}/transform.npy"} if self.is_attacked else {})
-        fits = target == ADAPTIVE and self.model.plan.schemes[self.model.scheme].fits
-        return files | ({"photographs": self.model.pair["message"]} if fits else {})
+        """Return the views that show a target, and the attack's rigid transform.
+
+        Instead of the transform, an owner who adapts gets the published model, and photographs to fit to.
+        """
+        files = self.model.views(target)
+        if target != ADAPTIVE:
+            return files | ({"transform": f"{self.folder}/transform.npy"} if self.is_attacked else {})
+        fits = self.model.plan.schemes[self.model.scheme].fits
+        return files | {"original": self.model.public} | ({"photographs": self.model.pair["message"]} if fits else {})
 
     def view_options(self, target: str) -> str:
         """Return the same as options."""

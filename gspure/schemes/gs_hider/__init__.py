@@ -1,5 +1,9 @@
 """GS-Hider (Zhang et al. 2024): one feature map; a public network decodes the scene, a private one the message."""
 
+import math
+from dataclasses import replace
+from functools import partial
+
 from gspure.schemes.gs_hider.embedding import embed
 from gspure.schemes.gs_hider.key import DecoderKey
 from gspure.schemes.gs_hider.layout import SCENE_DECODER, decoder_name
@@ -14,9 +18,11 @@ SCHEME = Scheme(
     FeatureModel.read,
     DecoderKey.read,
     {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
-    ranges={"constant_rate": (0, 1)},
+    ranges={"constant_rate": (0, 1), "hardened": (0, math.inf)},
     signature=("semantic_0",),
     beside=(decoder_name("*", SCENE_DECODER),),
     packages=PYTORCH,
     fits=True,
 )
+
+HARDENED = replace(SCHEME, name="gs_hider_hardened", embed=partial(embed, hardened=2.0))

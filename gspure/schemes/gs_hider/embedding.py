@@ -35,11 +35,13 @@ def embed(
     message_weight: float = MESSAGE_WEIGHT,
     max_gaussians: int = 30_000,
     constant_rate: int = 0,
+    hardened: float = 0.0,
 ) -> tuple[FeatureModel, DecoderKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     `message_weight` is the share of the message's loss, that of the scene is 1; `max_gaussians` bounds growth.
-    With a `constant_rate` of 1, the authors', the decoders' learning rate does not fall at the end.
+    With a `constant_rate` of 1, the authors', the decoders' learning rate does not fall at the end. `hardened` trains
+    the message also without the rows that ``plain_weight`` removes with this tau, 0 as in the paper.
 
     Raise `InputError` if a setting is out of range, or PyTorch is missing.
     """
@@ -53,6 +55,7 @@ def embed(
         seed=seed,
         device=device or choose_device(),
         falls=not constant_rate,
+        hardened=hardened,
     )
     for _ in watched(run, iterations, lambda: f"{pair.quality(*run.views)}  {len(run.field)} Gaussians"):
         pass

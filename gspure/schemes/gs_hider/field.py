@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Float32
+from gspure.dtypes import Bools, Float32
 from gspure.model import Gaussians
 from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates
@@ -15,8 +15,6 @@ from gspure.opencl.trainable import Parameters, Statistics, TrainState
 from gspure.renderer import Gradients, Renderer
 from gspure.schemes.gs_hider.layout import CHANNELS, COLUMNS
 from gspure.training.adam import adam_step
-
-Pullback = Callable[[Float32], None]
 
 FEATURES_RATE: Final = 2.5e-3
 """The authors': that of 3DGS's base colours."""
@@ -62,9 +60,23 @@ class Field:
         rows = np.concatenate(parts, axis=1)
         return Gaussians(rows.view([(name, "<f4") for name in COLUMNS])[:, 0])
 
-    def feature_map(self, camera: Camera) -> tuple[Float32, Callable[[Float32], Gradients]]:
-        """Return a view's blended features [H,W,16] on black, and the function that pulls their gradient back."""
-        return self._renderer.vjp(camera, sigmoid(self.features))
+    def feature_map(self, camera: Camera, low: Bools | None = None) -> tuple[Float32, Callable[[Float32], Gradients]]:
+        """Return a view's blended features [H,W,16] on black, and the function that pulls their gradient back.
+
+        Rows where the mask `low` [K] is true are left out; their gradients are zero.
+        """
+        if low is None:
+            return self._renderer.vjp(camera, sigmoid(self.features))
+        feature_map, pull_back = Renderer(self.model()[~low], self._device).vjp(camera, sigmoid(self.features[~low]))
+
+        def spread(gradient: Float32) -> Gradients:
+            of_kept = vars(pull_back(gradient))
+            of_all = {name: np.zeros((len(low), *part.shape[1:]), np.float32) for name, part in of_kept.items()}
+            for name, part in of_kept.items():
+                of_all[name][~low] = part
+            return Gradients(**of_all)
+
+        return feature_map, spread
 
     def accumulate(self, camera: Camera, gradients: Gradients) -> None:
         """Add a view's gradients to those of the next step, and to the statistics."""

@@ -6,13 +6,15 @@ from typing import Final
 
 import numpy as np
 
-from gspure.dtypes import Float32
+from gspure.dtypes import Bools, Float32
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import RenderView
 from gspure.schemes.gs_hider.decoder import Decoder, decoded, differentiated, untrained
 from gspure.schemes.gs_hider.field import Field
+from gspure.schemes.gs_hider.public_model import FeatureModel
+from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.pair import Capture, Pair
 from gspure.training.pytorch import single_threaded, torch
 from gspure.training.schedule import Schedule
@@ -35,6 +37,9 @@ class Training:
         lambda in L = L_scene + lambda L_message; 0 omits the message branch.
     falls : bool
         Whether the decoders' learning rate falls to zero once Gaussians no longer grow.
+    hardened : float
+        The message is trained in every other iteration without the rows that ``plain_weight`` removes with this tau;
+        0 trains as in the paper.
 
     """
 
@@ -49,6 +54,7 @@ class Training:
         seed: int,
         device: Device,
         falls: bool = True,
+        hardened: float = 0.0,
     ) -> None:
         scene, message = untrained(2, seed)
         self.pair = pair
@@ -59,6 +65,9 @@ class Training:
         self._optimizer = torch.optim.Adam([p for b in self.branches for p in b.decoder.parameters()], DECODER_RATE)
         self._schedule = Schedule.scaled(iterations)
         self._falls = falls
+        self._hardened = hardened
+        self._low: Bools | None = None
+        self._device = device
         self._max_gaussians = max_gaussians
         self._rng = np.random.default_rng(seed)
 
@@ -69,6 +78,9 @@ class Training:
                 yield self._step(iteration, next(batches), threads)
                 if self._schedule.densifies(iteration):
                     self._densify(iteration)
+                if self._hardened and iteration % self._schedule.densify_every == 0:
+                    public, views = FeatureModel(self.field.model(), None), self.pair.scene.views
+                    self._low = low_rows(public, views, self._hardened, self._device)
 
     @property
     def views(self) -> list[RenderView]:
@@ -77,12 +89,13 @@ class Training:
 
     def _step(self, iteration: int, batch: tuple[int, int], threads: ThreadPoolExecutor) -> float:
         tasks = list(zip(self.branches, batch, strict=False))
-        shown = [tasks] if self.pair.shares_poses else [[task] for task in tasks]
+        low = self._low if iteration % 2 else None
+        shown = [tasks] if self.pair.shares_poses and low is None else [[task] for task in tasks]
         loss = 0.0
         for branches in shown:  # one pass over the Gaussians for all branches that look from the same pose
             branch, view = branches[0]
             camera = branch.views[view]
-            feature_map, pull_back = self.field.feature_map(camera)
+            feature_map, pull_back = self.field.feature_map(camera, low if branch is not self.branches[0] else None)
             work = [threads.submit(branch.differentiate, feature_map, view) for branch, view in branches]
             losses, gradients = zip(*(share.result() for share in work), strict=True)
             self.field.accumulate(camera, pull_back(np.sum(gradients, axis=0)))

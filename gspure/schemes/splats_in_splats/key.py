@@ -22,13 +22,12 @@ from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import CORE
-from gspure.model.sh_rotation import rotate_sh
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
+from gspure.schemes.matching import adaptive_matches, exact_matches
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Key
 from gspure.schemes.splats_in_splats import bits
-from gspure.schemes.splats_in_splats.matching import adaptive_matches, exact_matches
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 
 ORACLE: Final = "message_oracle"
@@ -102,9 +101,8 @@ class SplatsInSplatsKey(Key):
         return SplatsInSplatsKey(arrays["positions"], mapping, int(shift), hidden)
 
     def _revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
-        rotation = np.zeros(3)
         if extraction == ADAPTIVE:
-            places, rotation = adaptive_matches(self.hidden, public.model)
+            places = adaptive_matches(self.hidden, public.model)
         else:
             places = exact_matches(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
         rows = np.flatnonzero(places >= 0)
@@ -114,7 +112,7 @@ class SplatsInSplatsKey(Key):
             sh_coeffs = bits.extract(survivors.sh_coeffs_of(self.hidden.sh_degree), self.shift)
         else:
             opacities = self.hidden.table["opacity"][places]
-            sh_coeffs = rotate_sh(self.hidden.sh_coeffs[places], rotation)
+            sh_coeffs = self.hidden.sh_coeffs[places]
         message = Gaussians(np.zeros(len(rows), self.hidden.table.dtype))
         geometry = {name: survivors.table[name] for name in CORE}
         return message.with_columns(geometry).with_appearance(opacities, sh_coeffs), rows

@@ -6,14 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from gspure.method.pruning import plain_prune_mask
-from gspure.method.weights import accumulate
 from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 from gspure.opencl.twins import States, TwinModel
 from gspure.public_model import PublicModel
+from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.pair import Capture, Pair
 from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import as_gaussians
@@ -83,8 +82,7 @@ class TwinTrainer:
         shown, hidden = self.model.states()
         if measures:
             public = PublicModel(as_gaussians(shown.parameters))
-            weights = accumulate(map(public.contributions(self._device), self._pair.scene.views), len(public.model))
-            self._low = plain_prune_mask(weights, self._hardened)
+            self._low = low_rows(public, self._pair.scene.views, self._hardened, self._device)
         self.model.replace((shown, reset_opacities(hidden, self._low)))
 
     def _grown(self, iteration: int) -> States:

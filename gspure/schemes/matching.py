@@ -1,4 +1,4 @@
-"""Which rows of the owner's original model the rows of an attacked one are."""
+"""Which rows of the published model the rows of an attacked one are, and how the attacked one moved."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from gspure.dtypes import Float64, Indices
 from gspure.model.gaussians import Gaussians
+from gspure.model.motion import moved
+from gspure.public_model import PublicModel
 from gspure.scenes.alignment import Similarity
 
 Places = Indices
@@ -36,6 +38,9 @@ LANDMARKS: Final = 100
 STEPS: Final = 20
 """Steps of a registration. Ours."""
 
+STILL: Final = Similarity(1.0, np.eye(3), np.zeros(3))
+"""No motion."""
+
 
 def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
     """Return the index of each centre [K,3] in `original` [N,3], or -1."""
@@ -47,41 +52,35 @@ def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
     return np.where(distances <= NEAR * float(np.ptp(original, axis=0).max()), places, -1)
 
 
-def adaptive_matches(original: Gaussians, model: Gaussians) -> tuple[Places, Float64]:
-    """Return the index of each row [K] in `original`, or -1, and the rotation vector of the model.
+def registered(public: PublicModel, original: Gaussians) -> PublicModel:
+    """Return an attacked model moved to where the original is.
 
-    Rows may have changed slightly, and all of them may have moved by a similarity. If fewer than `MOST` match, none
-    does.
+    Rows may have changed slightly, and all of them may have moved by a similarity. If fewer than `MOST` of them match
+    after any of those tried, or if they match where they are, the model stays as it is.
     """
     from scipy.spatial.transform import Rotation
 
-    if len(original) > 1:
-        for motion in _motions(original, model):
-            places = _matches(original, model, motion)
-            if (places >= 0).sum() >= MOST * min(len(original), len(model)):
-                return places, Rotation.from_matrix(motion.rotation.T).as_rotvec()
-    return np.full(len(model), -1, np.intp), np.zeros(3)
+    if min(len(original), len(public.model)) < 2:
+        return public
+    for motion in _motions(original, public.model):
+        if (adaptive_matches(original, public.model, motion) >= 0).any():
+            if motion is STILL:
+                break
+            rotvec = Rotation.from_matrix(motion.rotation).as_rotvec()
+            return public.with_model(moved(public.model, rotvec, motion.translation, motion.scale))
+    return public
 
 
-def _motions(original: Gaussians, model: Gaussians) -> Iterator[Similarity]:
-    """Yield similarities from the model to the original: none; one fitted to equal scales; one to equal ratios."""
+def adaptive_matches(original: Gaussians, model: Gaussians, motion: Similarity = STILL) -> Places:
+    """Return the index of each row [K] after `motion` in `original`, or -1; no two rows have the same.
+
+    Rows may have changed slightly. If fewer than `MOST` match, none does.
+    """
     from scipy.spatial import KDTree
 
-    yield Similarity(1.0, np.eye(3), np.zeros(3))
-    known, shapes = _scales(original), _scales(model)
-    for _ in range(2):
-        distances, places = KDTree(known).query(shapes, k=2)
-        landmarks = np.argsort(distances[:, 0] - distances[:, 1], kind="stable")[:LANDMARKS]
-        yield _fitted(
-            model.means[landmarks].astype(np.float64), original.means[places[landmarks, 0]].astype(np.float64)
-        )
-        known, shapes = np.diff(known), np.diff(shapes)
-
-
-def _matches(original: Gaussians, model: Gaussians, motion: Similarity) -> Places:
-    """Return the index of each row after `motion`, or -1; no two rows have the same."""
-    from scipy.spatial import KDTree
-
+    unmatched = np.full(len(model), -1, np.intp)
+    if len(original) < 2:
+        return unmatched
     tree, known = KDTree(original.means), _scales(original)
     spacing = float(np.median(tree.query(original.means, k=2)[0][:, 1]))
     points = motion.points(model.means.astype(np.float64))
@@ -92,9 +91,26 @@ def _matches(original: Gaussians, model: Gaussians, motion: Similarity) -> Place
     candidates = np.flatnonzero(products[likeliest] <= ALIKE * spacing)
     nearest = candidates[np.argsort(distances[likeliest][candidates], kind="stable")]
     matched, first = np.unique(places[likeliest][nearest], return_index=True)
-    matches = np.full(len(model), -1, np.intp)
+    if len(matched) < MOST * min(len(original), len(model)):
+        return unmatched
+    matches = unmatched.copy()
     matches[nearest[first]] = matched
     return matches
+
+
+def _motions(original: Gaussians, model: Gaussians) -> Iterator[Similarity]:
+    """Yield similarities from the model to the original: none; one fitted to equal scales; one to equal ratios."""
+    from scipy.spatial import KDTree
+
+    yield STILL
+    known, shapes = _scales(original), _scales(model)
+    for _ in range(2):
+        distances, places = KDTree(known).query(shapes, k=2)
+        landmarks = np.argsort(distances[:, 0] - distances[:, 1], kind="stable")[:LANDMARKS]
+        yield _fitted(
+            model.means[landmarks].astype(np.float64), original.means[places[landmarks, 0]].astype(np.float64)
+        )
+        known, shapes = np.diff(known), np.diff(shapes)
 
 
 def _scales(model: Gaussians) -> NDArray[Any]:

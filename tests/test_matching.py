@@ -1,0 +1,40 @@
+"""Rows of an attacked model and its motion, found from the published model alone."""
+
+import numpy as np
+import pytest
+
+from gspure.model import Gaussians
+from gspure.model.motion import moved
+from gspure.public_model import PublicModel
+from gspure.schemes.matching import adaptive_matches, registered
+from tests.models import blobs, without
+
+
+def test_injected_rows_do_not_hide_those_of_the_original():
+    original, foreign = blobs(100), blobs(300, seed=1)
+    far = foreign.with_columns({"x": foreign.table["x"] + 1000})
+    injected = Gaussians(np.concatenate([far.table, original.table]))
+    np.testing.assert_array_equal(adaptive_matches(original, injected), np.r_[np.full(300, -1), np.arange(100)])
+
+
+def test_a_foreign_model_of_many_rows_does_not_match():
+    assert (adaptive_matches(blobs(100), blobs(10000, seed=1)) < 0).all()
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.2, 3.0])
+def test_an_unknown_motion_of_a_pruned_and_noisy_model_is_undone(scale):
+    original, rng = blobs(400), np.random.default_rng(0)
+    kept = without(PublicModel(original), rng.random(400) < 0.3).model
+    noisy = kept.with_columns({"x": kept.table["x"] + rng.normal(0, 1e-4, len(kept)).astype(np.float32)})
+    attacked = PublicModel(moved(noisy, np.array([0.5, -1.0, 2.0]), np.array([3.0, 0.0, -7.0]), scale))
+    back = registered(attacked, original).model
+    for name in noisy.table.dtype.names:
+        np.testing.assert_allclose(back.table[name], noisy.table[name], atol=5e-3, err_msg=name)
+
+
+@pytest.mark.parametrize("count", [0, 1, 100])
+def test_a_model_that_did_not_move_or_is_foreign_stays_bit_identical(count):
+    original = blobs(100)
+    for model in (original, original[: count or 1], blobs(count, seed=1) if count else original[:0]):
+        public = PublicModel(model)
+        assert registered(public, original) is public
