@@ -65,6 +65,7 @@ def test_a_terminal_has_a_bar_with_the_jobs_that_are_done(monkeypatch):
     assert all(problem in text for problem in PROBLEMS)
     last = text.rpartition("MissingInput")[2]
     assert "1/3" in last
+    assert "Rendering a" in last  # the last job, even after its end
     assert "Building" not in text
 
 

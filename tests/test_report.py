@@ -313,7 +313,7 @@ def test_the_first_screen_answers_for_every_scheme_and_shows_it(tmp_path: Path, 
     assert re.findall('id="verdict/(.*?)"', verdicts) == ["planted", "vanilla"]
     assert "did not survive GSPure, which lowers the PSNR of the message by 16.0 dB" in verdicts
     assert "Only the owner's key can tell" in html.unescape(verdicts)
-    removal = "GSPure removed 30.0% of the rows; the PSNR of renders after against renders before is 35.5 dB."
+    removal = "GSPure removed 30.0% of the rows; renders after it have a PSNR of 35.5 dB against renders before it."
     assert removal in verdicts
     assert evidence.startswith(' class="evidence" open>')
     assert evidence.count("<img") == 4
@@ -340,7 +340,9 @@ def test_without_a_key_the_first_screen_shows_what_was_removed_and_what_attacks_
     first = Page(tmp_path / "report.html").source.split("<nav")[0]
     assert first.count("<figure") == 4
     assert [name for name in ("Splats", "Outcomes", "Weights") if f"<b>{name}.</b>" in first] == ["Splats", "Outcomes"]
-    assert "floor" not in Page(tmp_path / "report.html").text
+    page = Page(tmp_path / "report.html")
+    assert [page.source.count(f"<b>{name}.</b>") for name in ("Splats", "Outcomes", "Weights")] == [1, 1, 1]
+    assert "floor" not in page.text
 
 
 def test_a_picture_that_others_are_compared_with_has_no_distance(tmp_path: Path, attacks: Path) -> None:

@@ -23,6 +23,11 @@ pytestmark = pytest.mark.skipif(not CHROMIUM, reason="Chromium is not installed"
 
 WIDTHS = (1400, 1000, 420)
 ROOM = "planted/room"
+PIXELS = """(() => {
+  const {width, height} = document.querySelector(".still");
+  const {data} = document.querySelector(".still").getContext("2d").getImageData(0, 0, width, height);
+  return [...new Uint32Array(data.buffer)];
+})()"""
 
 
 @pytest.fixture(scope="module")
@@ -193,9 +198,11 @@ def test_all_sections_are_printed(page: Any) -> None:
     page.emulate_media(media="print")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert page.locator("details.section:not([open])").count() == 0
-    assert page.locator("canvas").is_visible()
+    assert [canvas.get_attribute("class") for canvas in page.locator("canvas:visible").all()] == ["still"]
+    assert len(set(page.evaluate(PIXELS))) > 1000
     assert not page.locator("nav").is_visible()
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     page.evaluate("dispatchEvent(new Event('afterprint'))")
     assert page.locator("details.section[open]").count() == 0
+    assert page.locator("canvas").count() == 1
     assert len(page.pdf()) > 20_000

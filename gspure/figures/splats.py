@@ -42,22 +42,23 @@ def splats(
     """
     views = split(cameras)[1] or [*cameras]
     path, shown = folder / "splats.png", views[:: -(-len(views) // 2)]
+    names = " and ".join(view.name for view in shown)
     caption = (
-        "The model; its clusters, pale if GSPure keeps them, with noise in faint grey; only the rows that GSPure "
-        "prunes, over white."
+        f"{names}: the model; its clusters, pale if GSPure keeps them, with noise in faint grey; only the rows that "
+        "GSPure prunes, over white."
     )
 
     def draw() -> None:
         colours = (cluster_cloud(model.model.means, labels, pruned).colours / 255).astype(np.float32)
         aspect = sum(view.height / view.width for view in shown)
-        with style.page(path, style.PAGE, aspect * style.PAGE / len(TITLES) + 0.16 * len(shown) + 0.26) as figure:
+        with style.page(path, style.PAGE, aspect * style.PAGE / len(TITLES) + 0.06 * len(shown) + 0.26) as figure:
             grid = figure.subplots(len(shown), len(TITLES), squeeze=False)
             for axes, title in zip(grid[0], TITLES, strict=True):
                 axes.set_title(title, pad=4, fontsize=_TITLE)
             for view, row in zip(shown, grid, strict=True):
                 width = min(view.width, _WIDEST)
                 camera = view.resized(width, max(round(view.height * width / view.width), 1))
-                show(row[0], model.scene(device)(camera), view.name)
+                show(row[0], model.scene(device)(camera), "")
                 gaussians, rows = model.gaussians(camera)
                 show(row[1], _clusters(gaussians, labels[rows], colours[rows], camera, device), "")
                 show(row[2], Renderer(gaussians[pruned[rows]], device).image(camera, _WHITE), "")

@@ -86,7 +86,8 @@ class JobProgress(logging.Handler):
     def _show_newest(self, *, line: bool = True) -> None:
         newest = next(reversed(self._running.values()), None)
         if self._bar:
-            self._bar.update(self._bar.task_ids[0], completed=self._done, total=self._total, job=newest or "")
+            (task,) = self._bar.tasks
+            self._bar.update(task.id, completed=self._done, total=self._total, job=newest or task.fields["job"])
         elif line and newest:
             elapsed = timedelta(seconds=round(time.monotonic() - self._began))
             say(f"job {self._started} of {self._total}, {elapsed}: {newest.message}")

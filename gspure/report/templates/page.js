@@ -13,15 +13,21 @@ addEventListener("click", event => {
 addEventListener("hashchange", () => reveal(location.hash)?.scrollIntoView());
 reveal(location.hash)?.scrollIntoView();
 
-// Print everything but records, and every viewer.
+// Print everything but records, and a picture of every viewer.
 const folded = () => document.querySelectorAll("details:not(.record, [open])");
 let unfolded = [];
 addEventListener("beforeprint", () => {
   unfolded = [...folded()];
   for (const part of unfolded) part.open = true;
-  for (const form of document.querySelectorAll(".viewer:not(.started)")) start(form);
+  for (const form of document.querySelectorAll(".viewer")) {
+    if (!form.classList.contains("started")) start(form);
+    form.addStill?.();
+  }
 });
-addEventListener("afterprint", () => { for (const part of unfolded) part.open = false; });
+addEventListener("afterprint", () => {
+  for (const part of unfolded) part.open = false;
+  for (const still of document.querySelectorAll(".still")) still.remove();
+});
 
 // Sort a table by the column whose heading is clicked, numbers from the highest, unknown ones last.
 function sort(heading) {

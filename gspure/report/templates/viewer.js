@@ -118,6 +118,13 @@ function start(form) {
     gl.uniform1f(at("selected"), selected);
     gl.drawArrays(gl.POINTS, 0, data.points);
   }
+  form.addStill = () => {  // browsers print WebGL blank
+    draw();
+    const still = canvas.cloneNode();
+    still.className = "still";
+    still.getContext("2d").drawImage(canvas, 0, 0);
+    canvas.after(still);
+  };
   const redraw = () => { if (!scheduled) scheduled = requestAnimationFrame(draw); };
 
   function recolour() {
@@ -219,10 +226,10 @@ function start(form) {
   controls.cut.oninput = prune;
   controls.decision.onclick = () => { controls.cut.value = data.decision; prune(); };
   new ResizeObserver(redraw).observe(canvas);
+  form.classList.add("started");  // print hides other viewers
   recolour();
   prune();
   draw();
-  form.classList.add("started");
 }
 
 // Each viewer starts when it is first seen: a browser keeps few WebGL contexts.
