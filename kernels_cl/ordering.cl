@@ -3,8 +3,8 @@
 // The keys are cut into `chunks` contiguous parts, one work-item each:
 //   count_digits    histogram of its part's digits
 //   scan_chunks, scan_totals  (counting.cl)
-//   scatter_digits  move keys and positions to their places
-//   order_ties      after the last digit: equal keys, in storage order so far, into row order
+//   scatter_digits  move pairs of a key and a position to their places: one stream of writes per digit
+//   order_ties      after the last digit: positions without keys; those of equal keys into row order
 // Keys are in storage order, by *position*. The first pass (FIRST_PASS 1) drops invisible Gaussians; later ones find the
 // number of the others behind the starts of the digits.
 
@@ -12,12 +12,16 @@
 #define DIGIT(key) ((key) >> shift & (DIGITS - 1))
 #if FIRST_PASS
 #define LENGTH count
-#define POSITION(i) (i)
+#define ITEMS const uint
+#define KEY(item) (item)
+#define PAIR(i) ((ulong)items[i] << 32 | (i))
 #else
 #define LENGTH digit_starts[DIGITS]
-#define POSITION(i) positions[i]
+#define ITEMS const ulong
+#define KEY(item) ((uint)((item) >> 32))
+#define PAIR(i) items[i]
 #endif
-#define CHUNK_OF_KEYS                                                          \
+#define CHUNK_OF_ITEMS                                                         \
     uint chunk = get_global_id(0);                                             \
     if (chunk >= chunks) return;                                               \
     uint length = LENGTH, size = (length + chunks - 1) / chunks;               \
@@ -25,33 +29,28 @@
 
 __kernel void count_digits(uint count, uint chunks, uint shift,
                            __global const uint *digit_starts,  // [DIGITS+1], of the pass before
-                           __global const uint *keys,          // [K], then [V]
+                           __global ITEMS *items,              // keys [K], then pairs [V]
                            __global uint *histogram) {         // [chunks,DIGITS]
-    CHUNK_OF_KEYS
+    CHUNK_OF_ITEMS
     __global uint *h = histogram + chunk * DIGITS;
     for (uint digit = 0; digit < DIGITS; digit++) h[digit] = 0;
     for (uint i = begin; i < end; i++) {
-        uint key = keys[i];
+        uint key = KEY(items[i]);
         if (key != NOT_VISIBLE) h[DIGIT(key)]++;
     }
 }
 
 __kernel void scatter_digits(uint count, uint chunks, uint shift,
                              __global const uint *digit_starts,  // [DIGITS+1]
-                             __global const uint *keys,          // [K], then [V]
-                             __global const uint *positions,     // [V], not for the first pass
+                             __global ITEMS *items,              // keys [K], then pairs [V]
                              __global uint *histogram,           // [chunks,DIGITS]
-                             __global uint *sorted_keys,         // [V]
-                             __global uint *sorted_positions) {  // [V]
-    CHUNK_OF_KEYS
+                             __global ulong *pairs) {            // [V], sorted
+    CHUNK_OF_ITEMS
     __global uint *h = histogram + chunk * DIGITS;
     for (uint digit = 0; digit < DIGITS; digit++) h[digit] += digit_starts[digit];
     for (uint i = begin; i < end; i++) {
-        uint key = keys[i];
-        if (key == NOT_VISIBLE) continue;
-        uint place = h[DIGIT(key)]++;
-        sorted_keys[place] = key;
-        sorted_positions[place] = POSITION(i);
+        uint key = KEY(items[i]);
+        if (key != NOT_VISIBLE) pairs[h[DIGIT(key)]++] = PAIR(i);
     }
 }
 
@@ -70,14 +69,15 @@ inline void sort_by_row(__global const uint *rows, __global uint *positions, uin
 
 __kernel void order_ties(uint count, uint chunks,
                          __global const uint *digit_starts,  // [DIGITS+1]
-                         __global const uint *keys,          // [V], sorted
+                         __global const ulong *items,        // [V], sorted by key
                          __global const uint *rows,          // [K]
                          __global uint *positions) {         // [V]
-    CHUNK_OF_KEYS
-    while (begin > 0 && begin < end && keys[begin] == keys[begin - 1]) begin++;  // ties that an earlier chunk orders
+    CHUNK_OF_ITEMS
+    while (begin > 0 && begin < end && KEY(items[begin]) == KEY(items[begin - 1])) begin++;  // ties of an earlier chunk
     while (begin < end) {
-        uint first = begin++;
-        while (begin < length && keys[begin] == keys[first]) begin++;
+        uint first = begin;
+        do positions[begin] = (uint)items[begin];
+        while (++begin < length && KEY(items[begin]) == KEY(items[first]));
         if (begin - first > 1) sort_by_row(rows, positions + first, begin - first);
     }
 }

@@ -47,10 +47,9 @@ class Buffers:
     areas: Scratch  # [K]
     depth_keys: Scratch  # [K]
     # ordering
-    even_keys: Scratch  # [K]
-    even_positions: Scratch  # [K]
-    odd_keys: Scratch  # [K]
-    odd_positions: Scratch  # [K]
+    even_pairs: Scratch  # [K,2]
+    odd_pairs: Scratch  # [K,2]
+    positions: Scratch  # [K]
     digit_starts: Scratch  # [digits + 1]
     # counting sorts
     histogram: Scratch  # [P,bins]

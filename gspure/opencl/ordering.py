@@ -26,17 +26,14 @@ def sort_by_depth(engine: Engine, storage: Storage, depth_keys: cl.Buffer) -> De
     buffers, count, digits = engine.buffers, storage.count, 1 << _RADIX_BITS
     parts = chunks(engine, count)
     starts, histogram = buffers.digit_starts.sized(digits + 1), buffers.histogram.sized(parts, digits)
-    sorted_buffers = ((buffers.even_keys, buffers.even_positions), (buffers.odd_keys, buffers.odd_positions))
-    keys = positions = depth_keys
+    scratch = (buffers.even_pairs, buffers.odd_pairs)
+    items, positions = depth_keys, buffers.positions.sized(count)
     for digit in range(_PASSES):
         program = engine.program("layout", "ordering", RADIX_BITS=_RADIX_BITS, FIRST_PASS=int(digit == 0))
-        shape = (count, parts, digit * _RADIX_BITS)
-        sorted_keys, sorted_positions = (scratch.sized(count) for scratch in sorted_buffers[digit % 2])
-        program.launch("count_digits", parts, *shape, starts, keys, histogram)
+        shape, pairs = (count, parts, digit * _RADIX_BITS), scratch[digit % 2].sized(count, 2)
+        program.launch("count_digits", parts, *shape, starts, items, histogram)
         first_places(engine, histogram, parts, digits, starts)
-        program.launch(
-            "scatter_digits", parts, *shape, starts, keys, positions, histogram, sorted_keys, sorted_positions
-        )
-        keys, positions = sorted_keys, sorted_positions
-    program.launch("order_ties", parts, count, parts, starts, keys, storage.rows, positions)
+        program.launch("scatter_digits", parts, *shape, starts, items, histogram, pairs)
+        items = pairs
+    program.launch("order_ties", parts, count, parts, starts, items, storage.rows, positions)
     return DepthOrder(positions, int(engine.read(starts, (digits + 1,), np.uint32)[-1]))
