@@ -66,16 +66,17 @@ def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 def region_psnr(reference: NDArray[Any], image: NDArray[Any]) -> float:
-    """Return the PSNR in dB over the pixels in which the reference does not have its most frequent colour.
+    """Return the PSNR in dB over the pixels in which the reference does not have its most frequent colour, in 8 bits.
 
     A flat background does not count, such as the black around an object. If the reference has one colour only, all
     pixels count.
     """
     _check_same_shape(reference, image)
-    pixels, others = (np.reshape(a, (-1, a.shape[-1])) for a in (reference, image))
-    _, colours, counts = np.unique(pixels, axis=0, return_inverse=True, return_counts=True)
-    region = colours.ravel() != np.argmax(counts)
-    return psnr(pixels[region], others[region]) if region.any() else psnr(reference, image)
+    red, green, blue = np.moveaxis(np.rint(255 * reference).astype(np.uint32), -1, 0)
+    colours = red << 16 | green << 8 | blue
+    distinct, counts = np.unique(colours, return_counts=True)
+    region = colours != distinct[np.argmax(counts)]
+    return psnr(reference[region], image[region]) if region.any() else psnr(reference, image)
 
 
 def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
