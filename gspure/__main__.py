@@ -1,5 +1,6 @@
 """The process of ``gspure`` and ``python -m gspure``: an interruption ends it in one line, even while it imports."""
 
+import gc
 import signal
 import sys
 
@@ -21,6 +22,7 @@ def main() -> int:
         return 130
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # nothing is left to clean up
+        gc.freeze()  # the exit would search all modules for cycles, a tenth of a second after scipy's import
 
 
 def _interrupt(number: int, _frame: object) -> None:

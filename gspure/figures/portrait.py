@@ -74,6 +74,7 @@ def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[UInt8, Float32
     plotter = pv.Plotter(off_screen=True, window_size=(camera.width, camera.height), lighting="light kit")
     try:
         plotter.set_background("white")
+        plotter.disable_anti_aliasing()  # `portrait` supersamples
         plotter.add_mesh(
             pv.PolyData(cloud.points.astype(np.float32)),
             scalars=cloud.colours,
