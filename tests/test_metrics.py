@@ -1,6 +1,7 @@
 """PSNR, SSIM, folders of images, and agreement with a known truth."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,16 @@ from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, as_text, compare, means, pair_images, read_metrics, write_metrics
-from gspure.evaluation.metrics import METRICS, gaussian_window, gradient_correlation, ms_ssim, psnr, region_psnr, ssim
+from gspure.evaluation.metrics import (
+    METRICS,
+    gaussian_window,
+    gradient_correlation,
+    ms_ssim,
+    normalized_correlation,
+    psnr,
+    region_psnr,
+    ssim,
+)
 from gspure.evaluation.recall import recall
 from gspure.images import read_image, record_views, write_image
 from tests.contest_cases import measured
@@ -62,7 +72,7 @@ def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
     assert ssim(image(0), image(0)) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("metric", [psnr, ssim, region_psnr, ms_ssim, gradient_correlation])
+@pytest.mark.parametrize("metric", [psnr, ssim, region_psnr, ms_ssim, normalized_correlation, gradient_correlation])
 def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
     with pytest.raises(InputError, match=r"images: shape: expected \[20, 20, 3\], found \[20, 20, 1\]"):
         metric(np.zeros((20, 20, 3)), np.zeros((20, 20, 1)))
@@ -146,11 +156,21 @@ def test_equation_of_gradient_correlation_by_a_loop_over_neighbours() -> None:
     assert gradient_correlation(a, b) == pytest.approx(expected)
 
 
-def test_gradient_correlation_sees_structure_only() -> None:
+def test_normalized_correlation_is_that_of_all_pixels_without_their_channels_means() -> None:
+    a, b = np.random.default_rng(0).random((2, 4, 5, 3))
+    b = 0.5 * a + 0.5 * b
+    centred = [np.concatenate([image[..., c].ravel() - image[..., c].mean() for c in range(3)]) for image in (a, b)]
+    assert normalized_correlation(a, b) == pytest.approx(np.corrcoef(centred)[0, 1])
+    assert normalized_correlation(a, np.roll(a, 2, axis=0)) < normalized_correlation(a, b) < 1
+
+
+@pytest.mark.parametrize("correlation", [gradient_correlation, normalized_correlation])
+def test_correlations_see_neither_brightness_nor_contrast(correlation: Callable[..., float]) -> None:
     image = np.random.default_rng(0).random((4, 5, 3))
-    assert gradient_correlation(image, 0.3 * image + 0.2) == pytest.approx(1.0)
-    assert gradient_correlation(image, 1.0 - image) == pytest.approx(-1.0)
-    assert gradient_correlation(image, np.ones_like(image)) == 0.0
+    assert correlation(image, 0.3 * image + 0.2) == pytest.approx(1.0)
+    assert correlation(image, 1.0 - image) == pytest.approx(-1.0)
+    assert correlation(image, np.ones_like(image)) == 0.0
+    assert correlation(image, np.broadcast_to(image.mean(axis=(0, 1)), image.shape)) == pytest.approx(0.0, abs=1e-9)
 
 
 @settings(deadline=None)

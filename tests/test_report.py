@@ -166,7 +166,7 @@ def test_a_model_without_key_has_scene_damage_alone(tmp_path: Path) -> None:
     assert "can tell whether a message survived" in page.text
     assert "<td>∞</td>" in page.source
     headings = re.findall(r'<th scope="col".*?(\w+)</button>', page.source)
-    assert headings == ["variant", "PSNR", "pruned", "SSIM", "PSNR", "SSIM", "GC"]  # region PSNR, MS-SSIM
+    assert headings == ["variant", "PSNR", "pruned", "SSIM", "PSNR", "SSIM", "NC", "GC"]  # region PSNR, MS-SSIM
     assert "nan" not in page.text.lower().split()
     assert "planted" not in page.text.lower()
     assert "watermarked" not in page.text.lower()  # nobody knows whether it bears a mark

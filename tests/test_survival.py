@@ -85,6 +85,18 @@ def test_the_share_left_is_a_ratio_of_means_over_seeds() -> None:
     assert by_variant(first + second)["x"].share_left.mean == pytest.approx((above / 2 + weak) / (above + weak))
 
 
+def test_the_share_left_of_the_region_is_above_its_floor_there() -> None:
+    region = {"unattacked": 30.0, "x": 17.0, "clean": 4.0, "mean_colour": 10.0}
+    outcomes = [
+        replace(o, targets=o.targets | {"message": measured("message", o.level("message"), region[o.variant])})
+        for o in benchmark({"a": {"x": (1.0, 5.0)}})
+        if o.variant in region
+    ]
+    row = by_variant(outcomes)["x"]
+    assert row.region_left.mean == pytest.approx(7 / 20)
+    assert row.share_left.mean == pytest.approx(13 / 18)
+
+
 def test_a_message_below_a_flat_colour_is_lost_even_above_the_clean_model() -> None:
     row = by_variant(benchmark({"a": {"x": (1.0, 18.5)}}))["x"]  # 9.5 dB: between the clean model and a mean colour
     assert (row.survives, row.above_floor.mean) == (False, -0.5)

@@ -88,9 +88,19 @@ def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
     do not count, only structure: a faded or tinted message correlates as well as a faithful one.
     """
     _check_same_shape(a, b)
-    first, second = (_gradients(np.asarray(image, np.float64)) for image in (a, b))
-    norm = float(np.sqrt(np.sum(first**2) * np.sum(second**2)))
-    return float(np.sum(first * second)) / norm if norm else 0.0
+    return _correlation(*(_gradients(np.asarray(image, np.float64)) for image in (a, b)))
+
+
+def normalized_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
+    r"""Return the normalized correlation of two images, -1 to 1.
+
+    .. math:: \frac{\sum (a - \bar a)(b - \bar b)}{\sqrt{\sum (a - \bar a)^2 \sum (b - \bar b)^2}}
+
+    over pixels and channels, with the mean of each channel; 0 if either image is flat. Without subtracting means, most
+    pairs of photographs would be near 1.
+    """
+    _check_same_shape(a, b)
+    return _correlation(*(image - np.mean(image, axis=(0, 1), dtype=np.float64) for image in (a, b)))
 
 
 def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
@@ -127,6 +137,11 @@ def _halved(image: Float64) -> Float64:
     """Return the means of 2 x 2 pixels; an odd last row or column is left out."""
     height, width = (side // 2 for side in image.shape[:2])
     return np.asarray(image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1).mean(axis=(1, 3)))
+
+
+def _correlation(first: Float64, second: Float64) -> float:
+    norm = float(np.sqrt(np.sum(first**2) * np.sum(second**2)))
+    return float(np.sum(first * second)) / norm if norm else 0.0
 
 
 def _gradients(image: Float64) -> Float64:
@@ -169,6 +184,7 @@ METRICS: Final[Mapping[str, Metric]] = {
     "ssim": Metric(ssim, "SSIM", 3, ".8f"),
     "region": Metric(region_psnr, "region PSNR", 2, ".6f"),
     "ms_ssim": Metric(ms_ssim, "MS-SSIM", 3, ".8f"),
+    "nc": Metric(normalized_correlation, "NC", 3, ".8f"),
     "structure": Metric(gradient_correlation, "GC", 3, ".8f"),
 }
 

@@ -120,11 +120,11 @@ class Outcome:
         """The folder of its model below the scheme: ``room``, or ``room@1`` for a repetition."""
         return f"{self.scene}@{self.seed}" if self.seed else self.scene
 
-    def level(self, target: str) -> float:
-        """Return the target's PSNR, dB, or the mean reading of a detector; NaN if it is unknown."""
+    def level(self, target: str, metric: str = "psnr") -> float:
+        """Return the target's PSNR, dB, or another metric, or the mean reading of a detector; NaN if it is unknown."""
         if target in self.detections:
             return self.detections[target].level
-        return self.targets[target].psnr if target in self.targets else math.nan
+        return self.targets[target].values[metric] if target in self.targets else math.nan
 
     def drop(self, target: str) -> float:
         """Return the drop of the target's level, relative to the unattacked model."""

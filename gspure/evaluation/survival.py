@@ -48,6 +48,9 @@ class Survival(NamedTuple):
     """Drop of the message's PSNR without its background (`gspure.evaluation.metrics.region_psnr`)."""
 
     ms_ssim_drop: Interval | None
+    nc_drop: Interval | None
+    """Drop of the normalized correlation."""
+
     rms_ratio: float
     """Damage to the message divided by that to the scene (`gspure.evaluation.metrics.rms_ratio`)."""
 
@@ -56,6 +59,9 @@ class Survival(NamedTuple):
 
     share_left: Interval | None
     """`above_floor` divided by its value before the attack; None if no scene is `present`."""
+
+    region_left: Interval | None
+    """The same of the message's PSNR without its background."""
 
     above_wrong_key: Interval | None
     """The message's PSNR minus that of a wrong key applied to the unattacked model, dB."""
@@ -97,9 +103,10 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     for alike in by_condition(outcomes).values():
         for extraction in ordered({target for o in alike for target in o.messages}):
             levels, scene_psnr = _levels(alike, extraction), _levels(alike, SCENE)
+            region = _levels(alike, extraction, "region")
             attacked = [o for o in alike if not o.is_control and extraction in o.messages]
             rows += [
-                _survival(alike, variant, extraction, levels, scene_psnr)
+                _survival(alike, variant, extraction, levels, region, scene_psnr)
                 for variant in dict.fromkeys(o.variant for o in attacked)
             ]
     return rows
@@ -110,11 +117,11 @@ def floor(outcomes: Iterable[Outcome]) -> Cells:
     return _highest(_levels(outcomes, MESSAGE))
 
 
-def _levels(outcomes: Iterable[Outcome], target: str) -> dict[str, dict[tuple[str, int], float]]:
+def _levels(outcomes: Iterable[Outcome], target: str, metric: str = "psnr") -> dict[str, dict[tuple[str, int], float]]:
     """Return the level of a target by variant or control, and by scene and seed."""
     by_variant: dict[str, dict[tuple[str, int], float]] = {}
     for o in outcomes:
-        if math.isfinite(level := o.level(target)):
+        if math.isfinite(level := o.level(target, metric)):
             by_variant.setdefault(o.variant, {})[o.scene, o.seed] = level
     return by_variant
 
@@ -144,6 +151,7 @@ def _survival(
     variant: str,
     extraction: str,
     levels: Mapping[str, Cells],
+    region: Mapping[str, Cells],
     scene_psnr: Mapping[str, Cells],
 ) -> Survival:
     known = [o for o in alike if extraction in o.messages]
@@ -174,9 +182,11 @@ def _survival(
         known_interval(_drops(attacked, SCENE)),
         known_interval(_drops_of("region", attacked, extraction)),
         known_interval(_drops_of("ms_ssim", attacked, extraction)),
+        known_interval(_drops_of("nc", attacked, extraction)),
         _rms_ratio(variant, {**levels, variant: after}, scene_psnr) if is_picture(extraction) else math.nan,
         _mean(differences(after, scene_floor)),
-        known_interval(_shares_left(before, after, scene_floor, present_before)),
+        known_interval(_shares_left(levels, variant, present_before)),
+        known_interval(_shares_left(region, variant, present_before)) if is_picture(extraction) else None,
         _mean(differences(after, levels.get(WRONG_KEY, {}))),
         hardest,
         auc.get(hardest),
@@ -198,8 +208,9 @@ def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, C
     return rms_ratio(np.transpose(columns[:2]), np.transpose(columns[2:]))
 
 
-def _shares_left(before: Cells, after: Cells, scene_floor: Cells, present: set[str]) -> Cells:
+def _shares_left(levels: Mapping[str, Cells], variant: str, present: set[str]) -> Cells:
     """Return the share left in each `present` scene, from means over seeds, as cells with one seed."""
+    before, after, scene_floor = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
     known = before.keys() & after.keys() & scene_floor.keys()
     cells = sorted(cell for cell in known if cell[0] in present)
     margins = [differences({cell: psnr[cell] for cell in cells}, scene_floor) for psnr in (before, after)]
