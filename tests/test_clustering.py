@@ -292,6 +292,9 @@ def test_min_samples_below_one_is_refused() -> None:
         spanning_tree(blobs(0, 5), 0)
 
 
+QUANTITIES = ("weights", "opacities")
+
+
 def test_the_diagnosis_describes_the_clustering() -> None:
     labels = np.array([0, 0, 0, 0, 1, 1, -1, -1, -1, -1], np.int32)
     weights = np.array([1, 1, 1, 9, 20, 28, 1, 1, 9, 9], np.float32)  # mean 8; the first cluster's mean 3
@@ -336,6 +339,15 @@ def test_diagnosis_names_a_row_that_holds_much_of_the_weight(largest: float, war
 
 def test_no_row_of_a_small_model_is_heavy() -> None:
     assert diagnose(np.full(5, -1, np.int32), np.array([0, 0, 0, 1, 9.0])).heavy == ()
+
+
+def test_a_diagnosis_by_opacities_names_them() -> None:
+    opacities = np.repeat([0.0, 1.0], [1999, 1])
+    labels = np.repeat(np.arange(4, dtype=np.int32), 500)
+    by_weights, by_opacities = (" ".join(diagnose(labels, opacities, quantity=name).lines()) for name in QUANTITIES)
+    assert by_weights.count("% of all ω") == 2
+    assert by_opacities.count("% of all opacities") == 2
+    assert not any(word in by_opacities for word in ("ω", "weight", "see 1 of 2000 rows"))
 
 
 def test_diagnosis_warns_of_a_decision_that_leaves_no_row() -> None:

@@ -5,6 +5,7 @@ from gspure.artifacts.checksums import digest, file_digest, intact, record_of, v
 from gspure.artifacts.files import filling, read_json, replacing, write_json, write_text
 from gspure.artifacts.provenance import (
     embedding_of,
+    is_moved,
     recorded_inputs,
     require_input,
     require_kind,
@@ -20,6 +21,7 @@ __all__ = [
     "file_digest",
     "filling",
     "intact",
+    "is_moved",
     "load_array",
     "load_arrays",
     "read_json",

@@ -18,6 +18,7 @@ def write_provenance(
     geometry: str = "",
     kind: str = "",
     embedding: str = "",
+    moved: bool = False,
 ) -> None:
     """Write ``<path>.json`` beside an artifact: size, checksum, digest, digests of its inputs, settings and version.
 
@@ -30,7 +31,8 @@ def write_provenance(
     kind, and of the ancestors of these inputs.
 
     `embedding` is common to the public model, the files beside it and the key that one run of `gspure embed` writes:
-    the digest of the public model (`embedding_of`). By default, it is that of the input `model`.
+    the digest of the public model (`embedding_of`). By default, it is that of the input `model`. An artifact is `moved`
+    if an attack turned or shifted the model, or that which it was made from (`is_moved`).
     """
     from gspure import __version__
 
@@ -48,8 +50,10 @@ def write_provenance(
         "settings": dict(settings),
     }
     ancestors = {kind: digest for source in files.values() for kind, digest in _ancestors(source, geometry).items()}
-    embedding = embedding or (embedding_of(files["model"]) if "model" in files else "")
-    known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding}
+    if "model" in files:
+        embedding = embedding or embedding_of(files["model"])
+        moved = moved or bool(is_moved(files["model"]))
+    known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding, "moved": moved}
     write_record(path, record | {name: value for name, value in known.items() if value})
 
 
@@ -85,6 +89,12 @@ def embedding_of(*artifacts: Path) -> str:
     return known.get(first, "")
 
 
+def is_moved(artifact: Path) -> bool | None:
+    """Return whether an attack moved a model away from its cameras; None if it has no record."""
+    record = record_of(artifact)
+    return None if record is None else bool(record.get("moved"))
+
+
 def require_same_inputs(artifact: Path, *others: Path) -> None:
     """Raise `InputError` if two artifacts were made from different versions of a file; without records, they pass."""
     inputs = recorded_inputs(artifact)
@@ -101,11 +111,12 @@ def _require_agreement(first: Path, second: Path, expected: Mapping[str, str], f
             raise InputError(second, name, expected=of_first, found=f"digest {found[name]}", hint=hint)
 
 
-def require_kind(artifact: Path, *kinds: str) -> None:
-    """Raise `InputError` if an array holds something else than one of `kinds`; without a record, pass."""
-    kind = (record_of(artifact) or {}).get("kind", "")
-    if kind not in {"", *kinds}:
+def require_kind(artifact: Path, *kinds: str) -> str:
+    """Return what an array holds, of `kinds`; without a record, the first. Raise `InputError` if something else."""
+    kind = (record_of(artifact) or {}).get("kind", kinds[0])
+    if kind not in kinds:
         raise InputError(artifact, "content", expected=" or ".join(kinds), found=str(kind))
+    return str(kind)
 
 
 def require_input(artifact: Path, name: str, source: Path) -> None:

@@ -34,10 +34,10 @@ def run(args: Arguments) -> None:
     model = read_model(args.model) if args.model else None
     geometry = model.geometry_digest() if model else ""
     require_made_from(geometry, args.clusters, args.weights)
-    require_kind(args.weights, "weights", "opacities")
+    quantity = require_kind(args.weights, "weights", "opacities")
     labels, coincident = read_clusters(args.clusters)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),), least=0)
-    diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident)
+    diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident, quantity)
     inputs = {"clusters": args.clusters, "weights": args.weights} | ({"model": args.model} if args.model else {})
     settings = {"tau_c": args.tau_c, "tau_n": args.tau_n}
     if args.diagnosis:

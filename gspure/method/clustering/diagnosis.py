@@ -23,6 +23,8 @@ class Diagnosis:
 
     Parameters
     ----------
+    quantity : {"weights", "opacities"}
+        What the rows are pruned by.
     gaussians, weighted, clusters : int
         Their numbers; `weighted` are those of weight above 0.
     coincident : int
@@ -46,6 +48,7 @@ class Diagnosis:
 
     """
 
+    quantity: str
     gaussians: int
     weighted: int
     clusters: int
@@ -63,9 +66,13 @@ class Diagnosis:
     changed_share_clustered: float
 
     @property
+    def _total(self) -> str:
+        return "all ω" if self.quantity == "weights" else f"all {self.quantity}"
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the clustering, one sentence each."""
-        sentences = few_in_view(self.weighted, self.gaussians)
+        sentences = few_in_view(self.weighted, self.gaussians) if self.quantity == "weights" else []
         if self.largest_share > _LARGEST_SHARE_WARNED:
             sentences.append(
                 f"the largest cluster holds {self.largest_share:.0%} of all Gaussians: the clustering has collapsed; "
@@ -87,16 +94,17 @@ class Diagnosis:
             )
         if self.heavy:
             sentences.append(
-                f"{len(self.heavy)} of {self.gaussians} rows hold {self.heavy_weight_share:.0%} of all ω "
-                f"({listed(self.heavy)}): they raise the thresholds and compress the weights of all others"
+                f"{len(self.heavy)} of {self.gaussians} rows hold {self.heavy_weight_share:.0%} of {self._total} "
+                f"({listed(self.heavy)}): they raise the thresholds and compress the {self.quantity} of all others"
             )
         return tuple(sentences)
 
     def lines(self) -> list[str]:
         """Return the diagnosis as lines of text, warnings last."""
+        pruned = f"{self.pruned_share:.1%} of {self.gaussians:,} Gaussians"
         table = {
             "clusters": f"{self.clusters} (largest {self.largest_share:.1%}, noise {self.noise_share:.1%})",
-            "pruned": f"{self.pruned_share:.1%} of {self.gaussians:,} Gaussians, {self.pruned_weight_share:.2%} of ω",
+            "pruned": f"{pruned}, {self.pruned_weight_share:.2%} of {self._total}",
             "  with a cluster": f"{self.pruned_as_cluster:.1%}",
             "  as noise": f"{self.pruned_as_noise:.1%}",
             "plain rule": f"{self.plain_share:.1%} would be pruned without clustering",
@@ -111,11 +119,17 @@ class Diagnosis:
 
 
 def diagnose(
-    labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C, tau_n: float = TAU_N, coincident: int = 0
+    labels: NDArray[Any],
+    weights: NDArray[Any],
+    tau_c: float = TAU_C,
+    tau_n: float = TAU_N,
+    coincident: int = 0,
+    quantity: str = "weights",
 ) -> Diagnosis:
     """Compare pruning by clusters with the rule without clustering.
 
-    `coincident` is the number of `gspure.method.clustering.coincident_points`. Raise `InputError` if there are not as
+    `coincident` is the number of `gspure.method.clustering.coincident_points`; `quantity` names what `weights` holds,
+    "weights" or "opacities". Raise `InputError` if there are not as
     many labels [K], -1 for noise, as weights [K].
     """
     if len(labels) != len(weights):
@@ -126,6 +140,7 @@ def diagnose(
     heavy = heavy_rows(weights)
     sizes = np.bincount(labels[clustered])
     return Diagnosis(
+        quantity=quantity,
         gaussians=len(labels),
         weighted=int(np.count_nonzero(weights)),
         clusters=len(sizes),
