@@ -143,6 +143,36 @@ def test_views_of_a_model_that_another_attack_moved_are_refused(tmp_path: Path) 
     assert len(read_views(Arguments(tmp_path))) == 1
 
 
+def test_views_that_do_not_move_with_the_model_are_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
+    transform = f"--transform {tmp_path}/transform.npy"
+    for attack, model, out in (
+        (f"rigid_transform {transform}", "model", "moved"),
+        ("random_pruning", "moved", "moved_and_pruned"),
+        ("rigid_transform --set angle=0", "model", "unmoved"),
+        ("reorder", "model", "reordered"),
+    ):
+        assert main(["attack", *f"{attack} --model {tmp_path}/{model}.ply --out {tmp_path}/{out}.ply".split()]) == 0
+
+    def warned(model: str, *, transformed: bool) -> bool:
+        args = Arguments(tmp_path)
+        args.model, args.transform = tmp_path / f"{model}.ply", args.transform if transformed else None
+        capsys.readouterr()
+        read_views(args)
+        return "an attack moved" in capsys.readouterr().err
+
+    assert warned("moved", transformed=False)
+    assert warned("moved_and_pruned", transformed=False)
+    assert not warned("moved", transformed=True)
+    assert not warned("moved_and_pruned", transformed=True)
+    assert not warned("model", transformed=True)  # it has no record
+    for model in ("unmoved", "reordered"):
+        assert not warned(model, transformed=False)
+        with pytest.raises(InputError, match="--transform: expected the identity"):
+            warned(model, transformed=True)
+
+
 class Arguments:
     split, up = "all", None
 

@@ -71,6 +71,20 @@ def test_the_weight_of_a_message_is_not_measured_with_the_key_of_another_model(p
     assert main([*command, "--key", str(planted / "1" / "key")]) == 0
 
 
+def test_weights_of_other_views_are_not_compared_with_those_of_the_message(planted, pair_folder, tmp_path, capsys):
+    model = str(planted / "1" / "public" / "point_cloud.ply")
+    views = ["--model", model, "--cameras", str(pair_folder / "cameras.json")]
+    index, weights = str(tmp_path / "index.tsv"), str(tmp_path / "weights.npy")
+    measure = ["contributions", *views, "--stages", str(tmp_path / "stages"), "--split", "test", "--index", index]
+    assert main(measure) == 0
+    assert main(["weights", "--index", index, "--model", model, "--out", weights]) == 0
+    key = ["--scheme", "planted", "--key", str(planted / "1" / "key")]
+    command = ["hidden", *views, *key, "--weights", weights, "--out", str(tmp_path / "hidden.json")]
+    assert main(command) == 2
+    assert "weights.npy: split: expected train, found test" in capsys.readouterr().err
+    assert main([*command, "--split", "test"]) == 0
+
+
 def test_a_key_of_files_of_two_embeddings_is_refused(planted, pair_folder, tmp_path, capsys):
     key = shutil.copytree(planted / "1" / "key", tmp_path / "key")
     for name in ("carriers.npy", "carriers.npy.json"):

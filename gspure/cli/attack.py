@@ -133,9 +133,10 @@ def run(args: Arguments) -> None:
     for path in filter(None, (args.removed, args.transform, args.verdict)):
         kind = "removed rows" if path == args.removed else ""
         write_provenance(path, inputs=sources, settings=used, kind=kind)
-    moved = {"transform": args.transform} if args.transform else {}
+    sources |= {"transform": args.transform} if args.transform else {}
+    moved = attacked.transform is not None and not np.array_equal(attacked.transform, np.eye(4))
     for path in written:
-        write_provenance(path, inputs=sources | moved, settings=used)
+        write_provenance(path, inputs=sources, settings=used, moved=moved)
     _write_cost(args, searching)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 

@@ -142,16 +142,23 @@ def add_up(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def read_source(source: Path | str, model: Path | None, **settings: Any) -> list[Camera]:
-    """Read cameras, or generate them around a model; `settings` that are not None are those of generated views."""
+def read_source(source: Path | str, model: Path | None, *, moves: bool = False, **settings: Any) -> list[Camera]:
+    """Read cameras, or generate them around a model; `settings` that are not None are those of generated views.
+
+    Warn if an attack moved the model, unless the caller `moves` the cameras.
+    """
+    from gspure.artifacts import is_moved
     from gspure.cameras import GENERATED, read_cameras
-    from gspure.model import read_model
+    from gspure.model import model_file, read_model
+    from gspure.progress import warn
 
     settings = {name: value for name, value in settings.items() if value is not None}
     if isinstance(source, Path):
         if settings:
             found = f"a camera file and --{next(iter(settings))}"
             raise InputError(source, "source", expected="orbit or shells", found=found)
+        if model and not moves and is_moved(model_file(model)):
+            warn(f"an attack moved {model}: the views of {source} show it only if they moved, too (--transform)")
         return read_cameras(source)
     if model is None:
         raise InputError(source, "--model", expected="the model to look at", found="nothing")
@@ -173,11 +180,11 @@ def add_off_path(parser: Parser) -> None:
     parser.reads("--off-path", "FILE", "additional views, from `gspure cameras --off-path`", required=False)
 
 
-def read_split(args: Arguments) -> list[Camera]:
-    """Read the views that ``--cameras`` and ``--split`` name."""
+def read_split(args: Arguments, *, moves: bool = False) -> list[Camera]:
+    """Read the views that ``--cameras`` and ``--split`` name; `moves` is that of `read_source`."""
     from gspure.cameras import split
 
-    cameras = read_source(args.cameras, args.model, up=args.up)
+    cameras = read_source(args.cameras, args.model, moves=moves, up=args.up)
     train, test = split(cameras)
     views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[args.split]
     if not views:
@@ -187,20 +194,25 @@ def read_split(args: Arguments) -> list[Camera]:
 
 def read_views(args: Arguments) -> list[Camera]:
     """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--transform``."""
-    from gspure.artifacts import require_input
+    import numpy as np
+
+    from gspure.artifacts import is_moved, require_input
     from gspure.cameras import read_cameras
     from gspure.cameras.reading import read_transform
     from gspure.model import model_file
 
-    views = read_split(args)
+    views = read_split(args, moves=bool(args.transform))
     if getattr(args, "off_path", None):
         views += read_cameras(args.off_path)
     if args.transform and isinstance(args.cameras, str):
         found = f"{args.cameras} around {args.model}"
         raise InputError(args.transform, "--transform", expected="cameras of the unmoved model", found=found)
     if args.transform:
-        require_input(model_file(args.model), "transform", args.transform)
-        transform = read_transform(args.transform)
+        file, transform = model_file(args.model), read_transform(args.transform)
+        require_input(file, "transform", args.transform)
+        if is_moved(file) is False and not np.array_equal(transform, np.eye(4)):
+            expected = f"the identity, since no attack moved {file}"
+            raise InputError(args.transform, "--transform", expected=expected, found="another")
         views = [camera.moved(transform) for camera in views]
     return views
 
