@@ -21,13 +21,14 @@ from gspure.errors import InputError
 from gspure.method.clustering.selection import SELECTIONS
 from gspure.method.features import PARTS
 from gspure.method.weights import REDUCTIONS
+from gspure.model import write_model
 from gspure.opencl.frame import ENERGIES
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.staging import NAMES, PROTOCOLS, scene_builder
 from gspure.schemes.pair import INITIALIZATIONS
 from gspure.schemes.registry import schemes
 from gspure.workflow.configuration import resolved, validated
-from tests.models import camera
+from tests.models import blobs, camera
 from tests.training_cases import colmap_project, ring
 
 ROOT = Path(__file__).parents[1]
@@ -216,6 +217,10 @@ EVERY = {"unattacked": {}, "gspure": {}}
             "variants.prune_repair.learn: expected one of",
         ),
         (
+            {"schemes": {"planted": {"message_weight": 0.5}}},
+            "schemes.planted.message_weight: expected a whole number, found 0.5",
+        ),
+        (
             {"schemes": {"planted": {"message_weight": 0}}},
             "schemes.planted.message_weight: expected more than 0",
         ),
@@ -231,6 +236,32 @@ EVERY = {"unattacked": {}, "gspure": {}}
 def test_a_setting_that_a_job_would_refuse_is_refused_before_any_job(config, line):
     with pytest.raises(InputError, match="^mine.yaml: " + line):
         resolved(filled({**PLANTED, **config}), "mine.yaml")
+
+
+@pytest.mark.parametrize("place", ["method", "decisions.few"])
+@pytest.mark.parametrize(
+    ("config", "scene", "views"),
+    [
+        ({"pairs": {"wide": {}, "room": {"views": 9}}, "schemes": {"planted": {}}}, "pairs.room", 7),
+        ({"assets": {"bot": {**BOT, "cameras": "orbit", "generated": {"count": 17}}}}, "assets.bot", 14),
+        ({"assets": {"bot": {**BOT, "cameras": "cameras.json"}}, "pairs": {"room": {"views": 9}}}, "assets.bot", 10),
+    ],
+    ids=["pair", "generated", "file"],
+)
+def test_weights_of_more_views_than_a_model_has_are_refused_before_any_job(
+    tmp_path, monkeypatch, place, config, scene, views
+):
+    monkeypatch.chdir(tmp_path)
+    write_model("bot.ply", blobs(4))
+    write_cameras(Path("cameras.json"), [camera(40, 30, name=str(i)) for i in range(12)])
+
+    def settled(views):
+        chosen = {"views": views}
+        return filled({**config, **({"method": chosen} if place == "method" else {"decisions": {"few": chosen}})})
+
+    resolved(settled(views), "mine.yaml")
+    with pytest.raises(InputError, match=f"{place}.views: expected at most {views}, the training views of {scene}"):
+        resolved(settled(views + 1), "mine.yaml")
 
 
 def test_settings_at_the_ends_of_their_ranges_are_accepted():

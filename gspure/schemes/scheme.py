@@ -139,10 +139,13 @@ class Scheme:
         return embed.__module__
 
     def require_settings(self, settings: Mapping[str, Setting]) -> None:
-        """Refuse settings that the scheme does not have, and numbers out of range."""
+        """Refuse settings that the scheme does not have, and numbers that are out of range or not whole."""
         for name in settings.keys() - self.settings.keys():
             known = ", ".join(self.settings)
             raise InputError(f"scheme {self.name}", "setting", expected=f"one of {known}", found=name)
+        for name, value in settings.items():
+            is_whole = not isinstance(self.settings[name], int) or float(value).is_integer()
+            require(self.name, name, value, "a whole number", fits=is_whole)
         for name, (least, most) in {**RANGES, **self.ranges}.items():
             value = settings.get(name, least)
             expected = f"{least:g} to {most:g}" if math.isfinite(most) else f"at least {least:g}"

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gspure.cameras import GENERATED
+from gspure.cameras import GENERATED, read_cameras
+from gspure.constants import TEST_EVERY
 from gspure.errors import InputError, did_you_mean, reading
 from gspure.evaluation.controls import CONTROLS
 
@@ -116,6 +117,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
         _check_scheme(known[scheme], settings, source)
         if photographed and known[scheme].ray_traced_only:
             raise InputError(source, f"schemes.{scheme}", expected="ray-traced pairs only", found=photographed[0])
+    _check_views(settled, source)
     extractions = sorted({name for scheme in settled["schemes"] for name in known[scheme].extractions})
     for name in {*(settled["extractions"] or ())} - {*extractions}:
         raise InputError(
@@ -266,6 +268,35 @@ def _check_scheme(scheme: Scheme, settings: Mapping[str, Any], source: str | Pat
     if not settings.get("message_weight", 1):
         hint = "clean models, without a message, are trained in any case"
         raise InputError(source, f"{place}.message_weight", expected="more than 0", found="0", hint=hint)
+
+
+def _check_views(config: Mapping[str, Any], source: str | Path) -> None:
+    """Refuse weights averaged over more views than a model has for training."""
+    methods = {"method": config["method"]} | {f"decisions.{name}": d for name, d in config["decisions"].items()}
+    wanted = {place: views for place, settings in methods.items() if (views := settings.get("views"))}
+    if not wanted:
+        return
+    scenes = {f"assets.{name}": asset for name, asset in config["assets"].items()}
+    scenes |= {f"pairs.{name}": pair for name, pair in config["pairs"].items()} if config["schemes"] else {}
+    counts = {place: _count_training_views(scene) for place, scene in scenes.items()}
+    fewest = min(counts, key=lambda place: counts[place])
+    for place, views in wanted.items():
+        if views > counts[fewest]:
+            expected = f"at most {counts[fewest]}, the training views of {fewest}"
+            raise InputError(source, f"{place}.views", expected=expected, found=str(views))
+
+
+def _count_training_views(scene: Mapping[str, Any]) -> int:
+    """Return the number of training views of an asset or a pair."""
+    if "photographs" in scene:
+        count = len(scene["photographs"])
+    elif "cameras" not in scene:
+        count = scene["views"]
+    elif scene["cameras"] in GENERATED:
+        count = scene["generated"]["count"]
+    else:
+        count = len(read_cameras(scene["cameras"]))
+    return int(count - -(-count // TEST_EVERY))
 
 
 def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], source: str | Path, place: str) -> None:

@@ -21,7 +21,6 @@ from gspure.scenes.population import SOLID, log_even, populate
 from gspure.scenes.surfels import Surfels, tile
 from gspure.schemes.pair import Pair
 from gspure.schemes.planted.key import PlantedKey
-from gspure.schemes.scheme import require
 
 MESSAGE_SHARE = 0.42
 """Share of all Gaussians that is spread over the message's surfaces."""
@@ -40,15 +39,14 @@ def embed(
     seed: int,
     device: Device | None = None,  # noqa: ARG001
     *,
-    message_weight: float = 1.0,
+    message_weight: int = 1,
     gaussians: int = 24_000,
 ) -> tuple[PublicModel, PlantedKey | None]:
     """Plant the pair's message in its scene; a message weight of 0 instead of 1 gives the clean model, and no key.
 
-    `gaussians` are those of scene and message together; fewer come out where some serve both. Raise `InputError` if a
-    setting is out of range, or the pair is not a ray-traced one.
+    `gaussians` are those of scene and message together; fewer come out where some serve both. Raise `InputError` if
+    the pair is not a ray-traced one.
     """
-    require("planted", "message_weight", message_weight, "0 or 1", fits=message_weight in (0, 1))
     if pair.staging is None:
         raise InputError("scheme planted", "pair", expected="a ray-traced pair", found="no record of its scenes")
     rng = np.random.default_rng(seed)
