@@ -65,6 +65,14 @@ def test_nothing_of_a_folder_appears_when_the_work_fails(tmp_path: Path, there: 
     assert [path.name for path in tmp_path.rglob("*")] == (["deep", "out"] if there else [])
 
 
+def test_a_folder_that_a_killed_process_with_the_same_number_left_is_no_obstacle(tmp_path: Path) -> None:
+    (tmp_path / f".{os.getpid()}").mkdir()
+    with filling(tmp_path) as folder, filling(tmp_path) as other:  # the second in another container
+        (folder / "a").write_text("a")
+        (other / "b").write_text("b")
+    assert {"a", "b"} <= {path.name for path in tmp_path.iterdir()}
+
+
 def test_a_folder_whose_creation_is_interrupted_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mkdir = Path.mkdir
 

@@ -71,6 +71,27 @@ def test_an_interruption_of_any_import_ends_in_one_line(asset, module):
     assert re.fullmatch(r"gspure( info)?: interrupted\n", run.stderr)
 
 
+def test_a_terminated_command_leaves_nothing_half_done(asset):
+    """By `timeout`, Slurm or `docker stop`."""
+    code = "import os, signal, sys, gspure.images; from gspure.__main__ import main\n"
+    code += "gspure.images.write_image = lambda *_: os.kill(os.getpid(), signal.SIGTERM); sys.exit(main())"
+    words = ["render", "model.ply", "--cameras", "cameras.json", "--out", "out"]
+    run = subprocess.run([sys.executable, "-c", code, *words], cwd=asset, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr.splitlines()[-1]) == (143, "gspure render: interrupted")
+    assert not (asset / "out").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+@pytest.mark.parametrize("redirection", [">/dev/full", "2>&-"])
+def test_output_that_cannot_be_written_gives_one_line_or_is_left_out(asset, redirection):
+    command = shlex.join([sys.executable, "-m", "gspure", "info", str(asset / "model.ply")])
+    run = subprocess.run(f"{command} {redirection}", shell=True, capture_output=True, text=True, check=False)  # noqa: S602
+    if redirection == "2>&-":
+        assert (run.returncode, "30" in run.stdout) == (0, True)
+    else:
+        assert (run.returncode, run.stderr) == (2, "gspure info: standard output: No space left on device\n")
+
+
 def test_help_lists_main_commands_before_stages(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])

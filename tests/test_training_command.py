@@ -183,6 +183,15 @@ def test_a_setting_out_of_range_is_refused_before_anything_is_written(project, t
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("option", [["--out", "file"], ["--out", "out", "--model", "file/model.ply"]])
+def test_an_output_that_cannot_be_written_is_refused_before_training(project, tmp_path, monkeypatch, capsys, option):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("gspure.cli.train._train", lambda *_: pytest.fail("trains first"))
+    (tmp_path / "file").touch()
+    assert main(["train", str(project), *option]) == 2
+    assert "file" in capsys.readouterr().err.splitlines()[-1]
+
+
 def test_a_corrupt_file_of_a_training_run_is_named(project, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["train", str(project), "--out", str(out), "--iterations", "2"]) == 0

@@ -2,7 +2,7 @@
 
 from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
-from gspure.artifacts.files import filling, read_json, replacing, write_json, write_text
+from gspure.artifacts.files import filling, read_json, replacing, require_place, write_json, write_text
 from gspure.artifacts.provenance import (
     embedding_of,
     is_moved,
@@ -31,6 +31,7 @@ __all__ = [
     "require_input",
     "require_kind",
     "require_made_from",
+    "require_place",
     "require_same_inputs",
     "save_array",
     "save_arrays",

@@ -2,10 +2,12 @@
 
 import json
 import os
+import secrets
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 from gspure.artifacts.checksums import file_checksum, forget, record_checksum, record_file, verify
@@ -60,7 +62,7 @@ def filling(folder: Path) -> Iterator[Path]:
     OSError before any work is done.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
-    temporary = folder / f".{os.getpid()}"
+    temporary = folder / f".{secrets.token_hex(8)}"  # not a process number: they repeat in containers
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with _blaming(folder, temporary):
@@ -79,6 +81,19 @@ def filling(folder: Path) -> Iterator[Path]:
         for path in made:
             with suppress(OSError):  # something else stands in it by now
                 path.rmdir()
+
+
+def require_place(path: Path) -> None:
+    """Refuse a file that could not be written, before work whose result would be lost."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with _blaming(path, path):
+        if path.is_dir():
+            raise InputError(path, "output", expected="a file", found="a folder")
+        try:
+            TemporaryFile(dir=path.parent).close()
+        except OSError as error:
+            error.filename = str(path)
+            raise
 
 
 def write_text(path: Path, text: str, *, checksum: bool = False) -> None:

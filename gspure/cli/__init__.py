@@ -6,6 +6,7 @@ stays quick.
 """
 
 import argparse
+import errno
 import importlib
 import os
 import sys
@@ -73,11 +74,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _refuse(argv[0], str(error))
     except MemoryError as error:
         return _refuse(argv[0], f"out of memory: {error}")
-    except BrokenPipeError:
-        # The reader of our output (`| head`) has gone; leave quietly, and keep Python from flushing into it again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader of our output (`| head`) has gone
+        _close_output()
         return 1
     except OSError as error:
+        if error.filename is None and error.errno == errno.ENOSPC:  # files that we write have names
+            _close_output()
+            error.filename = "standard output"
         if error.filename is None:
             raise
         return _refuse(argv[0], f"{error.filename}: {error.strerror}")
@@ -89,9 +92,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _costed(args: Arguments) -> int:
     """Run a command; beside the log of its job, write its cost."""
     status = int(args.run(args) or 0)
+    sys.stdout.flush()
     if log := os.environ.get(LOG):
         spent().write(cost_of(log))
     return status
+
+
+def _close_output() -> None:
+    """Keep Python from writing what is left of our output."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _refuse(command: str, reason: str) -> int:

@@ -45,6 +45,8 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> int:
     """Write the configuration of a model, and become Snakemake; a dry run writes to a temporary folder only."""
+    if not os.access(Path.cwd(), os.W_OK):
+        raise InputError(Path.cwd(), "permissions", expected="a folder to write results to", found="a read-only one")
     if args.dry_run or any(_DRY_RUN.fullmatch(word) for word in args.passed_on):
         with TemporaryDirectory() as folder:
             configuration = _configuration(args, Path(folder) / _CONFIGURATION.name)
@@ -99,7 +101,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
     asset: dict[str, Any] = {"model": str(model), "cameras": str(args.cameras)}
     if args.up:
         asset["generated"] = {"up": args.up}
-    scene = re.sub("[^A-Za-z0-9_-]+", "_", source.resolve().stem)[:100]
+    scene = re.sub("[^A-Za-z0-9_-]+", "_", source.resolve().stem).lstrip("-")[:100] or "model"
     text = yaml.safe_dump({"assets": {scene: asset}})
     if _CONFIGURATION.is_file():
         with reading(_CONFIGURATION, "a configuration, as YAML"):

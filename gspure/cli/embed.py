@@ -60,16 +60,16 @@ def run(args: Arguments) -> None:
     say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")
     began = time.monotonic()
     device = read_device(args)
-    public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)
-    check: Readability | None = None
-    if key is not None and BITS in scheme.extractions:
-        check = bit_readability(pair.scene.views, public, key, device)
-    elif key is not None:
-        check = readability(pair.message, public, key, device)
     model = Path("public", "point_cloud.ply")
     used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
     used |= scheme.settings | settings
     with filling(args.out) as folder:
+        public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)
+        check: Readability | None = None
+        if key is not None and BITS in scheme.extractions:
+            check = bit_readability(pair.scene.views, public, key, device)
+        elif key is not None:
+            check = readability(pair.message, public, key, device)
         embedding = file_digest(public.write(folder / model)[0])
         if key is not None:
             key.write(folder / "key")

@@ -73,6 +73,7 @@ def run(args: Arguments) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
     from gspure.artifacts import filling, replacing, write_provenance
     from gspure.evaluation.comparison import as_text
+    from gspure.model import require_writable
     from gspure.model.inria import trained_background
     from gspure.progress import say, track
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
@@ -80,6 +81,8 @@ def run(args: Arguments) -> None:
 
     require_least(args, "train", _LEAST)
     require_replaceable(args.out)
+    if args.model:
+        require_writable(args.model)
     args.background = read_background(args, "train", trained_background(args.data))
     photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
     dataset = read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
@@ -91,8 +94,8 @@ def run(args: Arguments) -> None:
     names = ("iterations", "resolution", "background", "max_gaussians", "seed")
     settings = {name: getattr(args, name) for name in names} | {"data": fingerprint(dataset, images)}
     device = read_device(args)
-    trainer = _train(args, dataset, images, settings, device)
     with filling(args.out) as folder:
+        trainer = _train(args, dataset, images, settings, device)
         rows = _write(folder, args, dataset, trainer.model.state().parameters, settings, device)
         remove_results(args.out)
     model = point_cloud(args.out, args.iterations)

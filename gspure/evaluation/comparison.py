@@ -189,6 +189,7 @@ def _named(row: ViewMetrics) -> str:
 
 def _png_files(folder: Path) -> set[Path]:
     files = {path.relative_to(folder) for path in folder.rglob("*.png")}
+    files = {path for path in files if not path.parts[0].startswith(".")}  # what a killed process left
     if not files:
         raise InputError(folder, "folder", expected="PNG files", found="none" if folder.is_dir() else "no such folder")
     for place in {folder / path.parent for path in files}:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from gspure.artifacts import require_place
 from gspure.model.compressed import is_compressed, read_compressed
 from gspure.model.compressed.writing import PACKED_PLY, write_compressed, writer
 from gspure.model.finite import require_finite
@@ -42,9 +43,10 @@ def write_model(path: str | Path, model: Gaussians) -> None:
 
 
 def require_writable(path: Path) -> None:
-    """Refuse a name under which `write_model` writes no model, before any work is done."""
+    """Refuse a file to which `write_model` cannot write a model, before any work is done."""
     if not _is_plain(path):
         writer(path)
+    require_place(path)
 
 
 def _is_plain(path: Path) -> bool:

@@ -66,5 +66,5 @@ def read_checkpoint(path: Path, settings: Mapping[str, Any]) -> Snapshot:
 def _require_same(path: Path, stored: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
     for name, value in json.loads(json.dumps(settings)).items():
         if stored.get(name) != value:
-            hint = "leave out --resume to begin anew"
+            hint = "delete it to begin anew, since --resume continues the same run only"
             raise InputError(path, name, expected=json.dumps(value), found=json.dumps(stored.get(name)), hint=hint)
