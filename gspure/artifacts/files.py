@@ -62,7 +62,7 @@ def filling(folder: Path) -> Iterator[Path]:
     OSError before any work is done.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
-    temporary = folder / f".{secrets.token_hex(8)}"  # not a process number: they repeat in containers
+    temporary = folder / f".gspure-{secrets.token_hex(4)}"  # not a process number: they repeat in containers
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with _blaming(folder, temporary):

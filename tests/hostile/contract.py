@@ -10,7 +10,6 @@ import faulthandler
 import json
 import mmap
 import os
-import re
 import resource
 import shutil
 import signal
@@ -124,7 +123,7 @@ def faults_of_line(line: str, folder: Path) -> Iterator[tuple[str, str]]:
     if unfit:
         yield "unprintable", f"{' '.join(unfit)} in {line[:200]!r}"
     told = line.replace(str(folder), "")
-    if f".{os.getpid()}" in told or re.search(r"\.[0-9a-f]{16}\b", told):
+    if f".{os.getpid()}" in told or ".gspure-" in told:
         yield "temporary name", told[:200]
     if len(told) > LONGEST_LINE:
         yield "long line", f"{len(told)} characters: {told[:120]}..."
