@@ -8,8 +8,8 @@
 // The exponent is evaluated in two steps:
 //   row_terms        the terms of dy; the cpu style computes them for the 16 rows of a tile at once
 //   log2_alpha       log2 alpha at the offset (dx, dy) from a splat's centre, below LOG2_ALPHA_MIN where it does not
-//                    touch the pixel, and its depth there; `terms` points to the row's first term, the others follow
-//                    LANES apart
+//                    touch the pixel, and its depth there, at which it counts behind the near plane only; `terms` points
+//                    to the row's first term, the others follow LANES apart
 //   log2_alpha_most  an upper bound of log2 alpha in a row, between dx = low and dx = high
 
 #define TERM(i) terms[LANES * (i)]
@@ -20,6 +20,7 @@ inline V nearest_to_zero(V low, V high) { return MAX(low, MIN(high, (V)0.0f)); }
 
 #if RAY
 #define ROW_TERMS 3
+#define IN_FRONT(depth) ((depth) > (V)NEAR_PLANE)
 inline void row_terms(V dy, const float *s, V *terms) {
     V down = s[SPLAT_C] * dy + s[SPLAT_C0];
     terms[0] = s[SPLAT_B] * dy + s[SPLAT_A0];
@@ -38,8 +39,8 @@ inline V ray_exponent(V across, V down2, V along, const float *s, V *norm, V *de
 }
 
 inline V log2_alpha(V dx, const float *terms, const float *s, V *depth) {
-    V norm, exponent = ray_exponent(s[SPLAT_A] * dx + TERM(0), TERM(1), s[SPLAT_LX] * dx + TERM(2), s, &norm, depth);
-    return *depth > (V)NEAR_PLANE ? exponent : (V)-1000.0f;
+    V norm;
+    return ray_exponent(s[SPLAT_A] * dx + TERM(0), TERM(1), s[SPLAT_LX] * dx + TERM(2), s, &norm, depth);
 }
 
 // K is smallest where its first square is, and L^2, being convex in dx, is largest at an end; the margins cover rounding.
@@ -51,6 +52,7 @@ inline V log2_alpha_most(V low, V high, const V *terms, const float *s) {
 }
 #else
 #define ROW_TERMS 2
+#define IN_FRONT(depth) (I)-1  // projection drops the others
 inline void row_terms(V dy, const float *s, V *terms) {
     V down = s[SPLAT_C] * dy;
     terms[0] = s[SPLAT_B] * dy;
@@ -76,16 +78,16 @@ inline int16 reached_rows(float16 dx, const float16 *terms, const float *s) {
 }
 #endif
 
-// 2^exponent, at most ALPHA_MAX, and 0 below ALPHA_MIN and for NaN. No exponent is positive.
-inline V bounded_alpha(V exponent) {
+// 2^exponent, at most ALPHA_MAX, and 0 below ALPHA_MIN, for NaN, and before the near plane. No exponent is positive.
+inline V bounded_alpha(V exponent, V depth) {
     V alpha = MIN(exp2_polynomial(exponent), (V)ALPHA_MAX);
-    return AS_FLOAT(AS_INT(alpha) & MASK(exponent >= (V)LOG2_ALPHA_MIN));
+    return AS_FLOAT(AS_INT(alpha) & MASK((exponent >= (V)LOG2_ALPHA_MIN) & IN_FRONT(depth)));
 }
 
 // Blend one splat: returns its weight alpha * T, and moves T on.
-inline V blend(V exponent, V *transmittance) {
+inline V blend(V exponent, V depth, V *transmittance) {
     V before = *transmittance;
-    V weight = bounded_alpha(exponent) * before;
+    V weight = bounded_alpha(exponent, depth) * before;
     V after = before - weight;
     I stop = MASK(after < (V)TRANSMITTANCE_MIN);
     *transmittance = stop ? AS_FLOAT(AS_INT(before) | SIGN_BIT) : after;

@@ -119,7 +119,7 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
                 uint r = popcount((rest & -rest) - 1);
                 float16 a = s[SPLAT_A] * dx + slant[r], b = (float16)down[r];
                 float16 exponent = level[r] - a * a;
-                float16 weight = blend(exponent, &T[r]);
+                float16 weight = blend(exponent, (float16)INFINITY, &T[r]);
                 float16 along = (float16)0.0f;
 #pragma unroll
                 for (int c = 0; c < CHANNELS; c++) {

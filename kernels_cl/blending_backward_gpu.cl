@@ -29,7 +29,8 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
         for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splats[(size_t)SPLAT * entries[entry].x + i];
         float dx = x + 0.5f - s[SPLAT_U], dy = y + 0.5f - s[SPLAT_V];
         float a = s[SPLAT_A] * dx + s[SPLAT_B] * dy, b = s[SPLAT_C] * dy;
-        float exponent = (s[SPLAT_LOG2_OPACITY] - b * b) - a * a, weight = blend(exponent, &T), along = 0.0f;
+        float exponent = (s[SPLAT_LOG2_OPACITY] - b * b) - a * a, along = 0.0f;
+        float weight = blend(exponent, INFINITY, &T);
         for (int c = 0; c < CHANNELS; c++) {
             along += g[c] * s[SPLAT_CHANNELS + c];
             values[MOMENTS + c] = weight * g[c];

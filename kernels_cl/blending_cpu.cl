@@ -106,11 +106,11 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
                 float16 dx = column - s[SPLAT_U];
 #pragma unroll
                 for (int r = 0; r < ROWS; r++) {
-                    float16 depth;
+                    float16 depth, exponent = log2_alpha(dx, of_block + r, s, &depth);
 #if MEDIAN_DEPTH
                     float16 before = t[r];
 #endif
-                    float16 weight = blend(log2_alpha(dx, of_block + r, s, &depth), &t[r]);
+                    float16 weight = blend(exponent, depth, &t[r]);
 #if CHANNELS > 0
 #pragma unroll
                     for (int k = 0; k < CHANNELS; k++)

@@ -59,7 +59,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
             float before = T;
 #endif
             row_terms(y + 0.5f - s[SPLAT_V], s, terms);
-            float weight = blend(log2_alpha(x + 0.5f - s[SPLAT_U], terms, s, &depth), &T);
+            float exponent = log2_alpha(x + 0.5f - s[SPLAT_U], terms, s, &depth), weight = blend(exponent, depth, &T);
             if (weight <= 0.0f) continue;
 #if CHANNELS > 0
             for (int i = 0; i < CHANNELS; i++) channels[i] += weight * s[SPLAT_CHANNELS + i];

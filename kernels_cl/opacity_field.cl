@@ -42,8 +42,8 @@ __kernel void blend_points(POINTS_OF_TILES,
     for (uint entry = FIRST_ENTRY, end = END_OF_ENTRIES; entry < end && ANY(open); entry++) {
         V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry].x, u, v, s, &norm, &peak);
         V before = MAX(peak - depth, (V)0.0f);
-        V alpha = bounded_alpha(exponent - s[SPLAT_G] * (norm * (before * before)));
-        alpha = AS_FLOAT(AS_INT(alpha) & MASK(peak > (V)NEAR_PLANE) & open);
+        V alpha = bounded_alpha(exponent - s[SPLAT_G] * (norm * (before * before)), peak);
+        alpha = AS_FLOAT(AS_INT(alpha) & open);
         T -= alpha * T;
         open = MASK(T >= (V)TRANSMITTANCE_MIN);
     }
@@ -63,7 +63,7 @@ __kernel void blend_centres(POINTS_OF_TILES,
     I open = MASK(T > (V)0.0f);
     for (uint entry = FIRST_ENTRY, end = END_OF_ENTRIES; entry < end && ANY(open); entry++) {
         V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry].x, u, v, s, &norm, &peak);
-        V weight = blend(peak > (V)NEAR_PLANE ? exponent : (V)-1000.0f, &T);
+        V weight = blend(exponent, peak, &T);
         I own = MASK(owner == (U)entries[entry].x);
         contribution = AS_FLOAT(AS_INT(contribution) | (AS_INT(weight) & own));
         open &= ~own & MASK(T > (V)0.0f);
