@@ -155,8 +155,9 @@ def test_views_that_do_not_move_with_the_model_are_warned_of(tmp_path: Path, cap
     ):
         assert main(["attack", *f"{attack} --model {tmp_path}/{model}.ply --out {tmp_path}/{out}.ply".split()]) == 0
 
-    def warned(model: str, *, transformed: bool) -> bool:
+    def warned(model: str, *, transformed: bool, original: bool = False) -> bool:
         args = Arguments(tmp_path)
+        args.original = tmp_path / "model.ply" if original else None
         args.model, args.transform = tmp_path / f"{model}.ply", args.transform if transformed else None
         capsys.readouterr()
         read_views(args)
@@ -165,6 +166,7 @@ def test_views_that_do_not_move_with_the_model_are_warned_of(tmp_path: Path, cap
     assert warned("moved", transformed=False)
     assert warned("moved_and_pruned", transformed=False)
     assert not warned("moved", transformed=True)
+    assert not warned("moved", transformed=False, original=True)
     assert not warned("moved_and_pruned", transformed=True)
     assert not warned("model", transformed=True)  # it has no record
     for model in ("unmoved", "reordered"):
@@ -174,7 +176,7 @@ def test_views_that_do_not_move_with_the_model_are_warned_of(tmp_path: Path, cap
 
 
 class Arguments:
-    split, up = "all", None
+    split, up, original = "all", None, None
 
     def __init__(self, folder: Path) -> None:
         self.cameras, self.transform, self.model = (folder / f for f in ("cameras.json", "transform.npy", "out.ply"))

@@ -352,15 +352,15 @@ def test_a_diagnosis_by_opacities_names_them() -> None:
 
 def test_diagnosis_warns_of_a_decision_that_leaves_no_row() -> None:
     labels = np.array([0] * 4 + [1] * 4, np.int32)
-    assert any("every Gaussian is pruned" in text for text in diagnose(labels, np.ones(8), tau_c=0.5).warnings)
-    assert not any("every Gaussian" in text for text in diagnose(labels, np.ones(8)).warnings)
+    assert any("every row is pruned" in text for text in diagnose(labels, np.ones(8), tau_c=0.5).warnings)
+    assert not any("every row" in text for text in diagnose(labels, np.ones(8)).warnings)
 
 
 def test_diagnosis_warns_of_no_clusters_and_of_piles() -> None:
     found = diagnose(np.full(3, -1, np.int32), np.ones(3), coincident=2)
     assert [text.split(":")[0] for text in found.warnings] == [
         "there is no cluster",
-        "2 Gaussians have the same features as more than min_samples others",
+        "2 rows have the same features as more than min_samples others",
     ]
     assert found.lines()[-1] == f"warning: {found.warnings[-1]}"
     assert found.to_json()["warnings"] == list(found.warnings)

@@ -225,6 +225,7 @@ EVERY = {"unattacked": {}, "gspure": {}}
             "schemes.planted.message_weight: expected more than 0",
         ),
         ({"schemes": {"gs_hider": {"message_weight": -1}}}, "schemes.gs_hider.message_weight: expected at least 0"),
+        ({"schemes": {"keyss": {"network_rate": 0}}}, "schemes.keyss.network_rate: expected at least 1e-09, found 0"),
         ({"schemes": {"secure_gs": {"max_anchors": 1}}}, "schemes.secure_gs.max_anchors: expected at least 8, found 1"),
         (
             {"schemes": {"splats_in_splats": {"shift": 40}}},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,11 @@ import pytest
 from gspure.artifacts import embedding_of, read_json, record_of, save_array, write_provenance
 from gspure.artifacts.checksums import record_file
 from gspure.cli import main
+from gspure.cli.extract import _lesson
 from gspure.errors import InputError
+from gspure.evaluation.comparison import ViewMetrics, write_metrics
+from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.outcomes import collect
 from gspure.images import record_views, write_image
 from gspure.schemes import gs_hider, secure_gs
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
@@ -83,6 +88,39 @@ def test_weights_of_other_views_are_not_compared_with_those_of_the_message(plant
     assert main(command) == 2
     assert "weights.npy: split: expected train, found test" in capsys.readouterr().err
     assert main([*command, "--split", "test"]) == 0
+
+
+def test_an_original_of_another_key_is_refused(planted, pair_folder, tmp_path, capsys):
+    original = ("--original", str(planted / "1" / "public"))
+    assert extract(planted / "attacked.ply", planted / "2" / "key", pair_folder, tmp_path, *original) == 2
+    assert "embedding: expected" in capsys.readouterr().err
+    assert extract(planted / "attacked.ply", planted / "1" / "key", pair_folder, tmp_path, *original) == 0
+
+
+def test_a_key_learns_from_photographs_of_its_own_message_only(planted, pair_folder, tmp_path):
+    args = SimpleNamespace(key=planted / "1" / "key", transform=None, device=None, photographs=pair_folder / "message")
+    assert len(_lesson(args).images) > 0
+    args.photographs = shutil.copytree(pair_folder / "message", tmp_path / "message")
+    views = read_json(args.photographs / "rendered.json")["views"]
+    write_image(args.photographs / f"{min(views)}.png", np.zeros((36, 48, 3)))
+    record_views(args.photographs, views)
+    with pytest.raises(InputError, match=r"message: expected .*rendered\.json, digest"):
+        _lesson(args)
+
+
+def test_pruned_rows_are_not_compared_with_the_carriers_of_another_model(planted, tmp_path):
+    metrics, mask = (tmp_path / "planted" / "room" / "gspure" / name for name in ("metrics.csv", "prune_mask.npy"))
+    truth = tmp_path / "planted" / "room" / "key" / "carriers.npy"
+    rows = 9
+    write_metrics(metrics, [ViewMetrics("scene", "a", "truth", dict.fromkeys(METRICS, 1.0))])
+    for path, embedding in ((mask, "run 0"), (truth, "run 1")):
+        save_array(path, np.arange(rows) < 3)
+        write_provenance(path, inputs={}, settings={}, embedding=embedding)
+    with pytest.raises(InputError, match=r"carriers.npy: embedding: expected run 0"):
+        collect([metrics], [mask], truth=[truth])
+    record_file(truth).unlink()
+    (outcome,) = collect([metrics], [mask], truth=[truth])
+    assert outcome.recall == 1
 
 
 def test_a_key_of_files_of_two_embeddings_is_refused(planted, pair_folder, tmp_path, capsys):

@@ -47,6 +47,7 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import file_digest, filling, write_json, write_provenance
     from gspure.cli.options import parsed_settings, read_device
     from gspure.evaluation.outcomes import BITS
+    from gspure.images import RENDERED
     from gspure.progress import say
     from gspure.schemes.pair import read_pair
     from gspure.schemes.readability import bit_readability, readability
@@ -77,8 +78,9 @@ def run(args: Arguments) -> None:
         if check:
             artifacts.append(folder / "key" / "readability.json")
             write_json(artifacts[-1], asdict(check) | {"readable": check.readable})
+        inputs = {"cameras": args.pair / "cameras.json", "message": args.pair / "message" / RENDERED}
         for path in artifacts:
-            write_provenance(path, inputs={"cameras": args.pair / "cameras.json"}, settings=used, embedding=embedding)
+            write_provenance(path, inputs=inputs, settings=used, embedding=embedding)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()

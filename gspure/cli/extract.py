@@ -78,6 +78,7 @@ def run(args: Arguments) -> None:
     if args.original and args.transform:
         raise InputError("extract", "--transform", expected="nothing beside --original", found=str(args.transform))
     if args.original:
+        embedding_of(model_file(args.original), args.key)
         public = registered(public, scheme.read_public(args.original).model)
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
@@ -98,14 +99,19 @@ def _lesson(args: Arguments) -> Lesson:
     """Return what the key learns from: photographs of the message, in training views that move with the model."""
     import numpy as np
 
+    from gspure.artifacts import require_input
     from gspure.cameras.reading import read_transform
     from gspure.cli.options import read_device
     from gspure.errors import InputError
+    from gspure.images import RENDERED
     from gspure.public_model import Lesson
     from gspure.schemes.pair import Capture
 
     if not args.photographs:
         raise InputError("extract", "--photographs", expected="photographs of the message to learn from", found="none")
+    if (record := args.photographs / RENDERED).is_file():
+        for file in args.key.iterdir():
+            require_input(file, "message", record)
     capture = Capture.read(args.photographs)
     transform = read_transform(args.transform) if args.transform else np.eye(4)
     views = [camera.moved(transform) for camera in capture.views]

@@ -201,7 +201,7 @@ def read_views(args: Arguments) -> list[Camera]:
     from gspure.cameras.reading import read_transform
     from gspure.model import model_file
 
-    views = read_split(args, moves=bool(args.transform))
+    views = read_split(args, moves=bool(args.transform or getattr(args, "original", None)))
     if getattr(args, "off_path", None):
         views += read_cameras(args.off_path)
     if args.transform and isinstance(args.cameras, str):

@@ -19,7 +19,7 @@ _CHANGED_SHARE_WARNED = 0.05
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Statistics of a clustering and its pruning; shares are of all Gaussians unless stated otherwise.
+    """Statistics of a clustering and its pruning; shares are of all rows unless stated otherwise.
 
     Parameters
     ----------
@@ -75,21 +75,21 @@ class Diagnosis:
         sentences = few_in_view(self.weighted, self.gaussians) if self.quantity == "weights" else []
         if self.largest_share > _LARGEST_SHARE_WARNED:
             sentences.append(
-                f"the largest cluster holds {self.largest_share:.0%} of all Gaussians: the clustering has collapsed; "
+                f"the largest cluster holds {self.largest_share:.0%} of all rows: the clustering has collapsed; "
                 "try selection eom_capped or leaf"
             )
         if self.pruned_share == 1:
-            sentences.append("every Gaussian is pruned: nothing remains to be written; larger factors prune less")
+            sentences.append("every row is pruned: nothing remains to be written; larger factors prune less")
         if not self.clusters:
-            sentences.append("there is no cluster: the noise rule applies to every Gaussian")
+            sentences.append("there is no cluster: the noise rule applies to every row")
         elif self.changed_share < _CHANGED_SHARE_WARNED:
             sentences.append(
                 f"clustering changes {self.changed_share:.1%} of the decision: "
-                "the rule without clustering prunes nearly the same Gaussians"
+                "the rule without clustering prunes nearly the same rows"
             )
         if self.coincident:
             sentences.append(
-                f"{self.coincident} Gaussians have the same features as more than min_samples others: "
+                f"{self.coincident} rows have the same features as more than min_samples others: "
                 "such piles are infinitely dense, so each becomes a cluster"
             )
         if self.heavy:
@@ -101,7 +101,7 @@ class Diagnosis:
 
     def lines(self) -> list[str]:
         """Return the diagnosis as lines of text, warnings last."""
-        pruned = f"{self.pruned_share:.1%} of {self.gaussians:,} Gaussians"
+        pruned = f"{self.pruned_share:.1%} of {self.gaussians:,} rows"
         table = {
             "clusters": f"{self.clusters} (largest {self.largest_share:.1%}, noise {self.noise_share:.1%})",
             "pruned": f"{pruned}, {self.pruned_weight_share:.2%} of {self._total}",

@@ -5,14 +5,12 @@ key should add nothing to the public rows; the message does not train public opa
 training starts from points, with the densification of 3DGS, not from a trained model of the scene.
 """
 
-import math
-
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import RATE, parameters_of
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import MESSAGE, initial_gaussians, require
+from gspure.schemes.scheme import MESSAGE, initial_gaussians
 from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 
@@ -32,9 +30,8 @@ def embed(
     `message_weight` is the weight of the message's loss (the scene's is 1), `network_rate` the network's initial
     learning rate, `max_gaussians` the limit of densification.
 
-    Raise `InputError` if a setting is out of range, or PyTorch is missing.
+    Raise `InputError` if PyTorch is missing.
     """
-    require("keyss", "network_rate", network_rate, "more than 0", fits=0 < network_rate < math.inf)
     begin = initial_gaussians(pair, max_gaussians, seed)
     from gspure.schemes.keyss.training import Training
     from gspure.training.pytorch import single_threaded
