@@ -8,7 +8,9 @@ rule compare_attacks:
         table="results/tables/contest.csv",
         survival="results/tables/survival.csv",
         matched="results/tables/matched.csv",
-        markdown=report("results/tables/contest.md"),
+        markdown=report(
+            "results/tables/contest.md", category="Tables", labels={"table": "GSPure against other attacks"}
+        ),
         costs=f"{COSTS}/attacks.csv",
     log:
         "results/logs/contest.log",
@@ -40,6 +42,7 @@ rule draw_condition:
             caption="../report/figure.rst",
             category="{condition}",
             subcategory="All scenes",
+            labels={"figure": "{figure}"},
         ),
     log:
         "results/logs/figures/{condition}/{figure}.log",

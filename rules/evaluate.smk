@@ -172,7 +172,7 @@ rule tabulate_metrics:
         failures=[status_of(failure.log) for failure in FAILURES],
     output:
         table="results/tables/results.csv",
-        markdown=report("results/tables/results.md"),
+        markdown=report("results/tables/results.md", category="Tables", labels={"table": "all results"}),
         summary="results/tables/summary.csv",
         latex="results/tables/summary.tex",
     log:

@@ -8,10 +8,11 @@ rule draw_model:
     output:
         figures=report(
             directory("results/{scheme}/{scene}/figures/model"),
-            patterns=["{name}.png"],
+            patterns=["{name,splats|weights|purification|kept|clusters}.png"],
             caption="../report/cloud.rst",
             category="{scheme}/{scene}",
             subcategory="Model",
+            labels={"figure": "{name}"},
         ),
     log:
         "results/logs/{scheme}/{scene}/figures/model.log",
@@ -46,6 +47,7 @@ rule draw_panels:
             caption="../report/figure.rst",
             category="{scheme}/{scene}",
             subcategory="Images",
+            labels={"figure": "{target}"},
         ),
     log:
         "results/logs/{scheme}/{scene}/figures/{target}.log",
@@ -73,6 +75,7 @@ rule draw_variants:
             caption="../report/figure.rst",
             category="{scheme}/{scene}",
             subcategory="Variants",
+            labels={"figure": "{figure}"},
         ),
     log:
         "results/logs/{scheme}/{scene}/figures/{figure}.log",

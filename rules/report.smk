@@ -28,7 +28,7 @@ rule write_report:
             )
         ),
     output:
-        page=report("results/report.html", caption="../report/page.rst", category="Report"),
+        page=report("results/report.html", caption="../report/page.rst", category="Report", labels={"page": "report"}),
     log:
         "results/logs/report.log",
     benchmark:
