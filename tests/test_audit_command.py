@@ -46,6 +46,13 @@ def test_a_model_becomes_a_configuration_that_the_workflow_accepts(folder, words
     assert Path(words[words.index("--snakefile") + 1]) == ROOT / "Snakefile"
 
 
+def test_an_unpacked_sog_is_named_after_its_folder(folder, words):
+    Path("robot").mkdir()
+    Path("robot/meta.json").touch()
+    assert main(["audit", "robot/meta.json", "--cameras", "orbit"]) == 0
+    assert list(yaml.safe_load(Path("results/audit.yaml").read_text())["assets"]) == ["robot"]
+
+
 def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words):
     Path("mine.yaml").write_text("assets: {}")
     assert main(["audit", "mine.yaml", "--cores", "3", "-n", "--", "--forcerun", "render_scene", "--cores"]) == 0

@@ -86,6 +86,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
 
     from gspure.artifacts import write_text
     from gspure.model import model_file
+    from gspure.model.compressed.sog import INDEX
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
@@ -101,7 +102,8 @@ def _configuration(args: Arguments, target: Path) -> Path:
     asset: dict[str, Any] = {"model": str(model), "cameras": str(args.cameras)}
     if args.up:
         asset["generated"] = {"up": args.up}
-    scene = re.sub("[^A-Za-z0-9_-]+", "_", source.resolve().stem).lstrip("-")[:100] or "model"
+    named = source.resolve().parent if source.name == INDEX else source.resolve()
+    scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
     text = yaml.safe_dump({"assets": {scene: asset}})
     if _CONFIGURATION.is_file():
         with reading(_CONFIGURATION, "a configuration, as YAML"):
