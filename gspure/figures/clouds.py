@@ -147,7 +147,7 @@ def share_cloud(means: Float32, weights: Float32, hidden: Float32) -> Cloud:
     share = np.divide(hidden, total, where=total > 0, out=np.full(len(total), np.nan))
     colours = np.where(total[:, None] > 0, _between(np.nan_to_num(share)), style.rgb(style.NOISE)).astype(np.uint8)
     scalars = {"message_share": share.astype(np.float32), "weight": weights, "hidden_weight": hidden}
-    scale = Scale(_between(np.linspace(0, 1, _STEPS)), ("scene only", "equal", "message only"))
+    scale = Scale(_between(np.linspace(0, 1, _STEPS)), ("0%", "message's share", "100%"))
     return Cloud(means, colours, scalars, scale=scale)
 
 
