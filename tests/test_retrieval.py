@@ -210,7 +210,7 @@ def test_the_tables_hold_the_retrieval_and_warn_of_what_is_not_embedded(tmp_path
         rows = [Retrieved("unattacked", "message", before), Retrieved("gspure", "message", NEAREST)]
         write_table(table, Retrieved, rows)
         assert main(["table", *map(str, options)]) == 0
-        assert ("nothing is embedded" in capsys.readouterr().err) == (before is UNRELATED)
+        assert ("not embedded" in capsys.readouterr().err) == (before is UNRELATED)
         outcomes = {o.variant: o for o in read_results(tmp_path / "r.csv")}
         assert outcomes["unattacked"].retrieval == {"message": before}
         assert outcomes["gspure"].retrieval == {"message": NEAREST}

@@ -6,7 +6,7 @@ from gspure.cli.parser import Arguments, Parser
 EXAMPLES = """\
   gspure decoys --views 4 --width 160 --height 120 --out decoys
 
-Writes a folder of pictures for each room, with coarser light than that of `gspure pair`.
+Writes a folder of pictures for each room, with coarser lighting than `gspure pair`.
 """
 
 COARSENESS = 2
@@ -15,8 +15,8 @@ COARSENESS = 2
 
 def add_arguments(parser: Parser) -> None:
     parser.number("--views", "N", "views of each room", 4)
-    parser.number("--width", "PX", "image width; that of the message", 160)
-    parser.number("--height", "PX", "image height; that of the message", 120)
+    parser.number("--width", "PX", "image width, that of the message", 160)
+    parser.number("--height", "PX", "image height, that of the message", 120)
     parser.writes("--out", "DIR", "pictures, in folders SEED")
     add_quiet(parser)
 

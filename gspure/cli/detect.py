@@ -26,7 +26,7 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("images", "DIR", "PNG files, such as renders")
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--command", metavar="WORDS", help="the detector: a program and its options")
-    source.add_argument("--key", type=Path, metavar="DIR", help="the owner's key, of a scheme that hides bits")
+    source.add_argument("--key", type=Path, metavar="DIR", help="the owner's key of a scheme that hides bits")
     parser.text("--scheme", "NAME", "the scheme of the key")
     parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this random seed: a negative control")
     parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)

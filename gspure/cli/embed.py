@@ -16,7 +16,7 @@ EXAMPLES = """\
 
 Writes public/, the public model, and key/, the owner's key, with readability.json: the PSNR of the message and of
 negative controls in a few training views. A warning is printed if the message does not stand out from them.
-marked_clones hides random bits in the scene, and leaves the pair's message aside; `gspure detect` reads them.
+marked_clones hides random bits in the scene and ignores the pair's message; `gspure detect` reads them.
 planted is not trained and takes ray-traced pairs only. gs_hider, secure_gs, keyss and marked_clones need PyTorch:
 pip install gspure[torch].
 """

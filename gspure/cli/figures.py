@@ -50,9 +50,9 @@ def _add_model(parser: Parser) -> None:
     parser.writes(
         "--out",
         "DIR",
-        "folder for clusters, ranks, kept (and hidden) as .png, .gltf and .vtp, weights as .png and .svg (and "
-        "purification.png), with cameras splats.png, viewer.json for the report; each .png has its caption in "
-        ".png.json",
+        "folder for clusters, ranks and kept (with --hidden also hidden) as .png, .gltf and .vtp; weights as .png and "
+        ".svg; with --hidden purification.png; with --cameras splats.png; viewer.json for the report; the caption of "
+        "each .png in its .png.json",
     )
     parser.set_defaults(draw=_draw_model)
 

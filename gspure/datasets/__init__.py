@@ -1,4 +1,4 @@
-"""Public captures that the field compares on: where they are, fetched and unpacked as a training takes them."""
+"""Public benchmark captures: their archives, downloaded and unpacked as training reads them."""
 
 from gspure.datasets.archives import ARCHIVES, SCENES, Archive, archive_of
 from gspure.datasets.extraction import extract

@@ -1,6 +1,6 @@
-"""Which archive holds which capture, and at which size of the photographs the 3DGS papers compare.
+"""The archives of public captures, and the image size at which the 3DGS papers evaluate each.
 
-The publishers give no digests; `gspure.datasets.fetch` says what stands in for them.
+The publishers give no digests; see `gspure.datasets.fetch`.
 """
 
 from collections.abc import Mapping
@@ -14,8 +14,8 @@ from gspure.errors import InputError
 class Archive:
     """A zip file of captures, each a COLMAP project, in a `folder` of the archive.
 
-    `terms` says what is known of the terms of use, in a sentence or two; `photographs` are, by scene, the folder of
-    those that papers compare on.
+    `terms` are the known terms of use, in a sentence or two; `photographs` are, by scene, the folder of the photographs
+    that papers evaluate on.
     """
 
     url: str
@@ -30,8 +30,8 @@ class Archive:
 
 
 _MIPNERF360 = (
-    "Mip-NeRF 360 (Barron et al., CVPR 2022), https://jonbarron.info/mipnerf360: no licence is stated, so take nothing "
-    "but research of your own for granted, redistribution least of all."
+    "Mip-NeRF 360 (Barron et al., CVPR 2022), https://jonbarron.info/mipnerf360: no licence is stated, so assume research "
+    "use only, and no right to redistribute."
 )
 _DEEP_BLENDING = (
     "Playroom of Deep Blending (Hedman et al., SIGGRAPH Asia 2018), as prepared by the authors of 3DGS: see the terms "

@@ -1,4 +1,4 @@
-"""A capture out of its archive: the photographs that papers compare on, and where they were taken from."""
+"""Extraction of a capture from its archive: the photographs that papers evaluate on, and the COLMAP model."""
 
 import stat
 import zipfile

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from requests import Response
 
 TRIES: Final = 5
-"""A download ends when so many connections one after the other brought nothing; ours."""
+"""Number of consecutive connections without progress after which a download fails. Ours."""
 
 _SHA256: Final = re.compile(r"([0-9a-fA-F]{64})(?!\S)")
 _SIZE: Final = re.compile(r"[0-9]{1,18}")
@@ -28,11 +28,11 @@ def fetch(url: str, folder: Path) -> tuple[Path, str]:
     """Download a file into a folder unless it is there, and check it; return its path and SHA-256.
 
     The digest of the first download is recorded beside the file, as ``NAME.sha256`` in the format of ``sha256sum``, and
-    holds from then on: it tells a file that was changed later, not one that was wrong to begin with. If you know the
-    right digest, write it there before.
+    is checked from then on: it detects a file that changes later, not one that was wrong from the start. If you know the
+    right digest, write it there first.
 
-    Raise `InputError` if the server does not have it, the connection breaks again and again, or the digest is another.
-    A part that has arrived is kept, and the next call goes on from there.
+    Raise `InputError` if the server does not have the file, the connection breaks repeatedly, or the digest differs. A
+    partial download is kept, and the next call resumes it.
     """
     import pooch
     import requests
@@ -53,7 +53,7 @@ def fetch(url: str, folder: Path) -> tuple[Path, str]:
     if known is None:
         known = pooch.file_hash(str(file))
         write_text(record, f"{known}  {name}\n")
-        say(f"no digest of {name} is published: from now on it is to be {known}")
+        say(f"no digest of {name} is published; recorded the digest of this download: {known}")
     return file, known
 
 
@@ -70,7 +70,7 @@ def _recorded(record: Path) -> str:
 
 
 def _download(url: str, output_file: str, _pooch: Any) -> None:
-    """Download to a file, beside which the part that has arrived is kept until it is whole; pooch's own starts anew."""
+    """Download to a file, and keep partial downloads beside it; pooch's own downloader cannot resume."""
     import requests
 
     head = requests.head(url, timeout=_TIMEOUT, allow_redirects=True)
@@ -98,7 +98,7 @@ def _download(url: str, output_file: str, _pooch: Any) -> None:
 
 
 def _append(url: str, part: Path, version: str, total: int) -> None:
-    """Ask for what is missing of one version of a file; a server that has another one sends all of that."""
+    """Request the missing part of one version of a file; a server with another version sends all of that."""
     import requests
 
     size = part.stat().st_size
@@ -118,4 +118,4 @@ def _copy(response: Response, stream: BinaryIO, total: int) -> None:
         stream.write(chunk)
         if time.monotonic() - last > _SECONDS_BETWEEN_LINES:
             last = time.monotonic()
-            say(f"{stream.tell() >> 20} of {total >> 20} MiB have arrived")
+            say(f"{stream.tell() >> 20} of {total >> 20} MiB downloaded")

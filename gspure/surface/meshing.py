@@ -85,7 +85,7 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     if len(points) < 4:  # the corners of one tetrahedron
         expected = f"Gaussians of an opacity above {OPAQUE} in the views"
         raise InputError("model", "surface", expected=expected, found=f"{len(points)} points around them")
-    say(f"tetrahedra between {len(points)} points")
+    say(f"building tetrahedra from {len(points)} points")
     cells = tetrahedra(points)
     renderer = Renderer(model, device, energy="ray")
     inside = opacity_field(renderer, track(cameras, "opacity field"), points, outside=LEVEL) >= LEVEL

@@ -85,7 +85,7 @@ def embed(
         for _ in watched(run, iterations, lambda: _state(run, device)):
             pass
     if message_weight and density > 1:
-        say(f"RDO: the hidden region's box held up to {run.boxed:.0%} of the scene's Gaussians")
+        say(f"RDO: up to {run.boxed:.0%} of the scene's Gaussians lay in the box of the hidden region")
     return _outcome(run)
 
 

@@ -88,7 +88,7 @@ def _published(
     colours = hidden.sh_coeffs.copy()
     colours[known] = refine(extracted, pair.message, steps, seed, device).sh_coeffs
     public = replace(shown, sh_coeffs=bits.embed(shown.sh_coeffs, colours, shift))
-    say(f"{len(known)} of {len(shown)} Gaussians are more than {OPACITY_THRESHOLD} opaque in the message")
+    say(f"{len(known)} of {len(shown)} Gaussians have an opacity above {OPACITY_THRESHOLD} in the message")
     return PublicModel(as_gaussians(public)), SplatsInSplatsKey(
         hidden.means[known], mapping, shift, as_gaussians(hidden)
     )
