@@ -20,7 +20,7 @@ from gspure.schemes.gs_hider.public_model import FeatureModel  # noqa: E402
 from gspure.schemes.gs_hider.training import Training  # noqa: E402
 from gspure.schemes.hidden_weight import low_rows  # noqa: E402
 from gspure.schemes.pair import read_pair  # noqa: E402
-from gspure.schemes.scheme import hide  # noqa: E402
+from gspure.schemes.scheme import Run, hide  # noqa: E402
 from gspure.training.initialization import gaussians_at  # noqa: E402
 from gspure.training.schedule import Schedule  # noqa: E402
 from tests.models import without  # noqa: E402
@@ -94,7 +94,7 @@ def test_settings_out_of_range_are_refused(pair, setting):
 @pytest.mark.parametrize("falls", [True, False])
 def test_decoders_change_little_at_the_end_of_training_unless_their_rate_is_constant(pair, falls):
     start = gaussians_at(*(part[:500] for part in pair.points))
-    run = Training(pair, start, 40, message_weight=0.5, max_gaussians=500, seed=0, device=choose_device(), falls=falls)
+    run = Training(Run(pair, 40, 0.5, 500, 0, choose_device()), start, falls=falls)
     weights = [weight for branch in run.branches for weight in branch.decoder.parameters()]
     steps, before = [], [weight.detach().clone() for weight in weights]
     for _ in run:
@@ -106,13 +106,8 @@ def test_decoders_change_little_at_the_end_of_training_unless_their_rate_is_cons
 
 
 def test_features_stay_aligned_with_gaussians_during_densification(pair):
-    run = Training(
-        *(pair, gaussians_at(*(part[:500] for part in pair.points)), 12),
-        message_weight=0.5,
-        max_gaussians=700,
-        seed=0,
-        device=choose_device(),
-    )
+    start = gaussians_at(*(part[:500] for part in pair.points))
+    run = Training(Run(pair, 12, 0.5, 700, 0, choose_device()), start)
     run._schedule = Schedule(
         iterations=12, sh_every=1, densify_from=1, densify_until=12, densify_every=5, reset_every=10
     )

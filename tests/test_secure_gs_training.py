@@ -5,7 +5,7 @@ import pytest
 
 from gspure.evaluation.metrics import psnr
 from gspure.schemes.pair import read_pair
-from gspure.schemes.scheme import hide
+from gspure.schemes.scheme import Run, hide
 from gspure.schemes.secure_gs import SCHEME
 from gspure.schemes.secure_gs.anchors import Anchors
 
@@ -77,14 +77,8 @@ def test_the_published_table_has_the_columns_of_scaffold_gs(pair, embedded):
 
 def test_anchors_grow_up_to_the_limit_from_gradients_of_both_branches(pair):
     public, key = random_public(60), random_key()
-    run = Training(
-        *(pair, public.anchors, 0.05, [public.networks, key.networks], 400),
-        message_weight=0.5,
-        density=2.0,
-        max_anchors=100,
-        seed=0,
-        device=choose_device(),
-    )
+    settings = Run(pair, 400, 0.5, 100, 0, choose_device())
+    run = Training(settings, public.anchors, 0.05, [public.networks, key.networks], 2.0)
     with single_threaded():
         counts = [len(run.learner.anchors.positions) for _ in zip(range(120), run, strict=False)]
     assert max(counts) <= 100

@@ -61,9 +61,9 @@ def run(args: Arguments) -> None:
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
     for scheme, asset in not_embedded(outcomes):
         warn(
-            f"{model_name(scheme, asset)}: the message is not embedded, or the key does not fit: even before attacks, the "
-            "extraction has a single colour, is not above all controls, or is not retrieved. Attacks on this model show "
-            "nothing; look at the extraction."
+            f"{model_name(scheme, asset)}: the message is not embedded, or the key does not fit: even before attacks, "
+            "the extraction has a single colour, is not above all controls, or is not retrieved. Attacks on this model "
+            "show nothing; look at the extraction."
         )
     if args.summary:
         write_table(args.summary, Summary, summarize(outcomes))

@@ -30,8 +30,8 @@ class Archive:
 
 
 _MIPNERF360 = (
-    "Mip-NeRF 360 (Barron et al., CVPR 2022), https://jonbarron.info/mipnerf360: no licence is stated, so assume research "
-    "use only, and no right to redistribute."
+    "Mip-NeRF 360 (Barron et al., CVPR 2022), https://jonbarron.info/mipnerf360: no licence is stated, so assume "
+    "research use only, and no right to redistribute."
 )
 _DEEP_BLENDING = (
     "Playroom of Deep Blending (Hedman et al., SIGGRAPH Asia 2018), as prepared by the authors of 3DGS: see the terms "

@@ -28,8 +28,8 @@ def fetch(url: str, folder: Path) -> tuple[Path, str]:
     """Download a file into a folder unless it is there, and check it; return its path and SHA-256.
 
     The digest of the first download is recorded beside the file, as ``NAME.sha256`` in the format of ``sha256sum``, and
-    is checked from then on: it detects a file that changes later, not one that was wrong from the start. If you know the
-    right digest, write it there first.
+    is checked from then on: it detects a file that changes later, not one that was wrong from the start. If you know
+    the right digest, write it there first.
 
     Raise `InputError` if the server does not have the file, the connection breaks repeatedly, or the digest differs. A
     partial download is kept, and the next call resumes it.

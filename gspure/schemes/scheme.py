@@ -159,6 +159,21 @@ def require(scheme: str, name: str, value: Setting, expected: str, *, fits: bool
         raise InputError(f"scheme {scheme}", name, expected=expected, found=str(value))
 
 
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What the training loops of all schemes need.
+
+    `message_weight` is lambda in L = L_scene + lambda L_message, 0 for a clean model; `most_rows` bounds the growth.
+    """
+
+    pair: Pair
+    iterations: int
+    message_weight: float
+    most_rows: int
+    seed: int
+    device: Device
+
+
 def initial_gaussians(pair: Pair, max_gaussians: int, seed: int) -> Parameters:
     """Return the Gaussians that training starts from, at no more than `max_gaussians` of the pair's points."""
     return gaussians_at(*thinned(*pair.points, max_gaussians, seed))

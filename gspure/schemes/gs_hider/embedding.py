@@ -13,7 +13,7 @@ from gspure.schemes.gs_hider.key import DecoderKey
 from gspure.schemes.gs_hider.layout import MESSAGE_DECODER, SCENE_DECODER
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import initial_gaussians
+from gspure.schemes.scheme import Run, initial_gaussians
 from gspure.training.monitor import watched
 
 if TYPE_CHECKING:
@@ -48,15 +48,8 @@ def embed(
     begin = initial_gaussians(pair, max_gaussians, seed)
     from gspure.schemes.gs_hider.training import Training
 
-    run = Training(
-        *(pair, begin, iterations),
-        message_weight=message_weight,
-        max_gaussians=max_gaussians,
-        seed=seed,
-        device=device or choose_device(),
-        falls=not constant_rate,
-        hardened=hardened,
-    )
+    settings = Run(pair, iterations, message_weight, max_gaussians, seed, device or choose_device())
+    run = Training(settings, begin, falls=not constant_rate, hardened=hardened)
     for _ in watched(run, iterations, lambda: f"{pair.quality(*run.views)}  {len(run.field)} Gaussians"):
         pass
     _say_gains(run, seed)

@@ -15,7 +15,8 @@ from gspure.schemes.gs_hider.decoder import Decoder, decoded, differentiated, un
 from gspure.schemes.gs_hider.field import Field
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.hidden_weight import low_rows
-from gspure.schemes.pair import Capture, Pair
+from gspure.schemes.pair import Capture
+from gspure.schemes.scheme import Run
 from gspure.training.pytorch import single_threaded, torch
 from gspure.training.schedule import Schedule
 from gspure.training.trainer import densified
@@ -33,8 +34,6 @@ class Training:
     ----------
     begin : Parameters
         The initial Gaussians; their colours are ignored.
-    message_weight : float
-        lambda in L = L_scene + lambda L_message; 0 omits the message branch.
     falls : bool
         Whether the decoders' learning rate falls to zero once Gaussians no longer grow.
     hardened : float
@@ -43,33 +42,20 @@ class Training:
 
     """
 
-    def __init__(
-        self,
-        pair: Pair,
-        begin: Parameters,
-        iterations: int,
-        *,
-        message_weight: float,
-        max_gaussians: int,
-        seed: int,
-        device: Device,
-        falls: bool = True,
-        hardened: float = 0.0,
-    ) -> None:
-        scene, message = untrained(2, seed)
-        self.pair = pair
-        self.field = Field(begin, device)
-        self.branches = [Branch(scene, pair.scene, 1.0, device)]
-        if message_weight:
-            self.branches.append(Branch(message, pair.message, message_weight, device))
+    def __init__(self, run: Run, begin: Parameters, *, falls: bool = True, hardened: float = 0.0) -> None:
+        scene, message = untrained(2, run.seed)
+        self.pair = run.pair
+        self.field = Field(begin, run.device)
+        self.branches = [Branch(scene, run.pair.scene, 1.0, run.device)]
+        if run.message_weight:
+            self.branches.append(Branch(message, run.pair.message, run.message_weight, run.device))
         self._optimizer = torch.optim.Adam([p for b in self.branches for p in b.decoder.parameters()], DECODER_RATE)
-        self._schedule = Schedule.scaled(iterations)
+        self._schedule = Schedule.scaled(run.iterations)
         self._falls = falls
         self._hardened = hardened
         self._low: Bools | None = None
-        self._device = device
-        self._max_gaussians = max_gaussians
-        self._rng = np.random.default_rng(seed)
+        self._run = run
+        self._rng = np.random.default_rng(run.seed)
 
     def __iter__(self) -> Iterator[float]:
         batches = self.pair.batches(self._rng)
@@ -80,7 +66,7 @@ class Training:
                     self._densify(iteration)
                 if self._hardened and iteration % self._schedule.densify_every == 0:
                     public, views = FeatureModel(self.field.model(), None), self.pair.scene.views
-                    self._low = low_rows(public, views, self._hardened, self._device)
+                    self._low = low_rows(public, views, self._hardened, self._run.device)
 
     @property
     def views(self) -> list[RenderView]:
@@ -112,7 +98,7 @@ class Training:
                 *(self.field.state, self.field.statistics(), self._schedule, iteration),
                 extent=self.pair.extent,
                 rng=self._rng,
-                max_gaussians=self._max_gaussians,
+                max_gaussians=self._run.most_rows,
             )
         )
 

@@ -10,7 +10,7 @@ from gspure.public_model import PublicModel
 from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import RATE, parameters_of
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import MESSAGE, initial_gaussians
+from gspure.schemes.scheme import MESSAGE, Run, initial_gaussians
 from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 
@@ -37,14 +37,7 @@ def embed(
     from gspure.training.pytorch import single_threaded
 
     device = device or choose_device()
-    run = Training(
-        *(pair, begin, iterations),
-        message_weight=message_weight,
-        network_rate=network_rate,
-        max_gaussians=max_gaussians,
-        seed=seed,
-        device=device,
-    )
+    run = Training(Run(pair, iterations, message_weight, max_gaussians, seed, device), begin, network_rate)
 
     def outcome() -> tuple[PublicModel, NetworkKey | None]:
         public = PublicModel(as_gaussians(parameters_of(run.rows)))

@@ -13,7 +13,7 @@ from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 from gspure.schemes.keyss.network import Network, added, fresh, parameters_of, random_key, rows_of
-from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import Run
 from gspure.schemes.secure_gs.statistics import screen_norms
 from gspure.training.adam import adam_step
 from gspure.training.densification import grow, plan, reset_opacities
@@ -79,28 +79,18 @@ class Training:
     and show the message to nobody without the key. The network's learning rate falls from `network_rate` to zero.
     """
 
-    def __init__(
-        self,
-        pair: Pair,
-        begin: Parameters,
-        iterations: int,
-        *,
-        message_weight: float,
-        network_rate: float,
-        max_gaussians: int,
-        seed: int,
-        device: Device,
-    ) -> None:
-        self.pair = pair
-        self._rng = np.random.default_rng(seed)
+    def __init__(self, run: Run, begin: Parameters, network_rate: float) -> None:
+        self.pair = run.pair
+        self._rng = np.random.default_rng(run.seed)
         self.learner = Learner(fresh(self._rng))
         self.key = random_key(self._rng)  # not the generator's first numbers, which are a wrong key of the same seed
-        self._scene = Branch(pair.scene.views, pair.scene.images, device)
-        self._message = Branch(pair.message.views, pair.message.images, device)
-        self._message_weight = message_weight
+        self._scene, self._message = (
+            Branch(capture.views, capture.images, run.device) for capture in (run.pair.scene, run.pair.message)
+        )
+        self._message_weight = run.message_weight
         self._network_rate = network_rate
-        self._schedule = Schedule.scaled(iterations)
-        self._max_gaussians = max_gaussians
+        self._schedule = Schedule.scaled(run.iterations)
+        self._most_rows = run.most_rows
         self._replace(TrainState.fresh(begin))
 
     def __iter__(self) -> Iterator[float]:
@@ -139,7 +129,7 @@ class Training:
             extent=self.pair.extent,
             prune_big=self._schedule.prunes_big(iteration),
             rng=self._rng,
-            max_gaussians=self._max_gaussians,
+            max_gaussians=self._most_rows,
         )
         if not len(growth.rows):
             raise InputError("keyss", "Gaussians", expected="at least one", found=f"none after iteration {iteration}")

@@ -16,6 +16,7 @@ from gspure.dtypes import Float64
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import Run
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors, table_of
 from gspure.schemes.secure_gs.files import PRIVATE, PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
@@ -73,14 +74,8 @@ def embed(
     rng = np.random.default_rng(seed)
     anchors, voxel = first_anchors([xyz for xyz, _ in pair.clouds], int(FIRST_SHARE * max_anchors))
     branches = [fresh(names, FEAT_DIM, K, rng) for names in (PUBLIC, PRIVATE)]
-    run = Training(
-        *(pair, anchors, voxel, branches[: 1 + bool(message_weight)], iterations),
-        message_weight=message_weight,
-        density=density,
-        max_anchors=max_anchors,
-        seed=seed,
-        device=device,
-    )
+    settings = Run(pair, iterations, message_weight, max_anchors, seed, device)
+    run = Training(settings, anchors, voxel, branches[: 1 + bool(message_weight)], density)
     with single_threaded():
         for _ in watched(run, iterations, lambda: _state(run, device)):
             pass

@@ -7,8 +7,7 @@ import numpy as np
 
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
-from gspure.opencl.device import Device
-from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import Run
 from gspure.schemes.secure_gs.anchors import Anchors
 from gspure.schemes.secure_gs.growing import GRADIENT_THRESHOLD, Candidates, grown, hidden_box, inside
 from gspure.schemes.secure_gs.learner import Learner
@@ -37,38 +36,23 @@ class Training:
         Side of the smallest cells, world units.
     branches : sequence of Networks
         The scene's, and the message's unless a clean model is trained.
-    message_weight : float
-        lambda in L = L_scene + lambda L_message.
     density : float
         r_down of RDO; 1 switches it off.
 
     """
 
-    def __init__(
-        self,
-        pair: Pair,
-        anchors: Anchors,
-        voxel: float,
-        branches: Sequence[Networks],
-        iterations: int,
-        *,
-        message_weight: float,
-        density: float,
-        max_anchors: int,
-        seed: int,
-        device: Device,
-    ) -> None:
-        self.pair = pair
-        self._captures = [pair.scene, pair.message][: len(branches)]
-        self.learner = Learner(anchors, branches, [c.images for c in self._captures], device)
+    def __init__(self, run: Run, anchors: Anchors, voxel: float, branches: Sequence[Networks], density: float) -> None:
+        self.pair = run.pair
+        self._captures = [run.pair.scene, run.pair.message][: len(branches)]
+        self.learner = Learner(anchors, branches, [c.images for c in self._captures], run.device)
         self.boxed = 0.0
         self._voxel = voxel
-        self._weights = (1.0, message_weight)
+        self._weights = (1.0, run.message_weight)
         self._density = density
-        self._max_anchors = max_anchors
-        self._schedule = AnchorSchedule.scaled(iterations)
+        self._most_rows = run.most_rows
+        self._schedule = AnchorSchedule.scaled(run.iterations)
         self._statistics = [Statistics(len(anchors.positions), anchors.k) for _ in branches]
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(run.seed)
 
     @property
     def hides(self) -> bool:
@@ -131,7 +115,7 @@ class Training:
                 for parts in (positions, [norms for norms, _ in means], thresholds, [features] * len(measured))
             )
         )
-        room = max(0, self._max_anchors - len(anchors.positions))
+        room = max(0, self._most_rows - len(anchors.positions))
         return grown(anchors.positions, candidates, self._voxel, anchors.k, room, self._rng)
 
     def _masking(self, hidden: Float32, centres: Float32) -> Bools:

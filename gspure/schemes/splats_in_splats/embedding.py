@@ -17,7 +17,7 @@ from gspure.opencl.trainable import Parameters
 from gspure.progress import say
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import initial_gaussians
+from gspure.schemes.scheme import Run, initial_gaussians
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
@@ -25,7 +25,6 @@ from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
 from gspure.schemes.vanilla import train
 from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
-from gspure.training.schedule import Schedule
 
 OPACITY_THRESHOLD: Final = 0.25
 """tau of the paper: the key holds the Gaussians whose opacity in the message is higher."""
@@ -58,14 +57,7 @@ def embed(
             *(pair.scene, begin), iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device
         )
         return PublicModel(clean), None
-    run = TwinTrainer(
-        *(pair, begin, Schedule.scaled(iterations)),
-        message_weight=message_weight,
-        max_gaussians=max_gaussians,
-        seed=seed,
-        hardened=hardened,
-        device=device,
-    )
+    run = TwinTrainer(Run(pair, iterations, message_weight, max_gaussians, seed, device), begin, hardened)
 
     def state() -> str:
         return f"{pair.quality(*(model.image for model in run.model.models))}  {run.model.count} Gaussians"

@@ -13,7 +13,8 @@ from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 from gspure.opencl.twins import States, TwinModel
 from gspure.public_model import PublicModel
 from gspure.schemes.hidden_weight import low_rows
-from gspure.schemes.pair import Capture, Pair
+from gspure.schemes.pair import Capture
+from gspure.schemes.scheme import Run
 from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import as_gaussians
 from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, Schedule, shuffled
@@ -30,31 +31,19 @@ class TwinTrainer:
 
     The rules are those of 3DGS, with three changes: growth follows the gradient of the summed losses; a Gaussian is
     pruned only if it is transparent in both scenes, so that some can serve the message alone; opacities of both are
-    reset. `message_weight` is the share of the message's loss; that of the scene is 1.
+    reset.
     """
 
-    def __init__(
-        self,
-        pair: Pair,
-        begin: Parameters,
-        schedule: Schedule,
-        *,
-        message_weight: float,
-        max_gaussians: int,
-        seed: int,
-        hardened: float = 0.0,
-        device: Device | None = None,
-    ) -> None:
+    def __init__(self, run: Run, begin: Parameters, hardened: float = 0.0) -> None:
         state = TrainState.fresh(begin)
-        self.model = TwinModel((state, state), message_weight, device)
-        self.model.set_targets(pair.scene.images, pair.message.images)
-        self._pair = pair
-        self._schedule = schedule
-        self._max_gaussians = max_gaussians
+        self.model = TwinModel((state, state), run.message_weight, run.device)
+        self.model.set_targets(run.pair.scene.images, run.pair.message.images)
+        self._run = run
+        self._pair = run.pair
+        self._schedule = Schedule.scaled(run.iterations)
         self._hardened = hardened
-        self._device = device
         self._low = np.zeros(0, np.bool_)
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(run.seed)
 
     def __iter__(self) -> Iterator[float]:
         batches = self._pair.batches(self._rng)
@@ -82,7 +71,7 @@ class TwinTrainer:
         shown, hidden = self.model.states()
         if measures:
             public = PublicModel(as_gaussians(shown.parameters))
-            self._low = low_rows(public, self._pair.scene.views, self._hardened, self._device)
+            self._low = low_rows(public, self._pair.scene.views, self._hardened, self._run.device)
         self.model.replace((shown, reset_opacities(hidden, self._low)))
 
     def _grown(self, iteration: int) -> States:
@@ -94,7 +83,7 @@ class TwinTrainer:
             extent=self._pair.extent,
             prune_big=self._schedule.prunes_big(iteration),
             rng=self._rng,
-            max_gaussians=self._max_gaussians,
+            max_gaussians=self._run.most_rows,
         )
         return grow(first, growth), grow(second, growth)
 
