@@ -171,9 +171,9 @@ def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
     rows = [*rows, *means(on_path(rows)), *low, *off]
     names = [_named(row) for row in rows]
     width = max(map(len, names))
-    lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>10}" for metric in METRICS.values())]
+    lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>12}" for metric in METRICS.values())]
     for name, row in zip(names, rows, strict=True):
-        lines.append(f"{name:<{width}}" + "".join(f"{row.values[metric]:10.4f}" for metric in METRICS))
+        lines.append(f"{name:<{width}}" + "".join(f"{row.values[metric]:12.4f}" for metric in METRICS))
     for target, count in same.items():
         if count < views[target]:
             place = "" if target == "." else f"{target}: "
