@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array, write_provenance
+from gspure.artifacts import save_array, write_record
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.images import write_image
@@ -341,7 +341,7 @@ def test_a_path_cannot_send_escape_sequences_to_the_terminal(folder, capsys):
 def name_origin(artifact):
     """Write the record of an artifact that was made from the model."""
     geometry = read_model("model.ply").geometry_digest()
-    write_provenance(Path(artifact), inputs={"model": Path("model.ply")}, settings={}, geometry=geometry)
+    write_record(Path(artifact), inputs={"model": Path("model.ply")}, settings={}, geometry=geometry)
 
 
 @pytest.mark.parametrize("command", ["features", "attack", "figures"])
@@ -371,7 +371,7 @@ PRUNED = "prune --clusters clusters.npz --weights weights.npy --out mask.npy"
 
 def test_a_prune_mask_of_another_model_is_refused_by_the_origin_of_its_weights(folder, capsys):
     name_origin("weights.npy")
-    write_provenance(Path("clusters.npz"), inputs={"weights": Path("weights.npy")}, settings={})
+    write_record(Path("clusters.npz"), inputs={"weights": Path("weights.npy")}, settings={})
     assert main(PRUNED.split()) == 0
     spoil_row(x=9.0)
     assert refusal(folder, capsys, MASKED).startswith("mask.npy: model: ")

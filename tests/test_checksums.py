@@ -19,7 +19,7 @@ from gspure.artifacts import (
     save_array,
     save_arrays,
     write_json,
-    write_provenance,
+    write_record,
     write_text,
 )
 from gspure.artifacts.checksums import file_checksum, intact, record_file, record_of
@@ -59,7 +59,7 @@ def flipped(path: Path, at: int = -8) -> None:
 
 def written(folder: Path, name: str) -> Path:
     KINDS[name][0](folder / name)
-    write_provenance(folder / name, inputs={}, settings={})
+    write_record(folder / name, inputs={}, settings={})
     return folder / name
 
 
@@ -97,7 +97,7 @@ def test_files_that_appear_together_lose_their_old_checksums(tmp_path: Path) -> 
     path, read = written(tmp_path, "weights.npy"), KINDS["weights.npy"][1]
     with filling(tmp_path) as folder:
         save_array(folder / "weights.npy", np.arange(9.0))
-        write_provenance(folder / "weights.npy", inputs={}, settings={"new": True})
+        write_record(folder / "weights.npy", inputs={}, settings={"new": True})
         save_array(folder / "other.npy", np.arange(9.0))
     assert len(read(path)) == 9
     assert read_json(tmp_path / "weights.npy.json")["settings"] == {"new": True}
@@ -163,7 +163,7 @@ def test_the_digest_of_an_input_is_the_one_that_was_verified(tmp_path: Path) -> 
     write_text(tmp_path / "mine.txt", "mine")
     write_text(tmp_path / "out.txt", "out")
     inputs = {"weights": source, "mine": tmp_path / "mine.txt", "folder": tmp_path}
-    write_provenance(tmp_path / "out.txt", inputs=inputs, settings={})
+    write_record(tmp_path / "out.txt", inputs=inputs, settings={})
     recorded = json.loads((tmp_path / "out.txt.json").read_text())["inputs"]
     assert {name: entry["digest"] for name, entry in recorded.items()} == {
         "weights": file_digest(source),

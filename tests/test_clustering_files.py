@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array, write_provenance
+from gspure.artifacts import save_array, write_record
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.method.clustering.store import Clusters, read_clusters, read_tree, write_clusters
@@ -52,7 +52,7 @@ def test_pickled_objects_are_refused(tmp_path: Path) -> None:
 def test_pruning_names_what_it_prunes_by(tmp_path: Path, capsys, kind: str, total: str) -> None:
     write_clusters(tmp_path / "clusters.npz", Clusters(np.zeros(3, np.int32), 0), {})
     save_array(tmp_path / "values.npy", np.ones(3, np.float32))
-    write_provenance(tmp_path / "values.npy", inputs={}, settings={}, kind=kind)
+    write_record(tmp_path / "values.npy", inputs={}, settings={}, kind=kind)
     files = {"clusters": "clusters.npz", "weights": "values.npy", "out": "mask.npy"}
     assert main(["prune", *(word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file)))]) == 0
     assert f"0.00% of {total}" in capsys.readouterr().out

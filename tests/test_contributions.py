@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure import public_model
-from gspure.artifacts import save_array, write_provenance
+from gspure.artifacts import save_array, write_record
 from gspure.cameras import Camera, orbit_cameras, write_cameras
 from gspure.cameras.camera import intrinsics
 from gspure.cli import main
@@ -233,7 +233,7 @@ class Stored:
         self.stages = contribute(PublicModel(small_model()), views(), self.folder)
         self.index = self.folder / "1.tsv"
         write_index(self.index, self.stages, Measurement("model", "settings", "device", len(self.stages)))
-        write_provenance(self.index, inputs={}, settings={})
+        write_record(self.index, inputs={}, settings={})
 
 
 @pytest.fixture

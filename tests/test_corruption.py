@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array, write_json, write_provenance
+from gspure.artifacts import save_array, write_json, write_record
 from gspure.cli import main
 from gspure.corruption import missing_or_cut, set_aside
 from gspure.images import record_views, write_image
@@ -23,7 +23,7 @@ CAMERAS = Path("results/pairs/room/cameras.json")
 
 
 def noted(path: Path) -> Path:
-    write_provenance(path, inputs={}, settings={})
+    write_record(path, inputs={}, settings={})
     return path
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gspure.artifacts import read_json, write_provenance
+from gspure.artifacts import read_json, write_record
 from gspure.cli import detect, main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
@@ -295,7 +295,7 @@ def test_an_image_that_two_models_share_as_control_counts_once(tmp_path):
     for scene, variant, score in [("a", "gspure", 9.0), ("a", "clean", 0.0), ("b", "gspure", 9.0), ("b", "clean", 0.0)]:
         files.append(tmp_path / "vanilla" / scene / variant / "detections" / "mine.csv")
         write_table(files[-1], Reading, [Reading(view, score + i / 100, 0) for i, view in enumerate(images)])
-        write_provenance(files[-1], inputs={path.as_posix(): path for path in images.values()}, settings={})
+        write_record(files[-1], inputs={path.as_posix(): path for path in images.values()}, settings={})
     known = read_detections(files)
     assert math.isnan(known["vanilla", "a", "gspure"]["mine"].tpr)  # 60 unmarked views, not 120
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gspure.artifacts import embedding_of, read_json, record_of, save_array, write_provenance
+from gspure.artifacts import embedding_of, read_json, record_of, save_array, write_record
 from gspure.artifacts.checksums import record_file
 from gspure.cli import main
 from gspure.cli.extract import _lesson
@@ -115,7 +115,7 @@ def test_pruned_rows_are_not_compared_with_the_carriers_of_another_model(planted
     write_metrics(metrics, [ViewMetrics("scene", "a", "truth", dict.fromkeys(METRICS, 1.0))])
     for path, embedding in ((mask, "run 0"), (truth, "run 1")):
         save_array(path, np.arange(rows) < 3)
-        write_provenance(path, inputs={}, settings={}, embedding=embedding)
+        write_record(path, inputs={}, settings={}, embedding=embedding)
     with pytest.raises(InputError, match=r"carriers.npy: embedding: expected run 0"):
         collect([metrics], [mask], truth=[truth])
     record_file(truth).unlink()
@@ -137,7 +137,7 @@ def published(model, folder: Path, embedding: str) -> list[Path]:
     """Write a public model as `gspure embed` does."""
     written = model.write(folder / "point_cloud.ply")
     for path in written:
-        write_provenance(path, inputs={}, settings={}, embedding=embedding)
+        write_record(path, inputs={}, settings={}, embedding=embedding)
     return written
 
 
@@ -200,7 +200,7 @@ def test_bits_read_from_renders_of_another_model_are_warned_of(tmp_path, capsys)
     from gspure.schemes.marked_clones.key import ClonesKey
 
     ClonesKey(np.ones(4, np.bool_), untrained(4, 0), np.ones(3, np.bool_)).write(tmp_path / "key")
-    write_provenance(tmp_path / "key" / "carriers.npy", inputs={}, settings={}, embedding="run 0")
+    write_record(tmp_path / "key" / "carriers.npy", inputs={}, settings={}, embedding="run 0")
     write_image(tmp_path / "renders" / "view.png", np.zeros((16, 16, 3)))
     command = ["detect", str(tmp_path / "renders"), "--scheme", "marked_clones", "--key", str(tmp_path / "key")]
     for embedding, warned in (("run 0", False), ("run 1", True), ("", False)):

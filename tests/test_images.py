@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from gspure.artifacts import write_provenance
+from gspure.artifacts import write_record
 from gspure.cameras.photographs import photograph_size
 from gspure.errors import InputError
 from gspure.evaluation.detector import read_marks
@@ -196,7 +196,7 @@ def test_an_image_replaced_by_another_is_refused_wherever_its_folder_has_a_recor
 
 def test_a_figure_that_differs_from_its_record_is_refused(tmp_path):
     write_image(tmp_path / "figure.png", np.zeros((4, 4, 3)))
-    write_provenance(tmp_path / "figure.png", inputs={}, settings={})
+    write_record(tmp_path / "figure.png", inputs={}, settings={})
     write_image(tmp_path / "other.png", np.ones((4, 4, 3)))
     (tmp_path / "figure.png").write_bytes((tmp_path / "other.png").read_bytes())
     with pytest.raises(InputError, match=r"figure.png: content: expected CRC-32"):

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.artifacts import write_provenance
+from gspure.artifacts import write_record
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -37,7 +37,7 @@ def test_an_earlier_iteration_is_read_by_naming_its_folder(trained):
 
 
 def test_the_newest_iteration_of_another_run_than_the_recorded_one_is_refused(trained):
-    write_provenance(trained / "cfg_args", inputs={}, settings={"iterations": 7000})
+    write_record(trained / "cfg_args", inputs={}, settings={"iterations": 7000})
     with pytest.raises(InputError, match=r"point_cloud: expected iteration 7000.*found iteration 30000"):
         read_model(trained)
     assert len(read_model(trained / "point_cloud" / "iteration_7000")) == 7

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.artifacts import write_json, write_provenance
+from gspure.artifacts import write_json, write_record
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH
@@ -101,7 +101,7 @@ def figures(tmp_path: Path) -> list[Path]:
     paths = [folder / "kept.png", folder / "scene.png"]
     for path, inches in zip(paths, (style.COLUMN, style.PAGE), strict=True):
         write_image(path, np.full((10, round(inches * style.DPI), 3), 0.5))
-        write_provenance(path, inputs={}, settings={"caption": f"Caption of <{path.stem}>."})
+        write_record(path, inputs={}, settings={"caption": f"Caption of <{path.stem}>."})
     (folder / "kept.gltf").touch()
     return paths
 
@@ -295,7 +295,7 @@ def draw_attacks(folder: Path, *shown: str) -> Path:
             render = figure.parents[1] / attack / "renders" / target / "view_007.png"
             write_image(render, np.full((90, 120, 3), 0.2 + 0.3 * i))
             inputs |= {f"{attack} {target}": render} if attack in ("unattacked", *shown) else {}
-    write_provenance(figure, inputs=inputs, settings={})
+    write_record(figure, inputs=inputs, settings={})
     return figure
 
 
@@ -350,7 +350,7 @@ def test_a_picture_that_others_are_compared_with_has_no_distance(tmp_path: Path,
     shutil.copytree(attacks.parents[1], shown)
     figure = shown / attacks.relative_to(attacks.parents[1])
     renders = {f"{attack} scene": shown / attack / "renders/scene/view_007.png" for attack in ("unattacked", "gspure")}
-    write_provenance(figure, inputs=renders, settings={})
+    write_record(figure, inputs=renders, settings={})
     write_report(tmp_path / "report.html", "Title", VANILLA, figures=[figure])
     captions = re.findall("<figcaption>(.*?)</figcaption>", Page(tmp_path / "report.html").source.split("<nav")[0])
     assert [re.sub("<.*?>", " ", caption).split()[-2:] for caption in captions] == [

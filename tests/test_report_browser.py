@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gspure.artifacts import write_provenance
+from gspure.artifacts import write_record
 from gspure.evaluation.contest import contest
 from gspure.evaluation.survival import survival
 from gspure.figures.viewer import write_viewer
@@ -36,7 +36,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     attacks = draw_attacks(folder, "gspure", "random_pruning")
     tradeoff = folder / "figures" / "planted" / "tradeoff.png"
     write_image(tradeoff, np.ones((900, 1360, 3)))
-    write_provenance(tradeoff, inputs={}, settings={"caption": "What every attack removes and costs."})
+    write_record(tradeoff, inputs={}, settings={"caption": "What every attack removes and costs."})
     write_viewer(folder / ROOM / "figures" / "model" / "viewer.json", evidence(3000), np.eye(3))
     outcomes = of_one_model(*PLANTED, variant("clean", 30.0, 8.5)) + VANILLA
     write_report(

@@ -10,7 +10,7 @@ import pytest
 from numpy.lib.recfunctions import repack_fields
 
 from gspure import plugins
-from gspure.artifacts import load_array, read_json, record_of, save_array, write_provenance
+from gspure.artifacts import load_array, read_json, record_of, save_array, write_record
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -369,7 +369,7 @@ def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_lo
     files = {**inputs, "out": "share.json", "hidden": "hidden.npy"}
     options = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
     options += ["--scheme", pictured.scheme.name, "--cameras", str(pair_folder / "cameras.json")]
-    write_provenance(tmp_path / "weights.npy", inputs={}, settings={"reduction": "max"})
+    write_record(tmp_path / "weights.npy", inputs={}, settings={"reduction": "max"})
     assert main(["hidden", *options]) == 2
     assert "weights.npy: reduction: expected sum, found max" in capsys.readouterr().err
     assert main(["hidden", *options, "--reduction", "max"]) == 0

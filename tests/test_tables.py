@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array, write_json, write_provenance
+from gspure.artifacts import save_array, write_json, write_record
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH, compare, pair_images, read_metrics, write_metrics
@@ -129,10 +129,10 @@ def test_metrics_and_retrieval_of_different_renders_are_refused(tmp_path: Path) 
     write_table(retrieval, Retrieved, [])
     for path, content in ((metrics, "first"), (retrieval, "second")):
         image.write_text(content)
-        write_provenance(path, inputs={image.as_posix(): image}, settings={})
+        write_record(path, inputs={image.as_posix(): image}, settings={})
     with pytest.raises(InputError, match=f"^{metrics}: {image}: expected digest .*, as of {retrieval}"):
         collect([metrics], retrievals=[retrieval])
-    write_provenance(metrics, inputs={image.as_posix(): image}, settings={})
+    write_record(metrics, inputs={image.as_posix(): image}, settings={})
     assert len(collect([metrics], retrievals=[retrieval])) == 1
 
 

@@ -12,7 +12,7 @@ from gspure.artifacts.provenance import (
     require_made_from,
     require_same_inputs,
     settings_of,
-    write_provenance,
+    write_record,
 )
 
 __all__ = [
@@ -38,6 +38,6 @@ __all__ = [
     "settings_of",
     "verify",
     "write_json",
-    "write_provenance",
+    "write_record",
     "write_text",
 ]

@@ -56,7 +56,7 @@ def record_file(path: Path) -> Path:
 
 
 def record_of(path: Path) -> dict[str, Any] | None:
-    """Return the record of a file, with its name (`artifact`), `bytes`, `crc32` and any provenance; None without one.
+    """Return the record of a file, with its name (`artifact`), `bytes`, `crc32` and origin, if known; None without one.
 
     Raise `InputError` if the record is corrupt.
     """

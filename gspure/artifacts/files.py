@@ -32,7 +32,7 @@ def replacing(path: Path, *, checksum: bool = False) -> Iterator[Path]:
             yield temporary
             if checksum:
                 record = {"artifact": path.name, "bytes": temporary.stat().st_size, "crc32": file_checksum(temporary)}
-                write_record(path, record)
+                store_record(path, record)
             else:
                 forget(path)
             temporary.replace(path)
@@ -107,7 +107,7 @@ def write_json(path: Path, value: Any, *, checksum: bool = False) -> None:
     write_text(path, json.dumps(value, indent=2, sort_keys=True) + "\n", checksum=checksum)
 
 
-def write_record(path: Path, record: Mapping[str, Any]) -> None:
+def store_record(path: Path, record: Mapping[str, Any]) -> None:
     """Write the record of a file, with a checksum of the record."""
     write_json(record_file(path), {**record, "record": record_checksum(record)})
 

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from gspure.artifacts.checksums import file_checksum, file_digest, record_file, record_of
-from gspure.artifacts.files import write_record
+from gspure.artifacts.files import store_record
 from gspure.errors import InputError
 
 
-def write_provenance(
+def write_record(
     path: Path,
     *,
     inputs: Mapping[str, Path],
@@ -22,7 +22,7 @@ def write_provenance(
 ) -> None:
     """Write ``<path>.json`` beside an artifact: size, checksum, digest, digests of its inputs, settings and version.
 
-    The digest of an input that has provenance is taken from there, as the input was verified when it was read. Inputs
+    The digest of an input with a record is taken from there, as the input was verified when it was read. Inputs
     that are folders are left out.
 
     `geometry` is the digest of the model that it was made from (`gspure.model.Gaussians.geometry_digest`). If `inputs`
@@ -54,7 +54,7 @@ def write_provenance(
         embedding = embedding or embedding_of(files["model"])
         moved = moved or bool(is_moved(files["model"]))
     known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding, "moved": moved}
-    write_record(path, record | {name: value for name, value in known.items() if value})
+    store_record(path, record | {name: value for name, value in known.items() if value})
 
 
 def require_made_from(geometry: str, *artifacts: Path) -> None:

@@ -88,7 +88,7 @@ def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows, verdict, transform and cost."""
     import numpy as np
 
-    from gspure.artifacts import save_array, write_json, write_provenance
+    from gspure.artifacts import save_array, write_json, write_record
     from gspure.attacks import find_attack
     from gspure.cli.options import parsed_settings
     from gspure.cost import spent
@@ -132,11 +132,11 @@ def run(args: Arguments) -> None:
         write_json(args.verdict, {"reached": _reached(args, public, attacked), "strength": strength + missed})
     for path in filter(None, (args.removed, args.transform, args.verdict)):
         kind = "removed rows" if path == args.removed else ""
-        write_provenance(path, inputs=sources, settings=used, kind=kind)
+        write_record(path, inputs=sources, settings=used, kind=kind)
     sources |= {"transform": args.transform} if args.transform else {}
     moved = attacked.transform is not None and not np.array_equal(attacked.transform, np.eye(4))
     for path in written:
-        write_provenance(path, inputs=sources, settings=used, moved=moved)
+        write_record(path, inputs=sources, settings=used, moved=moved)
     _write_cost(args, searching)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 

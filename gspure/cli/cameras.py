@@ -63,7 +63,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Read or generate the views, scale and write them, print a table."""
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import write_record
     from gspure.cameras import off_path_cameras, require_images, scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
 
@@ -83,7 +83,7 @@ def run(args: Arguments) -> None:
         cameras = off_path_cameras(cameras, args.off_path)
     write_cameras(args.out, cameras)
     inputs = {} if generated else {"source": args.source}
-    write_provenance(args.out, inputs=inputs, settings={"source": str(args.source), "scale": args.scale})
+    write_record(args.out, inputs=inputs, settings={"source": str(args.source), "scale": args.scale})
     print("\n".join(_table(cameras)))
 
 

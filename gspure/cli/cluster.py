@@ -16,7 +16,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import write_record
     from gspure.method.clustering.selection import select
     from gspure.method.clustering.store import Clusters, read_tree, write_clusters
     from gspure.method.clustering.tree import coincident_points
@@ -24,7 +24,7 @@ def run(args: Arguments) -> None:
     tree = read_tree(args.tree)
     settings = {name: getattr(args, name) for name in ("min_cluster_size", "selection", "max_cluster_share")}
     write_clusters(args.out, Clusters(select(tree, **settings), coincident_points(tree)), settings)
-    write_provenance(args.out, inputs={"tree": args.tree}, settings=settings, kind="labels")
+    write_record(args.out, inputs={"tree": args.tree}, settings=settings, kind="labels")
 
 
 def add_selection(parser: Parser) -> None:

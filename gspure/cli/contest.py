@@ -24,7 +24,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import write_provenance, write_text
+    from gspure.artifacts import write_record, write_text
     from gspure.evaluation.contest import Contest, contest
     from gspure.evaluation.costs import AttackCost, attack_costs
     from gspure.evaluation.csv_tables import write_table
@@ -44,4 +44,4 @@ def run(args: Arguments) -> None:
     write_table(args.matched, Matched, matched)
     write_text(args.markdown, conditions_markdown(survivals, contests, matched, costs))
     for path in (args.out, args.survival, args.matched, args.markdown):
-        write_provenance(path, inputs={"table": args.table}, settings={"sweeps": sweeps})
+        write_record(path, inputs={"table": args.table}, settings={"sweeps": sweeps})

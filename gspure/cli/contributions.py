@@ -30,7 +30,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import write_record
     from gspure.method.contributions import Measurement, contribute, write_index
     from gspure.model import read_model
     from gspure.model.suspicious import lines, suspicious_rows
@@ -45,7 +45,7 @@ def run(args: Arguments) -> None:
     stages = contribute(public, views[part - 1 :: parts], args.stages, device=device, energy=args.energy)
     write_index(args.index, stages, Measurement.of(public, model, views, args.energy, device))
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
-    write_provenance(args.index, inputs={"model": args.model, "cameras": args.cameras}, settings=settings)
+    write_record(args.index, inputs={"model": args.model, "cameras": args.cameras}, settings=settings)
 
 
 def _part(text: str) -> tuple[int, int]:

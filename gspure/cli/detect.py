@@ -38,7 +38,7 @@ def run(args: Arguments) -> None:
     """Write the table, and print the mean."""
     import numpy as np
 
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import write_record
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.detection import Reading
     from gspure.evaluation.detector import read_marks
@@ -48,7 +48,7 @@ def run(args: Arguments) -> None:
     write_table(args.out, Reading, readings)
     images = [args.images / f"{reading.view}.png" for reading in readings]
     settings = {"command": args.command, "message": args.message} if args.command else {"scheme": args.scheme}
-    write_provenance(args.out, inputs={path.as_posix(): path for path in images}, settings=settings)
+    write_record(args.out, inputs={path.as_posix(): path for path in images}, settings=settings)
     unit = "% of the bits are correct" if readings[0].bits else "score"
     print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")
 

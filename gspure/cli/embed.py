@@ -44,7 +44,7 @@ def run(args: Arguments) -> None:
     import time
     from dataclasses import asdict
 
-    from gspure.artifacts import file_digest, filling, write_json, write_provenance
+    from gspure.artifacts import file_digest, filling, write_json, write_record
     from gspure.cli.options import parsed_settings, read_device
     from gspure.evaluation.outcomes import BITS
     from gspure.images import RENDERED
@@ -80,7 +80,7 @@ def run(args: Arguments) -> None:
             write_json(artifacts[-1], asdict(check) | {"readable": check.readable})
         inputs = {"cameras": args.pair / "cameras.json", "message": args.pair / "message" / RENDERED}
         for path in artifacts:
-            write_provenance(path, inputs=inputs, settings=used, embedding=embedding)
+            write_record(path, inputs=inputs, settings=used, embedding=embedding)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()

@@ -18,7 +18,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     import numpy as np
 
-    from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_provenance
+    from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_record
     from gspure.method.features import features
     from gspure.model import read_model
     from gspure.model.finite import drawable
@@ -35,4 +35,4 @@ def run(args: Arguments) -> None:
     for kind, path in evidence.items():
         require_kind(path, kind)
     save_array(args.out, features(model.means, opacities, weights))
-    write_provenance(args.out, inputs={"model": args.model, **evidence}, settings={}, geometry=geometry)
+    write_record(args.out, inputs={"model": args.model, **evidence}, settings={}, geometry=geometry)

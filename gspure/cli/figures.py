@@ -66,11 +66,11 @@ def _add_outcomes(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Draw the figures; write the caption, inputs and settings of each beside it, and print its path."""
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import write_record
 
     captions, inputs, settings = args.draw(args)
     for path, caption in captions.items():
-        write_provenance(path, inputs=inputs, settings={**settings, "caption": caption})
+        write_record(path, inputs=inputs, settings={**settings, "caption": caption})
     print("\n".join(f"{path}: {caption}" for path, caption in captions.items()))
 
 

@@ -38,7 +38,7 @@ def run(args: Arguments) -> None:
         save_array,
         settings_of,
         write_json,
-        write_provenance,
+        write_record,
     )
     from gspure.errors import InputError
     from gspure.model import model_file, read_model
@@ -66,10 +66,10 @@ def run(args: Arguments) -> None:
     inputs = {"model": args.model, "cameras": args.cameras}
     settings |= {"scheme": scheme.name, "tau": args.tau}
     write_json(args.out, {"hidden_low_share": share})
-    write_provenance(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
+    write_record(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
     if args.hidden:
         save_array(args.hidden, hidden)
-        write_provenance(args.hidden, inputs=inputs, settings=settings, geometry=geometry, kind="hidden")
+        write_record(args.hidden, inputs=inputs, settings=settings, geometry=geometry, kind="hidden")
     if share is None:
         warn("no row holds weight of the message: nothing is embedded, or the key does not fit the model")
     else:

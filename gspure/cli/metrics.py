@@ -32,7 +32,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import write_record
     from gspure.evaluation.comparison import as_text, compare, pair_images, write_metrics
     from gspure.progress import say, track
 
@@ -43,5 +43,5 @@ def run(args: Arguments) -> None:
     if args.out:
         write_metrics(args.out, rows)
         images = {path.as_posix(): path for pair in pairs for path in (pair.reference, pair.image)}
-        write_provenance(args.out, inputs=images, settings={"reference": args.reference, "baseline": args.baseline})
+        write_record(args.out, inputs=images, settings={"reference": args.reference, "baseline": args.baseline})
     print("\n".join(as_text(rows)))

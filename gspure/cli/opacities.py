@@ -16,10 +16,10 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import save_array, write_provenance
+    from gspure.artifacts import save_array, write_record
     from gspure.model import read_model
 
     public = read_public(args)
     save_array(args.out, public.opacities(read_views(args)))
     inputs, geometry = {"model": args.model, "cameras": args.cameras}, read_model(args.model).geometry_digest()
-    write_provenance(args.out, inputs=inputs, settings={"split": args.split}, geometry=geometry, kind="opacities")
+    write_record(args.out, inputs=inputs, settings={"split": args.split}, geometry=geometry, kind="opacities")

@@ -73,7 +73,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the pair, all of it or nothing."""
-    from gspure.artifacts import filling, write_provenance
+    from gspure.artifacts import filling, write_record
     from gspure.images import record_views
     from gspure.scenes.staging import NAMES, scene_builder
 
@@ -88,7 +88,7 @@ def run(args: Arguments) -> None:
         settings |= make(args)
         for folder in (args.out, args.out / "message"):
             for name in ("cameras.json", "points3D.ply"):
-                write_provenance(folder / name, inputs={}, settings=settings)
+                write_record(folder / name, inputs={}, settings=settings)
         for images in (args.out / "scene", args.out / "message"):
             record_views(images, {image.stem: [] for image in images.glob("*.png")})
 

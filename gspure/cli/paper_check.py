@@ -30,7 +30,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write and print every check, then print the other inconsistencies."""
-    from gspure.artifacts import write_provenance, write_text
+    from gspure.artifacts import write_record, write_text
     from gspure.evaluation.csv_tables import read_table, write_table
     from gspure.evaluation.paper import Beside, beside, check_claims, find_inconsistencies, read_cells
     from gspure.evaluation.paper.checks import ROUNDING
@@ -46,7 +46,7 @@ def run(args: Arguments) -> None:
     compared = beside(cells, ours)
     if args.beside:
         write_table(args.beside, Beside, compared)
-        write_provenance(args.beside, inputs={"survival": args.survival} if args.survival else {}, settings={})
+        write_record(args.beside, inputs={"survival": args.survival} if args.survival else {}, settings={})
     if args.markdown:
         write_text(args.markdown, markdown_document({"The paper": [beside_table(compared)]}))
     for table in (_scores(checks, cells), _without_scores(checks), beside_table(compared)):

@@ -24,7 +24,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     import numpy as np
 
-    from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_json, write_provenance
+    from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_json, write_record
     from gspure.method.clustering.diagnosis import diagnose
     from gspure.method.clustering.store import read_clusters
     from gspure.method.pruning import prune_mask
@@ -43,7 +43,7 @@ def run(args: Arguments) -> None:
     if args.diagnosis:
         suspects = {"suspicious": to_json(suspicious_rows(model))} if model else {}
         write_json(args.diagnosis, diagnosis.to_json() | suspects)
-        write_provenance(args.diagnosis, inputs=inputs, settings=settings, geometry=geometry)
+        write_record(args.diagnosis, inputs=inputs, settings=settings, geometry=geometry)
     save_array(args.out, prune_mask(labels, weights, args.tau_c, args.tau_n))
-    write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="prune_mask")
+    write_record(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="prune_mask")
     print("\n".join(diagnosis.lines()))

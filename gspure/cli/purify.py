@@ -81,7 +81,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
-    from gspure.artifacts import embedding_of, filling, write_json, write_provenance
+    from gspure.artifacts import embedding_of, filling, write_json, write_record
     from gspure.cameras import scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
     from gspure.evaluation.comparison import as_text
@@ -117,7 +117,7 @@ def run(args: Arguments) -> None:
         inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.model.geometry_digest()
         used = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
         for path in files:
-            write_provenance(path, inputs=inputs, settings=used, geometry=geometry)
+            write_record(path, inputs=inputs, settings=used, geometry=geometry)
         _write_arrays(folder, purification, inputs, settings=used, geometry=geometry)
         embedding = embedding_of(inputs["model"])
         rows = _compare(folder, models, test, device, embedding) if public.visible else []
@@ -193,12 +193,12 @@ def _models(
 
 def _write_arrays(folder: Path, purification: Purification, inputs: Mapping[str, Path], **origin: Any) -> None:
     """Write the arrays with their records; each is made from those before it."""
-    from gspure.artifacts import save_array, write_provenance
+    from gspure.artifacts import save_array, write_record
 
     for name in _ARRAYS:
         path = folder / f"{name}.npy"
         save_array(path, getattr(purification, name))
-        write_provenance(path, inputs=inputs, kind=name, **origin)
+        write_record(path, inputs=inputs, kind=name, **origin)
         inputs = {**inputs, name: path}
 
 

@@ -22,7 +22,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     from pathlib import Path
 
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import write_record
     from gspure.cameras.off_path import PREFIX
     from gspure.evaluation.comparison import pair_images
     from gspure.evaluation.csv_tables import write_table
@@ -43,4 +43,4 @@ def run(args: Arguments) -> None:
             raise InputError(folder, variant, expected="one folder for every variant and target", found="a second one")
         rows.append(Retrieved(variant, target, retrieval(similarities)))
     write_table(args.out, Retrieved, rows)
-    write_provenance(args.out, inputs={path.as_posix(): path for path in sorted(used)}, settings={})
+    write_record(args.out, inputs={path.as_posix(): path for path in sorted(used)}, settings={})

@@ -41,7 +41,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import save_array, write_provenance
+    from gspure.artifacts import save_array, write_record
     from gspure.attacks.pruning import TOLERANCE
     from gspure.errors import InputError
     from gspure.model import read_model
@@ -57,7 +57,7 @@ def run(args: Arguments) -> None:
     inputs, geometry = {"model": args.model, "cameras": args.cameras}, read_model(args.model).geometry_digest()
     settings = {"split": args.split, "method": method}
     for path in filter(None, (args.out, args.mesh)):
-        write_provenance(path, inputs=inputs, settings=settings, geometry=geometry, kind="surface")
+        write_record(path, inputs=inputs, settings=settings, geometry=geometry, kind="surface")
     near = int((distances <= TOLERANCE).sum())
     print(f"method {method}: {near} of {len(distances)} rows within {TOLERANCE:g} scales of the surface")
 

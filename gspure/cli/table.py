@@ -41,7 +41,7 @@ def _condition(text: str) -> tuple[str, str]:
 def run(args: Arguments) -> None:
     from itertools import chain
 
-    from gspure.artifacts import write_provenance, write_text
+    from gspure.artifacts import write_record, write_text
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.names import model_name
     from gspure.evaluation.outcomes import collect
@@ -57,7 +57,7 @@ def run(args: Arguments) -> None:
     outcomes = collect(args.metrics, *files, conditions=args.condition)
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
-    write_provenance(args.out, inputs=inputs, settings={"conditions": args.condition})
+    write_record(args.out, inputs=inputs, settings={"conditions": args.condition})
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
     for scheme, asset in not_embedded(outcomes):
         warn(
@@ -67,6 +67,6 @@ def run(args: Arguments) -> None:
         )
     if args.summary:
         write_table(args.summary, Summary, summarize(outcomes))
-        write_provenance(args.summary, inputs={"table": args.out}, settings={})
+        write_record(args.summary, inputs={"table": args.out}, settings={})
     if args.latex:
         write_text(args.latex, summary_table(summarize(outcomes)).latex(), checksum=True)

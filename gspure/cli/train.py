@@ -71,7 +71,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
-    from gspure.artifacts import filling, replacing, write_provenance
+    from gspure.artifacts import filling, replacing, write_record
     from gspure.evaluation.comparison import as_text
     from gspure.model import require_writable
     from gspure.model.inria import trained_background
@@ -102,7 +102,7 @@ def run(args: Arguments) -> None:
     if args.model:
         with replacing(args.model) as temporary:
             shutil.copyfile(model, temporary)
-        write_provenance(args.model, inputs={}, settings=settings)
+        write_record(args.model, inputs={}, settings=settings)
     _checkpoint(args).unlink(missing_ok=True)
     if rows:
         print("\n".join(as_text(rows)))
@@ -183,7 +183,7 @@ def _write(
     device: Device,
 ) -> list[ViewMetrics]:
     """Write the model and the comparison of the held-out views, with records of origin; return the metrics."""
-    from gspure.artifacts import write_provenance
+    from gspure.artifacts import write_record
     from gspure.evaluation.comparison import write_metrics
     from gspure.training.output import write_output
 
@@ -194,7 +194,7 @@ def _write(
         files.append(folder / "metrics.csv")
         write_metrics(files[-1], rows)
     for path in files:
-        write_provenance(path, inputs={}, settings=settings)
+        write_record(path, inputs={}, settings=settings)
     return rows
 
 

@@ -29,11 +29,11 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     import numpy as np
 
-    from gspure.artifacts import load_array, save_array, write_provenance
+    from gspure.artifacts import load_array, save_array, write_record
     from gspure.method.clustering.tree import spanning_tree
     from gspure.method.features import COLUMNS, take
 
     features = load_array(args.features, dtype=np.float64, shape=(None, len(COLUMNS)))
     save_array(args.out, spanning_tree(take(features, args.cluster_on), args.min_samples))
     settings = {"cluster_on": args.cluster_on, "min_samples": args.min_samples}
-    write_provenance(args.out, inputs={"features": args.features}, settings=settings)
+    write_record(args.out, inputs={"features": args.features}, settings=settings)

@@ -21,7 +21,7 @@ def run(args: Arguments) -> None:
     """Read the stages of all parts in the order of their views, and average them."""
     import numpy as np
 
-    from gspure.artifacts import save_array, settings_of, write_provenance
+    from gspure.artifacts import save_array, settings_of, write_record
     from gspure.method.contributions import read_index, read_stage, require_result_of
     from gspure.method.weights import accumulate, evenly_spread, few_in_view, require_in_view
     from gspure.model import read_model
@@ -39,7 +39,7 @@ def run(args: Arguments) -> None:
     inputs = {"model": args.model} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
     measured = {name: value for name, value in settings_of(args.index[0]).items() if name in {"energy", "split"}}
     settings = {**measured, "reduction": args.reduction, "views": len(stages)}
-    write_provenance(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="weights")
+    write_record(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="weights")
     for sentence in few_in_view(int(np.count_nonzero(weights)), len(weights)):
         warn(f"{sentence}")
 

@@ -102,7 +102,7 @@ def write_report(
     `diagnoses` (``diagnosis.json`` of `gspure prune`, ``hidden.json`` of `gspure hidden`) belong to the model whose
     scheme and scene are consecutive folders of their path; figures in ``figures/SCHEME-PROTOCOL-INITIALIZATION`` belong
     to all models of the condition. Where the renders of an ``attacks.png`` lie beside its folder, the page shows these
-    instead. `links` are files to link, `records` those of `gspure.artifacts.write_provenance` to list.
+    instead. `links` are files to link, `records` those of `gspure.artifacts.write_record` to list.
 
     Raise `InputError` if a file cannot be read, or a figure or diagnosis belongs to none of the models.
     """

@@ -3,7 +3,7 @@
 ::
 
     <pair>/cameras.json             the scene's views; each names its photograph scene/<view>.png
-    <pair>/cameras.json.json        their provenance: what a ray-traced pair shows
+    <pair>/cameras.json.json        their record: what a ray-traced pair shows
     <pair>/points3D.ply             points on the scene's surfaces
     <pair>/scene/<view>.png
     <pair>/message/cameras.json     the message's views: those of the scene, or poses of their own

@@ -17,7 +17,7 @@ from PIL import Image
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from gspure.artifacts import load_array, read_json, replacing, save_array, write_json, write_provenance
+from gspure.artifacts import load_array, read_json, replacing, save_array, write_json, write_record
 from gspure.artifacts.checksums import forget
 from gspure.cameras import read_cameras, read_points, write_cameras
 from gspure.cameras.photographs import photograph_size
@@ -417,7 +417,7 @@ def _read_clusters(folder: Path) -> None:
 
 def _records(folder: Path) -> None:
     save_array(folder / "weights.npy", np.ones(3, np.float32))
-    write_provenance(folder / "weights.npy", inputs={"model": folder / "weights.npy"}, settings={"reduction": "sum"})
+    write_record(folder / "weights.npy", inputs={"model": folder / "weights.npy"}, settings={"reduction": "sum"})
     reason = "gspure attack: model.ply: file: expected a .ply, found nothing"
     Failure("attack_model", reason, str(folder / "attack.log"), "run.log", ["prune_mask.npy"]).write()
     write_json(folder / "verdict.json", {"reached": {"message": True, "message_oracle": False}})
