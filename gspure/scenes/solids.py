@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot
-from typing import Protocol
 
 import numpy as np
 
@@ -25,51 +24,6 @@ LEFT, RIGHT, FRONT, BACK, BOTTOM, TOP = range(6)
 
 _IN_FACE_AXES = ((1, 2), (0, 2), (0, 1))
 """The two axes along which a face perpendicular to x, y or z extends: u and v."""
-
-
-class Solid(Protocol):
-    """What the tracer, the light baker and the Gaussian sampler need to know of a solid."""
-
-    @property
-    def textures(self) -> tuple[Texture, ...]:
-        """One for all faces, or one for each."""
-        ...
-
-    @property
-    def detail(self) -> float:
-        """How much its errors count when Gaussians are dealt out to surfaces; a wall's count 1."""
-        ...
-
-    @property
-    def faces(self) -> tuple[int, ...]:
-        """Faces that exist."""
-        ...
-
-    @property
-    def extents(self) -> Float64:
-        """Length in metres [F,2] of each face along u and v."""
-        ...
-
-    @property
-    def bound(self) -> tuple[Vector, float]:
-        """Centre and radius of a sphere around all places where rays hit it; an infinite radius where none is known."""
-        ...
-
-    def distance(self, origins: Float64, directions: Float64) -> Float64:
-        """Return the ray parameter [N] of the first hit of rays [N,3]; inf where there is none."""
-        ...
-
-    def locate(self, points: Float64) -> tuple[Indices, Float64]:
-        """Return the face [N] and the unit coordinates [N,2] of points [N,3] of the surface."""
-        ...
-
-    def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:
-        """Return points [N,3] and unit normals [N,3] at unit coordinates [N,2] of a face."""
-        ...
-
-    def inside(self, numbers: Float64) -> Float64:
-        """Return points [N,3] of the interior, spread evenly when `numbers` [N,3] are over the unit cube."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,16 +44,16 @@ class Box:
 
     @cached_property
     def extents(self) -> Float64:
-        """Edge lengths [6,2] along u and v."""
+        """Edge lengths [6,2] along u and v, metres."""
         return np.array([[self.size[axis] for axis in _IN_FACE_AXES[face // 2]] for face in range(6)])
 
     @property
     def bound(self) -> tuple[Vector, float]:
-        """Sphere through the corners."""
+        """Centre and radius of the sphere through the corners: rays hit the box only within it."""
         return self.centre, 0.5 * hypot(*self.size)
 
     def distance(self, origins: Float64, directions: Float64) -> Float64:
-        """Ray parameter [N] where rays enter the box."""
+        """Return the ray parameter [N] where rays [N,3] enter the box; inf where they miss it."""
         near = np.full(len(origins), -np.inf)
         far = np.full(len(origins), np.inf)
         for enters, leaves, _ in self._slabs(origins, directions):
@@ -108,7 +62,7 @@ class Box:
         return np.where((near < far) & (near > _NO_HIT_BEFORE), near, np.inf)
 
     def locate(self, points: Float64) -> tuple[Indices, Float64]:
-        """Face whose plane is nearest, and the place on it."""
+        """Return the face [N] whose plane is nearest to points [N,3], and their unit coordinates [N,2] on it."""
         local = self._turned(points - np.array(self.centre), -self.yaw) / self.size + 0.5
         outward = np.abs(local - 0.5)
         axis = np.argmax(outward, axis=1)
@@ -118,7 +72,7 @@ class Box:
         return 2 * axis + (local[rows, axis] > 0.5), np.clip(uv, 0.0, 1.0)
 
     def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:
-        """Points and outward normals of one face."""
+        """Return points [N,3] and outward unit normals [N,3] at unit coordinates [N,2] of a face."""
         axis, side = face // 2, 2.0 * (face % 2) - 1.0
         local = np.empty((len(uv), 3))
         local[:, axis] = 0.5 * side
@@ -128,7 +82,7 @@ class Box:
         return self._placed(local), self._turned(normals, self.yaw)
 
     def inside(self, numbers: Float64) -> Float64:
-        """Points of the interior."""
+        """Return points [N,3] of the interior, spread evenly when `numbers` [N,3] are over the unit cube."""
         return self._placed(numbers - 0.5)
 
     def _placed(self, local: Float64) -> Float64:
@@ -163,11 +117,11 @@ class Room(Box):
 
     @property
     def bound(self) -> tuple[Vector, float]:
-        """Everywhere: a room surrounds its rays."""
+        """The centre, and an infinite radius: a room surrounds its rays."""
         return self.centre, np.inf
 
     def distance(self, origins: Float64, directions: Float64) -> Float64:
-        """Ray parameter [N] where rays leave the box through one of its faces."""
+        """Return the ray parameter [N] where rays leave the box through one of its faces."""
         near = np.full(len(origins), -np.inf)
         far = np.full(len(origins), np.inf)
         exists = np.zeros(len(origins), np.bool_)
@@ -179,7 +133,7 @@ class Room(Box):
         return np.where(exists & (near < far) & (far > _NO_HIT_BEFORE), far, np.inf)
 
     def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:
-        """Points and inward normals of one face."""
+        """Return points and inward normals of a face."""
         points, normals = super().chart(face, uv)
         return points, -normals
 
@@ -201,11 +155,11 @@ class Sphere:
 
     @property
     def bound(self) -> tuple[Vector, float]:
-        """The sphere itself."""
+        """Centre and radius."""
         return self.centre, self.radius
 
     def distance(self, origins: Float64, directions: Float64) -> Float64:
-        """Ray parameter [N] where rays enter the sphere."""
+        """Return the ray parameter [N] where rays enter the sphere."""
         to_centre = np.array(self.centre) - origins
         a = np.einsum("ij,ij->i", directions, directions)
         b = np.einsum("ij,ij->i", directions, to_centre)
@@ -215,22 +169,26 @@ class Sphere:
         return np.where((discriminant > 0.0) & (near > _NO_HIT_BEFORE), near, np.inf)
 
     def locate(self, points: Float64) -> tuple[Indices, Float64]:
-        """Face 0, longitude and colatitude."""
+        """Return face 0, and longitude and colatitude as unit coordinates."""
         local = (points - np.array(self.centre)) / self.radius
         u = np.arctan2(local[:, 1], local[:, 0]) / (2.0 * np.pi) + 0.5
         v = np.arccos(np.clip(local[:, 2], -1.0, 1.0)) / np.pi
         return np.zeros(len(points), np.intp), np.stack([u, v], axis=1)
 
     def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:  # noqa: ARG002  (one face only)
-        """Points and outward normals."""
+        """Return points and outward normals."""
         longitude, colatitude = 2.0 * np.pi * (uv[:, 0] - 0.5), np.pi * uv[:, 1]
         ring = np.sin(colatitude)
         normals = np.stack([ring * np.cos(longitude), ring * np.sin(longitude), np.cos(colatitude)], axis=1)
         return np.array(self.centre) + self.radius * normals, normals
 
     def inside(self, numbers: Float64) -> Float64:
-        """Points of the interior."""
+        """Return points of the interior."""
         # Archimedes: even in height is even in area; and the cube of the radius is even in volume
         colatitude = np.arccos(1.0 - 2.0 * numbers[:, 1]) / np.pi
         _, normals = self.chart(0, np.stack([numbers[:, 0], colatitude], axis=1))
         return np.array(self.centre) + self.radius * np.cbrt(numbers[:, 2:]) * normals
+
+
+Solid = Box | Sphere
+"""What scenes are built of."""
