@@ -158,9 +158,8 @@ def _recorded(folder: Path) -> Mapping[str, Any]:
 def _read_record(file: Path, _state: tuple[int, ...]) -> Mapping[str, Any]:
     record = read_json(file)
     match record:
-        case {"views": dict(), "bytes": dict(), "crc32": dict(), "record": str(checksum)}:
-            if checksum == record_checksum(record):
-                return {**record}
+        case {"views": dict(), "record": str(checksum)} if checksum == record_checksum(record):
+            return {"bytes": {}, "crc32": {}, **record}  # an earlier version wrote neither
     raise InputError(file, "record", expected="the views of a finished folder", found="a corrupt record")
 
 
@@ -176,8 +175,9 @@ def require_all_images(folder: Path) -> None:
         hint = f"render them again; if deleted on purpose, delete {RENDERED} too"
         raise InputError(folder, "images", expected=f"all {len(images)} views", found=found, hint=hint)
     for view, path in images.items():
-        if (size := path.stat().st_size) != record["bytes"].get(view):
-            raise _replaced(path, f"{record['bytes'].get(view)} bytes", f"{size} bytes")
+        size = path.stat().st_size
+        if (known := record["bytes"].get(view, size)) != size:
+            raise _replaced(path, f"{known} bytes", f"{size} bytes")
 
 
 def _require_recorded(path: Path) -> None:

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gspure.artifacts import save_array
 from gspure.attacks import Evidence, find_attack
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.cli.options import read_views
 from gspure.errors import InputError
-from gspure.model import Gaussians, write_model
+from gspure.model import Gaussians, read_model, write_model
 from gspure.model.rotations import rotation_matrices
 from gspure.model.sh_rotation import rotate_sh, rotation_matrix
 from gspure.reference.blending import render
@@ -137,10 +138,32 @@ def test_views_of_a_model_that_another_attack_moved_are_refused(tmp_path: Path) 
     for angle, out in (("30", "out"), ("60", "further")):
         files = f"--model {tmp_path}/model.ply --out {tmp_path}/{out}.ply --transform {tmp_path}/transform.npy"
         assert main(["attack", "rigid_transform", "--set", f"angle={angle}", *files.split()]) == 0
-    with pytest.raises(InputError, match=r"out\.ply: transform: expected .*transform.npy, digest"):
+    with pytest.raises(InputError, match=r"transform.npy: --transform: expected the motion of .*out\.ply"):
         read_views(Arguments(tmp_path))
     (tmp_path / "out.ply.json").unlink()
     assert len(read_views(Arguments(tmp_path))) == 1
+
+
+def test_the_transform_of_a_model_that_was_moved_twice_is_of_both_motions(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
+    for before, after, angle, shift in (("model", "once", "30", "0,0,0"), ("once", "out", "60", "1,0,0")):
+        files = f"--model {tmp_path}/{before}.ply --out {tmp_path}/{after}.ply --transform {tmp_path}/transform.npy"
+        settings = f"--set angle={angle} --set translation={shift}"
+        assert main(["attack", "rigid_transform", *settings.split(), *files.split()]) == 0
+    (view,) = read_views(Arguments(tmp_path))
+    images = (
+        render(read_model(tmp_path / f"{name}.ply"), seen, "ewa").channels
+        for name, seen in (("model", tilted_camera()), ("out", view))
+    )
+    assert np.abs(np.subtract(*images)).mean() < 1e-4
+    assert main(["attack", "random_pruning", "--model", f"{tmp_path}/out.ply", "--out", f"{tmp_path}/pruned.ply"]) == 0
+    args = Arguments(tmp_path)
+    args.model = tmp_path / "pruned.ply"
+    assert len(read_views(args)) == 1
+    save_array(args.transform, moved(blobs(1), 60.0).transform)  # the last motion alone
+    with pytest.raises(InputError, match="--transform: expected the motion"):
+        read_views(args)
 
 
 def test_views_that_do_not_move_with_the_model_are_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -171,7 +194,7 @@ def test_views_that_do_not_move_with_the_model_are_warned_of(tmp_path: Path, cap
     assert not warned("model", transformed=True)  # it has no record
     for model in ("unmoved", "reordered"):
         assert not warned(model, transformed=False)
-        with pytest.raises(InputError, match="--transform: expected the identity"):
+        with pytest.raises(InputError, match="--transform: expected the motion"):
             warned(model, transformed=True)
 
 

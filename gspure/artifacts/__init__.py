@@ -5,7 +5,7 @@ from gspure.artifacts.checksums import digest, file_digest, intact, record_of, v
 from gspure.artifacts.files import filling, read_json, replacing, require_place, write_json, write_text
 from gspure.artifacts.provenance import (
     embedding_of,
-    is_moved,
+    motion_of,
     recorded_inputs,
     require_input,
     require_kind,
@@ -21,9 +21,9 @@ __all__ = [
     "file_digest",
     "filling",
     "intact",
-    "is_moved",
     "load_array",
     "load_arrays",
+    "motion_of",
     "read_json",
     "record_of",
     "recorded_inputs",

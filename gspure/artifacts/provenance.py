@@ -5,9 +5,12 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gspure.artifacts.checksums import file_checksum, file_digest, record_file, record_of
 from gspure.artifacts.files import store_record
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 
 
 def write_record(
@@ -18,7 +21,7 @@ def write_record(
     geometry: str = "",
     kind: str = "",
     embedding: str = "",
-    moved: bool = False,
+    motion: NDArray[np.float64] | None = None,
 ) -> None:
     """Write ``<path>.json`` beside an artifact: size, checksum, digest, digests of its inputs, settings and version.
 
@@ -31,8 +34,9 @@ def write_record(
     kind, and of the ancestors of these inputs.
 
     `embedding` is common to the public model, the files beside it and the key that one run of `gspure embed` writes:
-    the digest of the public model (`embedding_of`). By default, it is that of the input `model`. An artifact is `moved`
-    if an attack turned or shifted the model, or that which it was made from (`is_moved`).
+    the digest of the public model (`embedding_of`). By default, it is that of the input `model`. `motion` is
+    the rigid transform [4,4] by which attacks moved the model away from its cameras (`motion_of`). By default, it is
+    that of the input `model`.
     """
     from gspure import __version__
 
@@ -52,8 +56,9 @@ def write_record(
     ancestors = {kind: digest for source in files.values() for kind, digest in _ancestors(source, geometry).items()}
     if "model" in files:
         embedding = embedding or embedding_of(files["model"])
-        moved = moved or bool(is_moved(files["model"]))
-    known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding, "moved": moved}
+        motion = motion_of(files["model"]) if motion is None else motion
+    moved = motion.tolist() if motion is not None and not np.array_equal(motion, np.eye(4)) else None
+    known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding, "motion": moved}
     store_record(path, record | {name: value for name, value in known.items() if value})
 
 
@@ -89,10 +94,12 @@ def embedding_of(*artifacts: Path) -> str:
     return known.get(first, "")
 
 
-def is_moved(artifact: Path) -> bool | None:
-    """Return whether an attack moved a model away from its cameras; None if it has no record."""
-    record = record_of(artifact)
-    return None if record is None else bool(record.get("moved"))
+def motion_of(artifact: Path) -> NDArray[np.float64] | None:
+    """Return the rigid transform [4,4] by which attacks moved a model away from its cameras; None without a record."""
+    if (record := record_of(artifact)) is None:
+        return None
+    with reading(record_file(artifact), "a rigid transform", "motion"):
+        return np.array(record.get("motion", np.eye(4)), np.float64).reshape(4, 4)
 
 
 def require_same_inputs(artifact: Path, *others: Path) -> None:

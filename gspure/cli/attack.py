@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from gspure.attacks import Attacked, Evidence
     from gspure.attacks.strength import Damage, Match
     from gspure.cameras import Camera
+    from gspure.dtypes import Float64
     from gspure.public_model import PublicModel
 
 EXAMPLES = """\
@@ -61,7 +62,12 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
     add_scheme(parser)
     parser.writes("--verdict", "JSON", "also write, for each extraction, whether the attack reached it", required=False)
-    parser.writes("--transform", "NPY", "also write the rigid transform applied: float64 [4,4]", required=False)
+    parser.writes(
+        "--transform",
+        "NPY",
+        "also write the rigid transform from the cameras of the first model: float64 [4,4]",
+        required=False,
+    )
     parser.number(
         "--damage", "DB", "search for the strength that lowers the scene's PSNR by DB; needs --cameras", type=float
     )
@@ -86,8 +92,6 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows, verdict, transform and cost."""
-    import numpy as np
-
     from gspure.artifacts import save_array, write_json, write_record
     from gspure.attacks import find_attack
     from gspure.cli.options import parsed_settings
@@ -124,8 +128,9 @@ def run(args: Arguments) -> None:
     written = public.with_model(attacked.model.with_background(public.model.background)).write(args.out)
     if args.removed:
         save_array(args.removed, attacked.prune_mask)
+    motion = _motion(args.model, attacked)
     if args.transform:
-        save_array(args.transform, np.eye(4) if attacked.transform is None else attacked.transform)
+        save_array(args.transform, motion)
     if args.verdict:
         strength = f"{attack.strength.setting}={used[attack.strength.setting]:.4g}" if attack.strength else ""
         missed = f", {search.damage:z.2f} dB reached" if search and search.misses(args.damage) else ""
@@ -133,12 +138,22 @@ def run(args: Arguments) -> None:
     for path in filter(None, (args.removed, args.transform, args.verdict)):
         kind = "removed rows" if path == args.removed else ""
         write_record(path, inputs=sources, settings=used, kind=kind)
-    sources |= {"transform": args.transform} if args.transform else {}
-    moved = attacked.transform is not None and not np.array_equal(attacked.transform, np.eye(4))
     for path in written:
-        write_record(path, inputs=sources, settings=used, moved=moved)
+        write_record(path, inputs=sources, settings=used, motion=motion)
     _write_cost(args, searching)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
+
+
+def _motion(model: Path, attacked: Attacked) -> Float64:
+    """Return the rigid transform [4,4] from the cameras of the public model, over all attacks so far."""
+    import numpy as np
+
+    from gspure.artifacts import motion_of
+    from gspure.model import model_file
+
+    earlier = motion_of(model_file(model))
+    last = np.eye(4) if attacked.transform is None else attacked.transform
+    return last if earlier is None else last @ earlier
 
 
 def _print_damage(args: Arguments, search: Match) -> None:

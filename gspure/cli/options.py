@@ -147,7 +147,9 @@ def read_source(source: Path | str, model: Path | None, *, moves: bool = False, 
 
     Warn if an attack moved the model, unless the caller `moves` the cameras.
     """
-    from gspure.artifacts import is_moved
+    import numpy as np
+
+    from gspure.artifacts import motion_of
     from gspure.cameras import GENERATED, read_cameras
     from gspure.model import model_file, read_model
     from gspure.progress import warn
@@ -157,7 +159,8 @@ def read_source(source: Path | str, model: Path | None, *, moves: bool = False, 
         if settings:
             found = f"a camera file and --{next(iter(settings))}"
             raise InputError(source, "source", expected="orbit or shells", found=found)
-        if model and not moves and is_moved(model_file(model)):
+        motion = motion_of(model_file(model)) if model and not moves else None
+        if motion is not None and not np.array_equal(motion, np.eye(4)):
             warn(f"an attack moved {model}: the views of {source} show it only if they moved, too (--transform)")
         return read_cameras(source)
     if model is None:
@@ -196,7 +199,7 @@ def read_views(args: Arguments) -> list[Camera]:
     """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--transform``."""
     import numpy as np
 
-    from gspure.artifacts import is_moved, require_input
+    from gspure.artifacts import motion_of
     from gspure.cameras import read_cameras
     from gspure.cameras.reading import read_transform
     from gspure.model import model_file
@@ -209,10 +212,10 @@ def read_views(args: Arguments) -> list[Camera]:
         raise InputError(args.transform, "--transform", expected="cameras of the unmoved model", found=found)
     if args.transform:
         file, transform = model_file(args.model), read_transform(args.transform)
-        require_input(file, "transform", args.transform)
-        if is_moved(file) is False and not np.array_equal(transform, np.eye(4)):
-            expected = f"the identity, since no attack moved {file}"
-            raise InputError(args.transform, "--transform", expected=expected, found="another")
+        motion = motion_of(file)
+        if motion is not None and not np.allclose(transform, motion, rtol=0, atol=1e-6):
+            found = "another transform"
+            raise InputError(args.transform, "--transform", expected=f"the motion of {file}", found=found)
         views = [camera.moved(transform) for camera in views]
     return views
 
