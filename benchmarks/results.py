@@ -1,4 +1,4 @@
-"""The tables of docs/results.md, written from the tables of runs.
+"""The tables of docs/results.md and docs/contest.md, written from the tables of runs.
 
 ``python -m benchmarks.results`` replaces what stands between ``<!-- RUN: KIND -->`` and ``<!-- end -->`` by a table of
 `KINDS`. RUN is a folder of docs/results with ``survival.csv``, ``summary.csv`` and ``matched.csv`` from the folder
@@ -10,12 +10,14 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from itertools import groupby
 from math import nan
 from pathlib import Path
 from statistics import mean
 from typing import Final
 
+from benchmarks.contest import SCHEMES, contest
 from gspure.evaluation.controls import CLEAN, WRONG_KEY
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.matched import Matched, wanted_damage
@@ -30,6 +32,7 @@ from gspure.schemes.scheme import ADAPTIVE
 from gspure.schemes.splats_in_splats.key import ORACLE
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "results.md"
+PAGES: Final = (PAGE, PAGE.with_name("contest.md"))
 RUNS: Final = PAGE.with_suffix("")
 GENERATED: Final = re.compile(r"(<!-- (?P<run>\w+): (?P<kind>\w+) -->\n).*?(?=<!-- end -->)", re.DOTALL)
 
@@ -146,7 +149,10 @@ def capacity(run: Path) -> Table:
 
 
 TABLES: Final = (before, attacks, measures, equal, paper, adaptive, hardening, capacity)
-KINDS: Final[Mapping[str, Callable[[Path], Table]]] = {kind.__name__: kind for kind in TABLES}
+KINDS: Final[Mapping[str, Callable[[Path], Table]]] = {
+    **{kind.__name__: kind for kind in TABLES},
+    **{scheme: partial(contest, scheme=scheme) for scheme in SCHEMES},
+}
 BY: Final = ("", "random_")
 """Prefixes of the columns of a capacity table: drops by GSPure, and by random pruning of as many rows."""
 
@@ -209,4 +215,5 @@ def _reached(row: Matched) -> Cell:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in PAGES:
+        page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")

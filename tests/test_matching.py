@@ -3,11 +3,18 @@
 import numpy as np
 import pytest
 
-from gspure.model import Gaussians
+from gspure.artifacts import save_array
+from gspure.cameras import write_cameras
+from gspure.cli import main
+from gspure.evaluation.metrics import psnr
+from gspure.images import read_image
+from gspure.model import Gaussians, write_model
 from gspure.model.motion import moved
 from gspure.public_model import PublicModel
 from gspure.schemes.matching import adaptive_matches, registered
-from tests.models import blobs, without
+from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
+from tests.models import blobs, camera, without
 
 
 def test_injected_rows_do_not_hide_those_of_the_original():
@@ -38,3 +45,25 @@ def test_a_model_that_did_not_move_or_is_foreign_stays_bit_identical(count):
     for model in (original, original[: count or 1], blobs(count, seed=1) if count else original[:0]):
         public = PublicModel(model)
         assert registered(public, original) is public
+
+
+def test_extract_undoes_an_unknown_motion(tmp_path):
+    model, rng = blobs(200), np.random.default_rng(0)
+    SplatsInSplatsKey(model.means, OpacityMapping.fresh(rng), 12, model).write(tmp_path / "key")
+    write_model(tmp_path / "model.ply", model)
+    write_model(tmp_path / "moved.ply", moved(model, np.array([0.5, -1.0, 2.0]), np.array([3.0, 0.0, -7.0]), 2.0))
+    write_cameras(tmp_path / "cameras.json", [camera()])
+    save_array(tmp_path / "transform.npy", np.eye(4))
+
+    def extract(name, *options):
+        words = ["--scheme", "splats_in_splats", "--key", tmp_path / "key", "--extraction", "message_adaptive"]
+        words += ["--cameras", tmp_path / "cameras.json", "--out", tmp_path / name, *options]
+        return main(["extract", *map(str, (tmp_path / f"{name}.ply", *words))])
+
+    original = ["--original", tmp_path / "model.ply"]
+    assert extract("model") == extract("moved") == 0
+    before, lost = (read_image(tmp_path / name / "view.png") for name in ("model", "moved"))
+    assert psnr(before, lost) < 20
+    assert extract("moved", *original) == 0
+    assert psnr(before, read_image(tmp_path / "moved" / "view.png")) > 40
+    assert extract("moved", *original, "--transform", tmp_path / "transform.npy") == 2

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.results import GENERATED, KINDS, PAGE, RUNS, filled
+from benchmarks.results import GENERATED, PAGES, RUNS, TABLES, filled
+from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.matched import Matched, match
 from gspure.evaluation.outcomes import Condition
@@ -42,6 +43,8 @@ def runs(tmp_path: Path) -> Path:
     ]
     write_table(tmp_path / "run" / "survival.csv", Survival, survival(outcomes))
     write_table(tmp_path / "run" / "summary.csv", Summary, summarize(outcomes))
+    costs = [AttackCost(*OWN, kind, "x", cpu, 300.4) for kind, cpu in (("variant", 9.0), ("sweep", 1.26))]
+    write_table(tmp_path / "run" / "attacks.csv", AttackCost, costs)
     write_table(tmp_path / "run" / "matched.csv", Matched, match(outcomes, {"x": ["x", "x@1dB", "x@2dB"]}))
     (tmp_path / "run.csv").write_text(SCRIPT)
     return tmp_path
@@ -55,16 +58,18 @@ def rows(text: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
 
 
-def test_the_tables_of_the_page_are_those_of_the_committed_runs() -> None:
-    text = PAGE.read_text(encoding="utf-8")
-    assert text == filled(text), "python -m benchmarks.results"
-    runs = {match["run"] for match in GENERATED.finditer(text)}
+def test_the_tables_of_the_pages_are_those_of_the_committed_runs() -> None:
+    runs = set()
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert text == filled(text), "python -m benchmarks.results"
+        runs |= {match["run"] for match in GENERATED.finditer(text)}
+        assert text.count("<!-- end -->") == len([*GENERATED.finditer(text)])
+        assert text.count("<!--") == 2 * text.count("<!-- end -->")
     assert {folder.name for folder in RUNS.glob("*/")} <= runs
-    assert text.count("<!-- end -->") == len([*GENERATED.finditer(text)])
-    assert text.count("<!--") == 2 * text.count("<!-- end -->")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*(table.__name__ for table in TABLES), "gs_hider"])
 def test_an_edited_number_is_noticed(runs: Path, kind: str) -> None:
     text = filled(page(kind), runs)
     assert filled(text, runs) == text
@@ -98,6 +103,15 @@ def test_owners_are_shown_with_each_extraction_and_means_over_seeds(runs: Path) 
     _, _, hardened, weight = rows(filled(page("hardening"), runs))
     assert hardened == ["`gspure`", "30.2 / 12.3 / 13.2 / 14.2"]
     assert weight[1] == "65.0%"
+
+
+def test_the_contest_shows_what_is_left_above_the_floor_at_each_damage(runs: Path) -> None:
+    header, _, before, x, gspure = rows(filled(page("gs_hider"), runs))
+    assert header[2:5] == ["shared poses: 0.3 dB", "shared poses: 1 dB", "shared poses: 2 dB"]
+    assert before[:2] == ["`unattacked`", "literal"]
+    assert before[2:8] == ["18.0"] * 6
+    assert gspure[2:8] == ["–", "–", "≤ 15.5", "–", "–", "≤ 5.5"]
+    assert x == ["`x`", "literal", "–", "–", "–", "–", "≤ 14.5", "14.0", "1.3", "300"]
 
 
 def test_capacity_compares_gspure_with_random_pruning(runs: Path) -> None:
