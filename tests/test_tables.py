@@ -90,7 +90,7 @@ def test_without_reference_variant_there_is_no_score(tmp_path: Path) -> None:
         ({"a": 29.0}, "scene: expected the views of unattacked, 2 in the mean PSNR, found 1; not in both: b"),
         ({"a": 29.0, "b": 31.0, "c": 30.0}, "not in both: c"),
         ({"a": 29.0, "c": 30.0}, "not in both: b, c"),
-        ({"a": 29.0, "b": np.inf}, "not in both: b"),
+        ({"a": np.inf, "b": np.inf}, "not in both: a, b"),
     ],
 )
 def test_a_variant_measured_in_other_views_is_refused(tmp_path: Path, of_variant: dict, message: str) -> None:
@@ -99,6 +99,20 @@ def test_a_variant_measured_in_other_views_is_refused(tmp_path: Path, of_variant
         write_metrics(tmp_path / "planted" / "room" / variant / "metrics.csv", rows)
     with pytest.raises(InputError, match=message):
         collect(sorted(tmp_path.rglob("metrics.csv")))
+
+
+def test_a_view_that_is_identical_in_one_variant_counts_in_none(tmp_path: Path) -> None:
+    """As the black image of an object that is out of view, which the black baseline equals."""
+    views = {"unattacked": {"a": 30.0, "b": 32.0}, "gspure": {"a": 29.0, "b": 20.0}, "black": {"a": 9.0, "b": np.inf}}
+    for variant, psnrs in views.items():
+        rows = [measured("message", psnr, view=view) for view, psnr in psnrs.items()]
+        write_metrics(tmp_path / "planted" / "room" / variant / "metrics.csv", rows)
+    outcomes = collect(sorted(tmp_path.rglob("metrics.csv")))
+    assert {o.variant: (o.targets["message"].psnr, o.views["message"]) for o in outcomes} == {
+        "unattacked": (30.0, 1),
+        "gspure": (29.0, 1),
+        "black": (9.0, 1),
+    }
 
 
 def test_a_variant_compared_with_renders_has_no_drop_from_photographs(tmp_path: Path) -> None:

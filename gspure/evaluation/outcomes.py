@@ -228,7 +228,7 @@ def collect(
     if not metrics:
         reason = failed[0].failure if failed else "nothing"
         raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
-    rows = {path: read_metrics(path) for path in metrics}
+    rows = _without_identical_views({path: read_metrics(path) for path in metrics})
     _require_distinct(metrics)
     _require_equal_references(rows)
     _require_equal_views(rows)
@@ -331,6 +331,25 @@ def _require_equal_references(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> 
         for target, reference in references.items():
             if (expected := before.get(target, reference)) != reference:
                 raise InputError(path, target, expected=f"reference {expected}, as {UNATTACKED} has", found=reference)
+
+
+def _without_identical_views(rows_of: Mapping[Path, list[ViewMetrics]]) -> dict[Path, list[ViewMetrics]]:
+    """Leave out the views that equal their photograph in some variant of a model, unless a variant has no others.
+
+    No mean PSNR counts them there, and a drop is a difference of means over the same views.
+    """
+    identical_in: dict[tuple[Path, str], set[str]] = {}
+    finite: dict[Path, dict[str, set[str]]] = {path: _views_in_means(rows) for path, rows in rows_of.items()}
+    for path, rows in rows_of.items():
+        for row in rows:
+            if row.view not in finite[path][row.target]:
+                identical_in.setdefault((path.resolve().parents[1], row.target), set()).add(row.view)
+    kept = {}
+    for path, rows in rows_of.items():
+        left_out = {t: identical_in.get((path.resolve().parents[1], t), set()) for t in finite[path]}
+        left_out = {t: views if finite[path][t] - views else set() for t, views in left_out.items()}
+        kept[path] = [row for row in rows if row.view not in left_out[row.target]]
+    return kept
 
 
 def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
