@@ -172,6 +172,16 @@ def test_attacks_keep_the_embedding_of_networks(tmp_path, scheme):
     assert [record_of(path)["embedding"] for path in (out, *networks)] == ["run 0", "run 0"]
 
 
+def test_the_networks_of_another_model_are_not_replaced(tmp_path, capsys):
+    for embedding in ("run 0", "run 1"):
+        published(random_public(), tmp_path / embedding, embedding)
+    networks = (tmp_path / "run 1" / "checkpoints.pth").read_bytes()
+    files = ["--model", str(tmp_path / "run 0" / "point_cloud.ply"), "--out", str(tmp_path / "run 1" / "attacked.ply")]
+    assert main(["attack", "random_pruning", *files]) == 2
+    assert "checkpoints.pth: embedding: expected run 0" in capsys.readouterr().err
+    assert (tmp_path / "run 1" / "checkpoints.pth").read_bytes() == networks
+
+
 def test_of_several_decoders_that_of_the_model_is_used(tmp_path, capsys):
     published(hider(9), tmp_path, "run 9")
     published(hider(7), tmp_path, "run 7")
