@@ -22,11 +22,11 @@ from gspure.evaluation.controls import CLEAN, WRONG_KEY
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.matched import Matched, wanted_damage
 from gspure.evaluation.names import condition_name, display_name, extraction_name
-from gspure.evaluation.outcomes import MESSAGE, UNATTACKED, condition_of
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, UNATTACKED, condition_of
 from gspure.evaluation.paper import beside, read_cells
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import Survival
-from gspure.report.table import UNKNOWN, Cell, Column, Row, Table, interval, plain, share
+from gspure.report.table import UNKNOWN, Cell, Column, Row, Table, interval, plain, share, signed
 from gspure.report.tables import beside_table
 from gspure.schemes.scheme import ADAPTIVE
 from gspure.schemes.splats_in_splats.key import ORACLE
@@ -53,6 +53,25 @@ def before(run: Path) -> Table:
     return Table("Before any attack", columns, rows)
 
 
+def leads(run: Path) -> Table:
+    """Return what GSPure does under every condition, and its lead over the strongest other attack at equal damage."""
+    means = read_table(run / "summary.csv", Summary)
+    retrieved = {_shown(row): row.retrieved for row in means if row.variant == GSPURE}
+    swept = _swept(run)
+    at = sorted({row.damage for row in swept})
+    body = []
+    for row in (row for row in read_table(run / "survival.csv", Survival) if row.variant == GSPURE):
+        views = retrieved[_shown(row)]
+        cells = [interval(row.message_drop), interval(row.scene_drop), Cell(plain(row.rms_ratio))]
+        cells.append(share(views.mean) if views else Cell())
+        alike = [other for other in swept if _shown(other) == _shown(row)]
+        cells += [_lead(alike, damage) for damage in at]
+        body.append(Row([Cell(_shown(row)), *cells]))
+    columns = [Column("condition"), Column("message", "drop of"), Column("scene", "drop of"), Column("RMS ratio")]
+    columns += [Column("retrieved"), *(Column(f"{damage:g} dB", "lead at") for damage in at)]
+    return Table("GSPure and the strongest other attack", columns, body)
+
+
 def attacks(run: Path) -> Table:
     """Return the drops of message and scene after every attack, and in how many scenes the message survives.
 
@@ -73,11 +92,11 @@ def measures(run: Path) -> Table:
     """Return every measure of every attack, by condition and extraction of the message."""
     rows = [row for row in read_table(run / "survival.csv", Survival) if _as_run(row.variant)]
     body = []
-    for name, alike in groupby(rows, key=_extracted):
+    for name, alike in groupby(rows, key=_shown):
         for i, row in enumerate(alike):
             numbers = [interval(row.message_drop), interval(row.scene_drop), Cell(plain(row.rms_ratio))]
-            numbers += [Cell(plain(drop.mean if drop else nan)) for drop in (row.region_drop, row.ms_ssim_drop)]
-            numbers += [share(row.share_left.mean if row.share_left else nan)]
+            numbers += [Cell(plain(drop.mean if drop else nan)) for drop in (row.ms_ssim_drop, row.nc_drop)]
+            numbers += [share(left.mean if left else nan) for left in (row.share_left, row.region_left)]
             gone = row.present - row.survived - row.only_retrieved
             counts = [Cell(str(count)) for count in (row.survived, row.only_retrieved, gone)]
             body.append(Row([Cell("" if i else name), Cell(f"`{row.variant}`"), *numbers, *counts]))
@@ -87,7 +106,8 @@ def measures(run: Path) -> Table:
         Column("message", "drop of"),
         Column("scene", "drop of"),
     ]
-    columns += [Column("RMS ratio"), Column("region", "drop of"), Column("MS-SSIM", "drop of"), Column("share left")]
+    columns += [Column("RMS ratio"), Column("MS-SSIM", "drop of"), Column("NC", "drop of")]
+    columns += [Column("image", "share left:"), Column("region", "share left:")]
     columns += [Column(name, "message:") for name in ("survives", "retrieved only", "gone")]
     return Table("Attacks", columns, body)
 
@@ -97,10 +117,10 @@ def equal(run: Path) -> Table:
 
     Attacks of one strength are left out: they are in the other tables.
     """
-    rows = [row for row in read_table(run / "matched.csv", Matched) if row.strengths > 1]
+    rows = _swept(run)
     at = sorted({row.damage for row in rows})
     body = []
-    for name, alike in groupby(rows, key=_extracted):
+    for name, alike in groupby(rows, key=_shown):
         for i, (sweep, group) in enumerate(groupby(alike, key=lambda row: row.sweep)):
             drops = {row.damage: _reached(row) for row in group}
             cells = [drops.get(damage, Cell()) for damage in at]
@@ -148,7 +168,7 @@ def capacity(run: Path) -> Table:
     return Table("Capacity", columns, body)
 
 
-TABLES: Final = (before, attacks, measures, equal, paper, adaptive, hardening, capacity)
+TABLES: Final = (leads, before, attacks, measures, equal, paper, adaptive, hardening, capacity)
 KINDS: Final[Mapping[str, Callable[[Path], Table]]] = {
     **{kind.__name__: kind for kind in TABLES},
     **{scheme: partial(contest, scheme=scheme) for scheme in SCHEMES},
@@ -166,7 +186,7 @@ def _literal(row: Summary | Survival) -> bool:
     return row.extraction == MESSAGE
 
 
-def _extracted(row: Survival | Matched) -> str:
+def _shown(row: Survival | Summary | Matched) -> str:
     """Return a condition's name, with that of the extraction if it is not the first."""
     name = condition_name(*condition_of(row))
     return name if row.extraction == MESSAGE else f"{name}, {extraction_name(row.extraction)}"
@@ -205,6 +225,23 @@ def _drops(row: Survival | None) -> Cell:
     return Cell(
         f"{message} / {scene}", f"({row.survived} of {row.present}{retrieved})" if row.present else f"({UNKNOWN})"
     )
+
+
+def _swept(run: Path) -> list[Matched]:
+    """Return the attacks of several strengths at every damage."""
+    return [row for row in read_table(run / "matched.csv", Matched) if row.strengths > 1]
+
+
+def _lead(rows: Sequence[Matched], damage: float) -> Cell:
+    """Return GSPure's drop minus the largest of the other attacks, with the name of that attack.
+
+    The cell is unknown if the drop of any of them is.
+    """
+    drops = {row.sweep: row.drop.mean for row in rows if row.damage == damage}
+    if drops.keys() != {row.sweep for row in rows} or GSPURE not in drops or len(drops) < 2:
+        return Cell()
+    rival = max(drops.keys() - {GSPURE}, key=lambda sweep: drops[sweep])
+    return Cell(signed(drops[GSPURE] - drops[rival]), f"(`{rival}`)")
 
 
 def _reached(row: Matched) -> Cell:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.results import GENERATED, PAGES, RUNS, TABLES, filled
+from benchmarks.results import GENERATED, KINDS, PAGE, PAGES, RUNS, TABLES, filled
 from gspure.evaluation.costs import AttackCost
-from gspure.evaluation.csv_tables import write_table
+from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.matched import Matched, match
 from gspure.evaluation.outcomes import Condition
 from gspure.evaluation.summary import Summary, summarize
@@ -28,6 +28,19 @@ splats_in_splats,shared,3000,2900,0.50,gspure,message_adaptive,30.10,13.24,9.81,
 splats_in_splats,shared,3000,2900,0.50,gspure,message_oracle,30.10,14.24,9.81,0.10,2.25,2.26,0.6
 """
 
+STRENGTHS = {
+    "gspure": (1.25, 12.5),
+    "gspure@1dB": (1.0, 12.0),
+    "gspure@2dB": (2.0, 13.0),
+    "x": (2.0, 3.0),
+    "x@1dB": (0.75, 3.5),
+    "x@2dB": (2.0, 4.0),
+}
+SWEEPS = {name: [variant for variant in STRENGTHS if variant.startswith(name)] for name in ("gspure", "x")}
+
+DECIMAL = re.compile(r"(?<![\w.])\d+\.\d+")
+INTERVAL = re.compile(r"\[[^\]]*\]|\([^)]* to [^)]*\)")
+
 OWN, SHARED = (Condition("gs_hider", protocol, "both") for protocol in ("own", "shared"))
 
 
@@ -36,7 +49,7 @@ def runs(tmp_path: Path) -> Path:
     """A folder with one run, two scenes under each of two conditions, and one table of a script."""
     outcomes = [
         *benchmark(
-            {s: {"gspure": (1.25, 12.5), "x": (2.0, 3.0), "x@1dB": (0.75, 3.5), "x@2dB": (2.0, 4.0)} for s in "ab"},
+            dict.fromkeys("ab", STRENGTHS),
             **OWN._asdict(),
         ),
         *benchmark({s: {"gspure": (1.75, 2.5)} for s in "cd"}, **SHARED._asdict()),
@@ -45,7 +58,7 @@ def runs(tmp_path: Path) -> Path:
     write_table(tmp_path / "run" / "summary.csv", Summary, summarize(outcomes))
     costs = [AttackCost(*OWN, kind, "x", cpu, 300.4) for kind, cpu in (("variant", 9.0), ("sweep", 1.26))]
     write_table(tmp_path / "run" / "attacks.csv", AttackCost, costs)
-    write_table(tmp_path / "run" / "matched.csv", Matched, match(outcomes, {"x": ["x", "x@1dB", "x@2dB"]}))
+    write_table(tmp_path / "run" / "matched.csv", Matched, match(outcomes, SWEEPS))
     (tmp_path / "run.csv").write_text(SCRIPT)
     return tmp_path
 
@@ -67,6 +80,50 @@ def test_the_tables_of_the_pages_are_those_of_the_committed_runs() -> None:
         assert text.count("<!-- end -->") == len([*GENERATED.finditer(text)])
         assert text.count("<!--") == 2 * text.count("<!-- end -->")
     assert {folder.name for folder in RUNS.glob("*/")} <= runs
+
+
+def unsupported(text: str) -> list[str]:
+    """Return the decimals of the text that no table of their section has.
+
+    In a paragraph, those rows count that are of no attack or of one that it names.
+    """
+    missing = []
+    for section in re.split(r"^## ", text, flags=re.MULTILINE):
+        table = [INTERVAL.sub("", line) for line in section.splitlines() if line.startswith("|")]
+        for paragraph in re.split(r"\n(?=- |\n|\*\*)", re.sub(r"^[|<].*|^    .*", "", section, flags=re.MULTILINE)):
+            known = [float(n) for row in table if is_about(paragraph, row) for n in DECIMAL.findall(row)]
+            for number in DECIMAL.findall(paragraph):
+                tolerance = 0.501 * 10.0 ** -len(number.partition(".")[2])
+                if not any(abs(value - float(number)) <= tolerance for value in known):
+                    missing.append(f"{number}: {paragraph.strip()}")
+    return missing
+
+
+def is_about(paragraph: str, row: str) -> bool:
+    """Whether a row of a table is of no attack, or of one of which the paragraph has the first or last word."""
+    attack = re.search(r"\| `(\w+)` +\|", row)
+    words = attack[1].split("_") if attack else [""]
+    return any(word in paragraph.casefold() for word in (words[0], words[-1]))
+
+
+def test_every_decimal_of_the_text_is_in_a_table_of_its_section() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert unsupported(text) == []
+    edited = re.sub(r"(?<=loses )\d+\.\d", "99.9", text, count=1)
+    assert len(unsupported(edited)) == 1
+
+
+def test_gspure_leads_where_the_text_states() -> None:
+    table = rows(KINDS["leads"](RUNS / "six_pairs").markdown())[2:]
+    leading = {row[0] for row in table if {cell[0] for cell in row[5:]} <= {"+", "–"}}
+    assert leading == {
+        "GS-Hider, own poses",
+        "SecureGS, own poses",
+        "Splats in Splats, own poses, message (oracle)",
+        "Splats in Splats, own poses, scene's points, message (oracle)",
+        "Splats in Splats, shared poses, message (oracle)",
+        "Splats in Splats, shared poses, scene's points, message (oracle)",
+    }
 
 
 @pytest.mark.parametrize("kind", [*(table.__name__ for table in TABLES), "gs_hider"])
@@ -106,11 +163,11 @@ def test_owners_are_shown_with_each_extraction_and_means_over_seeds(runs: Path) 
 
 
 def test_the_contest_shows_what_is_left_above_the_floor_at_each_damage(runs: Path) -> None:
-    header, _, before, x, gspure = rows(filled(page("gs_hider"), runs))
+    header, _, before, gspure, x = rows(filled(page("gs_hider"), runs))
     assert header[2:5] == ["shared poses: 0.3 dB", "shared poses: 1 dB", "shared poses: 2 dB"]
     assert before[:2] == ["`unattacked`", "literal"]
     assert before[2:8] == ["18.0"] * 6
-    assert gspure[2:8] == ["–", "–", "≤ 15.5", "–", "–", "≤ 5.5"]
+    assert gspure[2:8] == ["–", "–", "≤ 15.5", "–", "6.0", "5.0"]
     assert x == ["`x`", "literal", "–", "–", "–", "–", "≤ 14.5", "14.0", "1.3", "300"]
 
 
@@ -129,7 +186,19 @@ def test_the_page_shows_quality_before_attacks_beside_the_controls(runs: Path) -
 def test_drops_at_equal_damage_name_the_damage_that_was_reached(runs: Path) -> None:
     header, _, *body = rows(filled(page("equal"), runs))
     assert header[2:] == ["scene drop of 1 dB", "scene drop of 2 dB"]
-    assert body == [["GS-Hider, own poses", "`x`", "≥ 3.50 (3.50 to 3.50) at 0.75 dB", "4.00 (4.00 to 4.00)"]]
+    assert body[0] == ["GS-Hider, own poses", "`gspure`", "12.00 (12.00 to 12.00)", "13.00 (13.00 to 13.00)"]
+    assert body[1:] == [["", "`x`", "≥ 3.50 (3.50 to 3.50) at 0.75 dB", "4.00 (4.00 to 4.00)"]]
+
+
+def test_the_lead_is_over_the_strongest_other_attack_and_unknown_if_that_is(runs: Path) -> None:
+    header, _, own, shared = rows(filled(page("leads"), runs))
+    assert (header[0], header[5:]) == ("condition", ["lead at 1 dB", "lead at 2 dB"])
+    assert own[1:3] == ["12.50 (12.50 to 12.50)", "1.25 (1.25 to 1.25)"]
+    assert (own[5:], shared[5:]) == (["+8.50 (`x`)", "+9.00 (`x`)"], ["–", "–"])
+    matched = runs / "run" / "matched.csv"
+    known = [row for row in read_table(matched, Matched) if (row.sweep, row.damage) != ("x", 2)]
+    write_table(matched, Matched, known)
+    assert rows(filled(page("leads"), runs))[2][5:] == ["+8.50 (`x`)", "–"]
 
 
 def test_the_paper_s_numbers_need_no_run_of_ours(runs: Path) -> None:
