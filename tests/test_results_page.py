@@ -113,7 +113,7 @@ def test_every_decimal_of_the_text_is_in_a_table_of_its_section() -> None:
     assert len(unsupported(edited)) == 1
 
 
-def test_gspure_leads_where_the_text_states() -> None:
+def test_gspure_leads_under_the_conditions_of_the_text() -> None:
     table = rows(KINDS["leads"](RUNS / "six_pairs").markdown())[2:]
     leading = {row[0] for row in table if {cell[0] for cell in row[5:]} <= {"+", "–"}}
     assert leading == {
