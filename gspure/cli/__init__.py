@@ -24,7 +24,7 @@ USER_COMMANDS = {
     "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
     "cameras": "convert cameras of any format, or generate views, and write cameras.json",
     "render": "render a model's views to images",
-    "metrics": "compare two folders of images: PSNR, SSIM, MS-SSIM, normalized and gradient correlation, per view and mean",
+    "metrics": "compare two folders of images: PSNR, SSIM, MS-SSIM, correlations (NC, GC), per view and mean",
     "pair": "make a pair: photographs of a scene and of a message, for `gspure embed`",
     "embed": "train a watermarked model on a pair: the public model and the owner's key",
     "extract": "render the message of a public or attacked model with the owner's key",
