@@ -213,9 +213,7 @@ def test_evidence_of_another_model_is_refused() -> None:
 )
 def test_an_attack_that_miscounts_its_rows_is_refused(rows: list[int], count: int) -> None:
     wrong = Attack("wrong", lambda model, rng: Attacked(model[np.arange(COUNT) < 3], np.array(rows), count))
-    with pytest.raises(
-        InputError, match=rf"rows: expected for each of 3 rows, one of 40, found \[{len(rows)}\] of {count}"
-    ):
+    with pytest.raises(InputError, match=rf"rows: expected \[3\] indices of 40 rows, found \[{len(rows)}\] of {count}"):
         wrong.apply(model(), Evidence())
 
 

@@ -190,7 +190,7 @@ def test_a_damage_that_only_an_empty_model_would_have_leaves_rows(folder: Path, 
     ("words", "message"),
     [
         (("reorder", "--damage", "1"), "damage: expected an attack with a strength"),
-        (("random_pruning", "--damage", "1", "--set", "fraction=0.5"), "fraction: expected nothing beside a damage"),
+        (("random_pruning", "--damage", "1", "--set", "fraction=0.5"), "fraction: expected no value"),
         (("random_pruning", "--damage", "0"), "--damage: expected a number above 0"),
         (("random_pruning", "--damage", "nan"), "--damage: expected a number above 0"),
         (("random_pruning", "--damage", "1", "--photographs", "nowhere"), "nowhere"),

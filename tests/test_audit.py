@@ -282,7 +282,7 @@ def test_without_key_the_scene_alone_is_reported() -> None:
 def test_without_controls_costs_are_reported_and_nothing_is_judged() -> None:
     outcomes = [o for o in of_scenes(2, gspure=(0.5, 20.0)) if not o.is_control]
     assert audit_of(outcomes).verdict == "no controls"
-    assert told(outcomes)[1]["Cost of each attack"] == "GSPure (message −20.0 dB, scene −0.5 dB)."
+    assert told(outcomes)[1]["Effect of each attack"] == "GSPure (message −20.0 dB, scene −0.5 dB)."
 
 
 DROPS = st.tuples(st.floats(-1, 5), st.floats(-1, 25))

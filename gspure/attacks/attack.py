@@ -1,4 +1,4 @@
-"""What an attack is: the form that built-in attacks and plug-ins share."""
+"""The class of all attacks, built-in ones and those of plug-ins."""
 
 import inspect
 import math
@@ -38,7 +38,7 @@ class Evidence:
     opacities : array [K], float32, optional
         Opacity of each row, 0 to 1: stored in a Gaussian, computed by the networks for an anchor.
     surface : array [K], float32, optional
-        Distance of each row from the visible surface, in the row's own scales (`gspure.surface`).
+        Distance of each row from the visible surface, in units of the row's scales (`gspure.surface`).
     labels : array [K], int32, optional
         GSPure's clusters 0 .. M-1; -1 is noise.
 
@@ -53,7 +53,7 @@ class Evidence:
 
 EVIDENCE: Final = frozenset(field.name for field in fields(Evidence))
 PUBLIC: Final = frozenset({"columns", "public", "cameras", "device"})
-"""What everybody has, and attacks may name as parameters: the columns that the scheme declares for each attribute
+"""Parameters that any attack may have without a measurement: the columns that the scheme declares for each attribute
 (`PublicModel.columns`), the public model with the files beside it, its cameras without photographs, and a device."""
 
 
@@ -69,11 +69,11 @@ class Attacked(Described):
     model : Gaussians
         K' rows.
     rows : array [K'], int
-        The row of the public model that each of them is, or was copied from; -1 for a new one.
+        Index of the row of the public model that each row is, or was copied from; -1 if it is new.
     count : int
         Number K of rows of the public model.
     transform : array [4,4], optional
-        Rigid transform applied to the whole model; views move along (`gspure.cameras.camera.Camera.moved`).
+        Rigid transform applied to the whole model; views move with it (`gspure.cameras.camera.Camera.moved`).
 
     """
 
@@ -92,7 +92,7 @@ class Attacked(Described):
 
     @property
     def prune_mask(self) -> Bools:
-        """Rows [K] of the public model that are gone, whatever the order and number of the rest."""
+        """True where a row of the public model [K] was removed; the order and copies of the others do not matter."""
         mask = np.ones(self.count, np.bool_)
         mask[self.rows[self.rows >= 0]] = False
         return mask
@@ -122,15 +122,15 @@ class Attack:
     name : str
         Unique; the name of its variant in every table.
     function : callable
-        ``function(model, rng, [evidence, ...], *, setting=default, ...) -> Attacked``: pure and deterministic. It
-        names the evidence that it needs (fields of `Evidence`, or of `PUBLIC`); its keyword-only parameters are its
-        settings.
+        ``function(model, rng, [evidence, ...], *, setting=default, ...) -> Attacked``: pure and deterministic. Its
+        positional parameters name the evidence that it needs (fields of `Evidence`, or of `PUBLIC`); its keyword-only
+        parameters are its settings.
     packages : mapping of str to str
-        Optional packages that it imports, each with what pip is to install for it.
+        Optional packages that it imports, each with the requirement that pip installs.
     strength : Strength, optional
-        The setting to search for a certain damage to the scene.
+        The setting that is searched for a given damage to the scene.
     sweep : str
-        Name of the attack whose sweep its strengths belong to, by default its own.
+        Name of the attack whose sweep includes its strengths, by default its own name.
 
     """
 
@@ -147,7 +147,7 @@ class Attack:
 
     @property
     def parameters(self) -> frozenset[str]:
-        """Everything that it asks for besides the model and random numbers."""
+        """Names of the positional parameters after the model and the random numbers."""
         return frozenset(p.name for p in self._signature[2:] if p.kind is not p.KEYWORD_ONLY)
 
     @property
@@ -176,7 +176,7 @@ class Attack:
         public : PublicModel or Gaussians
             The public model; bare Gaussians are vanilla 3DGS.
         evidence : Evidence
-            At least what the attack needs.
+            Includes at least what the attack needs.
         seed : int
             Random seed, of `numpy.random.default_rng`.
         cameras : sequence of Camera
@@ -199,16 +199,16 @@ class Attack:
         require(self.name, "seed", seed, "at least 0", fits=seed >= 0)
         public = public if isinstance(public, PublicModel) else PublicModel(public)
         model = public.model
-        given: dict[str, Any] = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
-        open_to_all = {
+        arguments: dict[str, Any] = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
+        public_arguments = {
             "columns": public.columns,
             "public": public,
             "cameras": [replace(camera, image=None) for camera in cameras],
             "device": device,
         }
-        given |= {name: open_to_all[name] for name in self.parameters & PUBLIC}
+        arguments |= {name: public_arguments[name] for name in self.parameters & PUBLIC}
         with np.errstate(all="ignore"):  # numbers that overflow are refused below
-            attacked = self.function(model, np.random.default_rng(seed), **given, **settings)
+            attacked = self.function(model, np.random.default_rng(seed), **arguments, **settings)
         if attacked.model is model:
             return attacked
         listed = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
@@ -228,17 +228,17 @@ class Attack:
         device: Device | None = None,
         **settings: Setting,
     ) -> Match:
-        """Return the strength that does a damage of `wanted` dB, or the nearest to it that `search` finds.
+        """Return the strength whose damage is `wanted` dB, or the nearest to it that `search` finds.
 
-        `damage_of` is from `gspure.attacks.strength.scene_damage`; the others are those of `apply`, the settings
-        without the strength.
+        `damage_of` comes from `gspure.attacks.strength.scene_damage`. The other parameters are those of `apply`;
+        `settings` must not include the strength.
         """
         strength = self.strength
         if strength is None:
             raise InputError(f"attack {self.name}", "damage", expected="an attack with a strength", found="none")
         if strength.setting in settings:
             raise InputError(
-                f"attack {self.name}", strength.setting, expected="nothing beside a damage", found="a value"
+                f"attack {self.name}", strength.setting, expected="no value, since a damage is given", found="one"
             )
 
         def damage_at(value: float) -> float:
@@ -249,11 +249,11 @@ class Attack:
         return search(strength, damage_at, wanted)
 
     def _check_rows(self, attacked: Attacked, count: int) -> None:
-        """Refuse an attacked model whose `rows` do not fit."""
+        """Refuse an attacked model whose `rows` have a wrong shape or are out of range."""
         rows = attacked.rows
         fits = rows.shape == (len(attacked.model),) and attacked.count == count
         if not (fits and ((rows >= -1) & (rows < count)).all()):
-            expected = f"for each of {len(attacked.model)} rows, one of {count}"
+            expected = f"[{len(attacked.model)}] indices of {count} rows"
             found = f"{list(rows.shape)} of {attacked.count}"
             raise InputError(f"attack {self.name}", "rows", expected=expected, found=found)
 
@@ -280,7 +280,7 @@ def named(functions: Mapping[Callable[..., Attacked], Strength | None]) -> tuple
 
 
 def require(attack: str, setting: str, value: object, expected: str, *, fits: bool) -> None:
-    """Raise `InputError` for a setting that does not fit."""
+    """Raise `InputError` for a setting unless it `fits` what is expected."""
     if not fits:
         raise InputError(f"attack {attack}", setting, expected=expected, found=str(value))
 

@@ -22,7 +22,7 @@ USER_COMMANDS = {
     "audit": "run the whole workflow in the current folder: attack a model in many ways and write a report",
     "purify": "run GSPure on one model: purified model, weights, clusters, metrics and figures",
     "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
-    "cameras": "convert cameras of any format, or generate views, and write cameras.json",
+    "cameras": "convert cameras of any supported format, or generate views, and write cameras.json",
     "render": "render a model's views to images",
     "metrics": "compare two folders of images: PSNR, SSIM, MS-SSIM, correlations (NC, GC), per view and mean",
     "pair": "make a pair: photographs of a scene and of a message, for `gspure embed`",
@@ -34,9 +34,9 @@ USER_COMMANDS = {
     "download": "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending",
     "failures": "list the failed jobs of the workflow, with reasons and logs",
     "stages": "delete unused stage files (contributions per view), or verify files by their checksums",
-    "paper-check": "check the paper's printed numbers against those that follow from its tables",
+    "paper-check": "recompute the paper's tables, and list numbers that do not follow from them",
     "doctor": "check OpenCL devices, OpenGL and packages, and print how to fix what is missing",
-    "completion": "print the script for tab completion of a shell",
+    "completion": "print a script for tab completion in a shell",
 }
 JOBS = {
     "contributions": "compute the contribution of every Gaussian to each view (stored per view)",

@@ -61,17 +61,19 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--out", "PLY", "the attacked model to write")
     parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
     add_scheme(parser)
-    parser.writes("--verdict", "JSON", "also write, for each extraction, whether the attack reached it", required=False)
+    parser.writes(
+        "--verdict", "JSON", "also write, for each extraction, whether the attack changed what it reads", required=False
+    )
     parser.writes(
         "--transform",
         "NPY",
-        "also write the rigid transform from the cameras of the first model: float64 [4,4]",
+        "also write the rigid transform of the model, over all attacks so far: float64 [4,4]",
         required=False,
     )
     parser.number(
         "--damage", "DB", "search for the strength that lowers the scene's PSNR by DB; needs --cameras", type=float
     )
-    add_cameras(parser, "public views, for attacks that learn and for --damage", required=False)
+    add_cameras(parser, "public views, for attacks that train and for --damage", required=False)
     parser.choice("--split", SPLITS, "views that --damage renders", "test")
     parser.reads(
         "--photographs",

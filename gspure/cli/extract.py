@@ -41,8 +41,8 @@ def add_arguments(parser: Parser) -> None:
     parser.reads(
         "--original",
         "MODEL",
-        "the published model: an unknown rotation, translation and scale of MODEL is undone first, from the rows that "
-        "both share",
+        "the published model; with it, an unknown rotation, translation and scale of the attacked model is undone "
+        "first",
         required=False,
     )
     add_views(parser, split="all")

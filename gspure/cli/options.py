@@ -172,7 +172,7 @@ def read_source(source: Path | str, model: Path | None, *, moves: bool = False, 
 def add_views(parser: Parser, split: str) -> None:
     """Add ``--cameras``, ``--split`` and ``--transform``, for `read_views`."""
     add_cameras(parser)
-    parser.choice("--split", SPLITS, "which views; by name, every eighth is a test view", split)
+    parser.choice("--split", SPLITS, "which views; sorted by name, every eighth is a test view", split)
     parser.reads(
         "--transform", "NPY", "rigid transform from `gspure attack --transform`, applied to the views", required=False
     )

@@ -60,7 +60,7 @@ def add_arguments(parser: Parser) -> None:
     from gspure.attacks.learning import ITERATIONS
 
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
-    add_cameras(parser, "views (at most 1600 px wide; every eighth by name is held out for the metrics)")
+    add_cameras(parser, "views (at most 1600 px wide; every eighth, sorted by name, is held out for the metrics)")
     parser.writes("--out", "DIR", "folder for the results")
     add_energy(parser, "ray", "ewa", "center_ray")
     add_reduction(parser)

@@ -44,8 +44,8 @@ def splats(
     path, shown = folder / "splats.png", views[:: -(-len(views) // 2)]
     names = " and ".join(view.name for view in shown)
     caption = (
-        f"{names}: the model; its clusters, pale if GSPure keeps them, with noise in faint grey; only the rows that "
-        "GSPure prunes, over white."
+        f"{names}, from left to right: the model; its clusters, pale if GSPure keeps them, and noise in faint grey; "
+        "only the rows that GSPure prunes, over white."
     )
 
     def draw() -> None:

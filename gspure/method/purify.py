@@ -33,8 +33,8 @@ Array = NDArray[Any]
 Weights = Float32
 
 _MEMORY = 500e6, 1150
-"""Bytes that purification takes beside the stored rows: Python and the driver, and of each Gaussian. Measured up to six
-million Gaussians and 1600 px (benchmarks/results.md)."""
+"""Bytes that purification needs besides the stored rows: of Python and the driver, and per Gaussian. Measured with up
+to six million Gaussians and 1600 px (benchmarks/results.md)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,7 +44,7 @@ class Purification(Described):
     Parameters
     ----------
     model : Gaussians
-        The remaining rows, bit-identical, with another comment line.
+        The remaining rows, bit-identical, with one more comment line.
     weights : array [K], float32
         Weights ω_k of the input.
     labels : array [K], int32
@@ -52,7 +52,7 @@ class Purification(Described):
     prune_mask : array [K], bool
         True where a row is removed.
     diagnosis : Diagnosis
-        The clustering in numbers, with its warnings.
+        Statistics of the clustering and of the pruning, with warnings.
 
     """
 
@@ -64,7 +64,7 @@ class Purification(Described):
 
     @property
     def facts(self) -> dict[str, str]:
-        """What was pruned, and why."""
+        """Counts of rows and clusters, the pruned shares, and the warnings."""
         diagnosis = self.diagnosis
         return {
             "rows": f"{diagnosis.gaussians:,}",
@@ -94,10 +94,10 @@ def purify(
     Parameters
     ----------
     model : Gaussians or PublicModel
-        The input; for models of a scheme, that of `gspure.schemes.registry.read_public_model`.
+        The model; read that of a scheme with `gspure.schemes.registry.read_public_model`.
     cameras : sequence of Camera
-        The N views that weights are averaged over, all of them, at their size. ``gspure purify`` takes the training
-        views at most 1600 px wide: ``split(scaled(cameras, "1600px"))[0]`` of `gspure.cameras`.
+        The N views over which weights are averaged, at their size. The command ``gspure purify`` averages over the
+        training views, at most 1600 px wide: ``split(scaled(cameras, "1600px"))[0]`` of `gspure.cameras`.
     device : Device, optional
         Default: the first that works.
     energy : {"ray", "ewa", "center_ray"}
@@ -113,8 +113,8 @@ def purify(
     Raises
     ------
     InputError
-        The model or the views are invalid, a setting is out of range, or there is no device. It is raised before
-        anything is computed. Or no view shows any row, or every row would be pruned.
+        Before the computation: the model or the views are invalid, a setting is out of range, or there is no device.
+        After it: no view shows any row, or every row would be pruned.
 
     """
     from gspure.opencl.device import choose_device
@@ -129,7 +129,7 @@ def purify(
     public = model if isinstance(model, PublicModel) else PublicModel(model)
     public = public.drawable("model")
     rows = public.model
-    # A single Gaussian without contributions passes through all steps first, since each refuses invalid settings.
+    # Run all steps on a single Gaussian first, so that invalid settings are refused before the long computation.
     weightless = accumulate([np.zeros(0, CONTRIBUTION)], 1, reduction)
     decide(np.zeros((1, 3)), weightless, weightless)
 
@@ -157,6 +157,6 @@ def purify(
 
 
 def peak_memory(model: Gaussians) -> float:
-    """Return an estimate from above of the memory in bytes that `purify` takes, with the rows of a mapped file."""
+    """Return an upper estimate of the memory in bytes that `purify` needs, including the rows of a mapped file."""
     fixed, each = _MEMORY
     return fixed + model.table.nbytes + each * len(model)

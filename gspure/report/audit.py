@@ -32,10 +32,10 @@ RANDOM: Final = "random_matched"
 SIGNIFICANT: Final = 0.05
 
 ALLOWED: Final = MATCHED_DAMAGES[-1]
-"""Damage to the scene, as a drop of its PSNR in dB, up to which an attack counts for the verdict."""
+"""Largest damage to the scene, in dB, of an attack that counts for the verdict."""
 
 EQUAL: Final = 0.05
-"""A mean difference that counts as none, dB: less than the page shows."""
+"""Mean differences below this count as zero, dB: the page shows tenths."""
 
 Verdict = Literal["judged", "failed", "no key", "no reference", "no controls", "not present", "not touched"]
 
@@ -54,7 +54,7 @@ class OtherAttacks(NamedTuple):
     """Those with the same Score."""
 
     ahead_at_equal_damage: list[Contest]
-    """By damage to the scene: the attack that removes the most, if that is more than GSPure removes in every scene."""
+    """For each damage, the attack that removes the most, if it consistently removes more than GSPure."""
 
     damages: list[float]
     """The damages at which GSPure and another attack were tested, dB."""
@@ -93,7 +93,7 @@ class Audit:
 
     scenes: int
     seeds: list[int]
-    """The different numbers of seeds per scene, in ascending order."""
+    """The distinct numbers of seeds per scene, in ascending order."""
 
     models: int
     verdict: Verdict
@@ -106,13 +106,13 @@ class Audit:
     before: Survival | None
     gspure: Survival | None
     other_extractions: list[Survival]
-    """Their survival after GSPure."""
+    """Survival of the other extractions after GSPure."""
 
     not_reached: list[Survival]
     """Attacks that did not change the carrier of the extraction."""
 
     scene_psnr: list[tuple[Summary, Interval]]
-    """Where the scene's drop is unknown: what attacks leave of it, the gentlest first."""
+    """PSNR of the scene after each attack, the gentlest first; empty if the drops are known."""
 
     pruned: Interval | None
     """The share of the rows that GSPure removed."""
@@ -146,7 +146,7 @@ class Audit:
 
     @property
     def strongest(self) -> Survival | None:
-        """Of the attacks within `ALLOWED`, that which leaves the message in the fewest scenes, then by its drop."""
+        """The attack within `ALLOWED` that leaves the message in the fewest scenes; of several, the largest drop."""
         within = [
             ((-(row.survived + row.only_retrieved) / row.present, row.message_drop.mean), row)
             for row in self.attacks
@@ -156,7 +156,7 @@ class Audit:
 
 
 def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests: Sequence[Contest]) -> list[Audit]:
-    """Return the audit of every condition, in the order of the outcomes of all variants of all models."""
+    """Return the audit of every condition, from the outcomes of all variants of all models, in their order."""
     return [
         _audit(
             alike,
@@ -241,7 +241,7 @@ def _other_attacks(contests: Sequence[Contest]) -> OtherAttacks | None:
 
 
 def _off_path(gspure: Sequence[Outcome]) -> OffPath | None:
-    """Return what GSPure removes as seen off the camera path; its decision rests on views on the path."""
+    """Return the drops by GSPure off and on the camera path; its decision uses only views on the path."""
     sides = (gspure, [o.off_path_outcome() for o in gspure])
     on, off = (
         [known_interval({(o.scene, o.seed): o.psnr_drop(target) for o in side}) for target in (MESSAGE, SCENE)]
