@@ -94,7 +94,7 @@ def test_the_commands_write_a_figure_with_its_caption(table: Path) -> None:
     points = ["--point", "gspure=4,4", "--point", "harsh=1,4"]
     assert main(["figures", "sweep", *common, str(folder / "sweep.png"), *points]) == 0
     assert main(["figures", "tradeoff", *common, str(folder / "tradeoff.png")]) == 0
-    captions = [json.loads(path.read_text())["settings"]["caption"] for path in sorted(folder.glob("*.json"))]
+    captions = [json.loads(path.read_text())["settings"]["caption"] for path in sorted(folder.glob("*.png.json"))]
     assert "τ_n = 4 or τ_c = 4 (ring: both). Mean over 2 scenes and their range." in captions[0]
     assert "Pareto front: 3." in captions[1]
     assert "floor" not in captions[1]  # there are no controls
