@@ -50,17 +50,18 @@ def test_public_model_and_key_share_an_embedding_that_attacks_keep(planted):
     assert embedding_of(planted / "attacked.ply") == first
 
 
-def test_an_extraction_with_the_key_of_another_model_is_warned_of(planted, pair_folder, tmp_path, capsys):
-    def warned(model: str, key: str, *options: str) -> bool:
+def test_the_key_of_another_model_extracts_only_as_a_control(planted, pair_folder, tmp_path, capsys):
+    def refused(model: str, key: str, *options: str) -> bool:
         capsys.readouterr()
-        assert extract(planted / model, planted / key / "key", pair_folder, tmp_path, *options) == 0
-        return "key of another model" in capsys.readouterr().err
+        status = extract(planted / model, planted / key / "key", pair_folder, tmp_path, *options)
+        return status == 2 and "key of another model" in capsys.readouterr().err
 
-    assert warned("2/public", "1")
-    assert warned("attacked.ply", "2")
-    assert not warned("1/public", "1")
-    assert not warned("attacked.ply", "1")
-    assert not warned("attacked.ply", "2", "--wrong-key", "1")
+    assert refused("2/public", "1")
+    assert refused("attacked.ply", "2")
+    assert not refused("attacked.ply", "2", "--control")
+    assert not refused("1/public", "1")
+    assert not refused("attacked.ply", "1")
+    assert not refused("attacked.ply", "2", "--wrong-key", "1")
     shutil.copy(planted / "attacked.ply", tmp_path / "unrecorded.ply")
     assert extract(tmp_path / "unrecorded.ply", planted / "2" / "key", pair_folder, tmp_path) == 0
     assert "key of another model" not in capsys.readouterr().err
@@ -92,7 +93,7 @@ def test_weights_of_other_views_are_not_compared_with_those_of_the_message(plant
 
 def test_an_original_of_another_key_is_refused(planted, pair_folder, tmp_path, capsys):
     original = ("--original", str(planted / "1" / "public"))
-    assert extract(planted / "attacked.ply", planted / "2" / "key", pair_folder, tmp_path, *original) == 2
+    assert extract(planted / "attacked.ply", planted / "2" / "key", pair_folder, tmp_path, "--control", *original) == 2
     assert "embedding: expected" in capsys.readouterr().err
     assert extract(planted / "attacked.ply", planted / "1" / "key", pair_folder, tmp_path, *original) == 0
 
@@ -204,7 +205,7 @@ def test_networks_in_two_formats_are_warned_of(tmp_path, capsys):
     assert "checkpoints.pth is used" in capsys.readouterr().err
 
 
-def test_bits_read_from_renders_of_another_model_are_warned_of(tmp_path, capsys):
+def test_bits_are_not_read_from_renders_of_another_model_unless_it_is_a_control(tmp_path, capsys):
     pytest.importorskip("torch")
     from gspure.schemes.marked_clones.decoder import untrained
     from gspure.schemes.marked_clones.key import ClonesKey
@@ -213,10 +214,12 @@ def test_bits_read_from_renders_of_another_model_are_warned_of(tmp_path, capsys)
     write_record(tmp_path / "key" / "carriers.npy", inputs={}, settings={}, embedding="run 0")
     write_image(tmp_path / "renders" / "view.png", np.zeros((16, 16, 3)))
     command = ["detect", str(tmp_path / "renders"), "--scheme", "marked_clones", "--key", str(tmp_path / "key")]
-    for embedding, warned in (("run 0", False), ("run 1", True), ("", False)):
+    for embedding, status in (("run 0", 0), ("run 1", 2), ("", 0)):
         record_views(tmp_path / "renders", {"view": []}, embedding=embedding)
-        assert main([*command, "--out", str(tmp_path / "bits.csv")]) == 0
-        assert ("key of another model" in capsys.readouterr().err) == warned
+        assert main([*command, "--out", str(tmp_path / "bits.csv")]) == status
+        assert ("key of another model" in capsys.readouterr().err) == bool(status)
+    record_views(tmp_path / "renders", {"view": []}, embedding="run 1")
+    assert main([*command, "--control", "--out", str(tmp_path / "bits.csv")]) == 0
 
 
 def test_renders_record_the_embedding_of_their_model(planted, pair_folder, tmp_path):

@@ -77,7 +77,7 @@ def test_the_command_fits_to_training_views_and_shows_held_out_ones(
 
     fitted = shown("fitted", "--photographs", marked.folder / "message")
     for kind, capture in (("test", marked.pair.message.dataset.test), ("train", marked.pair.message.views)):
-        shutil.copytree(marked.folder / "message", tmp_path / kind)
+        shutil.copytree(marked.folder / "message", tmp_path / kind, ignore=shutil.ignore_patterns("rendered.json"))
         for camera in capture:
             file = tmp_path / kind / f"{camera.name}.png"
             write_image(file, 1 - read_image(file))

@@ -23,12 +23,14 @@ high if the mark is present ({"view_000": 0.93, ...}).
 
 
 def add_arguments(parser: Parser) -> None:
+    from gspure.cli.options import add_control_keys
+
     parser.reads("images", "DIR", "PNG files, such as renders")
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--command", metavar="WORDS", help="the detector: a program and its options")
     source.add_argument("--key", type=Path, metavar="DIR", help="the owner's key of a scheme that hides bits")
     parser.text("--scheme", "NAME", "the scheme of the key")
-    parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this random seed: a negative control")
+    add_control_keys(parser)
     parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)
     parser.number("--timeout", "S", "seconds after which the detector is stopped", 600.0)
     parser.writes("--out", "CSV", "the table to write, one row per image")
@@ -57,7 +59,8 @@ def _require_fitting_options(args: Arguments) -> None:
     """Refuse options that the chosen source of readings does not use."""
     from gspure.errors import InputError
 
-    unused = {"--message": args.message} if args.key else {"--scheme": args.scheme, "--wrong-key": args.wrong_key}
+    of_key = {"--scheme": args.scheme, "--wrong-key": args.wrong_key, "--control": args.control or None}
+    unused = {"--message": args.message} if args.key else of_key
     for option in (option for option, value in unused.items() if value not in (None, "")):
         expected = f"none with --{'key' if args.key else 'command'}"
         raise InputError("detect", option, expected=expected, found=str(unused[option]))

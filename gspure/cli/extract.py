@@ -24,13 +24,13 @@ FIT_STEPS: Final = 300
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.cli.options import add_device, add_off_path, add_views
+    from gspure.cli.options import add_control_keys, add_device, add_off_path, add_views
 
     parser.reads("model", "MODEL", "the model's file, or its folder")
     parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
     parser.text("--extraction", "NAME", "an extraction of the scheme (default: `message`)")
-    parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this random seed: a negative control")
+    add_control_keys(parser)
     parser.reads(
         "--photographs",
         "DIR",

@@ -63,20 +63,27 @@ def read_public(args: Arguments) -> PublicModel:
 def read_key(args: Arguments, source: Path, embedding: str) -> Key:
     """Return the key of ``--scheme`` and ``--key``, or the unrelated one of ``--wrong-key``.
 
-    Warn if `embedding`, that of the model or images in `source` (`gspure.artifacts.embedding_of`), is not the key's.
+    Unless ``--control`` is set, refuse the key if `embedding`, that of the model or images in `source`
+    (`gspure.artifacts.embedding_of`), is not the key's.
     """
     import numpy as np
 
     from gspure.artifacts import embedding_of
-    from gspure.progress import warn
     from gspure.schemes.registry import find_scheme
 
     of_key, key = embedding_of(args.key), find_scheme(args.scheme).read_key(args.key)
     if args.wrong_key is not None:
         return key.wrong(np.random.default_rng(args.wrong_key))
-    if embedding and of_key and embedding != of_key:
-        warn(f"{args.key} is the key of another model than {source}: what it reads there is a negative control")
+    if embedding and of_key and embedding != of_key and not args.control:
+        hint = "--control reads it as a negative control"
+        raise InputError(args.key, "key", expected=f"that of {source}", found="the key of another model", hint=hint)
     return key
+
+
+def add_control_keys(parser: Parser) -> None:
+    """Add ``--wrong-key`` and ``--control``, for `read_key`."""
+    parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this random seed: a negative control")
+    parser.flag("--control", "accept the key of another model: a negative control")
 
 
 def add_background(parser: Parser, behind: str, known: str) -> None:

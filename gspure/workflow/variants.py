@@ -7,7 +7,7 @@ from typing import Final
 from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
 from gspure.cost import COSTS, cost_of
-from gspure.evaluation.controls import BASELINES, CLEAN, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.controls import BASELINES, CLEAN, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.outcomes import BITS
 from gspure.schemes.scheme import ADAPTIVE
 from gspure.workflow.decisions import DEFAULT, FACTORS, STAGES, Settings, origin
@@ -169,16 +169,16 @@ class Variant:
 
     def extraction_options(self, target: str) -> str:
         """Return scheme, extraction and key as options."""
-        return f"{self.model.scheme_option} --extraction {target}{self._wrong_key}"
+        return f"{self.model.scheme_option} --extraction {target}{self._control_key}"
 
     @property
-    def _wrong_key(self) -> str:
-        return " --wrong-key 1" if self.name == WRONG_KEY else ""
+    def _control_key(self) -> str:
+        return " --wrong-key 1" if self.name == WRONG_KEY else " --control" if self.name in MESSAGE_FREE else ""
 
     def detection_options(self, detector: str) -> str:
         """Return the settings of a detector, or the key of hidden bits, as options."""
         if detector == BITS:
-            return f"{self.model.scheme_option} --key {self.model.folder}/key{self._wrong_key}"
+            return f"{self.model.scheme_option} --key {self.model.folder}/key{self._control_key}"
         settings = self.model.plan.detectors[detector]
         return options(settings, *(name for name in settings if settings[name]))
 
