@@ -205,7 +205,7 @@ def test_an_invalid_pair_is_refused_in_one_line(arguments, line, tmp_path, capsy
 def test_a_message_photograph_of_another_size_is_resized_to_the_view(pair_folder, tmp_path):
     import shutil
 
-    folder = shutil.copytree(pair_folder, tmp_path / "pair")
+    folder = shutil.copytree(pair_folder, tmp_path / "pair", ignore=shutil.ignore_patterns("rendered.json"))
     image = read_image(folder / "message" / "view_001.png")
     write_image(folder / "message" / "view_001.png", np.kron(image, np.ones((2, 2, 1), np.float32)))
     pair = read_pair(folder)
