@@ -24,7 +24,15 @@ from tests.training_cases import colmap_project, ring
 
 TRACED = {"scene": "room", "message": "vault", "protocol": "own", "placement": "raised", "seed": 1}
 TRACED |= {"views": 9, "width": 32, "height": 24}
-NOTHING_ELSE = {"pairs": {}, "schemes": {}, "variants": {}, "detectors": {}, "decisions": {}, "extractions": None}
+NOTHING_ELSE = {
+    "method": {"views": None},
+    "pairs": {},
+    "schemes": {},
+    "variants": {},
+    "detectors": {},
+    "decisions": {},
+    "extractions": None,
+}
 PHOTOGRAPHED = {
     "scene": "garden",
     "message": "captures/playroom",
