@@ -146,7 +146,10 @@ class Audit:
 
     @property
     def strongest(self) -> Survival | None:
-        """The attack within `ALLOWED` that leaves the message in the fewest scenes; of several, the largest drop."""
+        """The attack within `ALLOWED` that leaves the message in the fewest scenes.
+
+        Ties go to the largest drop of the message.
+        """
         within = [
             ((-(row.survived + row.only_retrieved) / row.present, row.message_drop.mean), row)
             for row in self.attacks
