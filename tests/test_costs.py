@@ -114,7 +114,7 @@ def test_tables_show_the_cost_of_attacks_and_sweeps(tmp_path: Path) -> None:
         (survival_table(survival(OUTCOMES), cost), {"gspure": "40", "weak": "2.0"}),
         (matched_table(match(OUTCOMES, SWEEPS), cost), {"gspure": "40", "pruning": "6.0"}),
     ):
-        assert "memory: with the search" in table.note
+        assert "peak memory includes it" in table.note
         column = [c.title for c in table.columns].index("CPU time [s]")
         shown = {str(row.cells[0]): str(row.cells[column]) for row in table.rows}
         assert {"gspure" if name == "GSPure" else name: s for name, s in shown.items() if s != "–"}.items() >= (
