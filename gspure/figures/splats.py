@@ -45,11 +45,12 @@ def splats(
     names = " and ".join(view.name for view in shown)
     caption = (
         f"{names}, from left to right: the model; its clusters, pale if GSPure keeps them, and noise in faint grey; "
-        "only the rows that GSPure prunes, over white."
+        "only the rows that GSPure prunes."
     )
 
     def draw() -> None:
         colours = (cluster_cloud(model.model.means, labels, pruned).colours / 255).astype(np.float32)
+        alone = model.with_model(model.model[pruned]).scene(device, _WHITE)
         aspect = sum(view.height / view.width for view in shown)
         with style.page(path, style.PAGE, aspect * style.PAGE / len(TITLES) + 0.06 * len(shown) + 0.26) as figure:
             grid = figure.subplots(len(shown), len(TITLES), squeeze=False)
@@ -61,7 +62,7 @@ def splats(
                 show(row[0], model.scene(device)(camera), "")
                 gaussians, rows = model.gaussians(camera)
                 show(row[1], _clusters(gaussians, labels[rows], colours[rows], camera, device), "")
-                show(row[2], Renderer(gaussians[pruned[rows]], device).image(camera, _WHITE), "")
+                show(row[2], alone(camera), "")
 
     return Drawing(path, caption, draw)
 
