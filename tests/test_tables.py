@@ -202,6 +202,15 @@ def test_tables_count_the_identical_views_that_a_mean_leaves_out(tmp_path: Path)
     assert outcome.identical == {"scene": 2}
 
 
+def test_drops_are_those_of_the_measured_metrics(tmp_path: Path) -> None:
+    psnr = {"unattacked": 30 + 1 / 3, "gspure": 30.39104999}
+    for variant, value in psnr.items():
+        write_metrics(tmp_path / "vanilla" / "own" / variant / "metrics.csv", [measured("scene", value, view="1")])
+    write_results(tmp_path / "t.csv", collect([*tmp_path.rglob("metrics.csv")]))
+    _, gspure = read_results(tmp_path / "t.csv")
+    assert gspure.psnr_drop("scene") == psnr["unattacked"] - psnr["gspure"]
+
+
 def test_tables_name_the_reference(tmp_path: Path) -> None:
     outcomes = collect([*compared_with_renders(tmp_path), *results(tmp_path)[0]])
     write_results(tmp_path / "t.csv", outcomes)
@@ -397,7 +406,7 @@ def test_a_new_metric_is_a_column_of_every_file_and_table(tmp_path: Path, monkey
     def mean_error(a, b) -> float:
         return float(np.mean(np.abs(a - b)))
 
-    monkeypatch.setitem(METRICS, "mae", Metric(mean_error, "MAE", 3, ".6f"))
+    monkeypatch.setitem(METRICS, "mae", Metric(mean_error, "MAE", 3))
     for name, brightness in (("truth", 0.2), ("unattacked", 0.2), ("gspure", 0.6)):
         write_image(tmp_path / name / "scene" / "1.png", np.full((16, 16, 3), brightness))
     for name in ("unattacked", "gspure"):
@@ -406,5 +415,5 @@ def test_a_new_metric_is_a_column_of_every_file_and_table(tmp_path: Path, monkey
     outcomes = collect(sorted(tmp_path.rglob("metrics.csv")))
     write_results(tmp_path / "results.csv", outcomes)
     row = list(csv.DictReader((tmp_path / "results.csv").read_text().splitlines()))[1]
-    assert (row["mae"], row["mae_drop"]) == ("0.4", "-0.4")
+    assert (float(row["mae"]), float(row["mae_drop"])) == pytest.approx((0.4, -0.4))
     assert shown(read_results(tmp_path / "results.csv"))["GSPure"]["scene MAE"] == "0.400"

@@ -34,7 +34,7 @@ class ViewMetrics(NamedTuple):
 
     view: str
     reference: Reference
-    values: Annotated[Mapping[str, float], PerMetric(full=True)]
+    values: Annotated[Mapping[str, float], PerMetric(complete=True)]
     """By name of the metric (`gspure.evaluation.metrics.METRICS`)."""
 
     @property

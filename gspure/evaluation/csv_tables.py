@@ -2,7 +2,8 @@
 
 The rows of a table are of one kind, a NamedTuple, whose annotations name and type the columns. A nested NamedTuple
 takes one column per field (``drop_mean``, ``drop_low``, ...), a mapping of metrics one per metric of
-`gspure.evaluation.metrics.METRICS`. NaN and None are empty cells.
+`gspure.evaluation.metrics.METRICS`. Numbers have every digit, so that they are read back unchanged; NaN and
+None are empty cells.
 """
 
 import csv
@@ -27,12 +28,9 @@ class PerMetric(NamedTuple):
     column: str = "{}"
     """Name of a column; the braces stand for the metric."""
 
-    full: bool = False
-    """Whether to keep every digit of `gspure.evaluation.metrics.Metric.stored`, and refuse empty cells."""
+    complete: bool = False
+    """Whether to refuse empty cells."""
 
-
-Exact = Annotated[float, "every digit"]
-"""A number that is compared with others, stored as it is."""
 
 Values = Annotated[Mapping[str, float], PerMetric()]
 """Metrics by name."""
@@ -85,8 +83,6 @@ def _fields(kind: type) -> dict[str, _Field]:
 
 
 def _field(name: str, hint: Any) -> _Field:
-    if hint == Exact:
-        return _Field([name], lambda value: [repr(float(value))], lambda cells: float(next(cells)))
     if get_origin(hint) is Annotated:
         return _metrics(*(extra for extra in get_args(hint) if isinstance(extra, PerMetric)))
     if get_origin(hint) is Literal:
@@ -122,13 +118,11 @@ def _metrics(columns: PerMetric) -> _Field:
     names = {metric: columns.column.format(metric) for metric in METRICS}
 
     def write(values: Mapping[str, float]) -> list[str]:
-        if columns.full:
-            return [format(values[metric], METRICS[metric].stored) for metric in names]
         return [_text(values.get(metric, math.nan)) for metric in names]
 
     def read(cells: Cells) -> dict[str, float]:
         texts = {metric: next(cells) for metric in names}
-        values = {metric: float(text) for metric, text in texts.items() if text or columns.full}
+        values = {metric: float(text) for metric, text in texts.items() if text or columns.complete}
         if any(map(math.isnan, values.values())):
             raise ValueError("a metric is not a number")
         return values
@@ -146,7 +140,7 @@ def _text(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
-        return "" if math.isnan(value) else f"{value:.6g}"
+        return "" if math.isnan(value) else repr(float(value)).removesuffix(".0")
     return "" if value is None else str(value)
 
 

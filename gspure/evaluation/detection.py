@@ -14,7 +14,7 @@ from gspure.cameras.off_path import PREFIX
 from gspure.dtypes import Bools
 from gspure.errors import InputError
 from gspure.evaluation.controls import MESSAGE_FREE
-from gspure.evaluation.csv_tables import Exact, read_table
+from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
 
 DETECTIONS: Final = "detections"
@@ -28,7 +28,7 @@ class Reading(NamedTuple):
     """What a detector reads from one view."""
 
     view: str
-    level: Exact
+    level: float
     """Share of correct bits in percent, or the score."""
 
     bits: int
@@ -43,7 +43,7 @@ class Reading(NamedTuple):
 class Detection(NamedTuple):
     """The readings of one detector over the views on the camera path."""
 
-    level: Exact
+    level: float
     """Mean over views."""
 
     spread: float

@@ -162,7 +162,7 @@ def gaussian_window() -> Float64:
 
 
 class Metric(NamedTuple):
-    """An image metric, and the format of its values."""
+    """An image metric, and how tables print it."""
 
     compute: Callable[[NDArray[Any], NDArray[Any]], float]
     """Of a reference and another image [H,W,3] in 0 .. 1."""
@@ -171,21 +171,18 @@ class Metric(NamedTuple):
     decimals: int
     """In tables."""
 
-    stored: str
-    """Format in ``metrics.csv``."""
-
     def text(self, value: float) -> str:
         """Return the text of a value in tables: ∞ for identical images, – if it is unknown."""
         return "–" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.{self.decimals}f}"
 
 
 METRICS: Final[Mapping[str, Metric]] = {
-    "psnr": Metric(psnr, "PSNR", 2, ".6f"),
-    "ssim": Metric(ssim, "SSIM", 3, ".8f"),
-    "region": Metric(region_psnr, "region PSNR", 2, ".6f"),
-    "ms_ssim": Metric(ms_ssim, "MS-SSIM", 3, ".8f"),
-    "nc": Metric(normalized_correlation, "NC", 3, ".8f"),
-    "structure": Metric(gradient_correlation, "GC", 3, ".8f"),
+    "psnr": Metric(psnr, "PSNR", 2),
+    "ssim": Metric(ssim, "SSIM", 3),
+    "region": Metric(region_psnr, "region PSNR", 2),
+    "ms_ssim": Metric(ms_ssim, "MS-SSIM", 3),
+    "nc": Metric(normalized_correlation, "NC", 3),
+    "structure": Metric(gradient_correlation, "GC", 3),
 }
 
 
