@@ -18,8 +18,8 @@ FLOPS_PER_EVAL = 26
 
 # Blending goes its way, but every splat seems to give weight 1 to every pixel at which it is evaluated.
 _COUNTING = """
-inline V evaluation(V exponent, V *transmittance) {
-    blend(exponent, transmittance);
+inline V evaluation(V exponent, V depth, V *transmittance) {
+    blend(exponent, depth, transmittance);
     return (V)1.0f;
 }
 #define blend evaluation
