@@ -106,19 +106,22 @@ def _summary(found: list[Violation]) -> Iterator[str]:
 
 
 def torture_workflow(args: argparse.Namespace) -> bool:
-    """Run the workflow once, then its jobs under all kinds of trouble."""
-    reference = finished(args.folder.resolve() / "project")
-    if missing := rules() - {job.rule for job in jobs(reference)}:
+    """Run the workflow once, then its jobs under all kinds of trouble; corrupt the files of every scheme."""
+    references = {"project": finished(args.folder.resolve() / "project")}
+    if missing := rules() - {job.rule for job in jobs(references["project"])}:
         raise SystemExit(f"the project runs no job of {', '.join(sorted(missing))}")
+    if "corruption" in args.only:
+        references["schemes"] = finished(args.folder.resolve() / "schemes")
     faults = 0
     with tempfile.TemporaryDirectory() as scratch:
         for part in args.only:
             run, records = import_module(f"tests.hostile.{part}").run, []
-            for record in run(Journal(args.folder / part), reference, Path(scratch).resolve()):
-                records.append(record)
-                faults += len(record["faults"])
-                told = "; ".join(record["faults"])[:300] or "as it should"
-                say(f"{part}: {record.get('rule') or record['case']}: {told}")
+            for name in references if part == "corruption" else ("project",):
+                for record in run(Journal(args.folder / part / name), references[name], Path(scratch).resolve()):
+                    records.append(record)
+                    faults += len(record["faults"])
+                    told = "; ".join(record["faults"])[:300] or "as it should"
+                    say(f"{part}: {record.get('rule') or record['case']}: {told}")
             if args.folder == FOLDER:
                 keep(part, records)
     return bool(faults)

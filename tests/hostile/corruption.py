@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import cycle
 from pathlib import Path
 
@@ -13,7 +13,7 @@ import numpy as np
 from gspure.images import RENDERED
 from tests.hostile.journal import Journal, Record
 from tests.hostile.kills import copied, difference, told
-from tests.hostile.project import Job, contents, ended, one_per_rule, snakemake
+from tests.hostile.project import Job, contents, ended, jobs, snakemake
 
 Corruption = Callable[[bytes, np.random.Generator], bytes]
 
@@ -42,25 +42,38 @@ ROUNDS = 12
 
 def run(journal: Journal, reference: Path, scratch: Path) -> Iterator[Record]:
     """Corrupt what every rule reads, then one artifact of every kind at once; one record for each case."""
-    for job in one_per_rule(reference):
-        for name, how in zip(inputs(job, reference), cycle(CORRUPTIONS)):
-            yield journal.record(f"{job.rule}.{kind(name)}.{how}", read_by, job, name, how, reference, scratch)
-    for how in (*CORRUPTIONS, DELETE):
-        yield journal.record(f"all.{how}", repaired, how, reference, scratch)
+    for (job, name), how in zip(readings(jobs(reference), reference), cycle(CORRUPTIONS)):
+        yield journal.record(f"{job.rule}.{kind(name)}", read_by, job, name, how, reference, scratch)
+    yield journal.record("all", repaired, reference, scratch)
 
 
 def kind(name: str) -> str:
-    """What an artifact is called, whatever its scheme, scene and variant."""
-    return "stage" if name.startswith("stages/") else re.sub(r"\d+", "N", Path(name).name)
+    """What an artifact is called, whatever its scene and variant; those that a scheme makes have its name, too."""
+    path = Path(name)
+    if name.startswith("stages/"):
+        return "stage"
+    scheme = f"{path.parts[1]}/" if {"public", "key"} & {*path.parts} else ""
+    return scheme + re.sub(r"\d+", "N", path.name)
 
 
-def inputs(job: Job, folder: Path) -> Iterator[str]:
-    """Yield one file of each kind that a job reads and the workflow has made."""
+def readings(every: Iterable[Job], folder: Path) -> Iterator[tuple[Job, str]]:
+    """Yield a job of each rule for each kind of artifact that it reads; a record of each kind is corrupted once."""
+    tried: set[tuple[str, str]] = set()
+    for job in sorted(every, key=lambda job: (job.rule, -len(job.command))):
+        for name in inputs(job, folder):
+            case = ("" if is_record(folder / name) else job.rule, kind(name))
+            if case not in tried:
+                tried.add(case)
+                yield job, name
+
+
+def inputs(job: Job, folder: Path) -> list[str]:
+    """Return the files that a job reads and the workflow has made, with their records."""
     names = [name for given in job.inputs for name in _files(given, folder) if name.startswith("results/")]
     if job.rule == "accumulate_weights":
         model = Path(job.outputs[0]).parts[1:3]
         names += [str(path.relative_to(folder)) for path in (folder / "stages").joinpath(*model).rglob("*.npy")]
-    yield from {kind(name): name for name in names}.values()
+    return list(dict.fromkeys([*names, *(f"{name}.json" for name in names if (folder / f"{name}.json").is_file())]))
 
 
 def _files(given: str, folder: Path) -> list[str]:
@@ -94,28 +107,29 @@ def read_by(job: Job, name: str, how: str, reference: Path, scratch: Path) -> Re
     return {"rule": job.rule, "file": kind(name), "how": how, "outcome": outcome, "said": said[-300:], "faults": faults}
 
 
-def repaired(how: str, reference: Path, scratch: Path) -> Record:
+def repaired(reference: Path, scratch: Path) -> Record:
     """Corrupt one artifact of every kind; all are reported, and runs of the workflow repair them to the same bytes."""
     folder = copied(reference, scratch)
     expected = contents(folder)
-    victims = {kind(name): name for name in expected if how != DELETE or not is_record(folder / name)}.values()
-    for name in victims:
-        (folder / name).unlink() if how == DELETE else corrupted(folder / name, how)
+    files = {kind(name): name for name in expected if not is_record(folder / name)}.values()
+    records = {kind(name): name for name in reversed(expected) if is_record(folder / name)}.values()
+    for name, how in (*zip(files, cycle((*CORRUPTIONS, DELETE))), *zip(records, cycle(CORRUPTIONS))):
+        if how == DELETE:
+            (folder / name).unlink()
+        else:
+            corrupted(folder / name, how)
+            os.utime(folder / name)
+    victims = [*files, *records]
     lines = ended("python -m gspure stages --verify", folder).printed
     reported = [name for name in victims if name in lines or f"{Path(name).parent}: images: " in lines]
-    for name in victims if how != DELETE else ():
-        os.utime(folder / name)
-    runs, said = 0, ""
+    runs = 0
     while runs < ROUNDS:
         runs += 1
-        done = snakemake(folder, "--keep-going")
-        said += done.printed
-        if not done.status:
+        if not snakemake(folder, "--keep-going").status:
             break
     left = difference(contents(folder), expected)
     return {
         "rule": "all",
-        "how": how,
         "corrupted": len(victims),
         "reported": len(reported),
         "runs": runs,

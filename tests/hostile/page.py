@@ -84,8 +84,8 @@ def write() -> bool:
         *table(("artifact", "corruptions", "named by the next reader", "not read by it"), corrupted(corruption)),
         "\nOne artifact of every kind at once:\n",
         *table(
-            ("corruption", "artifacts", "listed by `gspure stages --verify`", "runs until all are repaired"),
-            ((r["how"], r["corrupted"], r["reported"], r["runs"]) for r in corruption if "corrupted" in r),
+            ("artifacts", "listed by `gspure stages --verify`", "runs until all are repaired"),
+            ((r["corrupted"], r["reported"], r["runs"]) for r in corruption if "corrupted" in r),
         ),
         "\n## Together and moved\n",
         *(f"- {r['case']}: {'; '.join(r['faults']) or 'as it should'}" for r in together),

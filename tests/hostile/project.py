@@ -1,4 +1,4 @@
-"""A small project in which every rule of the workflow has run, and its jobs one by one."""
+"""Two small projects, in which every rule of the workflow and every scheme have run, and their jobs one by one."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ import yaml
 
 from gspure.artifacts import digest
 from gspure.method.contributions import read_index
+from gspure.schemes.registry import find_scheme
 from tests.training_cases import colmap_project, ring
 
 ROOT = Path(__file__).parents[2]
@@ -42,14 +44,35 @@ CONFIG = {
     "views": {"parts": 2},
     "method": {"min_samples": 3, "min_cluster_size": 5},
     "decisions": {"bolder": {"tau_n": 2.0}},
+    "detectors": {"spread": {"command": "python spread_spectrum.py detect --key 7"}},
     "variants": {
         "unattacked": {},
         "gspure": {},
         "bolder": {"attack": "gspure", "decision": "bolder"},
         "gof": {},
-        "random_matched": {},
+        "gspure_repair": {"iterations": 20},
     },
 }
+
+SCHEMES = {
+    "pairs": {"traced": {"views": 4, "width": 32, "height": 24}},
+    "schemes": {
+        "splats_in_splats_hardened": {"iterations": 30, "max_gaussians": 400},
+        "gs_hider_hardened": {"iterations": 30, "max_gaussians": 400},
+        "secure_gs": {"iterations": 30, "max_anchors": 200},
+        "keyss": {"iterations": 30, "max_gaussians": 400},
+        "marked_clones": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 20, "marking_steps": 20},
+        "planted": {"gaussians": 400},
+    },
+    "views": {"off_path": 0},
+    "extractions": ["message"],
+    "method": {"min_samples": 3, "min_cluster_size": 5},
+    "variants": {"unattacked": {}, "gspure": {}},
+}
+"""The schemes that `CONFIG` leaves out."""
+
+PROJECTS = {"project": (CONFIG, "results/report.html"), "schemes": (SCHEMES, "results/tables/results.csv")}
+"""Their configurations, and the file that each makes."""
 
 
 @dataclass(frozen=True)
@@ -84,11 +107,16 @@ def rules() -> set[str]:
 
 
 def build(folder: Path) -> None:
-    """Write the user's files of a project."""
+    """Write the user's files of one of `PROJECTS`; schemes whose packages are missing are left out."""
+    config, target = PROJECTS[folder.name]
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "target").write_text(target)
+    available = {n: s for n, s in config["schemes"].items() if all(map(find_spec, find_scheme(n).packages))}
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (40, 3))
     for name in ("photos", "hidden"):
         colmap_project(folder / name, ring(), points)
-    (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG))
+    shutil.copy(ROOT / "examples" / "spread_spectrum.py", folder)
+    (folder / "config.yaml").write_text(yaml.safe_dump({**config, "schemes": available}))
 
 
 def environment(**more: str) -> dict[str, str]:
@@ -128,15 +156,16 @@ def ended(
 
 
 def snakemake(folder: Path, *arguments: str) -> Ended:
+    """Make the target of a project."""
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--configfile", "config.yaml"]
-    return ended([*command, "--cores", "2", *arguments], folder, patience=3600.0)
+    target = (folder / "target").read_text()
+    return ended([*command, "--cores", "2", target, *arguments], folder, patience=3600.0)
 
 
 def finished(folder: Path) -> Path:
-    """Return a folder in which the whole workflow has run; it is made once."""
-    if not (folder / "results" / "report.html").is_file():
+    """Return the folder of one of `PROJECTS`, in which its workflow has run; it is made once."""
+    if not (folder / PROJECTS[folder.name][1]).is_file():
         shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
         build(folder)
         done = snakemake(folder)
         if done.status:

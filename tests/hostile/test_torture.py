@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 
@@ -9,12 +10,15 @@ import numpy as np
 import pytest
 
 from benchmarks import drivers
+from gspure.artifacts import save_array
 from gspure.opencl.device import choose_device
-from tests.hostile import journal, page
+from gspure.schemes.registry import BUILT_IN, find_scheme
+from tests.hostile import corruption, journal, page, project
 from tests.hostile.corruption import CORRUPTIONS
 from tests.hostile.journal import Journal
 from tests.hostile.kills import hooked
 from tests.hostile.mutants import CORE, ROOT, mutants
+from tests.hostile.project import Job
 from tests.models import AWKWARD
 
 WRITER = "from pathlib import Path\nfor i in range(5):\n    Path(f'{i}.txt').write_text('x')\n"
@@ -61,6 +65,30 @@ def test_the_core_and_its_tests_exist():
         assert (ROOT / f"{module.replace('.', '/')}.py").is_file()
         for file, _, test in (name.partition("::") for name in tests):
             assert f"def {test}" in (ROOT / "tests" / file).read_text()
+
+
+@pytest.mark.workflow
+def test_the_projects_run_every_rule_and_every_scheme(tmp_path):
+    project.build(tmp_path / "project")
+    jobs = project.snakemake(tmp_path / "project", "--dry-run").printed
+    assert project.rules() <= {*re.findall(r"^(\w+) +\d+$", jobs, re.MULTILINE)}
+    assert {scheme.module for scheme in BUILT_IN} == {
+        find_scheme(name).module for config, _ in project.PROJECTS.values() for name in config["schemes"]
+    }
+
+
+def test_artifacts_of_every_scheme_and_their_records_are_corrupted(tmp_path):
+    kinds = ("keyss/point_cloud.ply", "planted/point_cloud.ply")
+    public = [
+        f"results/{scheme}/room_{n}/public/{file}" for scheme, file in (k.split("/") for k in kinds) for n in "12"
+    ]
+    for name in public:
+        save_array(tmp_path / name, np.ones(3), checksum=True)
+    made = [Job(rule, "", (name,), (), "") for rule in ("attack_model", "render_scene") for name in public]
+    cases = [(job.rule, corruption.kind(name)) for job, name in corruption.readings(made, tmp_path)]
+    assert sorted(kind for _, kind in cases if kind.endswith(".json")) == [f"{kind}.json" for kind in kinds]
+    assert {(rule, kind) for rule in ("attack_model", "render_scene") for kind in kinds} < {*cases}
+    assert len(cases) == 6
 
 
 def test_a_record_is_made_once(tmp_path):
