@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.artifacts import save_array
+from gspure.artifacts import motion_of, save_array, write_record
 from gspure.attacks import Evidence, find_attack
 from gspure.cameras import write_cameras
 from gspure.cli import main
@@ -142,6 +142,16 @@ def test_views_of_a_model_that_another_attack_moved_are_refused(tmp_path: Path) 
         read_views(Arguments(tmp_path))
     (tmp_path / "out.ply.json").unlink()
     assert len(read_views(Arguments(tmp_path))) == 1
+
+
+@pytest.mark.parametrize(
+    "motion", [np.zeros((4, 4)), 2 * np.eye(4), np.full((4, 4), np.nan), np.diag([1, 1, 1, np.inf])]
+)
+def test_a_record_with_a_motion_that_is_not_rigid_is_refused(tmp_path: Path, motion) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    write_record(tmp_path / "model.ply", inputs={}, settings={}, motion=motion)
+    with pytest.raises(InputError, match=r"model\.ply\.json: motion: expected a rigid transform"):
+        motion_of(tmp_path / "model.ply")
 
 
 def test_the_transform_of_a_model_that_was_moved_twice_is_of_both_motions(tmp_path: Path) -> None:

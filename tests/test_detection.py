@@ -66,6 +66,8 @@ def test_a_detector_gets_the_folder_and_its_last_line_counts(renders):
         ('{"a": true, "b": 1}', "", "a: expected a score"),
         ('{"a": NaN, "b": 1}', "", "a: expected a score"),
         ('{"a": 1e999, "b": 1}', "", "a: expected a score"),
+        ('{"a": 1e200, "b": 1}', "", "a: expected a score"),
+        (f'{{"a": 1{"0" * 400}, "b": 1}}', "", "a: expected a score"),
         ('{"a": "01", "b": "01"}', "", "bits need the embedded"),
         ('{"a": "01", "b": "011"}', "01", "b: expected 2 bits"),
         ('{"a": "01", "b": "0x"}', "01", "b: expected 2 bits"),

@@ -12,6 +12,8 @@ from gspure.artifacts.checksums import file_checksum, file_digest, record_file, 
 from gspure.artifacts.files import store_record
 from gspure.errors import InputError, reading
 
+_RIGID_TOLERANCE = 1e-3
+
 
 def write_record(
     path: Path,
@@ -99,7 +101,11 @@ def motion_of(artifact: Path) -> NDArray[np.float64] | None:
     if (record := record_of(artifact)) is None:
         return None
     with reading(record_file(artifact), "a rigid transform", "motion"):
-        return np.array(record.get("motion", np.eye(4)), np.float64).reshape(4, 4)
+        motion = np.array(record.get("motion", np.eye(4)), np.float64).reshape(4, 4)
+        error = np.abs(motion[:3, :3] @ motion[:3, :3].T - np.eye(3)).max()
+        if not (error < _RIGID_TOLERANCE and np.isfinite(motion).all() and motion[3].tolist() == [0, 0, 0, 1]):
+            raise ValueError(f"|R R^T - 1| = {error:.3g}")
+    return motion
 
 
 def require_same_inputs(artifact: Path, *others: Path) -> None:

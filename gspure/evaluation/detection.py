@@ -23,6 +23,11 @@ DETECTIONS: Final = "detections"
 STRICT: Final = 0.001
 """False positive rate of `Detection.tpr_strict`."""
 
+LARGEST: Final = 1e100
+"""The largest score, of which squares are finite."""
+
+_MOST_BITS: Final = 1 << 31
+
 
 class Reading(NamedTuple):
     """What a detector reads from one view."""
@@ -38,6 +43,11 @@ class Reading(NamedTuple):
     def value(self) -> float:
         """The number of correct bits, or the score."""
         return round(self.level * self.bits / 100) if self.bits else self.level
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether a detector could have read this."""
+        return 0 <= self.level <= 100 and 0 < self.bits < _MOST_BITS if self.bits else abs(self.level) <= LARGEST
 
 
 class Detection(NamedTuple):
@@ -122,6 +132,10 @@ def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[s
         rows[:] = [row for row in rows if not row.view.startswith(PREFIX)]
         if not rows:
             raise InputError(path, "rows", expected="at least one view on the camera path", found="none")
+        for row in rows:
+            if not row.is_possible or row.bits != rows[0].bits:
+                expected = f"a share of {rows[0].bits} bits in percent" if rows[0].bits else "a score"
+                raise InputError(path, row.view, expected=expected, found=f"{row.level} of {row.bits} bits")
         if variant_of(path)[-1] in MESSAGE_FREE:
             images = {Path(image).stem: digest for image, digest in recorded_inputs(path).items()}
             known = {images.get(row.view, f"{row.view} of {path}"): row.level for row in rows}

@@ -1,7 +1,7 @@
 """Marks read from images: with the key of a scheme that hides bits, or by a command of the user's, the detector."""
 
 import json
-import math
+import reprlib
 import shlex
 import subprocess
 from collections.abc import Callable, Mapping
@@ -12,7 +12,7 @@ import numpy as np
 
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
-from gspure.evaluation.detection import Reading, share_correct
+from gspure.evaluation.detection import LARGEST, Reading, share_correct
 from gspure.images import read_image, require_all_images, require_intact
 
 
@@ -89,7 +89,9 @@ def _reading(view: str, value: object, message: str) -> Reading:
             raise InputError("detector", view, expected=f"{len(message)} bits as text", found=repr(value))
         decoded, truth = (np.array([*bits]) == "1" for bits in (value, message))
         return Reading(view, share_correct(decoded, truth), len(message))
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
         hint = "bits need the embedded `message`" if isinstance(value, str) else None
-        raise InputError("detector", view, expected="a score, a finite number", found=repr(value), hint=hint)
+        raise InputError(
+            "detector", view, expected=f"a score within ±{LARGEST:g}", found=reprlib.repr(value), hint=hint
+        )
     return Reading(view, float(value), 0)

@@ -6,6 +6,7 @@ import importlib.util
 import json
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,16 +18,36 @@ from PIL import Image
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from gspure.artifacts import load_array, read_json, replacing, save_array, write_json, write_record
-from gspure.artifacts.checksums import forget
+from gspure.artifacts import (
+    embedding_of,
+    load_array,
+    motion_of,
+    read_json,
+    replacing,
+    require_input,
+    require_kind,
+    require_made_from,
+    require_same_inputs,
+    save_array,
+    settings_of,
+    write_json,
+    write_record,
+)
+from gspure.artifacts.checksums import forget, record_checksum, record_file
 from gspure.cameras import read_cameras, read_points, write_cameras
 from gspure.cameras.photographs import photograph_size
+from gspure.cameras.reading import read_transform
+from gspure.cost import Cost, read_cost
 from gspure.datasets import Archive, extract
 from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics, write_metrics
+from gspure.evaluation.csv_tables import write_table
+from gspure.evaluation.detection import Reading, read_detections
 from gspure.evaluation.results import read_results, write_results
 from gspure.failures import Failure, read_failure
-from gspure.images import read_image
+from gspure.images import (
+    read_image,
+)
 from gspure.method.clustering.store import Clusters, read_clusters, read_tree, write_clusters
 from gspure.method.contributions import Measurement, Stage, read_index, read_stage, write_index
 from gspure.model import Gaussians, read_model, require_finite, write_model
@@ -430,6 +451,47 @@ def _read_table(folder: Path) -> None:
         read_json(folder / name)
 
 
+def _signed(file: Path) -> None:
+    """Renew the checksum of a record, as its author can."""
+    with suppress(ValueError, RecursionError):
+        record = json.loads(file.read_text())
+        if isinstance(record, dict):
+            file.write_text(json.dumps({**record, "record": record_checksum(record)}))
+
+
+def _model_record(folder: Path) -> None:
+    write_model(folder / "model.ply", blobs(ROWS))
+    turn = np.diag([-1.0, -1.0, 1.0, 1.0])
+    origin = {"geometry": "a1", "kind": "weights", "embedding": "b2", "motion": turn}
+    write_record(folder / "model.ply", inputs={"pair": folder / "model.ply"}, settings={"tau": 1.5}, **origin)
+
+
+def _read_model_record(folder: Path) -> None:
+    model = folder / "model.ply"
+    _signed(record_file(model))
+    assert isinstance(embedding_of(model), str)
+    if (motion := motion_of(model)) is not None:  # else some other JSON has replaced the record
+        assert np.allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=0.01)
+        assert np.isfinite(motion).all()
+    require_made_from("a1", model)
+    require_kind(model, "weights")
+    require_same_inputs(model, model)
+    require_input(model, "pair", model)
+    settings_of(model)
+    read_model(model)
+
+
+def _readings(folder: Path) -> None:
+    for name, bits in (("marked", 16), ("clean", 0)):
+        table = folder / "scheme" / "scene" / name / "detections" / "mark.csv"
+        write_table(table, Reading, [Reading(f"v{i}", 10.0 * i, bits) for i in range(3)])
+
+
+def _read_readings(folder: Path) -> None:
+    for detections in read_detections(sorted(folder.rglob("*.csv"))).values():
+        assert np.isfinite([detections["mark"].level, detections["mark"].spread]).all()
+
+
 def _metrics(folder: Path) -> None:
     rows = [measured(t, 20.0 + i, view=f"v{i}") for t in ("scene", "message") for i in range(3)]
     write_metrics(folder / "metrics.csv", rows)
@@ -583,6 +645,30 @@ READERS = (
         _records,
         _read_table,
         {"weights.npy.json": "json", "attack.failed.json": "json", "verdict.json": "json"},
+    ),
+    Reader(
+        "record of a model",
+        _model_record,
+        _read_model_record,
+        {"model.ply.json": "json"},
+    ),
+    Reader(
+        "rigid transform",
+        lambda f: save_array(f / "transform.npy", np.diag([-1.0, -1.0, 1.0, 1.0])),
+        lambda f: read_transform(f / "transform.npy"),
+        {"transform.npy": "npy"},
+    ),
+    Reader(
+        "cost",
+        lambda f: Cost(1.0, 2.0).write(f / "cost.json"),
+        lambda f: read_cost(f / "cost.json"),
+        {"cost.json": "json"},
+    ),
+    Reader(
+        "readings of detectors",
+        _readings,
+        _read_readings,
+        {f"scheme/scene/{name}/detections/mark.csv": "text" for name in ("marked", "clean")},
     ),
     Reader("metrics.csv", _metrics, _read_metrics, {"metrics.csv": "text"}),
     Reader("results.csv", _table, lambda f: read_results(f / "results.csv"), {"results.csv": "text"}),
