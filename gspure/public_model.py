@@ -154,12 +154,7 @@ class PublicModel:
             )
             step = LearningRates(means * reach, quats, scales, opacities, colours, colours / 20)
             trainable.step(lesson.views[view], view, step)
-        p = trainable.state().parameters
-        after = model.with_appearance(p.opacity_logits, p.sh_coeffs)
-        parts = {"position": p.means, "rotation": p.quats, "scale": p.log_scales}
-        for attribute, values in parts.items():
-            after = after.with_columns(dict(zip(self.columns[attribute], values.T, strict=True)))
-        return self._with_attributes(after, rates)
+        return self._with_attributes(Gaussians.from_stored(**vars(trainable.state().parameters)), rates)
 
     def _with_attributes(self, model: Gaussians, attributes: Collection[str]) -> Self:
         """Return the same model with the columns of some attributes of another."""

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.opencl.trainable import Parameters, TrainState
-from gspure.training.densification import densify, reset_opacities
+from gspure.training import densification
+from gspure.training.densification import plan, reset_opacities
 from tests.camera_cases import rotation_from
 from tests.training_cases import parameters, same_bits, state, statistics
 
@@ -25,7 +26,8 @@ def opaque(count, size=0.05, **columns):
 
 def grow(before, gradients, *, extent=1.0, prune_big=False, seed=0, **settings):
     rng = np.random.default_rng(seed)
-    return densify(before, statistics(gradients), extent=extent, prune_big=prune_big, rng=rng, **settings)
+    growth = plan(before.parameters, statistics(gradients), extent=extent, prune_big=prune_big, rng=rng, **settings)
+    return densification.grow(before, growth)
 
 
 def rows_of(before, rows):
@@ -40,7 +42,8 @@ def test_gaussians_with_small_gradients_stay_unchanged():
 def test_a_gradient_is_the_mean_over_the_views_that_show_the_gaussian():
     before = opaque(3, size=0.001)
     seen = statistics([LARGE, SMALL, 0.0], views=[10, 10, 0])
-    after = densify(before, seen, extent=1.0, prune_big=False, rng=np.random.default_rng(0))
+    growth = plan(before.parameters, seen, extent=1.0, prune_big=False, rng=np.random.default_rng(0))
+    after = densification.grow(before, growth)
     assert len(after.parameters) == 4
     np.testing.assert_array_equal(after.parameters.means[3], before.parameters.means[0])
 

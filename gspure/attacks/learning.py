@@ -15,14 +15,11 @@ from gspure.images import read_back
 from gspure.method import pruning
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
-from gspure.opencl.trainable import TrainableModel
 from gspure.progress import track
 from gspure.public_model import Lesson, PublicModel
 from gspure.training.dataset import extent
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
-from gspure.training.output import as_gaussians
-from gspure.training.schedule import Schedule
-from gspure.training.trainer import Trainer, beginning
+from gspure.training.trainer import beginning, train
 
 ITERATIONS: Final = 200
 """Training steps of an existing model. Ours."""
@@ -165,16 +162,14 @@ def distil(
     opaque = np.flatnonzero(model.opacities >= OPAQUE)
     require("distil", "model", len(opaque), f"at least {LEAST_POINTS} opaque rows", fits=len(opaque) >= LEAST_POINTS)
     colours = np.clip(0.5 + SH_DC * model.sh_coeffs[opaque, 0], 0, 1)
-    snapshot = beginning(
-        gaussians_at(model.means[opaque].astype(np.float64), (255 * colours).astype(np.uint8)),
-        int(rng.integers(2**31)),
-    )
-    student = TrainableModel(snapshot.state, device=device)
-    student.set_targets(Teacher("distil", public, cameras, device).images)
-    schedule = Schedule.scaled(iterations)
-    for _ in Trainer(student, cameras, schedule, snapshot, extent=extent(cameras), max_gaussians=len(model)):
-        pass
-    distilled = as_gaussians(student.state().parameters).with_comment("vanilla 3DGS distilled from a public model")
+    start = gaussians_at(model.means[opaque].astype(np.float64), (255 * colours).astype(np.uint8))
+    distilled = train(
+        *(cameras, Teacher("distil", public, cameras, device).images, beginning(start, int(rng.integers(2**31)))),
+        iterations=iterations,
+        extent=extent(cameras),
+        max_gaussians=len(model),
+        device=device,
+    ).with_comment("vanilla 3DGS distilled from a public model")
     return Attacked(distilled, np.full(len(distilled), -1), len(model))
 
 

@@ -26,10 +26,14 @@ from gspure.cameras import Camera
 from gspure.dtypes import Float32, Float64, UInt8
 from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
+from gspure.model import Gaussians
+from gspure.opencl.device import Device
+from gspure.opencl.trainable import Parameters
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.staging import Staging, scene_builder
 from gspure.training.dataset import Dataset, extent, read_dataset, read_photographs
 from gspure.training.schedule import shuffled
+from gspure.training.trainer import beginning, train
 
 Points = tuple[Float64, UInt8]
 
@@ -71,6 +75,18 @@ class Capture:
         probes = dataset.test[:PROBES] or dataset.train[:PROBES]
         images = read_photographs(dataset.train)
         return Capture(dataset, images, list(zip(probes, read_photographs(probes), strict=True)))
+
+    def trained(
+        self, begin: Parameters, iterations: int, max_gaussians: int, seed: int, device: Device | None = None
+    ) -> Gaussians:
+        """Return an ordinary 3DGS model: a clean one, or the base of a scheme."""
+        return train(
+            *(self.views, self.images, beginning(begin, seed)),
+            iterations=iterations,
+            extent=self.dataset.extent,
+            max_gaussians=max_gaussians,
+            device=device,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,32 +49,10 @@ class Growth:
     offsets: Float32
 
 
-def densify(
-    state: TrainState,
-    statistics: Statistics,
-    *,
-    extent: float,
-    prune_big: bool,
-    rng: np.random.Generator,
-    max_gaussians: int | None = None,
-) -> TrainState:
-    """Clone and split Gaussians with large gradients, then prune transparent and big ones; see `plan`."""
-    before = state.parameters
-    opacities = sigmoid(before.opacity_logits)
-    growth = plan(
-        *(before, opacities, statistics),
-        extent=extent,
-        prune_big=prune_big,
-        rng=rng,
-        max_gaussians=max_gaussians,
-    )
-    return grow(state, growth)
-
-
 def plan(
     parameters: Parameters,
-    opacities: Float32,
     statistics: Statistics,
+    opacities: Float32 | None = None,
     *,
     extent: float,
     prune_big: bool,
@@ -83,9 +61,10 @@ def plan(
 ) -> Growth:
     """Decide which of K Gaussians grow and which are pruned, from `statistics` since the last densification.
 
-    `opacities` [K] are those of the pruning rule, `extent` is that of the scene in world units, and `rng` places the
-    halves. Up to `max_gaussians`, those with the largest gradients grow first.
+    `opacities` [K] are those of the pruning rule, by default of `parameters`; `extent` is that of the scene in world
+    units, and `rng` places the halves. Up to `max_gaussians`, those with the largest gradients grow first.
     """
+    opacities = sigmoid(parameters.opacity_logits) if opacities is None else opacities
     sizes = np.exp(parameters.log_scales).max(axis=1)
     grown = _grown(statistics, max_gaussians)
     split = grown & (sizes > DENSE_SHARE * extent)

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
-
 from gspure.artifacts import write_text
 from gspure.artifacts.checksums import forget, record_of
 from gspure.cameras import write_cameras
@@ -31,16 +29,7 @@ def comparison(folder: Path, iteration: int) -> tuple[Path, Path]:
 
 def as_gaussians(parameters: Parameters) -> Gaussians:
     """Return raw parameters as the table of a vanilla model."""
-    count = len(parameters)
-    table = Gaussians.from_parameters(
-        means=parameters.means,
-        quats=parameters.quats,
-        scales=np.ones((count, 3)),
-        opacities=np.full(count, 0.5),
-        sh_coeffs=parameters.sh_coeffs,
-    )
-    raw = {f"scale_{i}": column for i, column in enumerate(parameters.log_scales.T)}
-    return table.with_columns(raw | {"opacity": parameters.opacity_logits})
+    return Gaussians.from_stored(**vars(parameters))
 
 
 def write_output(

@@ -6,10 +6,15 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras import Camera
+from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.model import Gaussians
+from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, Statistics, TrainableModel, TrainState
 from gspure.training.checkpoints import Snapshot
-from gspure.training.densification import densify, reset_opacities
+from gspure.training.densification import grow, plan, reset_opacities
+from gspure.training.monitor import watched
+from gspure.training.output import as_gaussians
 from gspure.training.schedule import Schedule
 
 RECOVERY: Final = 150
@@ -91,6 +96,25 @@ class Trainer:
         return self._pending_views.pop()
 
 
+def train(
+    views: Sequence[Camera],
+    images: Sequence[Float32],
+    begin: Snapshot,
+    *,
+    iterations: int,
+    extent: float,
+    max_gaussians: int,
+    device: Device | None,
+) -> Gaussians:
+    """Return a 3DGS model trained on images of views; the other parameters are those of `gspure train`."""
+    model = TrainableModel(begin.state, device=device)
+    model.set_targets(images)
+    trainer = Trainer(model, views, Schedule.scaled(iterations), begin, extent=extent, max_gaussians=max_gaussians)
+    for _ in watched(trainer, iterations, lambda: f"{model.count} Gaussians"):
+        pass
+    return as_gaussians(model.state().parameters)
+
+
 def beginning(parameters: Parameters, seed: int) -> Snapshot:
     """Return the snapshot before the first iteration."""
     return Snapshot(0, TrainState.fresh(parameters), (), np.random.default_rng(seed).bit_generator.state)
@@ -105,13 +129,21 @@ def densified(
     extent: float,
     rng: np.random.Generator,
     max_gaussians: int | None,
+    opacities: Float32 | None = None,
 ) -> TrainState:
     """Return the state after densification and, where the schedule says so, a reset of opacities.
 
-    Raise `InputError` if all Gaussians were pruned.
+    `opacities` [K] are those that decide about pruning, by default those of the state. Raise `InputError` if all
+    Gaussians were pruned.
     """
-    prune_big = schedule.prunes_big(iteration)
-    after = densify(state, statistics, extent=extent, prune_big=prune_big, rng=rng, max_gaussians=max_gaussians)
+    growth = plan(
+        *(state.parameters, statistics, opacities),
+        extent=extent,
+        prune_big=schedule.prunes_big(iteration),
+        rng=rng,
+        max_gaussians=max_gaussians,
+    )
+    after = grow(state, growth)
     if not len(after.parameters):
         found = f"none after iteration {iteration}"
         hint = "every one became transparent; do the views and the points belong together?"

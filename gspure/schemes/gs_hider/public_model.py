@@ -79,20 +79,17 @@ class FeatureModel(PublicModel):
 
         Raise `InputError` if the decoder is missing or invalid, or PyTorch is not installed.
         """
-        if self.decoder is None:
-            raise InputError("model", "decoder", expected=f"chkpntN_{SCENE_DECODER}.pth with the .ply", found="none")
+        network = self._present_decoder().network
         from gspure.schemes.gs_hider.decoder import decoded
 
-        return decoded(self.feature_map(device, background, energy), self.decoder.network)
+        return decoded(self.feature_map(device, background, energy), network)
 
     def learned(self, lesson: Lesson) -> Self:
         """Return the model with features learned through the public decoder; the decoder and all else stay."""
-        if self.decoder is None:
-            raise InputError("model", "decoder", expected=f"chkpntN_{SCENE_DECODER}.pth with the .ply", found="none")
+        decoder = self._present_decoder().network.requires_grad_(requires_grad=False)
         from gspure.schemes.gs_hider.decoder import differentiated
         from gspure.training.pytorch import single_threaded
 
-        decoder = self.decoder.network.requires_grad_(requires_grad=False)
         raw, renderer = self.model.columns(*FEATURES).copy(), Renderer(self.model, lesson.device)
         photographs = Photographs(lesson.images, lesson.device)
         first, second = np.zeros_like(raw), np.zeros_like(raw)
@@ -105,6 +102,11 @@ class FeatureModel(PublicModel):
                 gradient = pull_back(gradient).channels * features * (1 - features)
                 adam_step(raw, first, second, gradient, factor * rate, number)
         return self.with_model(self.model.with_columns(dict(zip(FEATURES, raw.T, strict=True))))
+
+    def _present_decoder(self) -> DecoderFile:
+        if self.decoder is None:
+            raise InputError("model", "decoder", expected=f"chkpntN_{SCENE_DECODER}.pth with the .ply", found="none")
+        return self.decoder
 
     def feature_map(
         self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa"

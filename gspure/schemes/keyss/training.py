@@ -7,7 +7,6 @@ import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
-from gspure.errors import InputError
 from gspure.model.activations import sigmoid
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
@@ -16,10 +15,10 @@ from gspure.schemes.keyss.network import Network, added, fresh, parameters_of, r
 from gspure.schemes.scheme import Run
 from gspure.schemes.secure_gs.statistics import screen_norms
 from gspure.training.adam import adam_step
-from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.pytorch import torch
 from gspure.training.schedule import Schedule
 from gspure.training.torch_bridge import TorchRenderer
+from gspure.training.trainer import densified
 
 WRONG_WEIGHT: Final = 0.02
 """Weight of the loss on offsets with a wrong key: the authors' 0.01 / 0.5, since the scene's weight is 1."""
@@ -124,17 +123,14 @@ class Training:
         if self._message_weight:
             message = parameters_of(self.rows + added(np, self.learner.network(), self.key, self.rows))
             logits = np.maximum(logits, message.opacity_logits)
-        growth = plan(
-            *(state.parameters, sigmoid(logits), Statistics(self._norms, self._views)),
+        after = densified(
+            *(state, Statistics(self._norms, self._views), self._schedule, iteration),
             extent=self.pair.extent,
-            prune_big=self._schedule.prunes_big(iteration),
             rng=self._rng,
             max_gaussians=self._most_rows,
+            opacities=sigmoid(logits),
         )
-        if not len(growth.rows):
-            raise InputError("keyss", "Gaussians", expected="at least one", found=f"none after iteration {iteration}")
-        after = grow(state, growth)
-        self._replace(reset_opacities(after) if self._schedule.resets_opacities(iteration) else after)
+        self._replace(after)
 
     def _replace(self, state: TrainState) -> None:
         self.rows, self._first, self._second = map(rows_of, vars(state).values())

@@ -14,7 +14,6 @@ from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Key, initial_gaussians
-from gspure.schemes.vanilla import train
 from gspure.training.monitor import watched
 
 
@@ -38,7 +37,7 @@ def embed(
     """
     begin = initial_gaussians(replace(pair, initialization="scene"), max_gaussians, seed)
     device = device or choose_device()
-    model = train(pair.scene, begin, iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device)
+    model = pair.scene.trained(begin, iterations, max_gaussians, seed, device)
     if not message_weight:
         return PublicModel(model), None
     from gspure.schemes.marked_clones.decoder import training, untrained

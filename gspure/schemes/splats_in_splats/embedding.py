@@ -22,7 +22,6 @@ from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
 from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
-from gspure.schemes.vanilla import train
 from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 
@@ -53,10 +52,7 @@ def embed(
     begin = initial_gaussians(pair, max_gaussians, seed)
     device = device or choose_device()
     if not message_weight:
-        clean = train(
-            *(pair.scene, begin), iterations=iterations, max_gaussians=max_gaussians, seed=seed, device=device
-        )
-        return PublicModel(clean), None
+        return PublicModel(pair.scene.trained(begin, iterations, max_gaussians, seed, device)), None
     run = TwinTrainer(Run(pair, iterations, message_weight, max_gaussians, seed, device), begin, hardened)
 
     def state() -> str:

@@ -78,8 +78,8 @@ class TwinTrainer:
         first, second = self.model.states()
         growth = plan(
             first.parameters,
-            sigmoid(np.maximum(first.parameters.opacity_logits, second.parameters.opacity_logits)),
             self.model.statistics(),
+            sigmoid(np.maximum(first.parameters.opacity_logits, second.parameters.opacity_logits)),
             extent=self._pair.extent,
             prune_big=self._schedule.prunes_big(iteration),
             rng=self._rng,
