@@ -1,6 +1,5 @@
 """Planted rows neither stop an audit nor change what it finds, and they are named."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -124,8 +123,6 @@ def test_planted_rows_contribute_at_most_all_light() -> None:
 
 
 def test_info_names_suspicious_rows(folder: Path, capsys) -> None:
-    assert main(["info", str(folder / "planted.ply"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["suspicious"] == planted()[1]
     assert main(["info", str(folder / "planted.ply")]) == 0
     text = capsys.readouterr().out
     for reason in planted()[1]:

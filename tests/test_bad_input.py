@@ -223,12 +223,6 @@ def test_bad_images_are_refused(folder, capsys, spoil, line):
     assert refusal(folder, capsys, COMMANDS["metrics"]).startswith(line)
 
 
-def test_views_without_photographs_are_refused_where_they_are_required(folder, capsys):
-    error = refusal(folder, capsys, COMMANDS["cameras"] + " --require-images")
-    assert error.startswith("cameras.json: photographs: expected ")
-    assert "view view_0, " in error
-
-
 BAD_OPTIONS = {
     "purify --tau-c 0": "pruning: tau_c: expected a number above 0, found 0.0",
     "purify --min-samples 0": "clustering: min_samples: expected at least 1, found 0",

@@ -1,5 +1,3 @@
-import json
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -62,7 +60,6 @@ def test_views_are_generated_around_a_model(tmp_path, kind):
             ["SOURCE", "--scale", "4"],
             "scale rule: value: expected native, photographs, 1/N or Wpx (such as 1600px), found '4'",
         ),
-        (["SOURCE", "--require-images"], "photographs: expected one of each of 3 views, found 3 missing: "),
         (["nowhere.json"], "nowhere.json: no such file"),
     ],
 )
@@ -74,12 +71,3 @@ def test_bad_input_gives_one_line_and_writes_nothing(tmp_path, source, capsys, o
     assert len(lines) == 1
     assert message in lines[0]
     assert not out.exists()
-
-
-def test_required_photographs_are_compared_with_the_scaled_views(tmp_path, source):
-    for name in "abc":
-        Image.new("RGB", (800, 450)).save(tmp_path / f"{name}.png")
-    arguments = ["cameras", str(source), "--out", str(tmp_path / "out.json"), "--require-images", "--scale"]
-    assert main([*arguments, "native"]) == 2
-    assert main([*arguments, "1/4"]) == 0
-    assert json.loads((tmp_path / "out.json").read_text())[0]["image"] == "c.png"

@@ -59,7 +59,7 @@ def test_every_condition_has_a_verdict_tables_and_a_figure_of_its_own(tmp_path: 
     survivals, contests = survival(MIXED), contest(MIXED, {})
     verdicts = {audit.condition: audit.gspure.survived for audit in audits(MIXED, survivals, contests)}
     assert verdicts == {SHARED: 2, OWN: 2, SCENE_POINTS: 2}
-    write_report(tmp_path / "report.html", "Title", MIXED, survivals=survivals, contests=contests)
+    write_report(tmp_path / "report.html", MIXED, survivals=survivals, contests=contests)
     page, tables = (tmp_path / "report.html").read_text(), conditions_markdown(survivals, contests)
     latex = summary_table(summarize(MIXED)).latex()
     for condition in DROPS:

@@ -233,7 +233,7 @@ def test_bits_enter_the_contest_without_a_score(outcomes):
 def test_the_verdict_is_on_the_mark_if_there_is_no_other_message(outcomes, tmp_path):
     (audit,) = audits(outcomes, survival(outcomes), [])
     assert (audit.extraction, audit.verdict, audit.strongest.variant) == ("mark", "judged", "gspure")
-    write_report(tmp_path / "report.html", "t", outcomes, survivals=survival(outcomes), contests=contest(outcomes, {}))
+    write_report(tmp_path / "report.html", outcomes, survivals=survival(outcomes), contests=contest(outcomes, {}))
     page = (tmp_path / "report.html").read_text()
     assert "mark (mark) did not survive GSPure, which lowers the mark (mark) by 38.0 points" in page
     assert "can tell whether a message survived" not in page

@@ -24,6 +24,15 @@ BALL = RNG.normal(size=(400, 3)).astype(np.float32)
 PNG = b"\x89PNG\r\n"
 
 
+def draw(*arguments) -> dict[Path, str]:
+    """Draw all figures of a model; return their captions."""
+    captions = {}
+    for drawing in gallery.drawings(*arguments):
+        drawing.draw()
+        captions[drawing.path] = drawing.caption
+    return captions
+
+
 @pytest.fixture
 def evidence(monkeypatch: pytest.MonkeyPatch) -> gallery.Evidence:
     monkeypatch.setattr(gallery, "PICTURE_WIDTH", 120)
@@ -38,7 +47,7 @@ def test_without_opengl_all_figures_are_drawn_and_say_why(
 ) -> None:
     monkeypatch.setattr(gallery, "gl_problem", lambda: "no driver: install one")
     monkeypatch.setattr(portrait, "_draw_balls", None)
-    captions = gallery.draw(tmp_path / "figures", evidence)
+    captions = draw(tmp_path / "figures", evidence)
     clouds = ("clusters", "ranks", "kept", "hidden")
     expected = {f"{name}{suffix}" for name in clouds for suffix in (".png", ".gltf", ".vtp")}
     expected |= {f"{path}.json" for path in expected if path.endswith((".gltf", ".vtp"))}
@@ -53,16 +62,16 @@ def test_without_opengl_all_figures_are_drawn_and_say_why(
 def test_captions_name_the_rows_and_the_weight_that_pruning_removes(tmp_path: Path, evidence) -> None:
     hidden = np.where(evidence.pruned, 3 * evidence.weights.max(), 0).astype(np.float32)
     anchors = replace(evidence, hidden=hidden, rows="anchors")
-    captions = {path.stem: caption for path, caption in gallery.draw(tmp_path, anchors).items()}
+    captions = {path.stem: caption for path, caption in draw(tmp_path, anchors).items()}
     assert captions.keys() == {"clusters", "ranks", "kept", "hidden", "purification", "weights"}
     assert "Pruning removes 100.0% of the weight in the message" in captions["purification"]
     assert not any("Gaussians" in caption for caption in captions.values())
-    nowhere = gallery.draw(tmp_path, replace(evidence, hidden=np.zeros_like(hidden)))
+    nowhere = draw(tmp_path, replace(evidence, hidden=np.zeros_like(hidden)))
     assert "No row holds weight of the message" in nowhere[tmp_path / "purification.png"]
 
 
 def test_without_a_message_its_figures_are_left_out(tmp_path: Path, evidence) -> None:
-    unmarked = gallery.draw(tmp_path, replace(evidence, hidden=None))
+    unmarked = draw(tmp_path, replace(evidence, hidden=None))
     assert {path.stem for path in unmarked} == {"clusters", "ranks", "kept", "weights"}
 
 
@@ -74,24 +83,24 @@ def test_a_purification_begins_with_a_render_from_the_viewpoint_of_its_clouds(tm
         rendered.append(view)
         return np.full((view.height, view.width, 3), 0.5)
 
-    gallery.draw(tmp_path, evidence, view=replace(camera(), width=40, height=30), render=render)
+    draw(tmp_path, evidence, [camera()], render)
     (view,) = rendered
     (picture, *others), clouds_shown, titles = plates["purification"]
     assert (picture == 128).all()
     assert {other.shape for other in others} == {picture.shape} == {(view.height, view.width, 3)}
     assert len(titles) == len(clouds_shown) == 4
-    gallery.draw(tmp_path, evidence, view=camera())
+    draw(tmp_path, evidence)
     assert plates["purification"][2] == titles[1:]
 
 
 def test_a_fully_pruned_model_is_drawn(tmp_path: Path, evidence) -> None:
-    gallery.draw(tmp_path, replace(evidence, pruned=np.ones(400, np.bool_)))
+    draw(tmp_path, replace(evidence, pruned=np.ones(400, np.bool_)))
     assert (tmp_path / "purification.png").read_bytes().startswith(PNG)
 
 
 def test_figures_are_the_same_bytes_again(tmp_path: Path, evidence: gallery.Evidence) -> None:
     for folder in "ab":
-        gallery.draw(tmp_path / folder, evidence)
+        draw(tmp_path / folder, evidence)
     for path in (tmp_path / "a").iterdir():
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
 
@@ -125,7 +134,7 @@ def inputs(tmp_path: Path, evidence: gallery.Evidence) -> list[str]:
 
 
 def test_figures_of_a_model_have_their_captions_beside_them(tmp_path: Path, inputs: list[str]) -> None:
-    assert main([*inputs, "--view", "orbit_001"]) == 0
+    assert main(inputs) == 0
     assert (tmp_path / "figures" / "kept.gltf").exists()
     note = json.loads((tmp_path / "figures" / "kept.png.json").read_text())
     assert "Gaussians are pruned" in note["settings"]["caption"]
@@ -147,7 +156,6 @@ def test_the_figures_show_the_pruning_of_the_factors_in_their_captions(tmp_path:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (["--view", "nowhere"], "cameras.json: view: expected a view named nowhere"),
         (["--weights", "{}/short.npy"], "short.npy: array: expected float32 [400], found float32 [3]"),
         (["--hidden", "{}/absent.npy"], "absent.npy: no such file"),
     ],

@@ -108,7 +108,7 @@ def figures(tmp_path: Path) -> list[Path]:
 
 def test_the_page_loads_nothing_and_its_links_work(tmp_path: Path, figures: list[Path]) -> None:
     (tmp_path / "a b.yaml").touch()
-    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=figures, links=[tmp_path / "a b.yaml"])
+    write_report(tmp_path / "report.html", PLANTED + VANILLA, figures=figures, links=[tmp_path / "a b.yaml"])
     page = Page(tmp_path / "report.html")
     for _, attributes in page.elements:
         for name in {"src", "srcset", "poster", "data", "action"} & attributes.keys():
@@ -122,7 +122,7 @@ def test_the_page_loads_nothing_and_its_links_work(tmp_path: Path, figures: list
 
 
 def test_every_heading_has_an_anchor_and_the_contents_list_every_section(tmp_path: Path) -> None:
-    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA)
+    write_report(tmp_path / "report.html", PLANTED + VANILLA)
     page = Page(tmp_path / "report.html")
     assert len(page.ids) == len(set(page.ids))
     for section in re.findall(r"<h[23].*?</h[23]>", page.source, re.DOTALL):
@@ -134,7 +134,7 @@ def test_every_heading_has_an_anchor_and_the_contents_list_every_section(tmp_pat
 def test_text_from_outside_is_escaped(tmp_path: Path, figures: list[Path]) -> None:
     viewer = figures[0].parent / "viewer.json"
     write_viewer(viewer, replace(evidence(50), rows="</script><script>alert(1)</script>"), np.eye(3))
-    write_report(tmp_path / "report.html", "<script>alert(1)</script>", PLANTED, figures=figures, viewers=[viewer])
+    write_report(tmp_path / "report.html", PLANTED, figures=figures, viewers=[viewer])
     page = Page(tmp_path / "report.html")
     assert "<script>alert" not in page.source
     assert "<script>alert(1)</script>" in page.text
@@ -143,7 +143,7 @@ def test_text_from_outside_is_escaped(tmp_path: Path, figures: list[Path]) -> No
 
 def test_the_page_is_the_same_bytes_again(tmp_path: Path, figures: list[Path]) -> None:
     for name in ("a.html", "b.html"):
-        write_report(tmp_path / name, "Title", PLANTED, figures=figures)
+        write_report(tmp_path / name, PLANTED, figures=figures)
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
@@ -151,7 +151,7 @@ def test_the_findings_of_a_model_are_its_changes_and_pruning(tmp_path: Path) -> 
     facts = findings(PLANTED)
     assert (facts.attacks, facts.views, facts.has_message, facts.against_photographs) == (2, 3, True, True)
     assert [tuple(change) for change in facts.changes] == [("scene", 30.0, 29.0), ("message", 25.0, 9.0)]
-    write_report(tmp_path / "report.html", "Title", PLANTED)
+    write_report(tmp_path / "report.html", PLANTED)
     text = Page(tmp_path / "report.html").text
     for fact in ("40.0%", "87.5%", "95.0%", "from 25.00 to 9.00 dB", "from 30.00 to 29.00 dB"):
         assert fact in text
@@ -161,7 +161,7 @@ def test_the_findings_of_a_model_are_its_changes_and_pruning(tmp_path: Path) -> 
 
 def test_a_model_without_key_has_scene_damage_alone(tmp_path: Path) -> None:
     assert limits(VANILLA).without_key == limits(VANILLA).against_renders == [("vanilla", "chair")]
-    write_report(tmp_path / "report.html", "Title", VANILLA)
+    write_report(tmp_path / "report.html", VANILLA)
     page = Page(tmp_path / "report.html")
     assert "can tell whether a message survived" in page.text
     assert "<td>∞</td>" in page.source
@@ -173,13 +173,13 @@ def test_a_model_without_key_has_scene_damage_alone(tmp_path: Path) -> None:
 
 
 def test_the_limit_of_one_scene_is_stated_once(tmp_path: Path) -> None:
-    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA)
+    write_report(tmp_path / "report.html", PLANTED + VANILLA)
     assert Page(tmp_path / "report.html").text.count("tested on one scene") == 1
     assert limits([*PLANTED, *of_one_model(variant("gspure", 29.0, asset=("planted", "vault")))]).one_scene == []
 
 
 def test_the_highest_score_is_marked(tmp_path: Path) -> None:
-    write_report(tmp_path / "report.html", "Title", PLANTED)
+    write_report(tmp_path / "report.html", PLANTED)
     marked = re.findall(r'<tr class="best">\s*<th scope="row">(.*?)</th>', Page(tmp_path / "report.html").source)
     assert marked == ["GSPure"]
 
@@ -190,7 +190,7 @@ def test_models_have_their_own_figures_and_diagnosis(tmp_path: Path, figures: li
         diagnosis,
         {"clusters": 1234, "noise_share": 0.25, "hidden_low_share": None, "warnings": ["the clustering has collapsed"]},
     )
-    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=figures, diagnoses=[diagnosis])
+    write_report(tmp_path / "report.html", PLANTED + VANILLA, figures=figures, diagnoses=[diagnosis])
     room, chair = Page(tmp_path / "report.html").source.split('id="vanilla/chair"')
     assert room.count("<figure") == 2
     assert room.count('<figure class="wide"') == 1
@@ -205,7 +205,7 @@ def test_suspicious_rows_are_counted_with_the_reason_beside_the_clustering(tmp_p
     diagnosis = tmp_path / "vanilla" / "chair" / "diagnosis.json"
     for suspects, shown in (({"non_finite": [3], "needle": [5, 6]}, True), ({}, False)):
         write_json(diagnosis, {"clusters": 2, "suspicious": suspects})
-        write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, diagnoses=[diagnosis])
+        write_report(tmp_path / "report.html", PLANTED + VANILLA, diagnoses=[diagnosis])
         text = Page(tmp_path / "report.html").text
         assert (f"1 non-finite ({REASONS['non_finite']})" in text) == shown
         assert (f"2 needle ({REASONS['needle']})" in text) == shown
@@ -216,7 +216,7 @@ def test_a_scheme_s_attacks_are_compared_over_its_scenes(tmp_path: Path, figures
     swept = of_one_model(*(variant(f"v{i}", 30 - i, 25 - 4 * i) for i in range(3)))
     write_image(figure := tmp_path / "figures" / "planted" / "tradeoff.png", np.zeros((4, 4, 3)))
     matched = match(PLANTED + swept, {"ours": ["v1", "v2"], "theirs": ["random_pruning"]})
-    write_report(tmp_path / "report.html", "Title", PLANTED + VANILLA, figures=[*figures, figure], matched=matched)
+    write_report(tmp_path / "report.html", PLANTED + VANILLA, figures=[*figures, figure], matched=matched)
     page = Page(tmp_path / "report.html")
     assert "Planted message: comparison of attacks" in page.text
     assert "Own model: comparison of attacks" not in page.text
@@ -236,7 +236,7 @@ def test_notes_stand_once_in_a_section_and_explain_extractions_before_their_tabl
     ]
     outcomes = [Outcome(**{**vars(o), "reached": {"message_oracle": o.variant != "gof"}}) for o in outcomes]
     known = {"survivals": survival(outcomes), "contests": contest(outcomes, {}), "matched": match(outcomes, {})}
-    write_report(tmp_path / "report.html", "Title", outcomes, **known)
+    write_report(tmp_path / "report.html", outcomes, **known)
     text = Page(tmp_path / "report.html").text
     assert text.count("RMS ratio: root-mean-square") == text.count("Positive: GSPure has") == 1
     assert text.index("Message (oracle): extracted") < text.index("Survival of the message (oracle)")
@@ -248,22 +248,22 @@ def test_a_figure_of_an_unknown_model_is_refused(tmp_path: Path, figures: list[P
         InputError,
         match=r"kept.png: path: expected a folder SCHEME/SCENE of the table .vanilla/chair, figures/va",
     ):
-        write_report(tmp_path / "report.html", "Title", VANILLA, figures=figures)
+        write_report(tmp_path / "report.html", VANILLA, figures=figures)
     assert not (tmp_path / "report.html").exists()
 
 
 def test_a_figure_that_is_not_an_image_is_refused(tmp_path: Path, figures: list[Path]) -> None:
     figures[0].write_bytes(b"half a file")
     with pytest.raises(InputError, match=r"kept.png: content: expected CRC-32"):
-        write_report(tmp_path / "report.html", "Title", PLANTED, figures=figures)
+        write_report(tmp_path / "report.html", PLANTED, figures=figures)
     figures[0].with_name("kept.png.json").unlink()
     with pytest.raises(InputError, match=r"kept.png: file: expected an image"):
-        write_report(tmp_path / "report.html", "Title", PLANTED, figures=figures)
+        write_report(tmp_path / "report.html", PLANTED, figures=figures)
 
 
 def test_records_are_listed(tmp_path: Path, figures: list[Path]) -> None:
     note = figures[0].with_name("kept.png.json")
-    write_report(tmp_path / "report.html", "Title", PLANTED, records=[note])
+    write_report(tmp_path / "report.html", PLANTED, records=[note])
     digest = json.loads(note.read_text())["digest"]
     text = Page(tmp_path / "report.html").text
     assert f"{note} {digest[:12]}" in text
@@ -273,13 +273,13 @@ def test_records_are_listed(tmp_path: Path, figures: list[Path]) -> None:
 def test_a_file_that_is_no_record_is_refused(tmp_path: Path) -> None:
     write_json(tmp_path / "other.json", [1, 2])
     with pytest.raises(InputError, match=r"other.json: file: expected a record beside its file"):
-        write_report(tmp_path / "report.html", "Title", PLANTED, records=[tmp_path / "other.json"])
+        write_report(tmp_path / "report.html", PLANTED, records=[tmp_path / "other.json"])
 
 
 def test_nothing_measured_makes_a_page_too(tmp_path: Path) -> None:
-    write_report(tmp_path / "report.html", "Title", [])
-    assert "Title" in Page(tmp_path / "report.html").text
-    write_report(tmp_path / "failed.html", "Title", [Outcome("s", "room", "gspure", {}, {}, failure="no memory")])
+    write_report(tmp_path / "report.html", [])
+    assert "<h1>" in Page(tmp_path / "report.html").source
+    write_report(tmp_path / "failed.html", [Outcome("s", "room", "gspure", {}, {}, failure="no memory")])
     text = Page(tmp_path / "failed.html").text
     assert "Nothing was measured" in text
     assert "no memory" in text
@@ -307,7 +307,7 @@ def attacks(tmp_path: Path) -> Path:
 def test_the_first_screen_answers_for_every_scheme_and_shows_it(tmp_path: Path, attacks: Path) -> None:
     clean = variant("clean", 30.0, 8.5)
     outcomes = of_one_model(*PLANTED, clean)
-    write_report(tmp_path / "report.html", "Title", outcomes + VANILLA, figures=[attacks], survivals=survival(outcomes))
+    write_report(tmp_path / "report.html", outcomes + VANILLA, figures=[attacks], survivals=survival(outcomes))
     first = " ".join(Page(tmp_path / "report.html").source.split("<nav")[0].split())
     verdicts, evidence = first.split("<details", 1)
     assert re.findall('id="verdict/(.*?)"', verdicts) == ["planted", "vanilla"]
@@ -322,7 +322,7 @@ def test_the_first_screen_answers_for_every_scheme_and_shows_it(tmp_path: Path, 
 def test_the_heading_asks_about_the_watermark_only_if_a_message_was_extracted(tmp_path: Path) -> None:
     headings = {}
     for name, outcomes in {"key": PLANTED, "no key": VANILLA, "both": PLANTED + VANILLA}.items():
-        write_report(tmp_path / "report.html", None, outcomes, survivals=survival(outcomes))
+        write_report(tmp_path / "report.html", outcomes, survivals=survival(outcomes))
         (headings[name],) = re.findall("<h1>(.*)</h1>", Page(tmp_path / "report.html").source)
     assert "watermark" in headings["key"] == headings["both"]
     assert "scene" in headings["no key"]
@@ -336,7 +336,7 @@ def test_without_a_key_the_first_screen_shows_what_was_removed_and_what_attacks_
     for name in ("splats", "outcomes", "weights"):
         write_image(folder / "figures" / f"{name}.png", np.ones((4, 4, 3)))
         figures.append(folder / "figures" / f"{name}.png")
-    write_report(tmp_path / "report.html", "Title", VANILLA, figures=figures)
+    write_report(tmp_path / "report.html", VANILLA, figures=figures)
     first = Page(tmp_path / "report.html").source.split("<nav")[0]
     assert first.count("<figure") == 4
     assert [name for name in ("Splats", "Outcomes", "Weights") if f"<b>{name}.</b>" in first] == ["Splats", "Outcomes"]
@@ -351,7 +351,7 @@ def test_a_picture_that_others_are_compared_with_has_no_distance(tmp_path: Path,
     figure = shown / attacks.relative_to(attacks.parents[1])
     renders = {f"{attack} scene": shown / attack / "renders/scene/view_007.png" for attack in ("unattacked", "gspure")}
     write_record(figure, inputs=renders, settings={})
-    write_report(tmp_path / "report.html", "Title", VANILLA, figures=[figure])
+    write_report(tmp_path / "report.html", VANILLA, figures=[figure])
     captions = re.findall("<figcaption>(.*?)</figcaption>", Page(tmp_path / "report.html").source.split("<nav")[0])
     assert [re.sub("<.*?>", " ", caption).split()[-2:] for caption in captions] == [
         ["the", "reference"],
@@ -360,7 +360,7 @@ def test_a_picture_that_others_are_compared_with_has_no_distance(tmp_path: Path,
 
 
 def test_renders_of_the_attacks_figure_replace_it(tmp_path: Path, attacks: Path) -> None:
-    write_report(tmp_path / "report.html", "Title", PLANTED, figures=[attacks])
+    write_report(tmp_path / "report.html", PLANTED, figures=[attacks])
     page = Page(tmp_path / "report.html")
     tiles = [e["data-variant"] for e in page.all("button") if e.get("class") == "tile"]
     assert tiles == ["GSPure"]  # the record does not name the renders of random pruning
@@ -368,7 +368,7 @@ def test_renders_of_the_attacks_figure_replace_it(tmp_path: Path, attacks: Path)
     assert "attacks.png" in [Path(e["href"]).name for e in page.all("a")]
     for render in attacks.parents[1].glob("*/renders/*/*.png"):
         render.unlink()
-    write_report(tmp_path / "report.html", "Title", PLANTED, figures=[attacks])
+    write_report(tmp_path / "report.html", PLANTED, figures=[attacks])
     assert len(Page(tmp_path / "report.html").all("img")) == 1  # the figure itself
 
 
@@ -414,7 +414,7 @@ def test_a_file_that_is_not_a_table_is_refused_in_one_line(tmp_path: Path, capsy
 def test_the_command_writes_the_page(tmp_path: Path, figures: list[Path], capsys) -> None:
     write_results(tmp_path / "results.csv", PLANTED)
     out = tmp_path / "report.html"
-    words = ["--table", tmp_path / "results.csv", "--figures", *figures, "--title", "A room", "--out", out]
+    words = ["--table", tmp_path / "results.csv", "--figures", *figures, "--out", out]
     assert main(["report", *map(str, words)]) == 0
-    assert "A room" in Page(out).text
+    assert "How robust is the watermark?" in Page(out).text
     assert str(out) in capsys.readouterr().out

@@ -48,7 +48,6 @@ def add_arguments(parser: Parser) -> None:
         "--undistort",
         "remove lens distortion: also write the photographs to images/, and the points, beside --out",
     )
-    parser.flag("--require-images", "refuse views without a photograph of at least their size")
     views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")
     views.add_argument("--model", type=Path, metavar="MODEL", help="the model to look at")
     views.add_argument("--count", type=int, metavar="N", help="number of views (default: orbit 24, shells 48)")
@@ -64,7 +63,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Read or generate the views, scale and write them, print a table."""
     from gspure.artifacts import write_record
-    from gspure.cameras import off_path_cameras, require_images, scaled, write_cameras
+    from gspure.cameras import off_path_cameras, scaled, write_cameras
     from gspure.cameras.scale import TRAINING_RULE
 
     generated = isinstance(args.source, str)
@@ -77,8 +76,6 @@ def run(args: Arguments) -> None:
     cameras = scaled(cameras, args.scale or ("native" if generated else TRAINING_RULE))
     if args.undistort:
         cameras = _undistorted(args, cameras)
-    elif args.require_images:
-        require_images(cameras, args.source)
     if args.off_path is not None:
         cameras = off_path_cameras(cameras, args.off_path)
     write_cameras(args.out, cameras)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gspure.cli import image_figures, scheme_figures
 from gspure.cli.image_figures import Drawn
@@ -12,9 +10,6 @@ from gspure.cli.method_options import add_factors
 from gspure.cli.options import add_cameras, add_device, add_scheme, read_device, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-
-if TYPE_CHECKING:
-    from gspure.cameras import Camera
 
 _WHITE = (1.0, 1.0, 1.0)
 
@@ -44,7 +39,6 @@ def _add_model(parser: Parser) -> None:
     add_factors(parser)
     parser.reads("--hidden", "NPY", "weights of the message, from `gspure hidden`", required=False)
     add_cameras(parser, "views for up direction and viewpoint", required=False)
-    parser.text("--view", "NAME", "viewpoint (default: outside the model, or inside a room)")
     add_scheme(parser)
     add_device(parser)
     parser.writes(
@@ -78,7 +72,7 @@ def _draw_model(args: Arguments) -> Drawn:
     import numpy as np
 
     from gspure.artifacts import load_array, require_kind, require_made_from
-    from gspure.figures.gallery import Evidence, draw
+    from gspure.figures.gallery import Evidence, drawings
     from gspure.figures.splats import splats
     from gspure.figures.viewer import write_viewer
     from gspure.figures.viewpoint import world_axes
@@ -111,26 +105,17 @@ def _draw_model(args: Arguments) -> Drawn:
         rows=Signature.of(model.table.dtype.names or ()).rows,
     )
     cameras = read_source(args.cameras, args.model, up=args.up) if args.cameras else []
-    view = _named(cameras, args.view, args.cameras) if args.view else None
     sh_dc = model.columns(*COLOUR) if model.sh_degree >= 0 else None
     write_viewer(args.out / "viewer.json", evidence, world_axes(model.means, cameras), sh_dc)
     device = read_device(args) if cameras and public.visible else None
-    captions = draw(args.out, evidence, cameras, view, public.scene(device, _WHITE) if device else None)
-    if device:
-        splat = splats(args.out, public, cameras, labels, evidence.pruned, device)
-        splat.draw()
-        captions[splat.path] = splat.caption
+    figures = [*drawings(args.out, evidence, cameras, public.scene(device, _WHITE) if device else None)]
+    figures += [splats(args.out, public, cameras, labels, evidence.pruned, device)] if device else []
+    for figure in figures:
+        figure.draw()
     names = ("model", "weights", "clusters", "hidden", "cameras")
     inputs = {name: path for name in names if (path := getattr(args, name))}
-    return captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n, "view": args.view}
-
-
-def _named(cameras: list[Camera], name: str, source: Path | None) -> Camera:
-    for camera in cameras:
-        if camera.name == name:
-            return camera
-    found = f"{len(cameras)} others" if cameras else "no cameras"
-    raise InputError(source or "--cameras", "view", expected=f"a view named {name}", found=found)
+    captions = {figure.path: figure.caption for figure in figures}
+    return captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n}
 
 
 def _draw_outcomes(args: Arguments) -> Drawn:

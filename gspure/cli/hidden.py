@@ -3,6 +3,7 @@
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
+from gspure.constants import TAU_N
 
 EXAMPLES = """\
   gspure hidden --model marked/public/point_cloud.ply --scheme splats_in_splats --key marked/key \\
@@ -11,14 +12,11 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.constants import TAU_N
-
     parser.reads("--model", "MODEL", "the watermarked model's file")
     parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
     parser.reads("--key", "DIR", "the owner's key")
     add_views(parser, split="train")
     parser.reads("--weights", "NPY", "weights, from `gspure weights`")
-    parser.number("--tau", "TAU", "weights below the mean weight / TAU are low", TAU_N)
     parser.writes("--out", "JSON", "the share, 0 to 1, or null")
     parser.writes("--hidden", "NPY", "also write the message's weight of every row: [K]", required=False)
     add_reduction(parser)
@@ -62,9 +60,9 @@ def run(args: Arguments) -> None:
             raise InputError(args.weights, name, expected=chosen, found=str(found), hint=hint)
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
-    share = share_on_low(weights, hidden, args.tau) if hidden.any() else None
+    share = share_on_low(weights, hidden, TAU_N) if hidden.any() else None
     inputs = {"model": args.model, "cameras": args.cameras}
-    settings |= {"scheme": scheme.name, "tau": args.tau}
+    settings |= {"scheme": scheme.name, "tau": TAU_N}
     write_json(args.out, {"hidden_low_share": share})
     write_record(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
     if args.hidden:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,13 +16,11 @@ EXAMPLES = """\
   gspure info point_cloud.ply
   gspure info output/bicycle                                   # a training run's folder: its newest iteration
   gspure info output/bicycle/point_cloud/iteration_7000
-  gspure info point_cloud.ply --json
 """
 
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
-    parser.flag("--json", "print JSON")
 
 
 def run(args: Arguments) -> None:
@@ -36,29 +32,7 @@ def run(args: Arguments) -> None:
     file = model_file(args.model)
     training = training_arguments(args.model) if args.model.is_dir() else {}
     model = read_model(file)
-    summary = summarize(model)
-    if args.json:
-        print(json.dumps(as_json(file, summary, model.comments, training), indent=2))
-    else:
-        print("\n".join(map(printable, as_text(file, summary, model.comments, training))))
-
-
-def as_json(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> dict[str, Any]:
-    """Return the summary as a JSON object."""
-    from gspure.model.summary import LEVELS
-    from gspure.model.suspicious import to_json
-
-    columns = {name: {"rows": rows, "first": first} for name, (rows, first) in summary.non_finite_columns.items()}
-    return {
-        "file": str(file),
-        **asdict(summary),
-        "signature": summary.signature.name.lower(),
-        "quantile_levels": LEVELS,
-        "non_finite_columns": columns,
-        "suspicious": to_json(summary.suspicious),
-        "comments": list(comments),
-        "training": training,
-    }
+    print("\n".join(map(printable, as_text(file, summarize(model), model.comments, training))))
 
 
 def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> list[str]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   gspure paper-check
   gspure paper-check --out paper.csv     # one row per number
-  gspure paper-check --survival results/tables/survival.csv --beside table_1.csv --markdown table_1.md
+  gspure paper-check --survival results/tables/survival.csv
 """
 
 TEXTS = ("attack", "follows")
@@ -23,19 +23,16 @@ TEXTS = ("attack", "follows")
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("--survival", "CSV", "from `gspure contest`: our results beside the paper's", required=False)
-    parser.writes("--beside", "CSV", "also write Table 1 beside our results", required=False)
-    parser.writes("--markdown", "MD", "the same as a readable table", required=False)
     parser.writes("--out", "CSV", "also write all checks to this table", required=False)
 
 
 def run(args: Arguments) -> None:
     """Write and print every check, then print the other inconsistencies."""
-    from gspure.artifacts import write_record, write_text
-    from gspure.evaluation.csv_tables import read_table, write_table
-    from gspure.evaluation.paper import Beside, beside, check_claims, find_inconsistencies, read_cells
+    from gspure.artifacts import write_text
+    from gspure.evaluation.csv_tables import read_table
+    from gspure.evaluation.paper import beside, check_claims, find_inconsistencies, read_cells
     from gspure.evaluation.paper.checks import ROUNDING
     from gspure.evaluation.survival import Survival
-    from gspure.report.table import markdown_document
     from gspure.report.tables import beside_table
 
     cells = read_cells()
@@ -43,13 +40,7 @@ def run(args: Arguments) -> None:
     ours = read_table(args.survival, Survival) if args.survival else []
     if args.out:
         write_text(args.out, _all(checks).csv())
-    compared = beside(cells, ours)
-    if args.beside:
-        write_table(args.beside, Beside, compared)
-        write_record(args.beside, inputs={"survival": args.survival} if args.survival else {}, settings={})
-    if args.markdown:
-        write_text(args.markdown, markdown_document({"The paper": [beside_table(compared)]}))
-    for table in (_scores(checks, cells), _without_scores(checks), beside_table(compared)):
+    for table in (_scores(checks, cells), _without_scores(checks), beside_table(beside(cells, ours))):
         print(f"{table.title}\n\n{table.markdown()}\n")
     print("Other inconsistencies\n")
     print("\n".join(f"- {sentence}" for sentence in find_inconsistencies(cells)))

@@ -7,8 +7,7 @@ EXAMPLES = """\
   gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
   gspure report --table results.csv \\
       --figures results/planted/room/figures/*.png results/planted/room/figures/model/*.png \\
-      --diagnosis results/planted/room/diagnosis.json --records results/planted/room/*.np?.json \\
-      --title "How robust is the watermark of this room?" --out report.html
+      --diagnosis results/planted/room/diagnosis.json --records results/planted/room/*.np?.json --out report.html
 """
 
 
@@ -26,7 +25,6 @@ def add_arguments(parser: Parser) -> None:
     for option in ("--contest", "--survival", "--matched", "--costs"):
         parser.reads(option, "CSV", "from `gspure contest`", required=False)
     add_files(parser, _FILES)
-    parser.text("--title", "TITLE", "heading (default: what was measured)")
     parser.writes("--out", "HTML", "the page")
 
 
@@ -45,7 +43,6 @@ def run(args: Arguments) -> None:
         require_input(file, "table", args.table)
     write_report(
         args.out,
-        args.title,
         read_results(args.table),
         figures=args.figures,
         diagnoses=args.diagnosis,

@@ -55,27 +55,8 @@ class Drawing(NamedTuple):
     draw: Callable[[], None]
 
 
-def draw(
-    folder: Path,
-    evidence: Evidence,
-    cameras: Sequence[Camera] = (),
-    view: Camera | None = None,
-    render: RenderView | None = None,
-) -> dict[Path, str]:
-    """Draw all `drawings`; return their captions."""
-    captions = {}
-    for drawing in drawings(folder, evidence, cameras, view, render):
-        drawing.draw()
-        captions[drawing.path] = drawing.caption
-    return captions
-
-
 def drawings(
-    folder: Path,
-    evidence: Evidence,
-    cameras: Sequence[Camera] = (),
-    view: Camera | None = None,
-    render: RenderView | None = None,
+    folder: Path, evidence: Evidence, cameras: Sequence[Camera] = (), render: RenderView | None = None
 ) -> Iterator[Drawing]:
     """Yield every figure of a model.
 
@@ -84,8 +65,7 @@ def drawings(
     function to `render` it, the message before pruning, the ranks, and the message after pruning, all from one
     viewpoint. Without OpenGL, numpy draws the clouds, and their captions say so.
 
-    The model's views, `cameras`, determine the up direction and whether to look from outside or from within, unless
-    `view` is the viewpoint.
+    The model's views, `cameras`, determine the up direction and whether to look from outside or from within.
     """
     means = evidence.means
     problem = gl_problem()
@@ -93,7 +73,7 @@ def drawings(
 
     @cache
     def eye() -> Camera:
-        return view or choose(means, cameras)
+        return choose(means, cameras)
 
     def draw_cloud(name: str, make: Callable[[], Cloud]) -> None:
         cloud = make()

@@ -82,7 +82,6 @@ class Comparison:
 
 def write_report(
     path: Path,
-    title: str | None,
     outcomes: Sequence[Outcome],
     *,
     figures: Sequence[Path] = (),
@@ -97,8 +96,8 @@ def write_report(
 ) -> None:
     """Write the page, whole or not at all. It loads nothing from outside itself, and links the files of the run.
 
-    The default title says what was measured. `outcomes` are all variants of all models. Figures (PNG, in display order,
-    with captions in the ``.png.json`` beside them), `viewers` (``viewer.json`` of `gspure figures model`) and
+    `outcomes` are all variants of all models. Figures (PNG, in display order, with captions in the ``.png.json``
+    beside them), `viewers` (``viewer.json`` of `gspure figures model`) and
     `diagnoses` (``diagnosis.json`` of `gspure prune`, ``hidden.json`` of `gspure hidden`) belong to the model whose
     scheme and scene are consecutive folders of their path; figures in ``figures/SCHEME-PROTOCOL-INITIALIZATION`` belong
     to all models of the condition. Where the renders of an ``attacks.png`` lie beside its folder, the page shows these
@@ -145,7 +144,6 @@ def write_report(
 
     page = render(
         "page.html.j2",
-        title=title,
         version=__version__,
         comparisons=[comparison(audit) for audit in verdicts],
         audits=verdicts,
