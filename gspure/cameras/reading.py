@@ -1,6 +1,7 @@
 """Reading of cameras in all formats, recognized by the content of the path, and of rigid transforms."""
 
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -12,7 +13,10 @@ from gspure.cameras.entry import Entry
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 
-_IN_FOLDER = ("cameras.json", "transforms.json", "transforms_train.json")
+_IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
+
+CAMERA_FILES: Final = ("cameras.bin", "images.bin", "cameras.txt", "images.txt", *_IN_FOLDER)
+"""Names of the files that cameras are read from, of all formats."""
 
 
 def read_cameras(path: str | Path) -> list[Camera]:
@@ -43,10 +47,9 @@ def read_lenses(path: str | Path) -> list[Camera]:
 
     """
     path = Path(path)
-    if path.is_dir():
-        if find_sparse(path):
-            return read_colmap(path)
-        path = camera_file(path)
+    if path.is_dir() and find_sparse(path):
+        return read_colmap(path)
+    path = _camera_file(path)
     content = read_json(path)
     if isinstance(content, list):
         return inria.parse(path, content)
@@ -55,13 +58,13 @@ def read_lenses(path: str | Path) -> list[Camera]:
     raise InputError(path, "file", expected="a list of cameras, or an object with frames", found=type(content).__name__)
 
 
-def camera_file(folder: Path) -> Path:
-    """Return the camera file in a folder without a COLMAP sparse model."""
-    for name in _IN_FOLDER:
-        if (folder / name).is_file():
-            return folder / name
-    expected = f"a COLMAP sparse model, {', '.join(_IN_FOLDER[:-1])} or {_IN_FOLDER[-1]}"
-    raise InputError(folder, "folder", expected=expected, found="none of them")
+def camera_object(source: Path) -> Entry | None:
+    """Return the object in a camera file or that of a folder, such as a transforms.json; None if it holds no object."""
+    if source.is_dir() and find_sparse(source):
+        return None
+    path = _camera_file(source)
+    content = read_json(path)
+    return Entry(path, "", content) if isinstance(content, dict) else None
 
 
 def read_transform(path: Path) -> Float64:
@@ -76,3 +79,14 @@ def read_transform(path: Path) -> Float64:
     if transform[3].tolist() != [0, 0, 0, 1]:
         raise entry.refusal("array", expected="0 0 0 1 in the last row", found=" ".join(map(str, transform[3])))
     return transform
+
+
+def _camera_file(source: Path) -> Path:
+    """Return the camera file in a folder without a COLMAP sparse model; a file stands for itself."""
+    if not source.is_dir():
+        return source
+    for name in _IN_FOLDER:
+        if (source / name).is_file():
+            return source / name
+    expected = f"a COLMAP sparse model, {', '.join(_IN_FOLDER[:-1])} or {_IN_FOLDER[-1]}"
+    raise InputError(source, "folder", expected=expected, found="none of them")

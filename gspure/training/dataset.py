@@ -7,14 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import digest, read_json
+from gspure.artifacts import digest
 from gspure.cameras import Camera, require_images, scaled
 from gspure.cameras.camera import spread
 from gspure.cameras.colmap import find_sparse, read_points
-from gspure.cameras.entry import Entry
 from gspure.cameras.naming import safe_name
 from gspure.cameras.photographs import missing_photographs, photograph, photograph_size, require_present
-from gspure.cameras.reading import camera_file
+from gspure.cameras.reading import camera_object
 from gspure.dtypes import Float32, Float64, UInt8
 from gspure.errors import InputError
 from gspure.images import read_image
@@ -153,11 +152,9 @@ def stored_points(source: Path) -> tuple[Float64, UInt8]:
     """Return the sparse points of a capture, or none: those that its transforms.json names, or that lie beside it."""
     folder = source if source.is_dir() else source.parent
     sparse = find_sparse(folder)
-    if source.is_file() or not sparse:
-        file = source if source.is_file() else camera_file(source)
-        content = read_json(file)
-        if isinstance(content, dict) and "ply_file_path" in content:
-            return read_point_ply(file.parent / Entry(file, "", content).text("ply_file_path"))
+    scene = camera_object(source)
+    if scene and "ply_file_path" in scene:
+        return read_point_ply(Path(scene.source).parent / scene.text("ply_file_path"))
     if sparse and any((sparse / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt")):
         return read_points(sparse)
     for path in (parent / name for parent in (folder, sparse or folder) for name in POINT_FILES):

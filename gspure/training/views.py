@@ -3,12 +3,10 @@
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from gspure.artifacts import read_json
 from gspure.cameras import Camera, read_cameras, split
-from gspure.cameras.colmap import find_sparse
 from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, safe_name
-from gspure.cameras.reading import camera_file
+from gspure.cameras.reading import camera_object
 
 BLENDER: Final = "transforms_train.json"
 """Training views of a Blender scene (NeRF)."""
@@ -44,13 +42,10 @@ def read_views(source: Path) -> Views:
 
     Raise `InputError` if a camera file is unreadable, two views share a name, or a split lists no view.
     """
-    cameras = read_cameras(source)
-    if source.is_dir() and find_sparse(source):
-        return Views(cameras)
-    content = read_json(camera_file(source) if source.is_dir() else source)
-    if isinstance(content, dict) and any(name in content for name in _NERFSTUDIO_HELD_OUT):
-        return _nerfstudio_views(Entry(source, "", content), cameras)
-    if not source.is_dir() or camera_file(source).name != BLENDER:
+    cameras, scene = read_cameras(source), camera_object(source)
+    if scene and any(name in scene for name in _NERFSTUDIO_HELD_OUT):
+        return _nerfstudio_views(scene, cameras)
+    if not (source.is_dir() and scene and Path(scene.source).name == BLENDER):
         return Views(cameras)
     file = next((source / name for name in BLENDER_HELD_OUT if (source / name).is_file()), None)
     if file is None:

@@ -3,27 +3,16 @@
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Final
 
 from gspure.artifacts import digest
 from gspure.artifacts.checksums import file_checksum
+from gspure.cameras.reading import CAMERA_FILES
 from gspure.corruption import RESULTS
 from gspure.model import model_file
 from gspure.model.compressed.sog import INDEX
 from gspure.schemes.registry import schemes
 from gspure.training.dataset import POINT_FILES
 from gspure.training.views import BLENDER_HELD_OUT
-
-CAMERA_FILES: Final = (
-    "cameras.bin",
-    "images.bin",
-    "cameras.txt",
-    "images.txt",
-    "cameras.json",
-    "transforms.json",
-    "transforms_train.json",
-)
-"""Names of the files that cameras are read from, of all formats."""
 
 
 def camera_files(source: str) -> list[str]:
