@@ -2,7 +2,8 @@
 
 ``python -m benchmarks.results`` replaces what stands between ``<!-- RUN: KIND -->`` and ``<!-- end -->`` by a table of
 `KINDS`. RUN is a folder of docs/results with ``survival.csv``, ``summary.csv`` and ``matched.csv`` from the folder
-results/tables of a run, only the files that its tables need; or a table ``RUN.csv`` of a script in benchmarks/.
+results/tables of a run, only the files that its tables need; or a table ``RUN.csv`` of a script in benchmarks/. Columns
+that these files lack, since they are older than the code, are added first, with unknown values.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from typing import Final
 
 from benchmarks.contest import SCHEMES, contest
 from gspure.evaluation.controls import CLEAN, WRONG_KEY
-from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.costs import AttackCost
+from gspure.evaluation.csv_tables import csv_text, header, read_table
 from gspure.evaluation.matched import Matched, wanted_damage
 from gspure.evaluation.names import condition_name, display_name, extraction_name
 from gspure.evaluation.outcomes import GSPURE, MESSAGE, UNATTACKED, condition_of
@@ -173,6 +175,9 @@ KINDS: Final[Mapping[str, Callable[[Path], Table]]] = {
     **{kind.__name__: kind for kind in TABLES},
     **{scheme: partial(contest, scheme=scheme) for scheme in SCHEMES},
 }
+ROWS: Final = {"survival": Survival, "summary": Summary, "matched": Matched, "attacks": AttackCost}
+"""The kind of the rows of each file of a run."""
+
 BY: Final = ("", "random_")
 """Prefixes of the columns of a capacity table: drops by GSPure, and by random pruning of as many rows."""
 
@@ -180,6 +185,14 @@ BY: Final = ("", "random_")
 def filled(text: str, runs: Path = RUNS) -> str:
     """Return a page with its tables written anew."""
     return GENERATED.sub(lambda m: f"{m[1]}\n{KINDS[m['kind']](runs / m['run']).markdown()}\n\n", text)
+
+
+def complete(file: Path) -> None:
+    """Add the columns that a table of a run lacks, with unknown values."""
+    columns, rows = header(ROWS[file.stem]), _dicts(file)
+    if rows[0].keys() < {*columns}:
+        text = csv_text(columns, ([row.get(column, "") for column in columns] for row in rows))
+        file.write_text(text, encoding="utf-8")
 
 
 def _literal(row: Summary | Survival) -> bool:
@@ -193,7 +206,11 @@ def _shown(row: Survival | Summary | Matched) -> str:
 
 
 def _script_rows(run: Path) -> list[dict[str, str]]:
-    with run.with_suffix(".csv").open(encoding="utf-8", newline="") as stream:
+    return _dicts(run.with_suffix(".csv"))
+
+
+def _dicts(file: Path) -> list[dict[str, str]]:
+    with file.open(encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream))
 
 
@@ -252,5 +269,7 @@ def _reached(row: Matched) -> Cell:
 
 
 if __name__ == "__main__":
+    for file in RUNS.glob("*/*.csv"):
+        complete(file)
     for page in PAGES:
         page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")

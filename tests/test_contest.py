@@ -203,9 +203,11 @@ def test_a_sweep_of_anything_but_attacks_of_the_table_is_refused(tmp_path: Path,
 
 
 def test_the_tables_hold_survival_and_differences() -> None:
-    left = {str(row.cells[0]): [str(cell) for cell in row.cells] for row in survival_table(survival(SCENES)).rows}
-    assert left["better"][1].startswith("14.50 [")
-    assert left["better"][4] == "6 of 6"
+    table = survival_table(survival(SCENES))
+    titles = [column.title for column in table.columns]
+    left = {str(row.cells[0]): dict(zip(titles, map(str, row.cells), strict=True)) for row in table.rows}
+    assert left["better"]["message"].startswith("14.50 [")
+    assert left["better"]["survived"] == "6 of 6"
     others = {
         str(row.cells[0]): row.cells
         for row in other_attacks_table(
@@ -222,5 +224,5 @@ def test_with_one_scene_the_tables_have_no_p_and_no_detectability() -> None:
     one = [o for o in SCENES if o.scene == "s0"]
     text = conditions_markdown(survival(one), contest(one, {}))
     assert "detectability" not in text.lower()
-    assert "| p" not in text
+    assert "| p |" not in text
     assert "one scene" in text

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.results import GENERATED, KINDS, PAGE, PAGES, RUNS, TABLES, filled
+from benchmarks.results import GENERATED, KINDS, PAGE, PAGES, RUNS, TABLES, complete, filled
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.matched import Matched, match
@@ -150,6 +150,18 @@ def test_every_measure_of_an_attack_is_in_one_row(runs: Path) -> None:
     assert gspure[:4] == ["GS-Hider, own poses", "`gspure`", "12.50 (12.50 to 12.50)", "1.25 (1.25 to 1.25)"]
     assert gspure[-3:] == ["2", "0", "0"]
     assert x[:3] == ["", "`x`", "3.00 (3.00 to 3.00)"]
+
+
+def test_an_older_table_of_a_run_gets_the_columns_that_it_lacks(runs: Path) -> None:
+    file = runs / "run" / "survival.csv"
+    rows = read_table(file, Survival)
+    older = [line.rsplit(",", 5)[0] for line in file.read_text().splitlines()]  # without the last field
+    file.write_text("\n".join(older) + "\n")
+    complete(file)
+    assert repr(read_table(file, Survival)) == repr([row._replace(detectability=None) for row in rows])
+    written = file.read_text()
+    complete(file)
+    assert file.read_text() == written
 
 
 def test_owners_are_shown_with_each_extraction_and_means_over_seeds(runs: Path) -> None:

@@ -45,9 +45,8 @@ class _Field(NamedTuple):
 def write_table(path: Path, kind: type[Row], rows: Iterable[Row]) -> None:
     """Write one CSV row per item below a header, whole or not at all."""
     fields = _fields(kind)
-    header = [column for field in fields.values() for column in field.columns]
     cells = ([cell for name, field in fields.items() for cell in field.write(getattr(row, name))] for row in rows)
-    write_text(path, csv_text(header, cells))
+    write_text(path, csv_text(header(kind), cells))
 
 
 def read_table(path: Path, kind: type[Row]) -> list[Row]:
@@ -56,23 +55,27 @@ def read_table(path: Path, kind: type[Row]) -> list[Row]:
     Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type.
     """
     verify(path)
-    fields = [*_fields(kind).values()]
-    columns = [column for field in fields for column in field.columns]
+    fields, columns = _fields(kind).values(), header(kind)
     with reading(path, f"a table of {kind.__name__} rows"), path.open(encoding="utf-8", newline="") as stream:
-        header, *rows = list(csv.reader(stream, strict=True)) or [[]]
-        if header != columns:
-            raise InputError(path, "header", expected=",".join(columns), found=",".join(header))
+        first, *rows = list(csv.reader(stream, strict=True)) or [[]]
+        if first != columns:
+            raise InputError(path, "header", expected=",".join(columns), found=",".join(first))
         for row in rows:
             if len(row) != len(columns):
                 raise InputError(path, "row", expected=f"{len(columns)} cells", found=f"{len(row)}")
         return [kind(*(field.read(cells) for field in fields)) for cells in map(iter, rows)]
 
 
-def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+def header(kind: type[Row]) -> list[str]:
+    """Return the columns of a table of these rows."""
+    return [column for field in _fields(kind).values() for column in field.columns]
+
+
+def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     """Return rows below a header as CSV."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(header)
+    table.writerow(columns)
     table.writerows(rows)
     return text.getvalue()
 
