@@ -34,23 +34,12 @@ NOMINAL_PSNR: Final = 30.0
 
 @dataclass(frozen=True)
 class Strength:
-    """The setting that makes an attack stronger, and the range in which to search.
-
-    Parameters
-    ----------
-    setting : str
-        Name of the setting.
-    weak, strong : float or int
-        Its values at both ends; above 0 on a logarithmic scale. Whole numbers if the setting is one.
-    scale : {"linear", "log"}
-        How to divide the range.
-
-    """
+    """The setting that makes an attack stronger, and the range in which to search."""
 
     setting: str
-    weak: float
+    weak: float  # whole numbers, if the setting is one; above 0 on a logarithmic scale
     strong: float
-    scale: Literal["linear", "log"] = "linear"
+    scale: Literal["linear", "log"] = "linear"  # how to divide the range
 
     def at(self, position: float) -> float:
         """Return the value at a position between the weak end (0) and the strong end (1)."""

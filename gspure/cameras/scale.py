@@ -14,25 +14,16 @@ _RULE = re.compile(r"native|photographs|1/(?P<factor>[1-9]\d{0,4})|(?P<width>[1-
 
 
 def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
-    """Return the cameras at another image size.
+    """Return the cameras at another image size, never enlarged.
 
-    The intrinsics are scaled by the exact ratio of the sizes, so the field of view is unchanged.
+    The intrinsics are scaled by the exact ratio of the sizes, so the field of view is unchanged. The rules:
 
-    Parameters
-    ----------
-    cameras : sequence of Camera
-        Views at their file's size.
-    rule : str
-        ``native``: the file's size. ``1/N``: width and height divided by N and rounded, as 3DGS does for ``-r N`` (a
-        half to the even number). ``Wpx``: wider views become W pixels wide, with their height rounded down; ``1600px``
-        is 3DGS's default. ``photographs``: the size of each view's photograph, if it is smaller than the view. Views
-        are never enlarged.
+    - ``native``: the file's size;
+    - ``1/N``: width and height divided by N and rounded, as 3DGS does for ``-r N`` (a half to the even number);
+    - ``Wpx``: wider views become W pixels wide, with their height rounded down; ``1600px`` is 3DGS's default;
+    - ``photographs``: the size of each view's photograph, if it is smaller than the view.
 
-    Raises
-    ------
-    InputError
-        The rule is none of these, or a photograph that it needs is missing or unreadable.
-
+    Raise `InputError` for another rule, and for a photograph that is needed, but missing or unreadable.
     """
     parsed = _RULE.fullmatch(rule)
     if parsed is None:

@@ -16,32 +16,15 @@ ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)
 
 @dataclass(frozen=True)
 class Traversal:
-    """What one traversal of the tile lists computes; every combination is a program of its own.
+    """What one traversal of the tile lists computes; every combination is a program of its own."""
 
-    Parameters
-    ----------
-    energy : "ewa", "ray" or "center_ray"
-        2-D splat with dilation, or the Gaussian's maximum along the ray (paper, Eq. E).
-    channels : int
-        Channels blended per pixel; 0 for none.
-    sh_degree : int
-        0 to 3: the channels are colours from spherical harmonics; -1: they are stored features.
-    contributions, median_depth : bool
-        Whether these are accumulated too.
-    stored_sh_degree : int, optional
-        Degree of the stored coefficients, if higher than `sh_degree`.
-    points : bool
-        For points in space instead of pixel centres (energy "ray").
-
-    """
-
-    energy: Energy
-    channels: int = 0
-    sh_degree: int = -1
+    energy: Energy  # 2-D splat with dilation, or the Gaussian's maximum along the ray (paper, Eq. E)
+    channels: int = 0  # blended per pixel; 0 for none
+    sh_degree: int = -1  # 0 to 3: the channels are colours from spherical harmonics; -1: stored features
     contributions: bool = False
     median_depth: bool = False
-    stored_sh_degree: int | None = None
-    points: bool = False
+    stored_sh_degree: int | None = None  # of the stored coefficients, if higher than sh_degree
+    points: bool = False  # for points in space instead of pixel centres (energy "ray")
 
     @property
     def defines(self) -> dict[str, int]:

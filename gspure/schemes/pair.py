@@ -46,22 +46,11 @@ INITIALIZATIONS: Final = ("both", "scene")
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """Photographs of a scene or of a message, in memory.
+    """Photographs of a scene or of a message, in memory."""
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Its views, split into training and held-out ones, and its points.
-    images : list of array [H,W,3]
-        Photographs of the training views, 0 to 1.
-    probes : list of (Camera, image)
-        A few views for progress reports, held-out ones if there are any.
-
-    """
-
-    dataset: Dataset
-    images: list[Float32]
-    probes: list[tuple[Camera, Float32]]
+    dataset: Dataset  # its views, split into training and held-out ones, and its points
+    images: list[Float32]  # [H,W,3] of the training views, 0 to 1
+    probes: list[tuple[Camera, Float32]]  # a few views for progress reports, held-out ones if there are any
 
     @property
     def views(self) -> list[Camera]:

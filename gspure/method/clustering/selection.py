@@ -29,36 +29,18 @@ def select(
 ) -> Labels:
     r"""Return the flat clustering :math:`\mathcal{C} = \{C_1, ..., C_M\} \cup \mathcal{N}` of a spanning tree.
 
-    (paper, §Geometrically Accurate Feature Clustering; Campello et al. 2013.) The paper names neither parameters
-    nor selection. ``eom`` is excess of mass, HDBSCAN's default, which often keeps most of a scene as one cluster;
-    ``eom_capped`` splits clusters above `max_cluster_share`; ``leaf`` takes the finest clusters.
+    (paper, §Geometrically Accurate Feature Clustering; Campello et al. 2013.) The result [K] has the cluster of each
+    point, 0 .. M-1, in the order in which they form as the distance grows, and -1 for noise. `tree` [K-1,3] has edges
+    (a, b, distance), sorted by distance: see `spanning_tree`. Edges of equal length join at once, so every minimum
+    spanning tree of the same points gives the same clusters. The smallest cluster has `min_cluster_size` points, at
+    least 2; with fewer than twice as many points, there is no split, and all points are noise.
 
-    Edges of equal length join at once, so every minimum spanning tree of the same points gives the same clusters.
+    The paper names neither parameters nor selection. ``eom`` is excess of mass, HDBSCAN's default, which often keeps
+    most of a scene as one cluster; ``leaf`` takes the finest clusters; ``eom_capped`` splits clusters above
+    `max_cluster_share` of the points, in (0, 1]; larger ones that cannot be split are noise. Twice `min_cluster_size`
+    is always permitted, so that small models have clusters.
 
-    Parameters
-    ----------
-    tree : array [K-1,3]
-        Edges (a, b, distance), sorted by distance: see `spanning_tree`.
-    min_cluster_size : int
-        Smallest cluster, at least 2. With fewer than twice as many points, there is no split, and all points are noise.
-    selection : {"eom_capped", "eom", "leaf"}
-        The choice of clusters from the hierarchy.
-    max_cluster_share : float
-        For ``eom_capped``: largest share of the points in one cluster, in (0, 1]; larger clusters that cannot be split
-        are noise. Twice `min_cluster_size` is always permitted, so that small models have clusters.
-    device : Device, optional
-        Default: the device that `gspure.opencl` chooses.
-
-    Returns
-    -------
-    array [K], int32
-        Cluster of each point, 0 .. M-1, in the order in which they form as the distance grows; -1 is noise.
-
-    Raises
-    ------
-    InputError
-        If a setting is out of range.
-
+    Raise `InputError` if a setting is out of range.
     """
     _check(min_cluster_size, selection, max_cluster_share)
     count = len(tree) + 1

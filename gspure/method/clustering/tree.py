@@ -26,29 +26,14 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     .. math:: d_{mreach}(a, b) = \max(\mathrm{core}(a), \mathrm{core}(b), \lVert a - b \rVert)
 
     where core(a) is the distance from a to its `min_samples`-th nearest other point (Campello et al. 2013; McInnes et
-    al. 2017). Coincident points are one point of the search; in the tree, they are connected to the first of them.
-    Points are numbered in lexicographic order, so the tree does not depend on the order of rows.
+    al. 2017), or with fewer other points, to the farthest. Coincident points are one point of the search; in the tree,
+    they are connected to the first of them.
 
-    Parameters
-    ----------
-    features : array [K,C]
-        Finite values.
-    min_samples : int
-        At least 1; with fewer other points, K - 1.
-    device : Device, optional
-        Default: the device that `gspure.opencl` chooses. Without double precision, or for more than 128 `min_samples`,
-        hdbscan computes the tree.
+    The tree [K-1,3] has edges (a, b, distance) with a < b, sorted by distance; edges of equal length by the
+    lexicographic order of the points, so it does not depend on the order of rows. Without double precision, or for more
+    than 128 `min_samples`, hdbscan computes the tree.
 
-    Returns
-    -------
-    array [K-1,3], float64
-        Edges (a, b, distance) with a < b, sorted by distance; equal distances by the lexicographic order of the points.
-
-    Raises
-    ------
-    InputError
-        If `min_samples` is below 1, there is no point, or a feature is not finite.
-
+    Raise `InputError` if `min_samples` is below 1, there is no point, or a feature is not finite.
     """
     points = np.asarray(features, np.float64)
     if min_samples < 1:

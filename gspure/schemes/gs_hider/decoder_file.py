@@ -62,14 +62,9 @@ class DecoderFile:
 
     @cached_property
     def network(self) -> Decoder:
-        """The decoder.
+        """The decoder; no code in the file is executed.
 
-        Raises
-        ------
-        InputError
-            PyTorch is missing, or the file is not a state dict of GS-Hider's decoder with finite numbers. No code in
-            the file is executed.
-
+        Raise `InputError` if PyTorch is missing, or this is not a state dict of GS-Hider's decoder with finite numbers.
         """
         from gspure.schemes.gs_hider.decoder import Decoder
         from gspure.training.pytorch import torch

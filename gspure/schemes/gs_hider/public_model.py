@@ -23,15 +23,9 @@ from gspure.training.adam import adam_step
 
 
 class FeatureModel(PublicModel):
-    """Rows with 16 features each, and the public decoder.
+    """Rows with 16 features each, the columns ``semantic_0..15``, and the public decoder.
 
-    Parameters
-    ----------
-    model : Gaussians
-        With the columns ``semantic_0..15``.
-    decoder : DecoderFile, optional
-        Of the scene; without it the model can be attacked but not rendered.
-
+    Without its decoder, a model can be attacked but not rendered.
     """
 
     attributes: ClassVar[Columns] = {

@@ -28,18 +28,10 @@ DECODER_RATE: Final = 1e-3
 class Training:
     """A run; iterating over it trains and yields the loss of each iteration.
 
-    The same pair and seed give the same bits on the same kind of machine, for any number of cores.
-
-    Parameters
-    ----------
-    begin : Parameters
-        The initial Gaussians; their colours are ignored.
-    falls : bool
-        Whether the decoders' learning rate falls to zero once Gaussians no longer grow.
-    hardened : float
-        The message is trained in every other iteration without the rows that ``plain_weight`` removes with this tau;
-        0 trains as in the paper.
-
+    The same pair and seed give the same bits on the same kind of machine, for any number of cores. The colours of the
+    initial Gaussians, `begin`, are ignored. If it `falls`, the decoders' learning rate goes to zero once Gaussians no
+    longer grow. If `hardened` is above 0, the message is trained in every other iteration without the rows that
+    ``plain_weight`` removes with this tau.
     """
 
     def __init__(self, run: Run, begin: Parameters, *, falls: bool = True, hardened: float = 0.0) -> None:

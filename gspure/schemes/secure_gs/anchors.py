@@ -20,25 +20,12 @@ SCALINGS: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class Anchors:
-    """M anchors of k Gaussians each; arrays of numpy or torch.
+    """M anchors of k Gaussians each; arrays of numpy or torch."""
 
-    Parameters
-    ----------
-    positions : array [M,3]
-        World units; training does not move them.
-    offsets : array [M,k,3]
-        Of the Gaussians, in multiples of the first three scalings.
-    features : array [M,F]
-        Latent features, input of the networks.
-    log_scalings : array [M,6]
-        Logarithms of the unit of the offsets (3) and of the Gaussians' scales before the network's factor (3).
-
-    """
-
-    positions: Any
-    offsets: Any
-    features: Any
-    log_scalings: Any
+    positions: Any  # [M,3], world units; training does not move them
+    offsets: Any  # [M,k,3] of the Gaussians, in multiples of the first three scalings
+    features: Any  # [M,F], input of the networks
+    log_scalings: Any  # [M,6], of the unit of the offsets (3), and of the scales before the network's factor (3)
 
     @property
     def k(self) -> int:

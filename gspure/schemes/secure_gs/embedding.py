@@ -54,18 +54,10 @@ def embed(
 ) -> tuple[AnchorModel, HiddenKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
-    Parameters
-    ----------
-    message_weight : float
-        Share of the message's loss; that of the scene is 1.
-    density : float
-        r_down of the region-aware density optimization (`gspure.schemes.secure_gs.growing`); 1 switches it off.
+    `message_weight` is the share of the message's loss; that of the scene is 1. `density` is r_down of the region-aware
+    density optimization (`gspure.schemes.secure_gs.growing`); 1 switches it off.
 
-    Raises
-    ------
-    InputError
-        A setting is out of range, or PyTorch is missing.
-
+    Raise `InputError` if a setting is out of range, or PyTorch is missing.
     """
     from gspure.schemes.secure_gs.training import Training
     from gspure.training.pytorch import single_threaded

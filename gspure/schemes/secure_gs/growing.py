@@ -32,25 +32,12 @@ _BITS = 21
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Gaussians that may get a new anchor.
+    """Gaussians that may get a new anchor."""
 
-    Parameters
-    ----------
-    positions : array [C,3]
-        Centres, world units.
-    norms : array [C]
-        Mean norms of their gradients.
-    thresholds : array [C]
-        Of these norms, at the first level.
-    features : array [C,F]
-        Of their anchors.
-
-    """
-
-    positions: Float32
-    norms: Float32
-    thresholds: Float32
-    features: Float32
+    positions: Float32  # [C,3], centres, world units
+    norms: Float32  # [C], mean norms of their gradients
+    thresholds: Float32  # [C] of these norms, at the first level
+    features: Float32  # [C,F] of their anchors
 
 
 def grown(

@@ -26,17 +26,9 @@ LEARNED: Final = ("offsets", "features", "log_scalings")
 
 
 class Learner:
-    """Shared anchors, and one set of networks per branch.
+    """Shared anchors, one set of networks per branch, and its photographs by training view.
 
-    Parameters
-    ----------
-    anchors : Anchors
-        Arrays.
-    branches : sequence of Networks
-        The scene's first.
-    photographs : sequence of sequences of array [H,W,3]
-        Of each branch, by training view.
-
+    The scene's branch is first.
     """
 
     def __init__(
@@ -70,26 +62,10 @@ class Learner:
     def differentiate(
         self, branch: int, camera: Camera, rows: Indices, view: int, weight: float
     ) -> tuple[float, Neural, Float32]:
-        """Add the gradients of a branch's loss to those of all parameters.
+        """Add the gradients of a branch's loss, times its weight, to those of all parameters.
 
-        Parameters
-        ----------
-        rows : array [V]
-            The visible anchors.
-        view : int
-            The camera's index, which is that of its photograph.
-        weight : float
-            Of the branch's loss.
-
-        Returns
-        -------
-        loss : float
-            Weighted.
-        gaussians : Neural
-            The view's Gaussians, as arrays.
-        gradients : array [A,3]
-            Of the loss with respect to their centres.
-
+        `rows` [V] are the visible anchors; `view` is the index of the camera, which is that of its photograph. Return
+        the weighted loss, the view's Gaussians as arrays, and the loss's gradients [A,3] with respect to their centres.
         """
         anchors = Anchors(self._positions, **self._learned).at(torch.from_numpy(rows))
         centre = torch.from_numpy(camera.centre.astype(np.float32))

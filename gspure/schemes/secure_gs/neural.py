@@ -21,26 +21,15 @@ LARGEST_OPACITY: Final = np.float32(1 - 2**-20)
 
 @dataclass(frozen=True, eq=False)
 class Neural:
-    """The k Gaussians of each of V anchors for one camera; A of them are active.
+    """The k Gaussians of each of V anchors for one camera; A of them are active, and activated."""
 
-    Parameters
-    ----------
-    outputs : array [V,k]
-        Of the opacity network, -1 to 1; Gaussians with a positive one are active.
-    active : int array [A]
-        Indices into the V k Gaussians, anchor by anchor.
-    means, quats, scales, opacities, colors : arrays [A,3], [A,4], [A,3], [A], [A,3]
-        Activated.
-
-    """
-
-    outputs: Any
-    active: Any
-    means: Any
-    quats: Any
-    scales: Any
-    opacities: Any
-    colors: Any
+    outputs: Any  # [V,k] of the opacity network, -1 to 1; Gaussians with a positive one are active
+    active: Any  # [A], indices into the V k Gaussians, anchor by anchor
+    means: Any  # [A,3]
+    quats: Any  # [A,4]
+    scales: Any  # [A,3]
+    opacities: Any  # [A]
+    colors: Any  # [A,3]
 
 
 def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural:

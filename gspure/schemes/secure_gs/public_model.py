@@ -29,15 +29,9 @@ if TYPE_CHECKING:
 
 
 class AnchorModel(PublicModel):
-    """A Scaffold-GS model, the public model of SecureGS; its rows are anchors.
+    """A Scaffold-GS model, the public model of SecureGS; the rows of its table [M] are anchors.
 
-    Parameters
-    ----------
-    model : Gaussians
-        The table [M] of anchors.
-    networks : Networks
-        ``opacity``, ``cov``, ``color`` and optionally ``feature_bank``.
-
+    Its networks are ``opacity``, ``cov``, ``color`` and optionally ``feature_bank``.
     """
 
     attributes: ClassVar[Columns] = {

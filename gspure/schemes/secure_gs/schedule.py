@@ -35,13 +35,8 @@ ADJUST_EVERY: Final = 100
 class AnchorSchedule:
     """A run's schedule. Iterations count from 1; events follow the optimizer step of their iteration.
 
-    Parameters
-    ----------
-    count_from : int
-        Statistics are collected after this iteration, up to `adjust_until`.
-    adjust_from, adjust_until, adjust_every : int
-        Anchors grow and are pruned at the multiples of `adjust_every` strictly between the other two.
-
+    Statistics are collected after `count_from`, up to `adjust_until`. Anchors grow and are pruned at the multiples of
+    `adjust_every` strictly between `adjust_from` and `adjust_until`.
     """
 
     iterations: int

@@ -11,30 +11,14 @@ from gspure.schemes.secure_gs.neural import Neural
 
 
 class Statistics:
-    """Sums over the views of one branch since their last reset.
-
-    Parameters
-    ----------
-    count, k : int
-        Anchors M, and Gaussians of each.
-
-    Attributes
-    ----------
-    norms, active_views : array [M,k]
-        Sum of the gradients' norms (see `screen_norms`), and number of views in which a Gaussian was active.
-    centres : array [M,k,3]
-        Sum of a Gaussian's centres in those views.
-    opacities, views : array [M]
-        Sum of an anchor's opacities, and number of views in which it was visible.
-
-    """
+    """Sums over the views of one branch, with `count` = M anchors of k Gaussians, since their last reset."""
 
     def __init__(self, count: int, k: int) -> None:
-        self.norms = np.zeros((count, k), np.float32)
-        self.active_views = np.zeros((count, k), np.float32)
-        self.centres = np.zeros((count, k, 3), np.float32)
-        self.opacities = np.zeros(count, np.float32)
-        self.views = np.zeros(count, np.float32)
+        self.norms = np.zeros((count, k), np.float32)  # of the gradients: see `screen_norms`
+        self.active_views = np.zeros((count, k), np.float32)  # number of views in which a Gaussian was active
+        self.centres = np.zeros((count, k, 3), np.float32)  # of the Gaussian in those views
+        self.opacities = np.zeros(count, np.float32)  # of an anchor
+        self.views = np.zeros(count, np.float32)  # number of views in which it was visible
 
     def add(self, rows: Indices, gaussians: Neural, norms: Float32) -> None:
         """Add a view: the `rows` [V] of its anchors, their Gaussians (as arrays), the norms [A] of their gradients."""

@@ -26,19 +26,9 @@ OPACITY_MIN: Final = 0.005
 class Training:
     """A run; iterating over it trains and yields the loss of each iteration.
 
-    The same arguments give the same bits with one thread of PyTorch.
-
-    Parameters
-    ----------
-    anchors : Anchors
-        The initial anchors.
-    voxel : float
-        Side of the smallest cells, world units.
-    branches : sequence of Networks
-        The scene's, and the message's unless a clean model is trained.
-    density : float
-        r_down of RDO; 1 switches it off.
-
+    The same arguments give the same bits with one thread of PyTorch. `voxel` is the side of the smallest cells, in
+    world units; `branches` are the networks of the scene, and of the message unless a clean model is trained;
+    `density` is r_down of RDO, 1 without it.
     """
 
     def __init__(self, run: Run, anchors: Anchors, voxel: float, branches: Sequence[Networks], density: float) -> None:
