@@ -7,20 +7,14 @@ from typing import Final
 
 # --- Rasterization rules, as the published 3DGS models were trained with (Kerbl et al. 2023, reference rasterizer) ----
 
-TILE: Final = 16
-"""Side of a square screen tile, in pixels."""
+TILE: Final = 16  # side of a square screen tile, in pixels
 
 NEAR_PLANE: Final = 0.2
 """Gaussians whose centre has a view-space depth of at most this are dropped; so are ray maxima at or before it."""
 
-ALPHA_MIN: Final = 1.0 / 255.0
-"""A Gaussian touches a pixel when its alpha there is at least this."""
-
-ALPHA_MAX: Final = 0.99
-"""Upper clamp of alpha."""
-
-TRANSMITTANCE_MIN: Final = 1e-4
-"""A pixel stops *before* the Gaussian that would bring its transmittance below this."""
+ALPHA_MIN: Final = 1.0 / 255.0  # a Gaussian touches a pixel when its alpha there is at least this
+ALPHA_MAX: Final = 0.99  # upper clamp of alpha
+TRANSMITTANCE_MIN: Final = 1e-4  # a pixel stops *before* the Gaussian that would bring its transmittance below this
 
 EWA_DILATION: Final = 0.3
 """Added to both diagonal entries of the 2-D covariance, in square pixels (low-pass filter of EWA splatting)."""
@@ -31,8 +25,7 @@ EWA_FRUSTUM_MARGIN: Final = 0.3
 MEDIAN_TRANSMITTANCE: Final = 0.5
 """The median depth is that of the Gaussian at which a pixel's transmittance falls to this (GOF's depth)."""
 
-SH_DC: Final = 0.28209479177387814
-"""Zeroth real spherical harmonic, 1 / (2 sqrt(pi)): colour = SH_DC * f_dc + 0.5."""
+SH_DC: Final = 0.28209479177387814  # zeroth real spherical harmonic, 1 / (2 sqrt(pi)): colour = SH_DC * f_dc + 0.5
 
 MAX_SH_DEGREE: Final = 3
 
@@ -50,52 +43,33 @@ RAY_SCALE_RATIO: Final = 1e8
 EWA_DEVIATION_MAX: Final = 1e8
 """Energy ``ewa``: upper clamp of a principal axis' standard deviation facing the camera, in pixels."""
 
-COLOUR_MAX: Final = 1e30
-"""Upper clamp of a colour."""
+COLOUR_MAX: Final = 1e30  # upper clamp of a colour
 
 # --- Device memory. Ours. --------------------------------------------------------------------------------------------
 
-BLOCK: Final = 16
-"""Gaussians of a block: attributes are stored as [blocks][attributes][BLOCK], one vector load each."""
-
-GEOMETRY_ATTRIBUTES: Final = 11
-"""Means 3, quaternions 4, scales 3, opacity 1."""
-
-FOOTPRINT_FLOATS: Final = 8
-"""Floats of a footprint, the input of binning."""
-
-MOMENTS: Final = 6
-"""Moments of a splat's gradient over the pixels of a tile."""
-
-SCAN_BINS: Final = 64
-"""Bins of a histogram that one work-item scans."""
-
-LEAF: Final = 16
-"""Most points in a leaf of the k-d tree."""
+BLOCK: Final = 16  # Gaussians of a block: attributes are stored as [blocks][attributes][BLOCK], one vector load each
+GEOMETRY_ATTRIBUTES: Final = 11  # means 3, quaternions 4, scales 3, opacity 1
+FOOTPRINT_FLOATS: Final = 8  # floats of a footprint, the input of binning
+MOMENTS: Final = 6  # moments of a splat's gradient over the pixels of a tile
+SCAN_BINS: Final = 64  # bins of a histogram that one work-item scans
+LEAF: Final = 16  # most points in a leaf of the k-d tree
 
 # --- GSPure, paper §Methodology; where the paper names no value, the choice is ours -----------------------------------
 
-TAU_C: Final = 4.0
-"""Cluster pruning factor, paper §Implementation Details (for Splats in Splats and GS-Hider)."""
-
-TAU_N: Final = 4.0
-"""Noise pruning factor, paper §Implementation Details (for Splats in Splats and GS-Hider)."""
+TAU_C: Final = 4.0  # cluster pruning factor, paper §Implementation Details (for Splats in Splats and GS-Hider)
+TAU_N: Final = 4.0  # noise pruning factor, paper §Implementation Details (for Splats in Splats and GS-Hider)
 
 ANCHOR_TAU_C: Final = 3.0
 ANCHOR_TAU_N: Final = 2.0
 """The same for SecureGS, whose rows are anchors."""
 
-MIN_SAMPLES: Final = 10
-"""HDBSCAN's min_samples. Ours: the paper names none."""
-
-MIN_CLUSTER_SIZE: Final = 50
-"""HDBSCAN's min_cluster_size. Ours: the paper names none."""
+MIN_SAMPLES: Final = 10  # HDBSCAN's min_samples; ours: the paper names none
+MIN_CLUSTER_SIZE: Final = 50  # HDBSCAN's min_cluster_size; ours: the paper names none
 
 MAX_CLUSTER_SHARE: Final = 0.1
 """Largest share of all Gaussians that one excess-of-mass cluster may hold. Ours: plain eom collapses on many scenes."""
 
-NOISE_LABEL: Final = -1
-"""Label of a noise point, as in HDBSCAN."""
+NOISE_LABEL: Final = -1  # label of a noise point, as in HDBSCAN
 
 # --- Training: Kerbl et al. 2023, Adam's defaults --------------------------------------------------------------------
 
@@ -112,5 +86,4 @@ SSIM_C1: Final = 0.01**2
 SSIM_C2: Final = 0.03**2
 MS_SSIM_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 
-TEST_EVERY: Final = 8
-"""With cameras sorted by name, every eighth one is held out (3DGS's ``--eval`` split)."""
+TEST_EVERY: Final = 8  # with cameras sorted by name, every eighth one is held out (3DGS's `--eval` split)

@@ -12,8 +12,7 @@ from gspure.errors import InputError
 from gspure.images import RENDERED, require_all_images, require_intact
 from gspure.method.contributions import is_index, read_index, read_stage
 
-RESULTS: Final = Path("results")
-"""Where the workflow keeps what it makes; files elsewhere are the user's."""
+RESULTS: Final = Path("results")  # where the workflow keeps what it makes; files elsewhere are the user's
 
 
 def problems_below(folders: Iterable[Path]) -> tuple[int, list[str]]:

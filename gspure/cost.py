@@ -13,8 +13,7 @@ from gspure.errors import InputError
 
 SUFFIX: Final = ".cost.json"
 
-LOG: Final = "GSPURE_LOG"
-"""Environment variable with the log of the job that runs a command."""
+LOG: Final = "GSPURE_LOG"  # environment variable with the log of the job that runs a command
 
 
 COSTS: Final = "results/benchmarks"
@@ -24,11 +23,8 @@ COSTS: Final = "results/benchmarks"
 class Cost(NamedTuple):
     """The cost of a job, or of several one after the other."""
 
-    cpu: float
-    """CPU time of all threads, s."""
-
-    memory: float
-    """Peak memory, MiB."""
+    cpu: float  # CPU time of all threads, s
+    memory: float  # peak memory, MiB
 
     def write(self, path: Path) -> None:
         """Write a JSON file."""

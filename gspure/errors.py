@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-_LONGEST: Final = 500
-"""Characters of each part of a message other than the path; ours."""
+_LONGEST: Final = 500  # characters of each part of a message other than the path; ours
 
 
 class InputError(ValueError):

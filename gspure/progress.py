@@ -9,8 +9,7 @@ Item = TypeVar("Item")
 
 _SECONDS_BETWEEN_LINES = 10.0
 
-quiet = False
-"""Whether progress is left out; warnings are not."""
+quiet = False  # whether progress is left out; warnings are not
 
 
 def say(message: str) -> None:

@@ -17,8 +17,7 @@ from gspure.artifacts.files import replacing
 from gspure.dtypes import Indices
 from gspure.errors import InputError, reading
 
-Shape = tuple[int | None, ...]
-"""``None`` stands for any length."""
+Shape = tuple[int | None, ...]  # `None` stands for any length
 
 Kind = tuple[np.dtype[Any] | type, Shape]
 """What an array should be: a dtype, or ``np.integer`` or ``np.str_`` for any of these; and a shape."""

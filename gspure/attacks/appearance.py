@@ -12,15 +12,13 @@ from gspure.model.gaussians import Gaussians
 from gspure.progress import warn
 from gspure.public_model import ATTRIBUTES, Columns
 
-FACTOR: Final = 1.2
-"""Scale of the features. Ours: the paper says "amplifies", without a value."""
+FACTOR: Final = 1.2  # scale of the features; ours: the paper says "amplifies", without a value
 
 BITS: Final = 8
 QUANTIZED: Final = "colour,opacity,scale,rotation"
 """Ours: formats keep 16 bits and more for positions; at few bits nothing else would matter."""
 
-HALF: Final = 16
-"""Bits of IEEE-754 half precision."""
+HALF: Final = 16  # bits of IEEE-754 half precision
 
 
 def feature_scaling(

@@ -11,14 +11,9 @@ from gspure.model.gaussians import Gaussians
 from gspure.model.motion import moved, rotation
 from gspure.public_model import Columns
 
-CROPPED: Final = 0.5
-"""Side of the box, relative to the model's. Ours."""
-
-FLOATERS: Final = 0.01
-"""Fraction of the centres beyond the model's box, at either end of each axis. Ours."""
-
-INNER: Final = 0.9
-"""Fraction of the rows within the radius. Ours."""
+CROPPED: Final = 0.5  # side of the box, relative to the model's; ours
+FLOATERS: Final = 0.01  # fraction of the centres beyond the model's box, at either end of each axis; ours
+INNER: Final = 0.9  # fraction of the rows within the radius; ours
 
 FARTHEST: Final = 1e4
 """Largest translation in radii: float32 rounds centres that far away to a thousandth of the radius. Ours."""

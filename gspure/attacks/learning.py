@@ -21,17 +21,10 @@ from gspure.training.dataset import extent
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
 from gspure.training.trainer import beginning, train
 
-ITERATIONS: Final = 200
-"""Training steps of an existing model. Ours."""
-
-DISTILLATION: Final = 1500
-"""Training steps of a new model. Ours."""
-
-RATE_FACTOR: Final = 10.0
-"""Factor on the learning rates of `reestimate`, whose colours start at zero. Ours."""
-
-OPAQUE: Final = 0.5
-"""Least opacity of the rows at which `distil` starts. Ours."""
+ITERATIONS: Final = 200  # training steps of an existing model; ours
+DISTILLATION: Final = 1500  # training steps of a new model; ours
+RATE_FACTOR: Final = 10.0  # factor on the learning rates of `reestimate`, whose colours start at zero; ours
+OPAQUE: Final = 0.5  # least opacity of the rows at which `distil` starts; ours
 
 LEARNED: Final = {
     "all": ("colour", "opacity", "scale", "rotation", "position"),

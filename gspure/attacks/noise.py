@@ -11,8 +11,7 @@ from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
 
-SIGMA: Final = 0.1
-"""Standard deviation of attribute noise, in units of the stored values. Ours: the paper names none."""
+SIGMA: Final = 0.1  # standard deviation of attribute noise, in units of the stored values; ours: the paper names none
 
 OPACITY_SIGMA: Final = 0.1
 """Standard deviation relative to each opacity. Ours: the middle of the published range, 0.05 to 0.2."""

@@ -13,8 +13,7 @@ from gspure.method import pruning
 from gspure.method.pruning import plain_prune_mask
 from gspure.model.gaussians import Gaussians
 
-FRACTION: Final = 0.25
-"""Fraction of the rows to remove. Ours: the paper says "a certain ratio"."""
+FRACTION: Final = 0.25  # fraction of the rows to remove; ours: the paper says "a certain ratio"
 
 FRACTIONS: Final = Strength("fraction", 0.0, 1.0)
 TAUS: Final = Strength("tau", 100.0, 0.01, "log")

@@ -19,14 +19,9 @@ from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
 
-CLONED: Final = 0.25
-"""Fraction of the rows to clone. Ours."""
-
-INJECTED: Final = 0.1
-"""New rows, as a fraction of the old. Ours: the middle of the published range, 0.05 to 0.3."""
-
-DISTANCE: Final = 0.02
-"""Standard deviation of an injected row's offset along each axis, in radii of the model. Ours."""
+CLONED: Final = 0.25  # fraction of the rows to clone; ours
+INJECTED: Final = 0.1  # new rows, as a fraction of the old; ours: the middle of the published range, 0.05 to 0.3
+DISTANCE: Final = 0.02  # standard deviation of an injected row's offset along each axis, in radii of the model; ours
 
 
 def densify_clone(model: Gaussians, rng: Rng, columns: Columns, *, fraction: float = CLONED) -> Attacked:

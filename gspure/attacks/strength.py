@@ -25,8 +25,7 @@ Images = Sequence[Float32]
 Damage = Callable[[PublicModel], float]
 """From an attacked model to the drop of the scene's PSNR, dB."""
 
-EVALUATIONS: Final = 10
-"""Most models that a search renders, besides that at the weak end."""
+EVALUATIONS: Final = 10  # most models that a search renders, besides that at the weak end
 
 NOMINAL_PSNR: Final = 30.0
 """Assumed PSNR of every view of the unattacked model where no photographs are known, dB. Ours."""

@@ -10,8 +10,7 @@ from gspure.cameras.camera import Camera, looking_at, split
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 
-PREFIX: Final = "off_path_"
-"""Prefix of the names of such views."""
+PREFIX: Final = "off_path_"  # prefix of the names of such views
 
 STEP: Final = 0.25
 """Their distance from the path, in root-mean-square distances of its cameras from their mean. Ours: clearly off an

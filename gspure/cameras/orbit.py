@@ -17,17 +17,10 @@ from gspure.progress import say
 
 Floats = NDArray[np.floating[Any]]
 
-_FRAMED = 0.95
-"""Share of the model's opacity in view; the rest may be floaters."""
-
-MOST_VIEWS: Final = 10_000
-"""Largest number of generated views. Ours."""
-
-_ELEVATIONS: Final = (15.0, 45.0, -20.0)
-"""Degrees above the horizon of the rings."""
-
-_RADII: Final = (0.6, 1.0, 1.6)
-"""Radii of the shells, as multiples of the distance at which the model fills a view."""
+_FRAMED = 0.95  # share of the model's opacity in view; the rest may be floaters
+MOST_VIEWS: Final = 10_000  # largest number of generated views; ours
+_ELEVATIONS: Final = (15.0, 45.0, -20.0)  # degrees above the horizon of the rings
+_RADII: Final = (0.6, 1.0, 1.6)  # radii of the shells, as multiples of the distance at which the model fills a view
 
 _GOLDEN_ANGLE = 180 * (3 - math.sqrt(5))  # degrees
 

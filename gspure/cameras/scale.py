@@ -7,8 +7,7 @@ from gspure.cameras.camera import Camera
 from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
 
-TRAINING_RULE = "1600px"
-"""The default size of training in 3DGS."""
+TRAINING_RULE = "1600px"  # the default size of training in 3DGS
 
 _RULE = re.compile(r"native|photographs|1/(?P<factor>[1-9]\d{0,4})|(?P<width>[1-9]\d{0,4})px")
 

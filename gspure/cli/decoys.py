@@ -9,8 +9,7 @@ EXAMPLES = """\
 Writes a folder of pictures for each room, with coarser lighting than `gspure pair`.
 """
 
-COARSENESS = 2
-"""Of the light (`gspure.scenes.lighting.bake`). Ours."""
+COARSENESS = 2  # of the light (`gspure.scenes.lighting.bake`); ours
 
 
 def add_arguments(parser: Parser) -> None:

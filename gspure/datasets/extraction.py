@@ -13,8 +13,7 @@ from gspure.errors import InputError, reading
 UNPACKED_RATIO: Final = 10
 """An archive may unpack to this many times its size: photographs do not shrink, sparse models to a third. Ours."""
 
-LONGEST_NAME: Final = 255
-"""Bytes of a file's name that file systems take."""
+LONGEST_NAME: Final = 255  # bytes of a file's name that file systems take
 
 RECORD = "origin.json"
 """Written with the files of a scene: where they came from. A folder that has it is whole."""

@@ -14,8 +14,7 @@ from gspure.progress import say
 if TYPE_CHECKING:
     from requests import Response
 
-TRIES: Final = 5
-"""Number of consecutive connections without progress after which a download fails. Ours."""
+TRIES: Final = 5  # number of consecutive connections without progress after which a download fails; ours
 
 _SHA256: Final = re.compile(r"([0-9a-fA-F]{64})(?!\S)")
 _SIZE: Final = re.compile(r"[0-9]{1,18}")

@@ -22,16 +22,13 @@ REFERENCES: Final[tuple[Reference, ...]] = (TRUTH, RENDER)
 """References of comparisons: photographs of the true scene or message, or renders of the unattacked model."""
 
 
-FAR_BELOW: Final = 6.0
-"""dB below the mean PSNR beyond which a view is warned of: four times the error. Ours."""
+FAR_BELOW: Final = 6.0  # dB below the mean PSNR beyond which a view is warned of: four times the error; ours
 
 
 class ViewMetrics(NamedTuple):
     """The metrics of one view of one target."""
 
-    target: str
-    """Subfolder of the image (``scene``, ``message``), or ``.``."""
-
+    target: str  # subfolder of the image (`scene`, `message`), or `.`
     view: str
     reference: Reference
     values: Annotated[Mapping[str, float], PerMetric(complete=True)]

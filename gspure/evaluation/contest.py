@@ -17,8 +17,7 @@ SCENE_DROP: Final = "scene_drop"
 WEIGHTS: Final[Mapping[Quantity, tuple[int, int]]] = {SCORE: (-1, 1), MESSAGE_DROP: (0, 1), SCENE_DROP: (1, 0)}
 """Each quantity as a weighted sum of the drops of scene and message."""
 
-DropsByVariant = Mapping[str, Mapping[tuple[str, int], Drops]]
-"""Drops by variant, and by scene and seed."""
+DropsByVariant = Mapping[str, Mapping[tuple[str, int], Drops]]  # drops by variant, and by scene and seed
 
 
 class Contest(NamedTuple):
@@ -30,28 +29,14 @@ class Contest(NamedTuple):
     extraction: str
     """The target that shows the message."""
 
-    attack: str
-    """A variant; where `damage` is known, a sweep."""
-
+    attack: str  # a variant; where `damage` is known, a sweep
     quantity: Quantity
-
-    damage: float
-    """Permitted drop of the scene's PSNR, dB; NaN if both are compared as they were run."""
-
-    cells: int
-    """Number of scenes and seeds in which both are known."""
-
-    difference: Interval
-    """dB; positive where GSPure has more."""
-
-    p: float = math.nan
-    """Of the sign-flip test of the Score; NaN for other quantities."""
-
-    p_adjusted: float = math.nan
-    """`p` after Holm's correction for all attacks on this condition and extraction."""
-
-    p_attainable: float = math.nan
-    """The smallest `p_adjusted` possible with this number of attacks and scenes."""
+    damage: float  # permitted drop of the scene's PSNR, dB; NaN if both are compared as they were run
+    cells: int  # number of scenes and seeds in which both are known
+    difference: Interval  # dB; positive where GSPure has more
+    p: float = math.nan  # of the sign-flip test of the Score; NaN for other quantities
+    p_adjusted: float = math.nan  # `p` after Holm's correction for all attacks on this condition and extraction
+    p_attainable: float = math.nan  # the smallest `p_adjusted` possible with this number of attacks and scenes
 
 
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:

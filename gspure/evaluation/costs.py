@@ -26,8 +26,7 @@ class AttackCost(NamedTuple):
     cpu: float
     """CPU time of the attack and of all measurements that it needs, without the search for its strength, s."""
 
-    memory: float
-    """Peak memory, with the search, MiB."""
+    memory: float  # peak memory, with the search, MiB
 
 
 def attack_costs(outcomes: Sequence[Outcome], sweeps: Sweeps, folder: Path) -> list[AttackCost]:

@@ -25,15 +25,11 @@ Cells = Iterator[str]
 class PerMetric(NamedTuple):
     """Annotation of a mapping from metric to value: the columns it takes."""
 
-    column: str = "{}"
-    """Name of a column; the braces stand for the metric."""
-
-    complete: bool = False
-    """Whether to refuse empty cells."""
+    column: str = "{}"  # name of a column; the braces stand for the metric
+    complete: bool = False  # whether to refuse empty cells
 
 
-Values = Annotated[Mapping[str, float], PerMetric()]
-"""Metrics by name."""
+Values = Annotated[Mapping[str, float], PerMetric()]  # metrics by name
 
 
 class _Field(NamedTuple):

@@ -17,14 +17,9 @@ from gspure.evaluation.controls import MESSAGE_FREE
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
 
-DETECTIONS: Final = "detections"
-"""Name of the folder of readings: ``SCHEME/SCENE/VARIANT/detections/DETECTOR.csv``."""
-
-STRICT: Final = 0.001
-"""False positive rate of `Detection.tpr_strict`."""
-
-LARGEST: Final = 1e100
-"""The largest score, of which squares are finite."""
+DETECTIONS: Final = "detections"  # name of the folder of readings: `SCHEME/SCENE/VARIANT/detections/DETECTOR.csv`
+STRICT: Final = 0.001  # false positive rate of `Detection.tpr_strict`
+LARGEST: Final = 1e100  # the largest score, of which squares are finite
 
 _MOST_BITS: Final = 1 << 31
 
@@ -36,8 +31,7 @@ class Reading(NamedTuple):
     level: float
     """Share of correct bits in percent, or the score."""
 
-    bits: int
-    """Number of bits; 0 for a score."""
+    bits: int  # number of bits; 0 for a score
 
     @property
     def value(self) -> float:
@@ -53,17 +47,13 @@ class Reading(NamedTuple):
 class Detection(NamedTuple):
     """The readings of one detector over the views on the camera path."""
 
-    level: float
-    """Mean over views."""
-
-    spread: float
-    """Standard deviation over views."""
+    level: float  # mean over views
+    spread: float  # standard deviation over views
 
     tpr: float
     """Share of the views above the threshold that `FALSE_POSITIVES` of the unmarked views exceed; NaN if unknown."""
 
-    tpr_strict: float
-    """The same for `STRICT`."""
+    tpr_strict: float  # the same for `STRICT`
 
     present: bool | None
     """Whether more views are above the threshold of `tpr` than chance explains (`CHANCE`); None if unknown."""

@@ -28,16 +28,14 @@ from numpy.typing import ArrayLike
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 
-LEVEL: Final = 0.95
-"""Nominal coverage of an interval."""
+LEVEL: Final = 0.95  # nominal coverage of an interval
 
 RESAMPLES: Final = 10_000
 """Ours. The tails of six scenes then hold some 20 resamples."""
 
 SEED: Final = 0
 
-Cells = Mapping[tuple[str, int], float]
-"""A number for every (scene, seed)."""
+Cells = Mapping[tuple[str, int], float]  # a number for every (scene, seed)
 
 Groups = list[Float64]
 
@@ -45,15 +43,10 @@ Groups = list[Float64]
 class Interval(NamedTuple):
     """A mean with its interval over scenes and seeds."""
 
-    mean: float
-    """The mean of the scenes' means: every scene counts the same, whatever its number of seeds."""
-
+    mean: float  # the mean of the scenes' means: every scene counts the same, whatever its number of seeds
     low: float
     high: float
-
-    level: float
-    """`LEVEL` for a bootstrap interval; lower for a range of few scenes, and 0 for a single one."""
-
+    level: float  # `LEVEL` for a bootstrap interval; lower for a range of few scenes, and 0 for a single one
     scenes: int
 
     @property

@@ -14,14 +14,9 @@ from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, by_condition, ordered
 from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE, MATCHED_DAMAGES, matched_message_drop
 
-Sweeps = Mapping[str, Sequence[str]]
-"""Names of attacks, with the variants that are this attack at several strengths."""
-
-Drops = tuple[float, float]
-"""Drop of the scene's and of the message's PSNR, dB."""
-
-Curve = Mapping[str, Drops]
-"""The drops of one model by variant of a sweep."""
+Sweeps = Mapping[str, Sequence[str]]  # names of attacks, with the variants that are this attack at several strengths
+Drops = tuple[float, float]  # drop of the scene's and of the message's PSNR, dB
+Curve = Mapping[str, Drops]  # the drops of one model by variant of a sweep
 
 _WANTED: Final = re.compile(r"@(\d+(?:\.\d+)?(?:e[+-]\d+)?)dB$")
 
@@ -29,8 +24,7 @@ _WANTED: Final = re.compile(r"@(\d+(?:\.\d+)?(?:e[+-]\d+)?)dB$")
 class Point(NamedTuple):
     """What a sweep does to one model at a permitted damage."""
 
-    message: float
-    """Drop of the message's PSNR, dB."""
+    message: float  # drop of the message's PSNR, dB
 
     scene: float
     """Drop of the scene's PSNR by the same strength, dB: the permitted one, unless no strength comes near it."""
@@ -74,8 +68,7 @@ class Matched(NamedTuple):
     gentle: int
     """Number of models that no tested strength damages this much; there, the largest drop of the message counts."""
 
-    scene_drop: float
-    """Mean drop of the scene's PSNR, dB; `damage` unless no strength comes near it."""
+    scene_drop: float  # mean drop of the scene's PSNR, dB; `damage` unless no strength comes near it
 
 
 def variant_at(variant: str, damage: float) -> str:

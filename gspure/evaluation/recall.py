@@ -6,18 +6,14 @@ import numpy as np
 
 from gspure.dtypes import Bools
 
-CARRIERS: Final = "carriers.npy"
-"""File of a key, of schemes that know which rows carry the message: bool [K]."""
+CARRIERS: Final = "carriers.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
 
 
 class Recall(NamedTuple):
     """Precision and recall of a pruning; NaN for a division by zero."""
 
-    precision: float
-    """Share of the pruned rows that carry the message."""
-
-    recall: float
-    """Share of the rows that carry the message that are pruned."""
+    precision: float  # share of the pruned rows that carry the message
+    recall: float  # share of the rows that carry the message that are pruned
 
 
 def recall(pruned: Bools, truth: Bools) -> Recall:

@@ -13,25 +13,16 @@ from gspure.evaluation.metrics import gradient_correlation
 from gspure.evaluation.significance import detectability
 from gspure.images import read_image
 
-CHANCE: Final = 0.05
-"""The message is retrieved if chance hits as many views with at most this probability. Ours."""
-
-FALSE_POSITIVES: Final = 0.01
-"""Rate of false candidates above the threshold of `Retrieval.tpr`."""
+CHANCE: Final = 0.05  # the message is retrieved if chance hits as many views with at most this probability; ours
+FALSE_POSITIVES: Final = 0.01  # rate of false candidates above the threshold of `Retrieval.tpr`
 
 
 class Retrieval(NamedTuple):
     """How well one extraction retrieves its message, over the views on the camera path."""
 
-    top1: float
-    """Share of the views in which no false candidate is as near as the message."""
-
-    auc: float
-    """Area under the ROC curve of true against false candidates, of all views together."""
-
-    tpr: float
-    """Share of the true candidates above the threshold that `FALSE_POSITIVES` of the false ones exceed."""
-
+    top1: float  # share of the views in which no false candidate is as near as the message
+    auc: float  # area under the ROC curve of true against false candidates, of all views together
+    tpr: float  # share of the true candidates above the threshold that `FALSE_POSITIVES` of the false ones exceed
     views: int
     candidates: int
     """Number of candidates of a view, the true one included; the smallest over the views."""

@@ -32,15 +32,9 @@ SEED: Final = 0
 class PairedTest(NamedTuple):
     """The outcome of a paired comparison."""
 
-    difference: float
-    """The mean of the scenes' mean differences."""
-
-    p: float
-    """Two-sided: share of random signs whose mean is at least as far from 0."""
-
-    smallest_p: float
-    """The smallest `p` possible: with few scenes no difference is significant, however large."""
-
+    difference: float  # the mean of the scenes' mean differences
+    p: float  # two-sided: share of random signs whose mean is at least as far from 0
+    smallest_p: float  # the smallest `p` possible: with few scenes no difference is significant, however large
     scenes: int
 
 

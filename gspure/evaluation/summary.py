@@ -25,17 +25,10 @@ class Summary(NamedTuple):
     extraction: str
     """The target that shows the message: ``message``, or another way of extracting it."""
 
-    scene: Interval | None
-    """PSNR of the scene, dB."""
-
-    message: Interval | None
-    """PSNR of the message, dB, or the mean reading of a detector."""
-
+    scene: Interval | None  # PSNR of the scene, dB
+    message: Interval | None  # PSNR of the message, dB, or the mean reading of a detector
     score: Interval | None
-
-    retrieved: Interval | None
-    """Share of views in which retrieval identifies the message."""
-
+    retrieved: Interval | None  # share of views in which retrieval identifies the message
     off_path_scene: Interval | None
     off_path_message: Interval | None
     off_path_score: Interval | None

@@ -31,14 +31,9 @@ class Survival(NamedTuple):
     present: int
     """Number of scenes in which the message of the unattacked model is present."""
 
-    survived: int
-    """Number of these in which it is present after the attack."""
-
-    only_retrieved: int
-    """Number of these in which it is not present, but still retrieved."""
-
-    reached: bool | None
-    """Whether the attack changed the extraction's carrier in any scene."""
+    survived: int  # number of these in which it is present after the attack
+    only_retrieved: int  # number of these in which it is not present, but still retrieved
+    reached: bool | None  # whether the attack changed the extraction's carrier in any scene
 
     message_drop: Interval | None
     """Like all means below, over the `present` scenes, or over all scenes if there are none."""
@@ -51,26 +46,13 @@ class Survival(NamedTuple):
     nc_drop: Interval | None
     """Drop of the normalized correlation."""
 
-    rms_ratio: float
-    """Damage to the message divided by that to the scene (`gspure.evaluation.metrics.rms_ratio`)."""
-
-    above_floor: Interval | None
-    """The message's PSNR, or a detector's mean reading, minus the floor of the same scene."""
-
-    share_left: Interval | None
-    """`above_floor` divided by its value before the attack; None if no scene is `present`."""
-
-    region_left: Interval | None
-    """The same of the message's PSNR without its background."""
-
-    above_wrong_key: Interval | None
-    """The message's PSNR minus that of a wrong key applied to the unattacked model, dB."""
-
-    control: str
-    """The kind of message-free model with the lowest AUC; empty if there is none."""
-
-    detectability: Detectability | None
-    """AUC against that kind, with one value per scene."""
+    rms_ratio: float  # damage to the message divided by that to the scene (`gspure.evaluation.metrics.rms_ratio`)
+    above_floor: Interval | None  # the message's PSNR, or a detector's mean reading, minus the floor of the same scene
+    share_left: Interval | None  # `above_floor` divided by its value before the attack; None if no scene is `present`
+    region_left: Interval | None  # the same of the message's PSNR without its background
+    above_wrong_key: Interval | None  # the message's PSNR minus that of a wrong key applied to the unattacked model, dB
+    control: str  # the kind of message-free model with the lowest AUC; empty if there is none
+    detectability: Detectability | None  # AUC against that kind, with one value per scene
 
     @property
     def name(self) -> str:

@@ -22,11 +22,8 @@ _AXES: Final = (r"noise pruning factor $\tau_n$", r"cluster pruning factor $\tau
 class Point(NamedTuple):
     """GSPure with one pair of pruning factors."""
 
-    factors: tuple[float, float]
-    """tau_n and tau_c."""
-
-    psnr: Mapping[str, Interval]
-    """Mean over scenes, dB, of scene and message."""
+    factors: tuple[float, float]  # tau_n and tau_c
+    psnr: Mapping[str, Interval]  # mean over scenes, dB, of scene and message
 
 
 def curve(points: Sequence[Point], axis: int, method: tuple[float, float]) -> list[Point]:

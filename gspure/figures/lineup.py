@@ -20,8 +20,7 @@ from gspure.figures.panels import Image, show
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLUMNS: Final = 6
-"""Most columns in a block, so that their titles are legible on a page."""
+COLUMNS: Final = 6  # most columns in a block, so that their titles are legible on a page
 
 _TITLE: Final = 0.26  # height of a block's titles, inches: two lines
 _TITLE_WIDTH: Final = 16  # letters in a line of them

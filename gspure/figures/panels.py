@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 Image = Float32
 
-GAIN: Final = 5
-"""Factor of the displayed differences."""
+GAIN: Final = 5  # factor of the displayed differences
 
 
 def write_panels(

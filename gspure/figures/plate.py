@@ -13,11 +13,8 @@ from gspure.figures.clouds import Cloud, Legend, Scale
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
-PICTURE_WIDTH: Final = round(style.COLUMN * style.DPI)
-"""Width in pixels of a picture in a column, without resampling."""
-
-PAGE_WIDTH: Final = round(style.PAGE * style.DPI)
-"""Width in pixels of all pictures across the page."""
+PICTURE_WIDTH: Final = round(style.COLUMN * style.DPI)  # width in pixels of a picture in a column, without resampling
+PAGE_WIDTH: Final = round(style.PAGE * style.DPI)  # width in pixels of all pictures across the page
 
 _ROW: Final = 0.15  # height of a row of the legend, inches
 _TITLE: Final = 0.2  # height of a title

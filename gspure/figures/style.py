@@ -15,16 +15,12 @@ from gspure.dtypes import UInt8
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLUMN: Final = 3.4
-"""Width of a figure in one column of a two-column paper, inches."""
-
-PAGE: Final = 7.0
-"""Width of a figure across both columns, inches."""
+COLUMN: Final = 3.4  # width of a figure in one column of a two-column paper, inches
+PAGE: Final = 7.0  # width of a figure across both columns, inches
 
 DPI: Final = 400
 
-MOST_DECIBELS: Final = 1e4
-"""Upper bound of drawn values, above the PSNR of any two images; larger ones are labels only."""
+MOST_DECIBELS: Final = 1e4  # upper bound of drawn values, above the PSNR of any two images; larger ones are labels only
 
 INK: Final = "#222222"
 FAINT: Final = "#8a8a8a"

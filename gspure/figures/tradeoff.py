@@ -29,12 +29,8 @@ _TICKS: Final = (0, 0.5, 1, 1.5, 2, 3, 5, 10, 20)
 class Place(NamedTuple):
     """Variants with equal results, and these results as means over the scenes."""
 
-    damage: float
-    """Drop of the scene's PSNR, dB."""
-
-    residual: float
-    """PSNR of the message, dB."""
-
+    damage: float  # drop of the scene's PSNR, dB
+    residual: float  # PSNR of the message, dB
     variants: tuple[str, ...]
 
 

@@ -9,8 +9,7 @@ from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.orbit import guessed_up
 from gspure.dtypes import Bools, Float64, Indices
 
-MAX_POINTS = 2_000_000
-"""Larger clouds are thinned to this number of points, always the same ones."""
+MAX_POINTS = 2_000_000  # larger clouds are thinned to this number of points, always the same ones
 
 _BULK = (0.02, 0.98)  # quantiles that bound the points without floaters
 _NEAREST = 0.1  # least distance of an overview from the framed points, times their extent

@@ -38,17 +38,10 @@ from gspure.renderer import CONTRIBUTION
 class Measurement(NamedTuple):
     """What the indices of all parts share."""
 
-    model: str
-    """Digest of the rows as stored (`Gaussians.geometry_digest`)."""
-
-    settings: str
-    """Digest of all views, energy, rendering code and files beside the model."""
-
-    device: str
-    """Driver, device and kernel style (`gspure.opencl.engine.device_identity`)."""
-
-    views: int
-    """Number of views in all parts."""
+    model: str  # digest of the rows as stored (`Gaussians.geometry_digest`)
+    settings: str  # digest of all views, energy, rendering code and files beside the model
+    device: str  # driver, device and kernel style (`gspure.opencl.engine.device_identity`)
+    views: int  # number of views in all parts
 
     @classmethod
     def of(

@@ -17,8 +17,7 @@ PARTS: Final = {"position": COLUMNS[:3], "opacity": COLUMNS[3:4], "weight": COLU
 """The parts of the features; the clustering uses all of them, or some in an ablation."""
 
 
-OUTLYING: Final = 10.0
-"""Distance from the median centre, in extents of the scene, beyond which a row is outlying. Ours."""
+OUTLYING: Final = 10.0  # distance from the median centre, in extents of the scene, beyond which a row is outlying; ours
 
 STRETCH: Final = 2.0
 """Largest factor of a coordinate's standard deviation due to outlying rows; above it, they are left out. Ours."""

@@ -13,8 +13,7 @@ Stage = TypeVar("Stage")
 Reduction = Literal["sum", "max", "mean_touched"]
 REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
 
-FEW_SHARE: Final = 0.01
-"""Share of rows in view below which a warning is printed. Ours."""
+FEW_SHARE: Final = 0.01  # share of rows in view below which a warning is printed; ours
 
 HEAVY_SHARE: Final = 0.1
 """Share of all ω beyond which a row is heavy; in models of fewer than 1000 rows, 100 times the mean. Ours."""

@@ -6,8 +6,7 @@ import numpy as np
 
 from gspure.dtypes import Float32
 
-LEAST_OPACITY: Final = 1e-6
-"""Changed opacities are clipped to this and one minus this, so that their logits are finite."""
+LEAST_OPACITY: Final = 1e-6  # changed opacities are clipped to this and one minus this, so that their logits are finite
 
 
 def sigmoid(logits: Float32) -> Float32:

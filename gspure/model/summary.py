@@ -12,8 +12,7 @@ from gspure.model.gaussians import COLOUR, CORE, Gaussians
 from gspure.model.signature import Signature
 from gspure.model.suspicious import suspicious_rows
 
-LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
-"""Quantile levels: extremes, the middle 90 %, quartiles and median."""
+LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)  # quantile levels: extremes, the middle 90 %, quartiles and median
 
 _NORMALS = ("nx", "ny", "nz")
 

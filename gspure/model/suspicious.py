@@ -15,14 +15,9 @@ Rows = Indices
 NEEDLE_ASPECT: Final = 1e4
 """Largest ratio of the longest to the second longest axis; the shortest may be shorter, as surfaces are flat."""
 
-FAR: Final = 1e3
-"""Largest distance of a centre from the median centre, as a multiple of the extent."""
-
-PILE: Final = 10
-"""Least number of rows with the same centre that are a pile."""
-
-BULK: Final = (0.05, 0.95)
-"""The extent is the diagonal of the box between these quantiles of the centres."""
+FAR: Final = 1e3  # largest distance of a centre from the median centre, as a multiple of the extent
+PILE: Final = 10  # least number of rows with the same centre that are a pile
+BULK: Final = (0.05, 0.95)  # the extent is the diagonal of the box between these quantiles of the centres
 
 REASONS: Final = {
     "non_finite": "infinity or not-a-number; not drawn",

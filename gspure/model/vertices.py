@@ -14,8 +14,7 @@ from plyfile import PlyData, PlyElement, PlyListProperty
 from gspure.artifacts import verify
 from gspure.errors import InputError, reading
 
-_HEADER_LIMIT: Final = 1 << 20
-"""Largest header in bytes; the search for its end stops there."""
+_HEADER_LIMIT: Final = 1 << 20  # largest header in bytes; the search for its end stops there
 
 
 @dataclass(frozen=True)

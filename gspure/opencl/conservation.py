@@ -7,8 +7,7 @@ from gspure.constants import ALPHA_MAX
 from gspure.dtypes import Float32
 from gspure.errors import InputError
 
-TOLERANCE = 1e-4
-"""Relative, of the sum over a view; rounding errors stay below a tenth of it."""
+TOLERANCE = 1e-4  # relative, of the sum over a view; rounding errors stay below a tenth of it
 
 _HINT = "the OpenCL driver computes wrongly; choose another device: `gspure doctor`"
 

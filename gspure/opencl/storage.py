@@ -15,8 +15,7 @@ from gspure.model.activations import sigmoid
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.engine import Engine
 
-FEW = 1 << 14
-"""Gaussians that caches hold in any order: sorting them takes longer than it saves."""
+FEW = 1 << 14  # Gaussians that caches hold in any order: sorting them takes longer than it saves
 
 _CHUNK = 1 << 14  # Gaussians converted at a time, to avoid a second copy of the model
 _GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")

@@ -47,8 +47,7 @@ class Projected:
 class Splats(Projected):
     """Energy ``ewa``: a 2-D Gaussian on the image plane, E = exp(-1/2 d^T Sigma'^-1 d)."""
 
-    covs2d: Float64
-    """Sigma' = J Sigma J^T + dilation, [V,2,2] in square pixels."""
+    covs2d: Float64  # Sigma' = J Sigma J^T + dilation, [V,2,2] in square pixels
 
     def evaluate(self, i: int, u: Float64, v: Float64) -> tuple[Float64, Float64]:
         """Return the i-th Gaussian's energy and depth at the pixel positions (u, v)."""
@@ -65,12 +64,9 @@ class Rays(Projected):
     lies at t* = p.d / |d|^2 with the squared distance |p x d|^2 / |d|^2.
     """
 
-    axes: Float64
-    """[V,3,3], principal axes in view space, by column."""
-    scales: Float64
-    """[V,3], within `RAY_SCALE_RATIO` of the middle one."""
-    intrinsics: Float64
-    """[3,3], the camera's."""
+    axes: Float64  # [V,3,3], principal axes in view space, by column
+    scales: Float64  # [V,3], within `RAY_SCALE_RATIO` of the middle one
+    intrinsics: Float64  # [3,3], the camera's
 
     def evaluate(self, i: int, u: Float64, v: Float64) -> tuple[Float64, Float64]:
         """Return the i-th Gaussian's energy and the depth t* of its maximum at the pixel positions (u, v).

@@ -31,11 +31,8 @@ RANDOM: Final = "random_matched"
 
 SIGNIFICANT: Final = 0.05
 
-ALLOWED: Final = MATCHED_DAMAGES[-1]
-"""Largest damage to the scene, in dB, of an attack that counts for the verdict."""
-
-EQUAL: Final = 0.05
-"""Mean differences below this count as zero, dB: the page shows tenths."""
+ALLOWED: Final = MATCHED_DAMAGES[-1]  # largest damage to the scene, in dB, of an attack that counts for the verdict
+EQUAL: Final = 0.05  # mean differences below this count as zero, dB: the page shows tenths
 
 Verdict = Literal["judged", "failed", "no key", "no reference", "no controls", "not present", "not touched"]
 
@@ -47,18 +44,13 @@ class OtherAttacks(NamedTuple):
     scenes: int
     """Number of scenes in the largest comparison."""
 
-    ahead: list[Contest]
-    """Those with a higher Score, the best first."""
-
-    level: list[Contest]
-    """Those with the same Score."""
+    ahead: list[Contest]  # those with a higher Score, the best first
+    level: list[Contest]  # those with the same Score
 
     ahead_at_equal_damage: list[Contest]
     """For each damage, the attack that removes the most, if it consistently removes more than GSPure."""
 
-    damages: list[float]
-    """The damages at which GSPure and another attack were tested, dB."""
-
+    damages: list[float]  # the damages at which GSPure and another attack were tested, dB
     significant: list[Contest]
     p_attainable: float
     """The smallest p that any of the differences in Score could have."""
@@ -100,23 +92,18 @@ class Audit:
     attacks: list[Survival]
     """Attacks that can be judged, the gentlest first; if none can, all of them."""
 
-    incomplete: list[Survival]
-    """Attacks that were measured in fewer scenes than others, and are not judged."""
-
+    incomplete: list[Survival]  # attacks that were measured in fewer scenes than others, and are not judged
     before: Survival | None
     gspure: Survival | None
     other_extractions: list[Survival]
     """Survival of the other extractions after GSPure."""
 
-    not_reached: list[Survival]
-    """Attacks that did not change the carrier of the extraction."""
+    not_reached: list[Survival]  # attacks that did not change the carrier of the extraction
 
     scene_psnr: list[tuple[Summary, Interval]]
     """PSNR of the scene after each attack, the gentlest first; empty if the drops are known."""
 
-    pruned: Interval | None
-    """The share of the rows that GSPure removed."""
-
+    pruned: Interval | None  # the share of the rows that GSPure removed
     against_photographs: bool
     off_path: OffPath | None
     random: dict[str, Interval]

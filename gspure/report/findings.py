@@ -39,9 +39,7 @@ class Limits:
     one_scene: list[Condition]
     """Conditions with a message in a single scene."""
 
-    without_key: list[tuple[str, str]]
-    """Models, as scheme and asset, whose message was not extracted."""
-
+    without_key: list[tuple[str, str]]  # models, as scheme and asset, whose message was not extracted
     against_renders: list[tuple[str, str]]
     has_messages: bool
     has_detectors: bool

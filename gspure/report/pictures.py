@@ -37,11 +37,8 @@ class Picture:
     data: str
     """The image as a data URI."""
 
-    wide: bool
-    """Whether it is as wide as a page rather than a column."""
-
-    files: list[Link]
-    """The figure itself, as a vector graphic if there is one, and what holds the same in 3-D."""
+    wide: bool  # whether it is as wide as a page rather than a column
+    files: list[Link]  # the figure itself, as a vector graphic if there is one, and what holds the same in 3-D
 
 
 @dataclass(frozen=True)

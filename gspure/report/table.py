@@ -33,8 +33,7 @@ class Cell(NamedTuple):
     detail: str = ""
     """Small print after the text: an interval, a change."""
 
-    best: bool = False
-    """Whether it is the best of its column."""
+    best: bool = False  # whether it is the best of its column
 
     def __str__(self) -> str:
         return f"{self.text} {self.detail}".rstrip()
@@ -47,11 +46,8 @@ class Column(NamedTuple):
     group: str = ""
     """A heading shared with neighbouring columns."""
 
-    text: bool = False
-    """Whether it holds words, aligned left, like the first column."""
-
-    main: bool = True
-    """Whether a page shows it by default."""
+    text: bool = False  # whether it holds words, aligned left, like the first column
+    main: bool = True  # whether a page shows it by default
 
     @property
     def full_title(self) -> str:

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 FOLDER: Final = Path(__file__).parent / "templates"
 TEMPLATES: Final = sorted(FOLDER.iterdir())
 
-_NAMED: Final = 12
-"""Most items that a sentence lists."""
+_NAMED: Final = 12  # most items that a sentence lists
 
 
 def render(template: str, **facts: Any) -> str:

@@ -13,23 +13,12 @@ from gspure.dtypes import Float64, Indices
 from gspure.scenes.scene import Lamp, Scene, albedo, displayed, first_hits
 from gspure.scenes.solids import Solid
 
-Lightmap = Float64
-"""Light on one solid [faces, n, n, 3] at n x n nodes of each face (v, u): irradiance / pi, linear."""
-
-NODE_SPACING = 0.09
-"""Metres between the nodes of a light map along a face's longer side."""
-
-NODES = (6, 80)
-"""Fewest and most nodes along a face."""
-
-LAMP_SAMPLES = 8
-"""The lamp is sampled at the centres of this many by this many squares."""
-
-DIRECTIONS = 64
-"""The bounce is gathered from this many directions, spread evenly by cosine along a golden-angle spiral."""
-
-_CLEARANCE = 1e-4
-"""Metres by which nodes stand off their surface."""
+Lightmap = Float64  # light on one solid [faces, n, n, 3] at n x n nodes of each face (v, u): irradiance / pi, linear
+NODE_SPACING = 0.09  # metres between the nodes of a light map along a face's longer side
+NODES = (6, 80)  # fewest and most nodes along a face
+LAMP_SAMPLES = 8  # the lamp is sampled at the centres of this many by this many squares
+DIRECTIONS = 64  # the bounce is gathered from this many directions, spread evenly by cosine along a golden-angle spiral
+_CLEARANCE = 1e-4  # metres by which nodes stand off their surface
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,11 @@ from gspure.progress import track
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.ray_tracer import trace
 
-TARGET = (0.0, 0.5, 0.75)
-"""Where all cameras look, metres."""
+TARGET = (0.0, 0.5, 0.75)  # where all cameras look, metres
 
 UP = np.array([0.0, 0.0, 1.0])
 
-PER_VIEW = 200
-"""Points of each view. Ours: a few thousand in all for a default pair."""
+PER_VIEW = 200  # points of each view; ours: a few thousand in all for a default pair
 
 
 def picture(scene: LitScene, cameras: Sequence[Camera], folder: Path) -> None:

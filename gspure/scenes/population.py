@@ -13,8 +13,7 @@ from gspure.scenes.surfels import Surfels, tile
 SHARE = 0.03
 """Share of the scene's Gaussians inside solids; as many float in the air, and as many lie faintly on surfaces."""
 
-SOLID = (0.9, 0.98)
-"""Range of the opacity of Gaussians on surfaces and inside solids."""
+SOLID = (0.9, 0.98)  # range of the opacity of Gaussians on surfaces and inside solids
 
 FLOATING = (0.01, 0.1)
 FAINT = (0.02, 0.4)

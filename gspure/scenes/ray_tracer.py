@@ -7,11 +7,8 @@ from gspure.dtypes import Bools, Float32, Float64
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.scene import displayed
 
-EDGE = 1.0 / 64.0
-"""A pixel whose display value differs by more than this from a neighbour's is sampled more finely."""
-
-_RAYS_AT_ONCE = 1 << 15
-"""Rays traced together: bounds the memory that a large photograph takes."""
+EDGE = 1.0 / 64.0  # a pixel whose display value differs by more than this from a neighbour's is sampled more finely
+_RAYS_AT_ONCE = 1 << 15  # rays traced together: bounds the memory that a large photograph takes
 
 
 def trace(scene: LitScene, camera: Camera, *, samples: int = 3) -> tuple[Float32, Float32]:

@@ -8,14 +8,9 @@ from gspure.dtypes import Bools, Float64, Indices
 from gspure.scenes.solids import Solid, Vector
 from gspure.scenes.textures import GAMMA
 
-_PACKET = 12
-"""Successive rays that are tested together for solids out of their reach."""
-
-_ROUNDING = 1e-6
-"""Metres by which bounds are too large, so that rounding makes no solid seem out of reach."""
-
-_PACKETS_AT_ONCE = 512
-"""Packets followed together: few enough for their arrays to stay in the cache."""
+_PACKET = 12  # successive rays that are tested together for solids out of their reach
+_ROUNDING = 1e-6  # metres by which bounds are too large, so that rounding makes no solid seem out of reach
+_PACKETS_AT_ONCE = 512  # packets followed together: few enough for their arrays to stay in the cache
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,9 @@ from gspure.scenes.textures import Texture
 
 Vector = tuple[float, float, float]
 
-_NO_HIT_BEFORE = 1e-6
-"""Hits nearer than this (metres) are the surface that the ray starts on."""
-
-LEFT, RIGHT, FRONT, BACK, BOTTOM, TOP = range(6)
-"""Faces of a box: low and high x, low and high y, low and high z."""
-
-_IN_FACE_AXES = ((1, 2), (0, 2), (0, 1))
-"""The two axes along which a face perpendicular to x, y or z extends: u and v."""
+_NO_HIT_BEFORE = 1e-6  # hits nearer than this (metres) are the surface that the ray starts on
+LEFT, RIGHT, FRONT, BACK, BOTTOM, TOP = range(6)  # faces of a box: low and high x, low and high y, low and high z
+_IN_FACE_AXES = ((1, 2), (0, 2), (0, 1))  # the two axes along which a face perpendicular to x, y or z extends: u and v
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,5 +185,4 @@ class Sphere:
         return np.array(self.centre) + self.radius * np.cbrt(numbers[:, 2:]) * normals
 
 
-Solid = Box | Sphere
-"""What scenes are built of."""
+Solid = Box | Sphere  # what scenes are built of

@@ -9,8 +9,7 @@ BLOCK_CENTRE = (-1.55, 1.3, 0.75)
 BLOCK_SIZE = (0.8, 0.8, 1.5)
 BLOCK_YAW = 0.35
 
-_CELL = 0.16
-"""Width of a letter's stroke, metres; letters are 3 strokes wide and 5 high."""
+_CELL = 0.16  # width of a letter's stroke, metres; letters are 3 strokes wide and 5 high
 
 _STROKES = {
     "H": ((0, 0, 1, 5), (1, 2, 1, 1), (2, 0, 1, 5)),

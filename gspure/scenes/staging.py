@@ -18,8 +18,7 @@ BuildScene = Callable[[Placement], Scene]
 NAMES: Final = "room, vault, interior-SEED, landscape-SEED, object-SEED"
 """The names of ray-traced scenes; SEED is a whole number."""
 
-PROTOCOLS: Final = ("shared", "own")
-"""Poses of the message's views: those of the scene, or poses of their own."""
+PROTOCOLS: Final = ("shared", "own")  # poses of the message's views: those of the scene, or poses of their own
 
 OWN_SHIFT: Final = -2.0
 """Metres by which a message at poses of its own moves along y, after half a turn about the vertical. About two thirds

@@ -13,11 +13,8 @@ from gspure.dtypes import Float64, Indices
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.solids import Box, Solid
 
-SPREAD = 0.57
-"""Standard deviation of a surfel along each side of its tile, in lengths of that side."""
-
-THICKNESS = 0.002
-"""Standard deviation across the surface, metres."""
+SPREAD = 0.57  # standard deviation of a surfel along each side of its tile, in lengths of that side
+THICKNESS = 0.002  # standard deviation across the surface, metres
 
 _PLAIN, _BORDER, _CURVED = 0.002, 0.04, 0.1
 """What a tile's error counts beside how much colours differ within its surfel: a constant, the share of the surfel that

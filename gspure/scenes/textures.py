@@ -9,8 +9,7 @@ from gspure.dtypes import Bools, Float64
 Texture = Callable[[Float64], Float64]
 """From places [N,2] in metres along a surface's two directions to reflectances [N,3], linear, 0 to 1."""
 
-GAMMA = 2.2
-"""Exponent between linear light and display values."""
+GAMMA = 2.2  # exponent between linear light and display values
 
 
 def reflectance(colour: str) -> Float64:

@@ -17,8 +17,7 @@ Places = Indices
 NEAR: Final = 1e-6
 """Largest distance of an unmoved row, as a share of the original's extent: text files are not exact. Ours."""
 
-NEIGHBOURS: Final = 8
-"""Number of nearest rows of the original that a moved row may be. Ours."""
+NEIGHBOURS: Final = 8  # number of nearest rows of the original that a moved row may be; ours
 
 ALIKE: Final = 1e-3
 """Largest product of distance, in median distances between neighbours, and difference of log-scales. Ours.
@@ -32,14 +31,9 @@ MOST: Final = 0.5
 Pruning leaves fewer rows than the original has, injection more.
 """
 
-LANDMARKS: Final = 100
-"""Number of rows of unusual shape that a registration is fitted to. Ours."""
-
-STEPS: Final = 20
-"""Steps of a registration. Ours."""
-
-STILL: Final = Similarity(1.0, np.eye(3), np.zeros(3))
-"""No motion."""
+LANDMARKS: Final = 100  # number of rows of unusual shape that a registration is fitted to; ours
+STEPS: Final = 20  # steps of a registration; ours
+STILL: Final = Similarity(1.0, np.eye(3), np.zeros(3))  # no motion
 
 
 def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:

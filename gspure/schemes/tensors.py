@@ -25,8 +25,7 @@ from gspure.errors import InputError, reading
 
 Tensor = NDArray[Any]
 
-DATA_LIMIT: Final = 1 << 16
-"""Largest ``data.pkl`` in bytes; that of a few networks has some thousand. Ours."""
+DATA_LIMIT: Final = 1 << 16  # largest `data.pkl` in bytes; that of a few networks has some thousand; ours
 
 _MOST_AXES: Final = 8
 _LONGEST_NAME: Final = 100

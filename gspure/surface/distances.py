@@ -16,11 +16,8 @@ from gspure.progress import track
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 
-INVISIBLE: Final = np.finfo(np.float32).max
-"""Distance of rows that no view shows; files hold no infinities."""
-
-SPLITS: Final = 8
-"""Largest number of parts into which a side of a face is divided. Ours."""
+INVISIBLE: Final = np.finfo(np.float32).max  # distance of rows that no view shows; files hold no infinities
+SPLITS: Final = 8  # largest number of parts into which a side of a face is divided; ours
 
 
 def depth_distances(public: PublicModel, cameras: Sequence[Camera], device: Device | None = None) -> Float32:

@@ -23,20 +23,14 @@ from gspure.surface.tetrahedra import box_points, march, shown, tetrahedra
 OPAQUE: Final = 0.1
 """Least opacity of the Gaussians that define tetrahedra (an option of GOF); all Gaussians define the field."""
 
-HALVINGS: Final = 8
-"""Steps of bisection along each edge that the surface crosses (GOF)."""
-
-LEVEL: Final = 0.5
-"""Opacity of the surface (GOF)."""
-
-FILTER_MARGIN: Final = 0.15
-"""Extension of the image beyond its edges, as a share of its size (GOF)."""
+HALVINGS: Final = 8  # steps of bisection along each edge that the surface crosses (GOF)
+LEVEL: Final = 0.5  # opacity of the surface (GOF)
+FILTER_MARGIN: Final = 0.15  # extension of the image beyond its edges, as a share of its size (GOF)
 
 FILTER_VARIANCE: Final = 0.2
 """Of the filter, in squared pixels of the nearest view (Yu et al. 2024, Mip-Splatting)."""
 
-_CHUNK = 1 << 20
-"""Points per evaluation."""
+_CHUNK = 1 << 20  # points per evaluation
 
 
 def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> Float64:

@@ -12,8 +12,7 @@ from gspure.dtypes import Bools, Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.rotations import principal_axes
 
-REACH: Final = 3.0
-"""Half side of the box around a Gaussian, in standard deviations (GOF)."""
+REACH: Final = 3.0  # half side of the box around a Gaussian, in standard deviations (GOF)
 
 _CORNERS: Final = REACH * np.array([*product((-1.0, 1.0), repeat=3)])
 
@@ -40,8 +39,7 @@ def tetrahedra(points: Float64) -> Indices:
     return np.asarray(Delaunay(points).simplices, np.intp)
 
 
-Triangle = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
-"""Three crossed edges, each by its two corners."""
+Triangle = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]  # three crossed edges, each by its two corners
 
 
 def _triangles(case: int) -> list[Triangle]:

@@ -21,17 +21,13 @@ GRADIENT_THRESHOLD: Final = 2e-4
 DENSE_SHARE: Final = 0.01
 """A growing Gaussian is cloned if its largest scale is at most this share of the scene's extent, else split."""
 
-SPLIT_SHRINK: Final = 1.6
-"""Each of the two halves of a split Gaussian is smaller by this factor."""
-
-OPACITY_MIN: Final = 0.005
-"""Gaussians with a lower opacity are pruned."""
+SPLIT_SHRINK: Final = 1.6  # each of the two halves of a split Gaussian is smaller by this factor
+OPACITY_MIN: Final = 0.005  # Gaussians with a lower opacity are pruned
 
 BIG_SHARE: Final = 0.1
 """Gaussians with a scale above this share of the scene's extent are pruned after the first reset of opacities."""
 
-RESET_OPACITY: Final = 0.01
-"""Upper bound of opacities after a reset."""
+RESET_OPACITY: Final = 0.01  # upper bound of opacities after a reset
 
 
 @dataclass(frozen=True, eq=False)

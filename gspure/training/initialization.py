@@ -13,25 +13,15 @@ from gspure.dtypes import Float64, Indices, UInt8
 from gspure.model.activations import logit
 from gspure.opencl.trainable import Parameters
 
-OPACITY: Final = 0.1
-"""Initial opacity (3DGS)."""
-
-NEIGHBOURS: Final = 3
-"""The initial scale is the root mean square distance to this many nearest points (3DGS)."""
-
-LEAST_SQUARED_DISTANCE: Final = 1e-7
-"""Lower bound of squared distances, in square world units (3DGS)."""
+OPACITY: Final = 0.1  # initial opacity (3DGS)
+NEIGHBOURS: Final = 3  # the initial scale is the root mean square distance to this many nearest points (3DGS)
+LEAST_SQUARED_DISTANCE: Final = 1e-7  # lower bound of squared distances, in square world units (3DGS)
 
 LEAST_POINTS: Final = NEIGHBOURS + 1
 
-RANDOM_POINTS: Final = 10_000
-"""Number of random points, if none are stored. Ours."""
-
-RANDOM_DEPTHS: Final = (0.1, 10.0)
-"""Range of their view depths, as multiples of the scene's extent. Ours."""
-
-COMMON_SHARE: Final = 0.25
-"""At least this share of the views, and two, contain each of them."""
+RANDOM_POINTS: Final = 10_000  # number of random points, if none are stored; ours
+RANDOM_DEPTHS: Final = (0.1, 10.0)  # range of their view depths, as multiples of the scene's extent; ours
+COMMON_SHARE: Final = 0.25  # at least this share of the views, and two, contain each of them
 
 _ROUNDS = 20
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from gspure.progress import say, shows_bars
 
-_SECONDS = {True: 1.0, False: 10.0}
-"""Between two reports, on a terminal (True) and in a log (False)."""
+_SECONDS = {True: 1.0, False: 10.0}  # between two reports, on a terminal (True) and in a log (False)
 
 Show = Callable[[int, str], None]
 

@@ -16,8 +16,7 @@ import numpy as np
 from gspure.constants import MAX_SH_DEGREE
 from gspure.opencl.adam import LearningRates
 
-ITERATIONS: Final = 30_000
-"""Length of 3DGS's own schedule."""
+ITERATIONS: Final = 30_000  # length of 3DGS's own schedule
 
 MEANS_RATES: Final = (1.6e-4, 1.6e-6)
 """First and last learning rate of positions, as a share of the scene's extent; log-linear between them."""
@@ -30,8 +29,7 @@ OPACITIES_RATE: Final = 0.05
 SH_DC_RATE: Final = 2.5e-3
 SH_REST_RATE: Final = SH_DC_RATE / 20
 
-SH_EVERY: Final = 1_000
-"""Iterations after which the degree of spherical harmonics rises by one."""
+SH_EVERY: Final = 1_000  # iterations after which the degree of spherical harmonics rises by one
 
 DENSIFY_FROM: Final = 500
 DENSIFY_EVERY: Final = 100

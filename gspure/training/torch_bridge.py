@@ -24,8 +24,7 @@ from gspure.opencl.passes import backward, forward
 from gspure.opencl.storage import Storage, storage_order, upload_attributes
 from gspure.training.pytorch import torch
 
-_BANDS = (1, 4, 9, 16)
-"""Spherical-harmonic coefficients per colour, of degrees 0 to 3."""
+_BANDS = (1, 4, 9, 16)  # spherical-harmonic coefficients per colour, of degrees 0 to 3
 
 
 class TorchRenderer:

@@ -17,8 +17,7 @@ from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 from gspure.training.schedule import Schedule
 
-RECOVERY: Final = 150
-"""Iterations after which images have recovered from a reset of opacities."""
+RECOVERY: Final = 150  # iterations after which images have recovered from a reset of opacities
 
 
 class Trainer:

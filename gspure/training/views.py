@@ -8,8 +8,7 @@ from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, safe_name
 from gspure.cameras.reading import camera_object
 
-BLENDER: Final = "transforms_train.json"
-"""Training views of a Blender scene (NeRF)."""
+BLENDER: Final = "transforms_train.json"  # training views of a Blender scene (NeRF)
 
 BLENDER_HELD_OUT: Final = ("transforms_test.json", "transforms_val.json")
 """Its held-out views: the first of these that exists."""

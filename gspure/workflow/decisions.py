@@ -11,8 +11,7 @@ from gspure.method.features import PARTS
 Settings = Mapping[str, Any]
 Decisions = Mapping[str, Settings]
 
-DEFAULT: Final = "method"
-"""Name of the decision that has the settings of `method` in the configuration."""
+DEFAULT: Final = "method"  # name of the decision that has the settings of `method` in the configuration
 
 FACTORS: Final = ("tau_c", "tau_n")
 

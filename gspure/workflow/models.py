@@ -20,11 +20,8 @@ from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import is_photographed, other_pairs, pair_of, repetition_of, trained_message
 from gspure.workflow.sources import code_digest
 
-OWNER: Final = "message_"
-"""Prefix of files that only the owner has: the views of the message."""
-
-VANILLA: Final = "vanilla"
-"""Folder of the user's own models."""
+OWNER: Final = "message_"  # prefix of files that only the owner has: the views of the message
+VANILLA: Final = "vanilla"  # folder of the user's own models
 
 
 @dataclass(frozen=True)

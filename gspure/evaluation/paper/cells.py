@@ -27,12 +27,8 @@ class Cell(NamedTuple):
     variant: str
     """An attack, ``unattacked``, or a configuration of the ablation such as ``opacity_weight``."""
 
-    scene: str
-    """A scene, or ``mean`` over all nine."""
-
-    target: str
-    """``scene`` or ``message``; empty for a Score."""
-
+    scene: str  # a scene, or `mean` over all nine
+    target: str  # `scene` or `message`; empty for a Score
     metric: str
     value: float
     """dB, or an SSIM."""

@@ -8,25 +8,16 @@ from gspure.evaluation.outcomes import GSPURE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, DATA, PSNR, SCHEMES, SCORE, TARGETS, Cell
 from gspure.evaluation.paper.quantities import QUANTITIES, Means, ablations, printed_scores, table_1
 
-ROUNDING: Final = 0.02
-"""Ours, dB: the error of a Score of four means that are rounded to 0.01 each."""
+ROUNDING: Final = 0.02  # ours, dB: the error of a Score of four means that are rounded to 0.01 each
 
 
 class Claim(NamedTuple):
     """A printed number that follows from others."""
 
-    place: str
-    """The table or paragraph."""
-
-    words: str
-    """The row, or words of the text."""
-
-    quantity: str
-    """One of `gspure.evaluation.paper.quantities.QUANTITIES`."""
-
-    scheme: str
-    """Empty if the paper refers to all schemes; then the largest value counts."""
-
+    place: str  # the table or paragraph
+    words: str  # the row, or words of the text
+    quantity: str  # one of `gspure.evaluation.paper.quantities.QUANTITIES`
+    scheme: str  # empty if the paper refers to all schemes; then the largest value counts
     variant: str
     target: str
     relation: str

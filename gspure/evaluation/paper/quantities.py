@@ -10,8 +10,7 @@ from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, PSNR, SCORE, TARGETS, Cell
 
-Means = Mapping[tuple[str, str, str], float]
-"""PSNR by scheme, variant and target, mean over scenes."""
+Means = Mapping[tuple[str, str, str], float]  # PSNR by scheme, variant and target, mean over scenes
 
 
 def by_scene(cells: Sequence[Cell], scheme: str, variant: str, target: str) -> dict[str, float]:

@@ -21,8 +21,7 @@ READERS: Final[dict[str, Callable[[Path], Gaussians]]] = {
 }
 """By suffix, or by name. A compressed ``.ply`` is recognized by its header: see `gspure.model.ply`."""
 
-STREAMED: Final = "lod-meta.json"
-"""The index of a streamed model: several levels of detail, each of which is a model."""
+STREAMED: Final = "lod-meta.json"  # the index of a streamed model: several levels of detail, each of which is a model
 
 
 def is_compressed(path: Path) -> bool:

@@ -38,8 +38,7 @@ _SECTION: Final = np.dtype(
 _TYPES: Final = (("<f4", "<f4", "<f4"), ("<u2", "<f2", "<f2"), ("<u2", "<f2", "u1"))
 """By level of compression: types of positions, of scales and quaternions, and of spherical harmonics."""
 
-_RANGE: Final = 32767
-"""Range of positions, if a section names none."""
+_RANGE: Final = 32767  # range of positions, if a section names none
 
 _LIMITS: Final = ("least", "largest")
 _HARMONICS: Final = (-1.5, 1.5)

@@ -19,8 +19,7 @@ from gspure.errors import InputError, reading
 from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, colour_coeffs, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
 
-Bits = tuple[tuple[int, int], ...]
-"""The lowest bit of each number, and its number of bits."""
+Bits = tuple[tuple[int, int], ...]  # the lowest bit of each number, and its number of bits
 
 _CHUNK: Final = 256
 _THREE: Final = ((21, 11), (11, 10), (0, 11))

@@ -12,11 +12,8 @@ from gspure.dtypes import Float32, Indices, UInt8
 from gspure.errors import InputError
 from gspure.model.activations import LEAST_OPACITY, logit
 
-COEFFICIENTS: Final = (0, 3, 8, 15)
-"""Spherical harmonics beyond the zeroth, by degree."""
-
-_COLUMNS: Final = 17
-"""Columns of a model without spherical harmonics beyond the zeroth."""
+COEFFICIENTS: Final = (0, 3, 8, 15)  # spherical harmonics beyond the zeroth, by degree
+_COLUMNS: Final = 17  # columns of a model without spherical harmonics beyond the zeroth
 
 _OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 

@@ -26,8 +26,7 @@ Member = Callable[[str], bytes]
 INDEX: Final = "meta.json"
 _PARTS: Final = ("means", "quats", "scales", "sh0", "shN")
 
-_PER_ROW: Final = 64
-"""Entries in each row of the image of spherical harmonics."""
+_PER_ROW: Final = 64  # entries in each row of the image of spherical harmonics
 
 _LONGEST_NAME: Final = 255
 _MOST_ENTRIES: Final = 1 << 16

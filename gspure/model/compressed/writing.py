@@ -19,8 +19,7 @@ PACKAGES: Final = {"gsply": "gspure[compression]"}
 PACKED_PLY: Final = ".compressed.ply"
 SPZ: Final = ".spz"
 
-_CERTAIN: Final = 20.0
-"""Logit of an opacity that 8 bits round to 1."""
+_CERTAIN: Final = 20.0  # logit of an opacity that 8 bits round to 1
 
 _FRACTION_BITS: Final = 12
 _FIXED_POINT: Final = (1 << 23) - 1

@@ -18,8 +18,7 @@ LAYERS: Final = 5
 BFLOAT16: Final = torch.cpu._is_avx512_bf16_supported()  # noqa: SLF001  (PyTorch 2.6 has no public function)
 """Whether training multiplies in bfloat16, at twice the speed; sums, parameters and their moments have 32 bits."""
 
-NOISE: Final = 1e-3
-"""Standard deviation of the noise that measures a decoder's gain, in features of 0 to 1. Ours."""
+NOISE: Final = 1e-3  # standard deviation of the noise that measures a decoder's gain, in features of 0 to 1; ours
 
 
 class Decoder(torch.nn.Module):  # type: ignore[misc]

@@ -19,8 +19,7 @@ from gspure.schemes.tensors import Tensor, read_tensors
 if TYPE_CHECKING:
     from gspure.schemes.gs_hider.decoder import Decoder
 
-LARGEST: Final = 16 << 20
-"""Largest file in bytes; a decoder has half a megabyte."""
+LARGEST: Final = 16 << 20  # largest file in bytes; a decoder has half a megabyte
 
 _CONTENT: Final = "a decoder's state dict"
 _FORK: Final = "a fork's decoder, with batch normalization or channel attention; GS-Hider's own has neither"

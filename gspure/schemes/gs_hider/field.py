@@ -16,8 +16,7 @@ from gspure.renderer import Gradients, Renderer
 from gspure.schemes.gs_hider.layout import CHANNELS, COLUMNS
 from gspure.training.adam import adam_step
 
-FEATURES_RATE: Final = 2.5e-3
-"""The authors': that of 3DGS's base colours."""
+FEATURES_RATE: Final = 2.5e-3  # the authors': that of 3DGS's base colours
 
 
 class Field:

@@ -17,8 +17,7 @@ from gspure.schemes.gs_hider.layout import MESSAGE_DECODER, decoder_name, find_d
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.scheme import Key
 
-FIT_RATE: Final = 1e-3
-"""First learning rate of `DecoderKey.fitted`: that of the training."""
+FIT_RATE: Final = 1e-3  # first learning rate of `DecoderKey.fitted`: that of the training
 
 
 class DecoderKey(Key):

@@ -14,11 +14,8 @@ from gspure.constants import GEOMETRY_ATTRIBUTES
 from gspure.dtypes import Float32
 from gspure.opencl.trainable import Parameters
 
-Network = Mapping[str, Any]
-"""``weight_i`` [O,I] and ``bias_i`` [O] of the layers."""
-
-ROW: Final = GEOMETRY_ATTRIBUTES + 48
-"""Numbers of a vanilla row of degree 3, in the order of `Parameters`."""
+Network = Mapping[str, Any]  # `weight_i` [O,I] and `bias_i` [O] of the layers
+ROW: Final = GEOMETRY_ATTRIBUTES + 48  # numbers of a vanilla row of degree 3, in the order of `Parameters`
 
 KEY: Final = 768
 """Length of the key. The authors' keys are embeddings of CLIP."""
@@ -31,8 +28,7 @@ SHAPES: Final = {
 }
 _LAST: Final = len(SIZES) - 2
 
-RATE: Final = 2e-3
-"""Initial learning rate. Ours, for a few thousand iterations; the authors' is 5e-5."""
+RATE: Final = 2e-3  # initial learning rate; ours, for a few thousand iterations; the authors' is 5e-5
 
 
 def fresh(rng: np.random.Generator) -> dict[str, Float32]:

@@ -28,11 +28,8 @@ RGB_WEIGHT: Final = 10.0
 RATES: Final = {"means": 1e-4, "quats": 1e-3, "log_scales": 5e-3, "opacity_logits": 0.05, "sh_coeffs": 5e-3}
 """Learning rates, those of the means as a share of the views' extent. Ours."""
 
-BETWEEN: Final = 0.3
-"""Largest step from one training view towards another, as a share of the way. Ours."""
-
-PRIOR: Final = 1e-3
-"""Information that every parameter has before any view, relative to the mean of its kind. Ours."""
+BETWEEN: Final = 0.3  # largest step from one training view towards another, as a share of the way; ours
+PRIOR: Final = 1e-3  # information that every parameter has before any view, relative to the mean of its kind; ours
 
 
 class Scene:

@@ -22,14 +22,9 @@ from gspure.scenes.surfels import Surfels, tile
 from gspure.schemes.pair import Pair
 from gspure.schemes.planted.key import PlantedKey
 
-MESSAGE_SHARE = 0.42
-"""Share of all Gaussians that is spread over the message's surfaces."""
-
-HIDDEN = (0.002, 0.02)
-"""Range of the public opacity of Gaussians that serve the message only, even in the logarithm."""
-
-REST_SIGMA = 0.004
-"""Standard deviation of the higher spherical-harmonic coefficients."""
+MESSAGE_SHARE = 0.42  # share of all Gaussians that is spread over the message's surfaces
+HIDDEN = (0.002, 0.02)  # range of the public opacity of Gaussians that serve the message only, even in the logarithm
+REST_SIGMA = 0.004  # standard deviation of the higher spherical-harmonic coefficients
 
 LEAST_GAUSSIANS = 100
 

@@ -15,17 +15,10 @@ from numpy.typing import NDArray
 from gspure.dtypes import Bools, Float32
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
 
-GRADIENT_THRESHOLD: Final = 2e-4
-"""tau of the first level; it doubles with each level (Scaffold-GS)."""
-
-CELLS: Final = (16, 4, 1)
-"""Sides of a new anchor's cell, in voxels, from the first level to the last (Scaffold-GS)."""
-
-NEIGHBOURS: Final = 10
-"""DBSCAN's min_samples. Ours."""
-
-REACH: Final = 16
-"""DBSCAN's eps in voxels: the side of the largest cell of a new anchor. Ours."""
+GRADIENT_THRESHOLD: Final = 2e-4  # tau of the first level; it doubles with each level (Scaffold-GS)
+CELLS: Final = (16, 4, 1)  # sides of a new anchor's cell, in voxels, from the first level to the last (Scaffold-GS)
+NEIGHBOURS: Final = 10  # DBSCAN's min_samples; ours
+REACH: Final = 16  # DBSCAN's eps in voxels: the side of the largest cell of a new anchor; ours
 
 _BITS = 21
 

@@ -17,8 +17,7 @@ from gspure.schemes.secure_gs.networks import Networks, fresh, require_networks
 from gspure.schemes.secure_gs.neural import as_gaussians
 from gspure.schemes.secure_gs.public_model import AnchorModel
 
-FIT_RATE: Final = 2e-3
-"""First learning rate of `HiddenKey.fitted`. Ours."""
+FIT_RATE: Final = 2e-3  # first learning rate of `HiddenKey.fitted`; ours
 
 
 class HiddenKey(Key):

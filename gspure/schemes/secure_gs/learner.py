@@ -18,11 +18,8 @@ from gspure.schemes.secure_gs.neural import Neural, neural
 from gspure.training.pytorch import torch
 from gspure.training.torch_bridge import TorchRenderer
 
-VOLUME_WEIGHT: Final = 0.01
-"""Weight of the active Gaussians' mean volume in each branch's loss (Scaffold-GS)."""
-
-LEARNED: Final = ("offsets", "features", "log_scalings")
-"""Trained attributes of anchors; positions are fixed."""
+VOLUME_WEIGHT: Final = 0.01  # weight of the active Gaussians' mean volume in each branch's loss (Scaffold-GS)
+LEARNED: Final = ("offsets", "features", "log_scalings")  # trained attributes of anchors; positions are fixed
 
 
 class Learner:
