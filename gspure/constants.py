@@ -15,16 +15,12 @@ NEAR_PLANE: Final = 0.2
 ALPHA_MIN: Final = 1.0 / 255.0  # a Gaussian touches a pixel when its alpha there is at least this
 ALPHA_MAX: Final = 0.99  # upper clamp of alpha
 TRANSMITTANCE_MIN: Final = 1e-4  # a pixel stops *before* the Gaussian that would bring its transmittance below this
-
-EWA_DILATION: Final = 0.3
-"""Added to both diagonal entries of the 2-D covariance, in square pixels (low-pass filter of EWA splatting)."""
+EWA_DILATION: Final = 0.3  # added to the diagonal of the 2-D covariance, in square pixels (EWA's low-pass filter)
 
 EWA_FRUSTUM_MARGIN: Final = 0.3
 """x/z and y/z are clamped inside the EWA Jacobian to the image's frustum widened by this share of its half extent."""
 
-MEDIAN_TRANSMITTANCE: Final = 0.5
-"""The median depth is that of the Gaussian at which a pixel's transmittance falls to this (GOF's depth)."""
-
+MEDIAN_TRANSMITTANCE: Final = 0.5  # the median depth is that of the Gaussian where it falls to this (GOF's depth)
 SH_DC: Final = 0.28209479177387814  # zeroth real spherical harmonic, 1 / (2 sqrt(pi)): colour = SH_DC * f_dc + 0.5
 
 MAX_SH_DEGREE: Final = 3
@@ -34,15 +30,12 @@ MAX_SH_DEGREE: Final = 3
 MAGNITUDE_MAX: Final = 1e30
 """A quaternion, or the middle scale of a Gaussian under ``ray``, is usable from the inverse of this to this."""
 
-COORDINATE_MAX: Final = 1e15
-"""A Gaussian is drawn only if the view-space coordinates of its centre are at most this in size."""
+COORDINATE_MAX: Final = 1e15  # a Gaussian is drawn only if its centre's view-space coordinates are at most this in size
 
 RAY_SCALE_RATIO: Final = 1e8
 """Energy ``ray``: the smallest and the largest scale are taken as at most this many times from the middle one."""
 
-EWA_DEVIATION_MAX: Final = 1e8
-"""Energy ``ewa``: upper clamp of a principal axis' standard deviation facing the camera, in pixels."""
-
+EWA_DEVIATION_MAX: Final = 1e8  # energy `ewa`: upper clamp of a standard deviation on the image plane, in pixels
 COLOUR_MAX: Final = 1e30  # upper clamp of a colour
 
 # --- Device memory. Ours. --------------------------------------------------------------------------------------------
@@ -58,11 +51,8 @@ LEAF: Final = 16  # most points in a leaf of the k-d tree
 
 TAU_C: Final = 4.0  # cluster pruning factor, paper §Implementation Details (for Splats in Splats and GS-Hider)
 TAU_N: Final = 4.0  # noise pruning factor, paper §Implementation Details (for Splats in Splats and GS-Hider)
-
-ANCHOR_TAU_C: Final = 3.0
-ANCHOR_TAU_N: Final = 2.0
-"""The same for SecureGS, whose rows are anchors."""
-
+ANCHOR_TAU_C: Final = 3.0  # for SecureGS, whose rows are anchors
+ANCHOR_TAU_N: Final = 2.0  # for SecureGS, whose rows are anchors
 MIN_SAMPLES: Final = 10  # HDBSCAN's min_samples; ours: the paper names none
 MIN_CLUSTER_SIZE: Final = 50  # HDBSCAN's min_cluster_size; ours: the paper names none
 
@@ -75,8 +65,7 @@ NOISE_LABEL: Final = -1  # label of a noise point, as in HDBSCAN
 
 ADAM_BETA1: Final = 0.9
 ADAM_BETA2: Final = 0.999
-ADAM_EPSILON: Final = 1e-15
-"""3DGS's, far below Adam's default: gradients of a mean over pixels are small."""
+ADAM_EPSILON: Final = 1e-15  # 3DGS's, far below Adam's default: gradients of a mean over pixels are small
 
 # --- Evaluation ------------------------------------------------------------------------------------------------------
 

@@ -14,10 +14,7 @@ from gspure.errors import InputError
 SUFFIX: Final = ".cost.json"
 
 LOG: Final = "GSPURE_LOG"  # environment variable with the log of the job that runs a command
-
-
-COSTS: Final = "results/benchmarks"
-"""Folder of the costs of attacks with their measurements: ``SCHEME/SCENE/VARIANT/attack.cost.json``."""
+COSTS: Final = "results/benchmarks"  # of attacks with their measurements: `SCHEME/SCENE/VARIANT/attack.cost.json`
 
 
 class Cost(NamedTuple):

@@ -19,8 +19,7 @@ INTERRUPTIONS: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 """Signals that stop a run on purpose: what they end has not failed."""
 
 _EXIT: Final = re.compile(r"exit status (\d+)")
-_SIGNALED: Final = 128
-"""What a shell adds to the number of the signal that ended a command."""
+_SIGNALED: Final = 128  # what a shell adds to the number of the signal that ended a command
 
 
 @dataclass(frozen=True)

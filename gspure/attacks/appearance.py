@@ -15,9 +15,7 @@ from gspure.public_model import ATTRIBUTES, Columns
 FACTOR: Final = 1.2  # scale of the features; ours: the paper says "amplifies", without a value
 
 BITS: Final = 8
-QUANTIZED: Final = "colour,opacity,scale,rotation"
-"""Ours: formats keep 16 bits and more for positions; at few bits nothing else would matter."""
-
+QUANTIZED: Final = "colour,opacity,scale,rotation"  # ours: formats keep 16 bits and more for positions
 HALF: Final = 16  # bits of IEEE-754 half precision
 
 

@@ -14,9 +14,7 @@ from gspure.public_model import Columns
 CROPPED: Final = 0.5  # side of the box, relative to the model's; ours
 FLOATERS: Final = 0.01  # fraction of the centres beyond the model's box, at either end of each axis; ours
 INNER: Final = 0.9  # fraction of the rows within the radius; ours
-
-FARTHEST: Final = 1e4
-"""Largest translation in radii: float32 rounds centres that far away to a thousandth of the radius. Ours."""
+FARTHEST: Final = 1e4  # largest translation in radii: there, float32 rounds centres to a thousandth of the radius; ours
 
 ANGLE: Final = 30.0
 AXIS: Final = "0,1,0"

@@ -12,12 +12,8 @@ from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
 
 SIGMA: Final = 0.1  # standard deviation of attribute noise, in units of the stored values; ours: the paper names none
-
-OPACITY_SIGMA: Final = 0.1
-"""Standard deviation relative to each opacity. Ours: the middle of the published range, 0.05 to 0.2."""
-
-POSITION_SIGMA: Final = 0.005
-"""Standard deviation in radii of the model. Ours: the middle of the published range, 0.001 to 0.01."""
+OPACITY_SIGMA: Final = 0.1  # relative to each opacity; ours: the middle of the published range, 0.05 to 0.2
+POSITION_SIGMA: Final = 0.005  # in radii of the model; ours: the middle of the published range, 0.001 to 0.01
 
 
 def gaussian_noise(

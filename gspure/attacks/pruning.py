@@ -18,8 +18,7 @@ FRACTION: Final = 0.25  # fraction of the rows to remove; ours: the paper says "
 FRACTIONS: Final = Strength("fraction", 0.0, 1.0)
 TAUS: Final = Strength("tau", 100.0, 0.01, "log")
 
-TOLERANCE: Final = 3.0
-"""Scales from the surface. Ours: the paper does not say how GOF, a reconstruction method, decides what to remove."""
+TOLERANCE: Final = 3.0  # scales from the surface; ours: the paper does not say how GOF decides what to remove
 
 
 def gspure(model: Gaussians, _rng: Rng, prune_mask: Bools) -> Attacked:

@@ -22,13 +22,9 @@ if TYPE_CHECKING:
     from gspure.opencl.device import Device
 
 Images = Sequence[Float32]
-Damage = Callable[[PublicModel], float]
-"""From an attacked model to the drop of the scene's PSNR, dB."""
-
+Damage = Callable[[PublicModel], float]  # from an attacked model to its damage, dB
 EVALUATIONS: Final = 10  # most models that a search renders, besides that at the weak end
-
-NOMINAL_PSNR: Final = 30.0
-"""Assumed PSNR of every view of the unattacked model where no photographs are known, dB. Ours."""
+NOMINAL_PSNR: Final = 30.0  # assumed PSNR of every view of the unattacked model without photographs, dB; ours
 
 
 @dataclass(frozen=True)
@@ -53,8 +49,7 @@ class Match(NamedTuple):
 
     setting: str
     value: float
-    damage: float
-    """Drop of the scene's PSNR, dB."""
+    damage: float  # drop of the scene's PSNR, dB
 
     def misses(self, wanted: float) -> bool:
         """Return whether the damage is farther from `wanted` dB than `DAMAGE_TOLERANCE`."""

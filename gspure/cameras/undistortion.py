@@ -21,9 +21,7 @@ from gspure.progress import track
 COEFFICIENTS: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # the order of `Camera.distortion`
 
 _MOST_ZOOM: Final = 8.0
-_STEPS: Final = 40
-"""Steps of the search for the zoom, each of which halves its range."""
-
+_STEPS: Final = 40  # of the search for the zoom, each of which halves its range
 _RADII: Final = 1000  # number of radii at which the distortion is compared
 
 

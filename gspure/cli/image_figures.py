@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from gspure.figures.lineup import Column
 
 
-Drawn = tuple[dict[Path, str], dict[str, Path], dict[str, Any]]
-"""Captions by figure, the inputs of all, and their settings."""
+Drawn = tuple[dict[Path, str], dict[str, Path], dict[str, Any]]  # captions by figure, all inputs, their settings
 
 
 def _add_panels(parser: Parser) -> None:

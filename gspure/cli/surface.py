@@ -21,8 +21,7 @@ EXAMPLES = """\
 """
 
 METHODS = ("mesh", "depth")
-MOST_OPAQUE = 250_000
-"""Most opaque Gaussians for which a mesh is the default; tetrahedra then take a few minutes and gigabytes. Ours."""
+MOST_OPAQUE = 250_000  # for which a mesh is the default; tetrahedra then take a few minutes and gigabytes; ours
 
 
 def add_arguments(parser: Parser) -> None:

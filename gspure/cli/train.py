@@ -38,8 +38,7 @@ in DIR are those of 3DGS's trainer and render script:
 
 _LEAST = {"iterations": 1, "seed": 0, "max_gaussians": 4}
 _SECONDS_BETWEEN_CHECKPOINTS = 30.0
-_WATCHED = 3
-"""Number of held-out views over which progress reports average the PSNR."""
+_WATCHED = 3  # number of held-out views over which progress reports average the PSNR
 
 
 def add_arguments(parser: Parser) -> None:

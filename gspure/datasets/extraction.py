@@ -14,9 +14,7 @@ UNPACKED_RATIO: Final = 10
 """An archive may unpack to this many times its size: photographs do not shrink, sparse models to a third. Ours."""
 
 LONGEST_NAME: Final = 255  # bytes of a file's name that file systems take
-
-RECORD = "origin.json"
-"""Written with the files of a scene: where they came from. A folder that has it is whole."""
+RECORD = "origin.json"  # where the files of a scene came from; a folder that has it is whole
 
 _CONTENT: Final = "a zip archive"
 _PIECE: Final = 1 << 20

@@ -18,10 +18,7 @@ from gspure.images import background_of, read_image, require_all_images, require
 Reference = Literal["truth", "render"]
 TRUTH: Final = "truth"
 RENDER: Final = "render"
-REFERENCES: Final[tuple[Reference, ...]] = (TRUTH, RENDER)
-"""References of comparisons: photographs of the true scene or message, or renders of the unattacked model."""
-
-
+REFERENCES: Final[tuple[Reference, ...]] = (TRUTH, RENDER)  # photographs, or renders of the unattacked model
 FAR_BELOW: Final = 6.0  # dB below the mean PSNR beyond which a view is warned of: four times the error; ours
 
 
@@ -31,8 +28,7 @@ class ViewMetrics(NamedTuple):
     target: str  # subfolder of the image (`scene`, `message`), or `.`
     view: str
     reference: Reference
-    values: Annotated[Mapping[str, float], PerMetric(complete=True)]
-    """By name of the metric (`gspure.evaluation.metrics.METRICS`)."""
+    values: Annotated[Mapping[str, float], PerMetric(complete=True)]  # by name in `METRICS`
 
     @property
     def psnr(self) -> float:
@@ -47,8 +43,7 @@ class Pair(NamedTuple):
     view: str
     reference: Path
     image: Path
-    background: tuple[float, ...] = (0.0, 0.0, 0.0)
-    """What transparent pixels show: the background of the renders."""
+    background: tuple[float, ...] = (0.0, 0.0, 0.0)  # shown by transparent pixels: that of the renders
 
 
 def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None = None) -> tuple[list[Pair], int]:

@@ -26,9 +26,7 @@ class Contest(NamedTuple):
     scheme: str
     protocol: str
     initialization: str
-    extraction: str
-    """The target that shows the message."""
-
+    extraction: str  # the target that shows the message
     attack: str  # a variant; where `damage` is known, a sweep
     quantity: Quantity
     damage: float  # permitted drop of the scene's PSNR, dB; NaN if both are compared as they were run

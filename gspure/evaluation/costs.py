@@ -19,13 +19,9 @@ class AttackCost(NamedTuple):
     scheme: str
     protocol: str
     initialization: str
-    kind: Kind
-    """A sweep may have the name of one of its variants."""
-
+    kind: Kind  # a sweep may have the name of one of its variants
     attack: str
-    cpu: float
-    """CPU time of the attack and of all measurements that it needs, without the search for its strength, s."""
-
+    cpu: float  # CPU time of the attack and all measurements that it needs, without the search for its strength, s
     memory: float  # peak memory, with the search, MiB
 
 

@@ -28,9 +28,7 @@ class Reading(NamedTuple):
     """What a detector reads from one view."""
 
     view: str
-    level: float
-    """Share of correct bits in percent, or the score."""
-
+    level: float  # share of correct bits in percent, or the score
     bits: int  # number of bits; 0 for a score
 
     @property
@@ -49,15 +47,9 @@ class Detection(NamedTuple):
 
     level: float  # mean over views
     spread: float  # standard deviation over views
-
-    tpr: float
-    """Share of the views above the threshold that `FALSE_POSITIVES` of the unmarked views exceed; NaN if unknown."""
-
+    tpr: float  # share of the views above the threshold that `FALSE_POSITIVES` of unmarked views exceed; NaN if unknown
     tpr_strict: float  # the same for `STRICT`
-
-    present: bool | None
-    """Whether more views are above the threshold of `tpr` than chance explains (`CHANCE`); None if unknown."""
-
+    present: bool | None  # whether more views are above that of `tpr` than chance explains (`CHANCE`); None if unknown
     views: int
     bits: int
 

@@ -29,9 +29,7 @@ from gspure.dtypes import Float64
 from gspure.errors import InputError
 
 LEVEL: Final = 0.95  # nominal coverage of an interval
-
-RESAMPLES: Final = 10_000
-"""Ours. The tails of six scenes then hold some 20 resamples."""
+RESAMPLES: Final = 10_000  # ours: the tails of six scenes then hold some 20 resamples
 
 SEED: Final = 0
 

@@ -25,9 +25,7 @@ class Point(NamedTuple):
     """What a sweep does to one model at a permitted damage."""
 
     message: float  # drop of the message's PSNR, dB
-
-    scene: float
-    """Drop of the scene's PSNR by the same strength, dB: the permitted one, unless no strength comes near it."""
+    scene: float  # drop of the scene's PSNR, dB: the permitted one, unless no strength comes near it
 
     @classmethod
     def at(cls, damage: float, curve: Curve) -> Point | None:
@@ -54,20 +52,12 @@ class Matched(NamedTuple):
     scheme: str
     protocol: str
     initialization: str
-    extraction: str
-    """The target that shows the message."""
-
+    extraction: str  # the target that shows the message
     sweep: str
     strengths: int
-    damage: float
-    """Permitted drop of the scene's PSNR, dB."""
-
-    drop: Interval
-    """Drop of the message's PSNR, dB; a lower bound if `scene_drop` is below `damage`, an upper one if it is above."""
-
-    gentle: int
-    """Number of models that no tested strength damages this much; there, the largest drop of the message counts."""
-
+    damage: float  # permitted drop of the scene's PSNR, dB
+    drop: Interval  # of the message's PSNR, dB; a lower bound if `scene_drop` is below `damage`, an upper one if above
+    gentle: int  # number of models that no strength damages this much; there, the largest drop of the message counts
     scene_drop: float  # mean drop of the scene's PSNR, dB; `damage` unless no strength comes near it
 
 

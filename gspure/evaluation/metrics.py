@@ -164,12 +164,9 @@ def gaussian_window() -> Float64:
 class Metric(NamedTuple):
     """An image metric, and how tables print it."""
 
-    compute: Callable[[NDArray[Any], NDArray[Any]], float]
-    """Of a reference and another image [H,W,3] in 0 .. 1."""
-
+    compute: Callable[[NDArray[Any], NDArray[Any]], float]  # of a reference and another image [H,W,3] in 0 .. 1
     title: str
-    decimals: int
-    """In tables."""
+    decimals: int  # in tables
 
     def text(self, value: float) -> str:
         """Return the text of a value in tables: ∞ for identical images, – if it is unknown."""

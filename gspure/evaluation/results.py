@@ -44,8 +44,7 @@ class Result(NamedTuple):
     off_path_psnr_drop: float = math.nan
     off_path_score: float = math.nan
     retrieval: Retrieval | None = None
-    detection: Detection | None = None
-    """Of a target that is a detector."""
+    detection: Detection | None = None  # of a target that is a detector
 
 
 def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:

@@ -24,8 +24,7 @@ class Retrieval(NamedTuple):
     auc: float  # area under the ROC curve of true against false candidates, of all views together
     tpr: float  # share of the true candidates above the threshold that `FALSE_POSITIVES` of the false ones exceed
     views: int
-    candidates: int
-    """Number of candidates of a view, the true one included; the smallest over the views."""
+    candidates: int  # of a view, the true one included; the smallest number over the views
 
     @property
     def succeeds(self) -> bool:

@@ -23,8 +23,7 @@ from numpy.typing import ArrayLike
 from gspure.dtypes import Float64
 from gspure.evaluation.intervals import LEVEL, checked
 
-DRAWS: Final = 2**16
-"""Ours. Up to 16 scenes this is every combination of signs; for more scenes, as many are drawn."""
+DRAWS: Final = 2**16  # ours: up to 16 scenes this is every combination of signs; for more, as many are drawn
 
 SEED: Final = 0
 
@@ -81,10 +80,8 @@ class Detectability(NamedTuple):
     auc: float
     low: float
     high: float
-    assets: int
-    """Number of attacked models."""
-
-    controls: int
+    assets: int  # number of attacked models
+    controls: int  # number of controls
 
 
 def detectability(assets: ArrayLike, controls: ArrayLike) -> Detectability:

@@ -22,22 +22,16 @@ class Summary(NamedTuple):
     protocol: str
     initialization: str
     variant: str
-    extraction: str
-    """The target that shows the message: ``message``, or another way of extracting it."""
-
+    extraction: str  # the target that shows the message: `message`, or another way of extracting it
     scene: Interval | None  # PSNR of the scene, dB
     message: Interval | None  # PSNR of the message, dB, or the mean reading of a detector
     score: Interval | None
     retrieved: Interval | None  # share of views in which retrieval identifies the message
-    off_path_scene: Interval | None
+    off_path_scene: Interval | None  # like the next two, over views off the camera path
     off_path_message: Interval | None
     off_path_score: Interval | None
-    """The same three over views off the camera path."""
-
-    paper_scene: float = math.nan
+    paper_scene: float = math.nan  # like the next two, from the Tables 1 to 3: means over the paper's scenes
     paper_message: float = math.nan
-    """The paper's mean PSNR of this scheme and variant, over its scenes, dB (Tables 1 to 3)."""
-
     paper_score: float = math.nan
 
 

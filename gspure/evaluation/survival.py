@@ -14,8 +14,7 @@ from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.significance import Detectability, detectability
 
-MARGIN: Final = 1.0
-"""Smallest margin above the floor at which a message counts as present, dB. Our choice."""
+MARGIN: Final = 1.0  # smallest margin above the floor at which a message counts as present, dB; our choice
 
 
 class Survival(NamedTuple):
@@ -24,28 +23,17 @@ class Survival(NamedTuple):
     scheme: str
     protocol: str
     initialization: str
-    extraction: str
-    """The target that shows the message, or a detector."""
-
+    extraction: str  # the target that shows the message, or a detector
     variant: str
-    present: int
-    """Number of scenes in which the message of the unattacked model is present."""
-
+    present: int  # number of scenes in which the message of the unattacked model is present
     survived: int  # number of these in which it is present after the attack
     only_retrieved: int  # number of these in which it is not present, but still retrieved
     reached: bool | None  # whether the attack changed the extraction's carrier in any scene
-
-    message_drop: Interval | None
-    """Like all means below, over the `present` scenes, or over all scenes if there are none."""
-
+    message_drop: Interval | None  # like all means below, over the `present` scenes, or without any, over all
     scene_drop: Interval | None
-    region_drop: Interval | None
-    """Drop of the message's PSNR without its background (`gspure.evaluation.metrics.region_psnr`)."""
-
+    region_drop: Interval | None  # of the message's PSNR without its background (`region_psnr`)
     ms_ssim_drop: Interval | None
-    nc_drop: Interval | None
-    """Drop of the normalized correlation."""
-
+    nc_drop: Interval | None  # drop of the normalized correlation
     rms_ratio: float  # damage to the message divided by that to the scene (`gspure.evaluation.metrics.rms_ratio`)
     above_floor: Interval | None  # the message's PSNR, or a detector's mean reading, minus the floor of the same scene
     share_left: Interval | None  # `above_floor` divided by its value before the attack; None if no scene is `present`

@@ -11,11 +11,8 @@ from numpy.typing import ArrayLike
 
 from gspure.dtypes import Bools
 
-MATCHED_DAMAGES: Final = (0.3, 0.7, 1.5, 2.0)
-"""Drops of the scene in dB at which attacks are compared. Ours, from barely visible up to the customary 2 dB."""
-
-DAMAGE_TOLERANCE: Final = 0.04
-"""How far from a wanted drop of the scene a strength may be, dB. Ours: the size of the smallest differences shown."""
+MATCHED_DAMAGES: Final = (0.3, 0.7, 1.5, 2.0)  # dB, from barely visible to the customary 2 dB; ours
+DAMAGE_TOLERANCE: Final = 0.04  # dB; ours: the size of the smallest differences shown
 
 
 def pareto_front(scene_drops: ArrayLike, message_residuals: ArrayLike) -> Bools:

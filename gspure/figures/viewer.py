@@ -22,12 +22,8 @@ from gspure.figures.clouds import (
 from gspure.figures.gallery import Evidence, ranks
 from gspure.method.pruning import cluster_weights
 
-MAX_POINTS: Final = 40_000
-"""A larger cloud is thinned: this many points take 1.2 MB of a page, and every laptop turns them smoothly."""
-
-REACH: Final = 2.0
-"""Points are cut off at this multiple of the half extent of their bulk: floaters would shrink all else."""
-
+MAX_POINTS: Final = 40_000  # of a thinned cloud; they take 1.2 MB of a page, and every laptop turns them smoothly
+REACH: Final = 2.0  # of points, in half extents of their bulk: farther floaters would shrink all else
 _BULK: Final = (0.02, 0.98)  # quantiles
 _CUTS: Final = 400  # positions of the slider
 

@@ -18,9 +18,7 @@ PARTS: Final = {"position": COLUMNS[:3], "opacity": COLUMNS[3:4], "weight": COLU
 
 
 OUTLYING: Final = 10.0  # distance from the median centre, in extents of the scene, beyond which a row is outlying; ours
-
-STRETCH: Final = 2.0
-"""Largest factor of a coordinate's standard deviation due to outlying rows; above it, they are left out. Ours."""
+STRETCH: Final = 2.0  # largest factor of a standard deviation due to outlying rows; above it, they are left out; ours
 
 _STRETCH_WARNED: Final = 1.1
 

@@ -14,9 +14,7 @@ Reduction = Literal["sum", "max", "mean_touched"]
 REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
 
 FEW_SHARE: Final = 0.01  # share of rows in view below which a warning is printed; ours
-
-HEAVY_SHARE: Final = 0.1
-"""Share of all ω beyond which a row is heavy; in models of fewer than 1000 rows, 100 times the mean. Ours."""
+HEAVY_SHARE: Final = 0.1  # of all ω: rows beyond it are heavy; below 1000 rows, 100 times the mean; ours
 
 
 def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> Float64:

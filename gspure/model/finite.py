@@ -14,8 +14,7 @@ from gspure.progress import warn
 
 _SCALES: Final = ("scale_0", "scale_1", "scale_2")
 _LARGEST_LOG_SCALE: Final = float(np.log(np.finfo(np.float32).max))
-_INVISIBLE: Final = -200.0
-"""An opacity logit whose sigmoid is 0 in float32."""
+_INVISIBLE: Final = -200.0  # an opacity logit whose sigmoid is 0 in float32
 
 _LISTED: Final = 10
 

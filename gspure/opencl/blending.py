@@ -12,8 +12,7 @@ from gspure.opencl.frame import Frame
 from gspure.opencl.projection import Projected
 
 _PIXELS = TILE * TILE
-SUM_GROUP = 64
-"""Work-group of the kernels that handle one Gaussian per work-item in both styles."""
+SUM_GROUP = 64  # work-group of the kernels that handle one Gaussian per work-item in both styles
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from gspure.opencl.engine import Engine
 
 _MARGIN = SSIM_WINDOW // 2
 
-SSIM_WEIGHT = 0.2
-"""Share of 1 - SSIM in the loss; the rest is L1 (Kerbl et al. 2023)."""
+SSIM_WEIGHT = 0.2  # share of 1 - SSIM in the loss; the rest is L1 (Kerbl et al. 2023)
 
 
 class Planes:

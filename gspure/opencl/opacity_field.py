@@ -15,8 +15,7 @@ from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import Projected, project
 from gspure.opencl.storage import Rows, Storage, positions_of
 
-FINER = 4
-"""Tiles of points are this many times smaller than those of pixels: lists are shorter, opacities the same. Ours."""
+FINER = 4  # tiles of points are this many times smaller than those of pixels: lists are shorter; ours
 
 
 @dataclass(frozen=True)

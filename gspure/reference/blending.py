@@ -27,8 +27,7 @@ class Margins:
     median: Float64  # |T (1 - alpha) / MEDIAN_TRANSMITTANCE - 1|: is this the median depth? Concerns the depth only
     near: Float64  # |t* / NEAR_PLANE - 1|: does the ray's maximum lie in front of the near plane? Energy `ray` only
     order: Float64  # relative difference in depth of two Gaussians blended next to each other: which comes first?
-    clamp: Float64
-    """|o E / ALPHA_MAX - 1|: is alpha clamped, so that nothing flows back through it? Concerns gradients only."""
+    clamp: Float64  # |o E / ALPHA_MAX - 1|: is alpha clamped, so that nothing flows back? Concerns gradients only
 
 
 @dataclass(frozen=True)

@@ -41,19 +41,13 @@ class OtherAttacks(NamedTuple):
     """GSPure against all other attacks under one condition."""
 
     attacks: int
-    scenes: int
-    """Number of scenes in the largest comparison."""
-
+    scenes: int  # number of scenes in the largest comparison
     ahead: list[Contest]  # those with a higher Score, the best first
     level: list[Contest]  # those with the same Score
-
-    ahead_at_equal_damage: list[Contest]
-    """For each damage, the attack that removes the most, if it consistently removes more than GSPure."""
-
+    ahead_at_equal_damage: list[Contest]  # by damage, the best attack, if consistently better than GSPure
     damages: list[float]  # the damages at which GSPure and another attack were tested, dB
     significant: list[Contest]
-    p_attainable: float
-    """The smallest p that any of the differences in Score could have."""
+    p_attainable: float  # the smallest p that any of the differences in Score could have
 
 
 class OffPath(NamedTuple):
@@ -69,9 +63,7 @@ class Failure(NamedTuple):
     """Variants that failed for the same reason."""
 
     reason: str
-    variants: list[str]
-    """Their display names, or those of detectors of variants."""
-
+    variants: list[str]  # their display names, or those of detectors of variants
     models: int
 
 
@@ -80,35 +72,22 @@ class Audit:
     """The findings for one scheme, protocol and initialization."""
 
     condition: Condition
-    extraction: str
-    """The extraction that is judged: the scheme's own or, without one, that of the first detector."""
-
+    extraction: str  # the extraction that is judged: the scheme's own or, without one, that of the first detector
     scenes: int
-    seeds: list[int]
-    """The distinct numbers of seeds per scene, in ascending order."""
-
+    seeds: list[int]  # the distinct numbers of seeds per scene, in ascending order
     models: int
     verdict: Verdict
-    attacks: list[Survival]
-    """Attacks that can be judged, the gentlest first; if none can, all of them."""
-
+    attacks: list[Survival]  # attacks that can be judged, the gentlest first; if none can, all of them
     incomplete: list[Survival]  # attacks that were measured in fewer scenes than others, and are not judged
     before: Survival | None
     gspure: Survival | None
-    other_extractions: list[Survival]
-    """Survival of the other extractions after GSPure."""
-
+    other_extractions: list[Survival]  # survival of the other extractions after GSPure
     not_reached: list[Survival]  # attacks that did not change the carrier of the extraction
-
-    scene_psnr: list[tuple[Summary, Interval]]
-    """PSNR of the scene after each attack, the gentlest first; empty if the drops are known."""
-
+    scene_psnr: list[tuple[Summary, Interval]]  # after each attack, the gentlest first; empty if the drops are known
     pruned: Interval | None  # the share of the rows that GSPure removed
     against_photographs: bool
     off_path: OffPath | None
-    random: dict[str, Interval]
-    """GSPure minus random pruning of as many rows, by quantity; empty if that was not run."""
-
+    random: dict[str, Interval]  # GSPure minus random pruning of as many rows, by quantity; empty if not run
     other_attacks: OtherAttacks | None
     failures: list[Failure]
 

@@ -27,8 +27,7 @@ class Findings:
     has_message: bool
     against_photographs: bool
     gspure: Outcome | None
-    changes: list[Change]
-    """By GSPure: of the scene and of every extraction of the message."""
+    changes: list[Change]  # by GSPure: of the scene and of every extraction of the message
 
 
 @dataclass(frozen=True)
@@ -36,15 +35,12 @@ class Limits:
     """Limits of the numbers on a page."""
 
     planted: bool
-    one_scene: list[Condition]
-    """Conditions with a message in a single scene."""
-
+    one_scene: list[Condition]  # conditions with a message in a single scene
     without_key: list[tuple[str, str]]  # models, as scheme and asset, whose message was not extracted
     against_renders: list[tuple[str, str]]
     has_messages: bool
     has_detectors: bool
-    views: list[int]
-    """The different numbers of views per model and target, in ascending order."""
+    views: list[int]  # the different numbers of views per model and target, in ascending order
 
 
 def findings(outcomes: Sequence[Outcome]) -> Findings:

@@ -36,18 +36,12 @@ class Model:
     scheme: str
     asset: str
     outcomes: Sequence[Outcome]
-    attack: str
-    """The variant that pictures compare with the unattacked model."""
-
+    attack: str  # the variant that pictures compare with the unattacked model
     table: Table
     pictures: list[Picture]
-    files: list[Link]
-    """Figures that renders or viewer replace on the page."""
-
+    files: list[Link]  # figures that renders or viewer replace on the page
     lineup: Lineup | None
-    viewer: Mapping[str, Any]
-    """What `gspure.figures.viewer.write_viewer` wrote; empty if there is none."""
-
+    viewer: Mapping[str, Any]  # as `gspure.figures.viewer.write_viewer` wrote it; empty if there is none
     failures: Sequence[str]
     diagnosis: Mapping[str, Any]
 

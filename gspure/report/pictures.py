@@ -24,8 +24,7 @@ class Link(NamedTuple):
     """A file beside the page."""
 
     name: str
-    target: str
-    """Its path from the folder of the page."""
+    target: str  # its path from the folder of the page
 
 
 @dataclass(frozen=True)
@@ -34,9 +33,7 @@ class Picture:
 
     name: str
     caption: str
-    data: str
-    """The image as a data URI."""
-
+    data: str  # the image as a data URI
     wide: bool  # whether it is as wide as a page rather than a column
     files: list[Link]  # the figure itself, as a vector graphic if there is one, and what holds the same in 3-D
 
@@ -46,8 +43,7 @@ class Lineup:
     """One view of a model after every attack."""
 
     view: str
-    images: dict[str, dict[str, str]]
-    """By variant and target, as data URIs."""
+    images: dict[str, dict[str, str]]  # by variant and target, as data URIs
 
 
 def link(file: Path, page: Path) -> Link:

@@ -30,9 +30,7 @@ class Cell(NamedTuple):
     """One cell of a table."""
 
     text: str = UNKNOWN
-    detail: str = ""
-    """Small print after the text: an interval, a change."""
-
+    detail: str = ""  # small print after the text: an interval, a change
     best: bool = False  # whether it is the best of its column
 
     def __str__(self) -> str:
@@ -43,9 +41,7 @@ class Column(NamedTuple):
     """A column; the first of a table names its rows."""
 
     title: str
-    group: str = ""
-    """A heading shared with neighbouring columns."""
-
+    group: str = ""  # a heading shared with neighbouring columns
     text: bool = False  # whether it holds words, aligned left, like the first column
     main: bool = True  # whether a page shows it by default
 
@@ -60,8 +56,7 @@ class Row(NamedTuple):
 
     cells: Sequence[Cell]
     kind: Literal["", "best", "control"] = ""
-    begins: bool = False
-    """Whether a block of rows begins here."""
+    begins: bool = False  # whether a block of rows begins here
 
 
 @dataclass(frozen=True)

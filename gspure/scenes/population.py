@@ -10,14 +10,10 @@ from gspure.scenes.lighting import LitScene
 from gspure.scenes.solids import Room, Solid
 from gspure.scenes.surfels import Surfels, tile
 
-SHARE = 0.03
-"""Share of the scene's Gaussians inside solids; as many float in the air, and as many lie faintly on surfaces."""
-
+SHARE = 0.03  # of the scene's Gaussians inside solids; as many float in the air, as many lie faintly on surfaces
 SOLID = (0.9, 0.98)  # range of the opacity of Gaussians on surfaces and inside solids
-
-FLOATING = (0.01, 0.1)
-FAINT = (0.02, 0.4)
-"""Ranges of the opacity of floaters and of faint Gaussians on surfaces, even in the logarithm."""
+FLOATING = (0.01, 0.1)  # range of the opacity of floaters, even in the logarithm
+FAINT = (0.02, 0.4)  # the same of faint Gaussians on surfaces
 
 _INSIDE_SCALE, _FLOATER_SCALE = 0.02, 0.06
 """Standard deviations of the round Gaussians inside solids and in the air, metres."""

@@ -13,9 +13,7 @@ from gspure.scenes.textures import Texture, banded, checker, inlaid, plain, ring
 
 Random = np.random.Generator
 
-FRONT_HALF: Final = ((-2.0, 2.0), (-0.5, 2.2))
-"""Range of x and y that all cameras see well, metres: where objects stand."""
-
+FRONT_HALF: Final = ((-2.0, 2.0), (-0.5, 2.2))  # x and y that all cameras see well, metres: where objects stand
 DECOYS: Final = range(9000, 9010)  # seeds of the interiors that are false candidates of the retrieval; ours
 GRID: Final = 10  # a landscape has this many by this many steps of terrain
 PLINTH_SIZE: Final = (2.6, 1.2, 0.3)  # width, depth and height of an object's plinth, metres

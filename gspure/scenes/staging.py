@@ -15,9 +15,7 @@ from gspure.scenes.stages import room, vault
 
 BuildScene = Callable[[Placement], Scene]
 
-NAMES: Final = "room, vault, interior-SEED, landscape-SEED, object-SEED"
-"""The names of ray-traced scenes; SEED is a whole number."""
-
+NAMES: Final = "room, vault, interior-SEED, landscape-SEED, object-SEED"  # of ray-traced scenes; SEED is a number
 PROTOCOLS: Final = ("shared", "own")  # poses of the message's views: those of the scene, or poses of their own
 
 OWN_SHIFT: Final = -2.0

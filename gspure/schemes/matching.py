@@ -14,9 +14,7 @@ from gspure.scenes.alignment import Similarity
 
 Places = Indices
 
-NEAR: Final = 1e-6
-"""Largest distance of an unmoved row, as a share of the original's extent: text files are not exact. Ours."""
-
+NEAR: Final = 1e-6  # least move of a row, as a share of the original's extent: text files are not exact; ours
 NEIGHBOURS: Final = 8  # number of nearest rows of the original that a moved row may be; ours
 
 ALIKE: Final = 1e-3

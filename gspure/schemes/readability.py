@@ -20,8 +20,7 @@ from gspure.public_model import PublicModel
 from gspure.schemes.pair import Capture
 from gspure.schemes.scheme import MESSAGE, Key
 
-VIEWS: Final = 4
-"""Number of training views: those whose photographs vary most, since a small object is not in all. Ours."""
+VIEWS: Final = 4  # the training views whose photographs vary most, since a small object is not in all; ours
 
 
 @dataclass(frozen=True)

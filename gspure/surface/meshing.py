@@ -20,16 +20,11 @@ from gspure.progress import say, track
 from gspure.renderer import Renderer
 from gspure.surface.tetrahedra import box_points, march, shown, tetrahedra
 
-OPAQUE: Final = 0.1
-"""Least opacity of the Gaussians that define tetrahedra (an option of GOF); all Gaussians define the field."""
-
+OPAQUE: Final = 0.1  # least one of the Gaussians that define tetrahedra (an option of GOF); all define the field
 HALVINGS: Final = 8  # steps of bisection along each edge that the surface crosses (GOF)
 LEVEL: Final = 0.5  # opacity of the surface (GOF)
 FILTER_MARGIN: Final = 0.15  # extension of the image beyond its edges, as a share of its size (GOF)
-
-FILTER_VARIANCE: Final = 0.2
-"""Of the filter, in squared pixels of the nearest view (Yu et al. 2024, Mip-Splatting)."""
-
+FILTER_VARIANCE: Final = 0.2  # in squared pixels of the nearest view (Yu et al. 2024, Mip-Splatting)
 _CHUNK = 1 << 20  # points per evaluation
 
 

@@ -22,11 +22,8 @@ from gspure.progress import say
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
 from gspure.training.views import read_views
 
-EXTENT_MARGIN: Final = 1.1
-"""The extent is this times the largest distance of a training camera from the mean of all (3DGS)."""
-
-ASPECT_TOLERANCE: Final = 0.01
-"""Relative. Rounding to whole pixels stays within it; cropping and turning do not."""
+EXTENT_MARGIN: Final = 1.1  # times the largest distance of a training camera from the mean of all (3DGS)
+ASPECT_TOLERANCE: Final = 0.01  # relative; rounding to whole pixels stays within it, cropping and turning do not
 
 POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.ply")
 """Files of sparse points beside a camera file: COLMAP's and `gspure pair`'s, 3DGS's for Blender scenes, nerfstudio's,

@@ -15,18 +15,11 @@ from gspure.dtypes import Bools, Float32, Indices
 from gspure.model.activations import logit, sigmoid
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 
-GRADIENT_THRESHOLD: Final = 2e-4
-"""A Gaussian grows where the mean norm of dL/d(projected centre), in normalized device coordinates, reaches this."""
-
-DENSE_SHARE: Final = 0.01
-"""A growing Gaussian is cloned if its largest scale is at most this share of the scene's extent, else split."""
-
+GRADIENT_THRESHOLD: Final = 2e-4  # a Gaussian grows where the mean norm of dL/d(projected centre), in NDC, reaches this
+DENSE_SHARE: Final = 0.01  # of the scene's extent: growing Gaussians with no larger scale are cloned, others split
 SPLIT_SHRINK: Final = 1.6  # each of the two halves of a split Gaussian is smaller by this factor
 OPACITY_MIN: Final = 0.005  # Gaussians with a lower opacity are pruned
-
-BIG_SHARE: Final = 0.1
-"""Gaussians with a scale above this share of the scene's extent are pruned after the first reset of opacities."""
-
+BIG_SHARE: Final = 0.1  # of the scene's extent: larger Gaussians are pruned after the first reset of opacities
 RESET_OPACITY: Final = 0.01  # upper bound of opacities after a reset
 
 

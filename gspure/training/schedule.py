@@ -17,14 +17,11 @@ from gspure.constants import MAX_SH_DEGREE
 from gspure.opencl.adam import LearningRates
 
 ITERATIONS: Final = 30_000  # length of 3DGS's own schedule
-
-MEANS_RATES: Final = (1.6e-4, 1.6e-6)
-"""First and last learning rate of positions, as a share of the scene's extent; log-linear between them."""
+MEANS_RATES: Final = (1.6e-4, 1.6e-6)  # first and last one, as a share of the scene's extent; log-linear between them
 
 QUATS_RATE: Final = 1e-3
 SCALES_RATE: Final = 5e-3
-OPACITIES_RATE: Final = 0.05
-"""As in the paper's release; later releases halve it."""
+OPACITIES_RATE: Final = 0.05  # as in the paper's release; later releases halve it
 
 SH_DC_RATE: Final = 2.5e-3
 SH_REST_RATE: Final = SH_DC_RATE / 20
@@ -36,10 +33,9 @@ DENSIFY_EVERY: Final = 100
 DENSIFY_UNTIL: Final = ITERATIONS // 2
 RESET_EVERY: Final = 3_000
 
-LEAST_FROM: Final = 150
+LEAST_FROM: Final = 150  # lower bounds for short runs; ours: 3DGS has none
 LEAST_EVERY: Final = 50
 LEAST_RESET: Final = 600
-"""Lower bounds for short runs. Ours: 3DGS has none."""
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,8 @@ from gspure.cameras.naming import distinct, safe_name
 from gspure.cameras.reading import camera_object
 
 BLENDER: Final = "transforms_train.json"  # training views of a Blender scene (NeRF)
-
-BLENDER_HELD_OUT: Final = ("transforms_test.json", "transforms_val.json")
-"""Its held-out views: the first of these that exists."""
-
-
-_NERFSTUDIO_HELD_OUT: Final = ("test_filenames", "val_filenames")
-"""Lists of the held-out views in nerfstudio's transforms.json: the first of these that exists."""
+BLENDER_HELD_OUT: Final = ("transforms_test.json", "transforms_val.json")  # the first of these that exists
+_NERFSTUDIO_HELD_OUT: Final = ("test_filenames", "val_filenames")  # the first of these lists that exists
 
 
 class Views(NamedTuple):

@@ -21,8 +21,7 @@ from gspure.evaluation.controls import CONTROLS
 if TYPE_CHECKING:
     from gspure.schemes.scheme import Scheme
 
-_FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")
-"""Folders of a model beside those of its variants."""
+_FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")  # of a model
 
 _KINDS: Final[Mapping[type, tuple[str, type | tuple[type, ...]]]] = {
     str: ("a text", str),

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 SHOWN: Final = "GSPURE_SHOWN"
 """Environment variable of `gspure audit`: what to show, `jobs` or `problems`; Snakemake's lines if it is unset."""
 
-COMMAND: Final = "GSPURE_COMMAND"
-"""Environment variable of `gspure audit`: its command line, which tries failed jobs again."""
+COMMAND: Final = "GSPURE_COMMAND"  # environment variable: the command line of `gspure audit`, to try again
 
 _PROGRESS: Final = re.compile(r"^.*: \d+ of \d+$", re.MULTILINE)
 _TOLD_BY_FAILURES: Final = ("Exiting because a job execution failed", "WorkflowError:\nAt least one job did not")

@@ -20,15 +20,11 @@ class Beside(NamedTuple):
     protocol: str
     initialization: str
     variant: str
-    paper_scene_drop: float
-    """dB, like the other drops and Scores."""
-
+    paper_scene_drop: float  # dB, like the other drops and Scores
     paper_message_drop: float
     paper_score: float
     paper_rms_ratio: float
-    scenes: int = 0
-    """Number of our scenes."""
-
+    scenes: int = 0  # number of our scenes
     scene_drop: float = nan
     message_drop: float = nan
     score: float = nan

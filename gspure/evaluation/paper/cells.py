@@ -19,20 +19,14 @@ class Cell(NamedTuple):
     """One printed number."""
 
     table: int
-    row: str
+    row: str  # its label in the paper, like that of the column
     column: str
-    """The labels of its row and column in the paper."""
-
     scheme: str
-    variant: str
-    """An attack, ``unattacked``, or a configuration of the ablation such as ``opacity_weight``."""
-
+    variant: str  # an attack, `unattacked`, or a configuration of the ablation such as `opacity_weight`
     scene: str  # a scene, or `mean` over all nine
     target: str  # `scene` or `message`; empty for a Score
     metric: str
-    value: float
-    """dB, or an SSIM."""
-
+    value: float  # dB, or an SSIM
     bold: Literal["bold", ""]
 
 

@@ -20,9 +20,7 @@ class Claim(NamedTuple):
     scheme: str  # empty if the paper refers to all schemes; then the largest value counts
     variant: str
     target: str
-    relation: str
-    """``=``, or ``<`` if the paper gives a bound."""
-
+    relation: str  # `=`, or `<` if the paper gives a bound
     value: float
 
 
@@ -31,8 +29,7 @@ class Check(NamedTuple):
 
     claim: Claim
     recomputed: float
-    agrees_with: str
-    """If it does not hold: another source that the printed number follows from; empty if none is known."""
+    agrees_with: str  # another source that the printed number follows from, if the check fails; empty if none is known
 
     @property
     def difference(self) -> float:

@@ -41,8 +41,7 @@ _TYPES: Final = (("<f4", "<f4", "<f4"), ("<u2", "<f2", "<f2"), ("<u2", "<f2", "u
 _RANGE: Final = 32767  # range of positions, if a section names none
 
 _LIMITS: Final = ("least", "largest")
-_HARMONICS: Final = (-1.5, 1.5)
-"""Limits of spherical harmonics, if the header names none."""
+_HARMONICS: Final = (-1.5, 1.5)  # limits of spherical harmonics, if the header names none
 
 
 def read_ksplat(path: Path) -> Gaussians:

@@ -25,8 +25,7 @@ _CHUNK: Final = 256
 _THREE: Final = ((21, 11), (11, 10), (0, 11))
 _ROTATION: Final = ((20, 10), (10, 10), (0, 10))
 _COLOUR: Final = ((24, 8), (16, 8), (8, 8))
-_HARMONICS: Final = 8
-"""Range of spherical harmonics, from minus half of it."""
+_HARMONICS: Final = 8  # range of spherical harmonics, from minus half of it
 
 
 def is_packed(header: PlyData) -> bool:

@@ -30,11 +30,8 @@ _PER_ROW: Final = 64  # entries in each row of the image of spherical harmonics
 
 _LONGEST_NAME: Final = 255
 _MOST_ENTRIES: Final = 1 << 16
-_BORDER: Final = 1 << 12
-"""An image may have this many pixels more than two per Gaussian."""
-
-_LARGEST_IS_W: Final = 252
-"""The fourth channel of a rotation whose largest component is w; the next three numbers stand for x, y and z."""
+_BORDER: Final = 1 << 12  # an image may have this many pixels more than two per Gaussian
+_LARGEST_IS_W: Final = 252  # fourth channel of a rotation whose largest component is w; the others stand for x, y, z
 
 
 def read_sog(path: Path) -> Gaussians:

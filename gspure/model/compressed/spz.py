@@ -21,31 +21,24 @@ from gspure.errors import InputError, reading
 from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
 
-TURNED: Final = np.array([1, -1, -1], np.float32)
-"""SPZ has y up and z backwards, models have y down and z forwards: a rotation by 180 degrees about x."""
-
-TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)
+TURNED: Final = np.array([1, -1, -1], np.float32)  # SPZ has y up and z backwards: a rotation by 180 degrees about x
+TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)  # the signs by which this multiplies (w, x, y, z)
 TURNED_HARMONICS: Final = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.float32)[:, None]
 """The signs by which this multiplies rotations (w, x, y, z), and harmonics of degree 1 to 3."""
 
 _GZIP: Final = b"\x1f\x8b"
-_GZIP_HEADER: Final = 10
-_FLAGS: Final = 3
-_COMMENTED: Final = 16
-"""Size of a gzip header, the place of its flags, and their value if only a comment follows, which ends with a zero."""
+_GZIP_HEADER: Final = 10  # size
+_FLAGS: Final = 3  # their place
+_COMMENTED: Final = 16  # their value if only a comment follows, which ends with a zero
 
 _HEADER: Final = struct.Struct("<4sIIBBBB")
 _PLAIN_HEADER: Final = 32
-_ANTIALIASED: Final = 1
-_EXTENDED: Final = 2
-"""Flags of models trained with antialiasing, and of files with further streams; neither is applied."""
-
-_ANTIALIASED_REMARK: Final = "SPZ: trained with antialiasing, which is not applied"
-"""The comment of such a model, which `gspure info` prints."""
+_ANTIALIASED: Final = 1  # flag of models trained with antialiasing, which is not applied
+_EXTENDED: Final = 2  # flag of files with further streams, which are not read
+_ANTIALIASED_REMARK: Final = "SPZ: trained with antialiasing, which is not applied"  # comment of such a model
 
 _COLOUR_SCALE: Final = 0.15
-_STEPS: Final = 511
-"""Largest magnitude of a rotation's component: 9 bits, beside the sign."""
+_STEPS: Final = 511  # largest magnitude of a rotation's component: 9 bits, beside the sign
 
 
 class _Header(NamedTuple):

@@ -20,10 +20,8 @@ PACKED_PLY: Final = ".compressed.ply"
 SPZ: Final = ".spz"
 
 _CERTAIN: Final = 20.0  # logit of an opacity that 8 bits round to 1
-
-_FRACTION_BITS: Final = 12
-_FIXED_POINT: Final = (1 << 23) - 1
-"""Usual fractional bits of positions in SPZ, and the largest number of 24 bits."""
+_FRACTION_BITS: Final = 12  # of positions in SPZ, as usual
+_FIXED_POINT: Final = (1 << 23) - 1  # the largest number of 24 bits
 
 
 def write_compressed(path: Path, model: Gaussians) -> None:

@@ -27,9 +27,8 @@ COLUMNS: Final = (
     *(f"rot_{i}" for i in range(4)),
     *FEATURES,
 )
-SCENE_DECODER: Final = "net"
-MESSAGE_DECODER: Final = "waternet"
-"""Suffixes of the decoders' file names."""
+SCENE_DECODER: Final = "net"  # suffix of the file's name
+MESSAGE_DECODER: Final = "waternet"  # suffix of the file's name
 
 
 def read_rows(path: Path) -> Gaussians:

@@ -16,9 +16,7 @@ from gspure.opencl.trainable import Parameters
 
 Network = Mapping[str, Any]  # `weight_i` [O,I] and `bias_i` [O] of the layers
 ROW: Final = GEOMETRY_ATTRIBUTES + 48  # numbers of a vanilla row of degree 3, in the order of `Parameters`
-
-KEY: Final = 768
-"""Length of the key. The authors' keys are embeddings of CLIP."""
+KEY: Final = 768  # length of the key; the authors' keys are embeddings of CLIP
 
 SIZES: Final = (ROW + KEY, 64, 128, ROW)
 SHAPES: Final = {

@@ -14,25 +14,16 @@ import numpy as np
 from gspure.dtypes import Float32
 from gspure.training.pytorch import torch
 
-FILTERS: Final = 64
-SIDE: Final = 9
-"""Number of filters, and their side in pixels of half the resolution."""
-
-WINDOW: Final = 9
-FLOOR: Final = 0.01
-"""Side of the window of local mean and contrast, in pixels; contrast below which an area counts as flat."""
-
-TILE: Final = 32
-CYCLES: Final = (2, 6)
-"""Side of a texture, which repeats, in pixels; range of the first textures' frequencies, in cycles per tile."""
-
-STRENGTHS: Final = (0.2, 0.03)
-"""Root mean square of the textures of all bits, at the first and at the last step; logarithmic between them."""
-
-NOISE: Final = 0.02
-ZOOM: Final = 0.1
-TURN: Final = 0.1
-"""Largest noise, change of the scale's logarithm, and rotation in radians that the decoder learns to bear."""
+FILTERS: Final = 64  # number of filters
+SIDE: Final = 9  # of a filter, in pixels of half the resolution
+WINDOW: Final = 9  # side of the window of local mean and contrast, in pixels
+FLOOR: Final = 0.01  # contrast below which an area counts as flat
+TILE: Final = 32  # side of a texture, which repeats, in pixels
+CYCLES: Final = (2, 6)  # range of the first textures' frequencies, in cycles per tile
+STRENGTHS: Final = (0.2, 0.03)  # root mean square of all bits' textures, from the first to the last step; log-linear
+NOISE: Final = 0.02  # the largest that the decoder learns to bear
+ZOOM: Final = 0.1  # the same, of the scale's logarithm
+TURN: Final = 0.1  # the same, radians
 
 CROP: Final = 64
 BATCH: Final = 16

@@ -22,8 +22,7 @@ from gspure.schemes.marked_clones.decoder import Decoder, disturbed, warped
 from gspure.training.pytorch import torch
 from gspure.training.torch_bridge import TorchRenderer
 
-RGB_WEIGHT: Final = 10.0
-"""Weight of the difference to the clean model's render; that of the bits is 1. GaussianMarker's."""
+RGB_WEIGHT: Final = 10.0  # of the difference to the clean model's render; that of the bits is 1 (GaussianMarker)
 
 RATES: Final = {"means": 1e-4, "quats": 1e-3, "log_scales": 5e-3, "opacity_logits": 0.05, "sh_coeffs": 5e-3}
 """Learning rates, those of the means as a share of the views' extent. Ours."""

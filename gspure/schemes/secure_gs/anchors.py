@@ -12,8 +12,7 @@ from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.model.finite import non_finite_rows
 
-STORED_OPACITY: Final = np.float32(-2.1972246)
-"""logit(0.1), for every anchor: Scaffold-GS does not train the opacities that it stores."""
+STORED_OPACITY: Final = np.float32(-2.1972246)  # logit(0.1): Scaffold-GS does not train the opacities that it stores
 
 SCALINGS: Final = 6
 

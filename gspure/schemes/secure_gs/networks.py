@@ -16,11 +16,8 @@ Networks = Mapping[str, Network]
 """By name: ``opacity``, ``cov``, ``color``, optionally ``feature_bank``; in a hidden branch also ``offset``."""
 
 PARAMETERS: Final = ("0.weight", "0.bias", "2.weight", "2.bias")
-DIRECTION: Final = 3
-"""Inputs besides the feature: the direction from the camera; optionally, one more for the distance."""
-
-OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}
-"""Per Gaussian: offset; opacity; scale factors and quaternion; red, green, blue."""
+DIRECTION: Final = 3  # inputs besides the feature: the direction from the camera; optionally, one more for the distance
+OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}  # `cov`: scale factors and quaternion
 
 BANK_INPUTS: Final = 4
 BANK_LEVELS: Final = 3

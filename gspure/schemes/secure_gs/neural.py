@@ -15,8 +15,7 @@ from gspure.public_model import Rows
 from gspure.schemes.secure_gs.anchors import Anchors, rows_of
 from gspure.schemes.secure_gs.networks import Network, Networks, perceptron, takes_distance
 
-LARGEST_OPACITY: Final = np.float32(1 - 2**-20)
-"""Upper bound in tables, so that logits are finite; rendering clips alpha at 0.99 anyway."""
+LARGEST_OPACITY: Final = np.float32(1 - 2**-20)  # in tables: logits are finite; rendering clips alpha at 0.99
 
 
 @dataclass(frozen=True, eq=False)

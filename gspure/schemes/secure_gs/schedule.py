@@ -11,8 +11,7 @@ from typing import Final
 
 from gspure.training.schedule import ITERATIONS, LEAST_EVERY
 
-OFFSETS_RATES: Final = (1e-2, 1e-4)
-"""First and last learning rate of offsets, as a share of the scene's extent; log-linear between them."""
+OFFSETS_RATES: Final = (1e-2, 1e-4)  # first and last one, as a share of the scene's extent; log-linear between them
 
 FEATURES_RATE: Final = 7.5e-3
 SCALINGS_RATE: Final = 7e-3

@@ -20,14 +20,12 @@ from gspure.dtypes import Float32, UInt32
 Words = UInt32
 
 WORD: Final = 32
-SHIFT: Final = 17
-"""k of the paper."""
+SHIFT: Final = 17  # k of the paper
 
 SHIFT_RANGE: Final = (9, 20)
 """Lower: sign and exponent of a hidden word fit. Upper: exponents of public words are unchanged at degree 3. Ours."""
 
-LARGEST: Final = 8.0
-"""Largest extracted magnitude. No trained colour has it, but changed words may. Ours."""
+LARGEST: Final = 8.0  # largest extracted magnitude: no trained colour has it, but changed words may; ours
 
 
 def embed(shown: Float32, hidden: Float32, shift: int = SHIFT) -> Float32:
