@@ -43,5 +43,5 @@ def run(args: Arguments) -> None:
     write_table(args.survival, Survival, survivals)
     write_table(args.matched, Matched, matched)
     write_text(args.markdown, conditions_markdown(survivals, contests, matched, costs))
-    for path in (args.out, args.survival, args.matched, args.markdown):
+    for path in filter(None, (args.out, args.survival, args.matched, args.markdown, args.costs)):
         write_record(path, inputs={"table": args.table}, settings={"sweeps": sweeps})
