@@ -54,7 +54,7 @@ def test_the_key_of_another_model_extracts_only_as_a_control(planted, pair_folde
     def refused(model: str, key: str, *options: str) -> bool:
         capsys.readouterr()
         status = extract(planted / model, planted / key / "key", pair_folder, tmp_path, *options)
-        return status == 2 and "key of another model" in capsys.readouterr().err
+        return status == 2 and "embedding: expected" in capsys.readouterr().err
 
     assert refused("2/public", "1")
     assert refused("attacked.ply", "2")
@@ -64,7 +64,24 @@ def test_the_key_of_another_model_extracts_only_as_a_control(planted, pair_folde
     assert not refused("attacked.ply", "2", "--wrong-key", "1")
     shutil.copy(planted / "attacked.ply", tmp_path / "unrecorded.ply")
     assert extract(tmp_path / "unrecorded.ply", planted / "2" / "key", pair_folder, tmp_path) == 0
-    assert "key of another model" not in capsys.readouterr().err
+
+
+def test_a_key_without_records_extracts_only_from_a_model_without_one(planted, pair_folder, tmp_path, capsys):
+    key = shutil.copytree(planted / "2" / "key", tmp_path / "key", ignore=shutil.ignore_patterns("*.json"))
+    assert extract(planted / "1" / "public", key, pair_folder, tmp_path / "out") == 2
+    assert "found no record" in capsys.readouterr().err
+    assert extract(planted / "1" / "public", key, pair_folder, tmp_path / "out", "--control") == 0
+    unrecorded = shutil.copy(planted / "attacked.ply", tmp_path / "unrecorded.ply")
+    assert extract(unrecorded, key, pair_folder, tmp_path / "out") == 0
+
+
+def test_a_file_of_a_key_without_its_record_is_refused(planted, pair_folder, tmp_path, capsys):
+    key = shutil.copytree(planted / "1" / "key", tmp_path / "key")
+    (key / ".snakemake_timestamp").touch()
+    assert extract(planted / "1" / "public", key, pair_folder, tmp_path / "out") == 0
+    record_file(key / "planted.npz").unlink()
+    assert extract(planted / "1" / "public", key, pair_folder, tmp_path / "out") == 2
+    assert "planted.npz: embedding: expected" in capsys.readouterr().err
 
 
 def test_the_weight_of_a_message_is_not_measured_with_the_key_of_another_model(planted, pair_folder, tmp_path, capsys):
@@ -120,6 +137,9 @@ def test_pruned_rows_are_not_compared_with_the_carriers_of_another_model(planted
     with pytest.raises(InputError, match=r"carriers.npy: embedding: expected run 0"):
         collect([metrics], [mask], truth=[truth])
     record_file(truth).unlink()
+    with pytest.raises(InputError, match=r"carriers.npy: embedding: expected run 0, found no record"):
+        collect([metrics], [mask], truth=[truth])
+    record_file(mask).unlink()
     (outcome,) = collect([metrics], [mask], truth=[truth])
     assert outcome.recall == 1
 
@@ -161,6 +181,9 @@ def test_a_network_of_another_model_is_refused(tmp_path, scheme):
     with pytest.raises(InputError, match="embedding: expected run 0"):
         READERS[scheme](mixed)
     record_file(mixed / models[1][1].name).unlink()
+    with pytest.raises(InputError, match="embedding: expected run 0, found no record"):
+        READERS[scheme](mixed)
+    record_file(mixed / models[0][0].name).unlink()
     READERS[scheme](mixed)
 
 
@@ -211,13 +234,14 @@ def test_bits_are_not_read_from_renders_of_another_model_unless_it_is_a_control(
     from gspure.schemes.marked_clones.key import ClonesKey
 
     ClonesKey(np.ones(4, np.bool_), untrained(4, 0), np.ones(3, np.bool_)).write(tmp_path / "key")
-    write_record(tmp_path / "key" / "carriers.npy", inputs={}, settings={}, embedding="run 0")
+    for path in sorted((tmp_path / "key").iterdir()):
+        write_record(path, inputs={}, settings={}, embedding="run 0")
     write_image(tmp_path / "renders" / "view.png", np.zeros((16, 16, 3)))
     command = ["detect", str(tmp_path / "renders"), "--scheme", "marked_clones", "--key", str(tmp_path / "key")]
     for embedding, status in (("run 0", 0), ("run 1", 2), ("", 0)):
         record_views(tmp_path / "renders", {"view": []}, embedding=embedding)
         assert main([*command, "--out", str(tmp_path / "bits.csv")]) == status
-        assert ("key of another model" in capsys.readouterr().err) == bool(status)
+        assert ("embedding: expected" in capsys.readouterr().err) == bool(status)
     record_views(tmp_path / "renders", {"view": []}, embedding="run 1")
     assert main([*command, "--control", "--out", str(tmp_path / "bits.csv")]) == 0
 

@@ -1,6 +1,6 @@
 """Where a file comes from: a record beside it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -86,14 +86,32 @@ def embedding_of(*artifacts: Path) -> str:
 
     Raise `InputError` naming the first artifact of another embedding.
     """
-    files = [file for path in artifacts for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
-    known = {file: name for file in files if isinstance(name := (record_of(file) or {}).get("embedding"), str)}
+    known = {file: name for file, name in _embeddings(artifacts).items() if name}
     first = next(iter(known), Path())
     for file, name in known.items():
         if name != known[first]:
-            hint = f"of another run of `gspure embed`; if they belong together, delete {record_file(file).name}"
+            hint = "of another run of `gspure embed`"
             raise InputError(file, "embedding", expected=f"{known[first]}, as of {first}", found=name, hint=hint)
     return known.get(first, "")
+
+
+def require_embedding(
+    embedding: str, *artifacts: Path, hint: str = "copy files of `gspure embed` with their .json"
+) -> None:
+    """Raise `InputError` for an artifact, or a file of a folder, whose record names another embedding or that has none.
+
+    If `embedding` is empty, all pass.
+    """
+    for file, name in _embeddings(artifacts).items() if embedding else ():
+        if name != embedding:
+            raise InputError(file, "embedding", expected=embedding, found=name or "no record", hint=hint)
+
+
+def _embeddings(artifacts: Iterable[Path]) -> dict[Path, str]:
+    """Return the embedding of each artifact, and of each file of folders; empty without a record of it."""
+    inside = {path: sorted(path.glob("[!.]*")) if path.is_dir() else [path] for path in artifacts}
+    files = [file for path, files in inside.items() for file in files if path == file or file.suffix != ".json"]
+    return {file: str((record_of(file) or {}).get("embedding", "")) for file in files}
 
 
 def motion_of(artifact: Path) -> NDArray[np.float64] | None:

@@ -75,7 +75,7 @@ def _read_bits(args: Arguments) -> list[Reading]:
 
     if not args.scheme:
         raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
-    key = read_key(args, args.images, shown_embedding(args.images))
+    key = read_key(args, shown_embedding(args.images))
     return read_bits(key.read_bits, key.bits, args.images)
 
 

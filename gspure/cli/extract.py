@@ -55,7 +55,7 @@ def run(args: Arguments) -> None:
     """Extract every view."""
     import numpy as np
 
-    from gspure.artifacts import embedding_of, filling
+    from gspure.artifacts import embedding_of, filling, require_embedding
     from gspure.cameras import write_cameras
     from gspure.cli.options import read_device, read_key, read_views, unmoved
     from gspure.errors import InputError
@@ -70,7 +70,7 @@ def run(args: Arguments) -> None:
     views = read_views(args)
     require_no_other_images(args.out, (camera.name for camera in views))
     public = scheme.read_public(args.model)
-    key = read_key(args, args.model, embedding_of(model_file(args.model)))
+    key = read_key(args, embedding_of(model_file(args.model)))
     extraction = args.extraction or next(iter(scheme.extractions))
     if extraction not in scheme.extractions:
         expected = f"one of {', '.join(scheme.extractions)}"
@@ -78,7 +78,7 @@ def run(args: Arguments) -> None:
     if args.original and args.transform:
         raise InputError("extract", "--transform", expected="nothing beside --original", found=str(args.transform))
     if args.original:
-        embedding_of(model_file(args.original), args.key)
+        require_embedding(embedding_of(args.key), model_file(args.original))
         public = registered(public, scheme.read_public(args.original).model)
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))

@@ -31,6 +31,7 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import (
         embedding_of,
         load_array,
+        require_embedding,
         require_kind,
         require_made_from,
         save_array,
@@ -46,7 +47,7 @@ def run(args: Arguments) -> None:
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
-    embedding_of(model_file(args.model), args.key)
+    require_embedding(embedding_of(model_file(args.model)), args.key)
     public, key = scheme.read_public(args.model), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
     geometry = read_model(args.model).geometry_digest()

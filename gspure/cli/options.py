@@ -60,23 +60,24 @@ def read_public(args: Arguments) -> PublicModel:
     return read_public_model(args.model, args.scheme).drawable(args.model)
 
 
-def read_key(args: Arguments, source: Path, embedding: str) -> Key:
+def read_key(args: Arguments, embedding: str) -> Key:
     """Return the key of ``--scheme`` and ``--key``, or the unrelated one of ``--wrong-key``.
 
-    Unless ``--control`` is set, refuse the key if `embedding`, that of the model or images in `source`
-    (`gspure.artifacts.embedding_of`), is not the key's.
+    Unless ``--control`` is set, refuse the key if `embedding`, that of the model or images
+    (`gspure.artifacts.embedding_of`), is not that of all its files.
     """
     import numpy as np
 
-    from gspure.artifacts import embedding_of
+    from gspure.artifacts import embedding_of, require_embedding
     from gspure.schemes.registry import find_scheme
 
-    of_key, key = embedding_of(args.key), find_scheme(args.scheme).read_key(args.key)
+    embedding_of(args.key)
+    key = find_scheme(args.scheme).read_key(args.key)
     if args.wrong_key is not None:
         return key.wrong(np.random.default_rng(args.wrong_key))
-    if embedding and of_key and embedding != of_key and not args.control:
-        hint = "--control reads it as a negative control"
-        raise InputError(args.key, "key", expected=f"that of {source}", found="the key of another model", hint=hint)
+    if not args.control:
+        hint = "copy a key with its .json files; --control accepts the key of another model, a negative control"
+        require_embedding(embedding, args.key, hint=hint)
     return key
 
 

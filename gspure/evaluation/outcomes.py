@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import embedding_of, load_array, read_json, require_same_inputs
+from gspure.artifacts import embedding_of, load_array, read_json, require_embedding, require_same_inputs
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
@@ -402,7 +402,7 @@ def _outcome(
     outcome = replace(outcome, pruned_share=float(np.mean(pruned)))
     if (truth_file := _below(folder.parent, truth)) is None:
         return outcome
-    embedding_of(mask_file, truth_file)
+    require_embedding(embedding_of(mask_file), truth_file)
     agreement = recall(pruned, load_array(truth_file, dtype=np.bool_, shape=(len(pruned),)))
     return replace(outcome, precision=agreement.precision, recall=agreement.recall)
 

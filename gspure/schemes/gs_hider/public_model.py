@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gspure.artifacts import embedding_of, filling
+from gspure.artifacts import embedding_of, filling, require_embedding
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
 from gspure.errors import InputError
@@ -46,8 +46,9 @@ class FeatureModel(PublicModel):
         """Read a model's .ply, or its folder, and the decoder beside it or in the authors' layout."""
         path = Path(path)
         ply = model_file(path)
-        decoder = find_decoder(ply.parent, SCENE_DECODER, embedding_of(ply))
-        embedding_of(ply, *filter(None, [decoder]))
+        embedding = embedding_of(ply)
+        decoder = find_decoder(ply.parent, SCENE_DECODER, embedding)
+        require_embedding(embedding, *filter(None, [decoder]))
         return cls(read_rows(ply), DecoderFile.read(decoder) if decoder else None)
 
     def write(self, path: Path) -> list[Path]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import digest, embedding_of
+from gspure.artifacts import digest, embedding_of, require_embedding
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
 from gspure.model import Gaussians, model_file, read_model, write_model
@@ -67,7 +67,8 @@ class AnchorModel(PublicModel):
         file = model_file(Path(path))
         rows = read_model(file)
         require_anchors(file, rows)
-        embedding_of(file, file.parent / UNITED)
+        united = [path for path in (file.parent / UNITED,) if path.is_file()]
+        require_embedding(embedding_of(file), *(united or file.parent.glob("*_mlp.pt")))
         public = cls(rows, read_networks(file.parent))
         require_networks(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
         return public
