@@ -158,6 +158,35 @@ def test_a_folder_that_a_killed_run_locked_is_refused_with_the_command_that_unlo
     assert main(audit) == 0
 
 
+def test_of_two_runs_that_start_at_once_the_second_is_refused(folder, monkeypatch, capsys):
+    audit, statuses = ["audit", "my model.ply", "--cameras", "orbit"], []
+
+    def started(*_):
+        monkeypatch.setattr(os, "execve", lambda *_: pytest.fail("a second run"))
+        statuses.append(main(audit))
+        return 0
+
+    monkeypatch.setattr(os, "execve", started)
+    assert main(audit) == 0
+    assert statuses == [2]
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    monkeypatch.setattr(os, "execve", lambda *_: 0)
+    assert main(audit) == 0
+
+
+def test_the_process_that_an_audit_becomes_holds_its_lock(folder, tmp_path):
+    (tmp_path / "wait.py").write_text("import time; print(flush=True); time.sleep(60)")
+    code = (
+        "import os, sys; from gspure.cli import main; run = os.execve;"
+        f"os.execve = lambda p, _, e: run(p, [p, {str(tmp_path / 'wait.py')!r}], e); main(sys.argv[1:])"
+    )
+    audit = ["audit", "my model.ply", "--cameras", "orbit"]
+    with subprocess.Popen([sys.executable, "-c", code, *audit], stdout=subprocess.PIPE) as first:
+        first.stdout.readline()
+        assert main(audit) == 2
+        first.kill()
+
+
 @pytest.mark.parametrize(
     ("line", "reason"),
     [

@@ -1,11 +1,13 @@
 """``gspure audit``: the workflow on the user's models, from a checkout or an installed package."""
 
+import fcntl
 import os
 import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -52,13 +54,28 @@ def run(args: Arguments) -> int:
             configuration = _configuration(args, Path(folder) / _CONFIGURATION.name)
             return subprocess.call(_command(args, configuration))
     configuration = _configuration(args, _CONFIGURATION)
-    if any(_LOCKS.glob("*.lock")) and not {"--unlock", "--nolock"} & {*args.passed_on}:
-        hint = f"if none runs: gspure audit {shlex.quote(str(configuration))} -- --unlock"
-        raise InputError(_LOCKS, "lock", expected="no other run here", found="one that runs or was killed", hint=hint)
     environment = {**os.environ, COMMAND: shlex.join(["gspure", *sys.argv[1:]])}
     if args.quiet or not (args.verbose or args.passed_on):
         environment[SHOWN] = "problems" if args.quiet else "jobs"
-    return os.execve(sys.executable, _command(args, configuration), environment)  # noqa: S606
+    with nullcontext() if {"--unlock", "--nolock"} & {*args.passed_on} else _only_run(configuration):
+        return os.execve(sys.executable, _command(args, configuration), environment)  # noqa: S606
+
+
+@contextmanager
+def _only_run(configuration: Path) -> Iterator[None]:
+    """Refuse a second run in this folder, until the process that this one becomes has ended."""
+    _LOCKS.mkdir(parents=True, exist_ok=True)
+    with _LOCKS.with_name("audit").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(_LOCKS, "lock", expected="no other run here", found="one that runs") from None
+        if any(_LOCKS.glob("*.lock")):  # Snakemake's
+            hint = f"if none runs: gspure audit {shlex.quote(str(configuration))} -- --unlock"
+            found = "one that runs or was killed"
+            raise InputError(_LOCKS, "lock", expected="no other run here", found=found, hint=hint)
+        os.set_inheritable(lock.fileno(), True)  # noqa: FBT003
+        yield
 
 
 def _command(args: Arguments, configuration: Path) -> list[str]:
