@@ -158,8 +158,9 @@ def _recorded(folder: Path) -> Mapping[str, Any]:
 def _read_record(file: Path, _state: tuple[int, ...]) -> Mapping[str, Any]:
     record = read_json(file)
     match record:
-        case {"views": dict(), "record": str(checksum)} if checksum == record_checksum(record):
-            return {"bytes": {}, "crc32": {}, **record}  # an earlier version wrote neither
+        case {"views": dict(), "bytes": dict(), "crc32": dict(), "record": str(checksum)}:
+            if checksum == record_checksum(record):
+                return dict(record)
     raise InputError(file, "record", expected="the views of a finished folder", found="a corrupt record")
 
 
@@ -214,7 +215,7 @@ def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
     for view in views:
         first, second = record["views"].get(view), record_of_other["views"].get(view)
         if first and second and not np.allclose(first, second, rtol=1e-6, atol=1e-6):
-            hint = "render both with one cameras.json"
+            hint = "use one cameras.json for both"
             raise InputError(other, view, expected=f"the camera of {folder}", found="another of this name", hint=hint)
 
 

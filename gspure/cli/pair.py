@@ -74,7 +74,8 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Write the pair, all of it or nothing."""
     from gspure.artifacts import filling, write_record
-    from gspure.images import record_views
+    from gspure.cameras import read_cameras
+    from gspure.images import RENDERED, record_views
     from gspure.scenes.staging import NAMES, scene_builder
 
     require_least(args, "pair", _LEAST)
@@ -86,11 +87,11 @@ def run(args: Arguments) -> None:
     settings = {name: str(getattr(args, name)) for name in ("scene", "message", "protocol", "seed")}
     with filling(args.out) as args.out:
         settings |= make(args)
-        for folder in (args.out, args.out / "message"):
+        for folder, images in ((args.out, args.out / "scene"), (args.out / "message", args.out / "message")):
+            known = {camera.name: camera.numbers.tolist() for camera in read_cameras(folder / "cameras.json")}
+            record_views(images, {image.stem: known.get(image.stem, []) for image in images.glob("*.png")})
             for name in ("cameras.json", "points3D.ply"):
-                write_record(folder / name, inputs={}, settings=settings)
-        for images in (args.out / "scene", args.out / "message"):
-            record_views(images, {image.stem: [] for image in images.glob("*.png")})
+                write_record(folder / name, inputs={"photographs": images / RENDERED}, settings=settings)
 
 
 def _traced(args: Arguments) -> dict[str, Any]:

@@ -21,11 +21,13 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts.checksums import record_of
+from gspure.artifacts import record_of, require_input
 from gspure.cameras import Camera
+from gspure.cameras.photographs import photograph
 from gspure.dtypes import Float32, Float64, UInt8
 from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
+from gspure.images import RENDERED
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
@@ -59,8 +61,10 @@ class Capture:
 
     @staticmethod
     def read(folder: Path) -> Capture:
-        """Read cameras, points and photographs of a folder."""
+        """Read cameras, points and photographs of a folder, or raise `InputError` if the cameras are of others."""
         dataset = read_dataset(folder, "native")
+        if (record := photograph(dataset.train[0]).parent / RENDERED).is_file():
+            require_input(folder / "cameras.json", "photographs", record)
         probes = dataset.test[:PROBES] or dataset.train[:PROBES]
         images = read_photographs(dataset.train)
         return Capture(dataset, images, list(zip(probes, read_photographs(probes), strict=True)))
