@@ -7,8 +7,10 @@ from typing import Any, ClassVar, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.artifacts import embedding_of, filling
 from gspure.cameras.camera import Camera, spread
 from gspure.dtypes import Float32, Indices
+from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import drawable
 from gspure.opencl.adam import LearningRates
@@ -113,9 +115,34 @@ class PublicModel:
         return cls(read_model(path))
 
     def write(self, path: Path) -> list[Path]:
-        """Write the .ply and the files beside it; return all of them."""
-        write_model(path, self.model)
-        return [path]
+        """Write the .ply and the networks beside it, unless they are there with a record; return what was written."""
+        network = path.parent / self.network_name
+        is_recorded = network.is_file() and embedding_of(network) != ""
+        is_there = not self.network_name or (is_recorded and self.is_network(network))
+        with filling(path.parent) as folder:
+            write_model(folder / path.name, self.model)
+            if not is_there:
+                self.write_network(folder)
+        return [path] if is_there else [path, network]
+
+    def require_place(self, path: Path) -> None:
+        """Raise `InputError` if `write` would replace the networks of other models in the folder of `path`."""
+        others, network = {*path.parent.glob("*.ply")} - {path}, path.parent / self.network_name
+        if others and network.is_file() and not self.is_network(network):
+            found, hint = f"that of {min(others).name}", "name another folder"
+            raise InputError(network, "network", expected="none of another model", found=found, hint=hint)
+
+    @property
+    def network_name(self) -> str:
+        """Name of the file of networks beside the .ply; empty if there is none."""
+        return ""
+
+    def is_network(self, file: Path) -> bool:  # noqa: ARG002
+        """Return whether a file holds the networks of this model."""
+        return False
+
+    def write_network(self, folder: Path) -> None:
+        """Write the networks to a folder."""
 
     def with_model(self, model: Gaussians) -> Self:
         """Return the same model with other rows, such as attacked ones."""

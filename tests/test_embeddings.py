@@ -196,14 +196,37 @@ def test_attacks_keep_the_embedding_of_networks(tmp_path, scheme):
     assert [record_of(path)["embedding"] for path in (out, *networks)] == ["run 0", "run 0"]
 
 
-def test_the_networks_of_another_model_are_not_replaced(tmp_path, capsys):
-    for embedding in ("run 0", "run 1"):
-        published(random_public(), tmp_path / embedding, embedding)
-    networks = (tmp_path / "run 1" / "checkpoints.pth").read_bytes()
-    files = ["--model", str(tmp_path / "run 0" / "point_cloud.ply"), "--out", str(tmp_path / "run 1" / "attacked.ply")]
-    assert main(["attack", "random_pruning", *files]) == 2
-    assert "checkpoints.pth: embedding: expected run 0" in capsys.readouterr().err
-    assert (tmp_path / "run 1" / "checkpoints.pth").read_bytes() == networks
+@pytest.mark.parametrize("recorded", [(), (0,), (1,), (0, 1)])
+@pytest.mark.parametrize("scheme", MODELS)
+def test_the_networks_of_other_models_are_not_replaced(tmp_path, capsys, scheme, recorded):
+    models = {"gs_hider": [FeatureModel(rows(), DecoderFile(Path("chkpnt7_net.pth"), bytes([i]))) for i in range(2)]}
+    paths = []
+    for i, model in enumerate({**MODELS, **models}[scheme]):
+        paths += [published(model, tmp_path / str(i), f"run {i}")]
+        for path in paths[-1] if i not in recorded else ():
+            record_file(path).unlink()
+    (source, _), (other, network) = paths
+    before = {path: path.read_bytes() for path in other.parent.iterdir()}
+    purify = ["purify", str(source), "--cameras", "orbit", "--out", str(other.parent)]
+    attack = ["attack", "random_pruning", "--model", str(source), "--out", str(other.with_name("attacked.ply"))]
+    for command in (purify, attack):
+        assert main(command) == 2
+        assert f"{network.name}: network: expected none of another model" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in other.parent.iterdir()} == before
+    other.unlink()
+    assert main(attack) == 0
+    assert network.read_bytes() == paths[0][1].read_bytes()
+
+
+@pytest.mark.parametrize("scheme", MODELS)
+def test_the_networks_of_a_model_are_shared_by_those_that_attacks_write_beside_it(tmp_path, scheme):
+    model, network = published(MODELS[scheme][0], tmp_path, "run 0")
+    before = record_of(network)
+    shutil.copy(model, tmp_path / "copy.ply")
+    files = ["--model", str(tmp_path / "copy.ply"), "--out", str(tmp_path / "attacked.ply")]
+    assert main(["attack", "random_pruning", *files]) == 0
+    assert record_of(network) == before
+    READERS[scheme](model)
 
 
 def test_of_several_decoders_that_of_the_model_is_used(tmp_path, capsys):

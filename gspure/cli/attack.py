@@ -94,19 +94,19 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows, verdict, transform and cost."""
-    from gspure.artifacts import embedding_of, save_array, write_json, write_record
+    from gspure.artifacts import save_array, write_json, write_record
     from gspure.attacks import find_attack
     from gspure.cli.options import parsed_settings
     from gspure.cost import spent
     from gspure.evaluation.comparison import RENDER, TRUTH
-    from gspure.model import model_file, require_writable
+    from gspure.model import require_writable
 
     attack = find_attack(args.name)
     require_writable(args.out)
-    embedding_of(model_file(args.model), *args.out.parent.glob("*.pth"))  # networks that would be replaced
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     public, evidence = _read(args, files)
+    public.require_place(args.out)
     views = _read_training_views(args) if "cameras" in attack.parameters else []
     device = read_device(args) if views else None
     sources = {"model": args.model, **files} | ({"cameras": args.cameras} if args.cameras else {})

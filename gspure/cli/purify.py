@@ -96,6 +96,7 @@ def run(args: Arguments) -> None:
     stored = read_public_model(args.model)
     suspects = suspicious.suspicious_rows(stored.model)
     public = stored.drawable(args.model)
+    public.require_place(args.out / "purified.ply")
     _choose_factors(args, public.model)
     require_least(args, "purify", {"repair": 1})
     if args.repair and not public.visible:
@@ -119,8 +120,7 @@ def run(args: Arguments) -> None:
         for path in files:
             write_record(path, inputs=inputs, settings=used, geometry=geometry)
         _write_arrays(folder, purification, inputs, settings=used, geometry=geometry)
-        embedding = embedding_of(inputs["model"])
-        rows = _compare(folder, models, test, device, embedding) if public.visible else []
+        rows = _compare(folder, models, test, device, embedding_of(inputs["model"])) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
         write_json(folder / "diagnosis.json", diagnosis)

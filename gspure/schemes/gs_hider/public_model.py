@@ -6,11 +6,11 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gspure.artifacts import embedding_of, filling, require_embedding
+from gspure.artifacts import embedding_of, require_embedding
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
 from gspure.errors import InputError
-from gspure.model import Gaussians, model_file, write_model
+from gspure.model import Gaussians, model_file
 from gspure.model.activations import sigmoid
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
@@ -51,14 +51,19 @@ class FeatureModel(PublicModel):
         require_embedding(embedding, *filter(None, [decoder]))
         return cls(read_rows(ply), DecoderFile.read(decoder) if decoder else None)
 
-    def write(self, path: Path) -> list[Path]:
-        """Write the .ply and the decoder beside it; return both."""
-        path = Path(path)
-        with filling(path.parent) as folder:
-            write_model(folder / path.name, self.model)
-            if self.decoder:
-                self.decoder.write(folder)
-        return [path, *([path.with_name(self.decoder.source.name)] if self.decoder else [])]
+    @property
+    def network_name(self) -> str:
+        """Name of the decoder's file; empty without one."""
+        return self.decoder.source.name if self.decoder else ""
+
+    def is_network(self, file: Path) -> bool:
+        """Return whether a file is that of the decoder."""
+        return self.decoder is not None and file.read_bytes() == self.decoder.content
+
+    def write_network(self, folder: Path) -> None:
+        """Write the decoder, if there is one."""
+        if self.decoder:
+            self.decoder.write(folder)
 
     def with_model(self, model: Gaussians) -> Self:
         """Return the same decoder with other rows."""

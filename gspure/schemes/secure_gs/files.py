@@ -55,10 +55,9 @@ def read_networks(folder: Path) -> Loaded:
     return _by_network(folder, tensors)
 
 
-def write_networks(folder: Path, networks: Networks) -> Path:
-    """Write the public networks in Scaffold-GS's united format; return their file."""
+def write_networks(folder: Path, networks: Networks) -> None:
+    """Write the public networks in Scaffold-GS's united format."""
     write_tensors(folder / UNITED, {f"{name}_mlp": network for name, network in networks.items()})
-    return folder / UNITED
 
 
 def read_hidden(folder: Path) -> Loaded:

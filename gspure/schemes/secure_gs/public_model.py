@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 from gspure.artifacts import digest, embedding_of, require_embedding
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
-from gspure.model import Gaussians, model_file, read_model, write_model
+from gspure.errors import InputError
+from gspure.model import Gaussians, model_file, read_model
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
@@ -73,10 +75,20 @@ class AnchorModel(PublicModel):
         require_networks(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
         return public
 
-    def write(self, path: Path) -> list[Path]:
-        """Write the .ply and the networks beside it; return both files."""
-        write_model(path, self.model)
-        return [Path(path), write_networks(Path(path).parent, self.networks)]
+    @property
+    def network_name(self) -> str:
+        """Name of the file of networks."""
+        return UNITED
+
+    def is_network(self, file: Path) -> bool:
+        """Return whether a file holds these networks; a corrupt one does not."""
+        with suppress(InputError):
+            return AnchorModel(self.model, read_networks(file.parent)).geometry_digest() == self.geometry_digest()
+        return False
+
+    def write_network(self, folder: Path) -> None:
+        """Write the networks."""
+        write_networks(folder, self.networks)
 
     def with_model(self, model: Gaussians) -> Self:
         """Return the same networks with other anchors."""
