@@ -28,14 +28,27 @@ CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pix
 
 @dataclass(frozen=True)
 class Gradients:
-    """Gradients of a loss with respect to the inputs of an image, by row."""
+    """Gradients of a loss with respect to the inputs of an image, by row.
 
-    means: Float32  # [K,3]
-    quats: Float32  # [K,4], as stored (not normalized)
-    scales: Float32  # [K,3], above 0
-    opacities: Float32  # [K], in (0, 1)
-    channels: Float32  # [K,S,3] of the SH coefficients, or [K,C] of the features
-    means2d: Float32  # [K,2] of the projected centres, per pixel; for densification
+    Parameters
+    ----------
+    means, quats, scales : arrays [K,3], [K,4], [K,3]
+        `quats` as stored (not normalized), `scales` > 0.
+    opacities : array [K]
+        In (0, 1).
+    channels : array [K,S,3] or [K,C]
+        Of the SH coefficients, or of the features.
+    means2d : array [K,2]
+        Of the projected centres, per pixel; for densification.
+
+    """
+
+    means: Float32
+    quats: Float32
+    scales: Float32
+    opacities: Float32
+    channels: Float32
+    means2d: Float32
 
 
 Pullback = Callable[[Float32], Gradients]

@@ -31,11 +31,20 @@ def read_cameras(path: str | Path) -> list[Camera]:
 
 
 def read_lenses(path: str | Path) -> list[Camera]:
-    """Read the cameras of a file or folder, in its order. Raise `InputError` if there are none, or a field is invalid.
+    """Read the cameras of a file or folder, in its order.
 
-    `path` is a cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, or a folder:
-    with a COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with one of those files, such as 3DGS's
-    output folder. COLMAP has priority, since it has principal points and photographs.
+    Parameters
+    ----------
+    path : str or Path
+        A cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, or a folder: with a
+        COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with one of those files, such as 3DGS's output
+        folder. COLMAP has priority, since it has principal points and photographs.
+
+    Raises
+    ------
+    InputError
+        There are no cameras, or a field is invalid.
+
     """
     path = Path(path)
     if path.is_dir() and find_sparse(path):

@@ -19,24 +19,51 @@ _CHANGED_SHARE_WARNED = 0.05
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Statistics of a clustering and its pruning; shares are of all rows unless stated otherwise."""
+    """Statistics of a clustering and its pruning; shares are of all rows unless stated otherwise.
 
-    quantity: str  # what the rows are pruned by: weights or opacities
+    Parameters
+    ----------
+    quantity : {"weights", "opacities"}
+        What the rows are pruned by.
+    gaussians, weighted, clusters : int
+        Their numbers; `weighted` are those of weight above 0.
+    coincident : int
+        Surplus points in piles of equal features (see `gspure.method.clustering.coincident_points`).
+    largest_share, noise_share : float
+        Of the largest cluster; of noise.
+    pruned_share, pruned_as_cluster, pruned_as_noise : float
+        Pruned in total; with their cluster; as noise.
+    pruned_weight_share : float
+        Share of the pruned ones in the total weight.
+    heavy : tuple of int
+        The rows of `gspure.method.weights.heavy_rows`.
+    heavy_weight_share : float
+        Their share in the total weight.
+    plain_share : float
+        Pruned by the rule without clustering, ω_k < ω̄/τ_n.
+    changed_share : float
+        One minus the Jaccard index of the pruned sets with and without clustering.
+    changed_share_clustered : float
+        The same among clustered points (both rules agree on noise).
+
+    """
+
+    quantity: str
     gaussians: int
-    weighted: int  # rows of weight above 0
+    weighted: int
     clusters: int
-    coincident: int  # surplus points in piles of equal features, as `coincident_points` counts them
-    largest_share: float  # of the largest cluster
+    coincident: int
+    largest_share: float
     noise_share: float
     pruned_share: float
-    pruned_as_cluster: float  # with their cluster
+    pruned_as_cluster: float
     pruned_as_noise: float
-    pruned_weight_share: float  # of the pruned rows in the total weight
-    heavy: tuple[int, ...]  # the rows of `gspure.method.weights.heavy_rows`
-    heavy_weight_share: float  # in the total weight
-    plain_share: float  # pruned by the rule without clustering, ω_k < ω̄/τ_n
-    changed_share: float  # one minus the Jaccard index of the pruned sets with and without clustering
-    changed_share_clustered: float  # the same among clustered points (both rules agree on noise)
+    pruned_weight_share: float
+    heavy: tuple[int, ...]
+    heavy_weight_share: float
+    plain_share: float
+    changed_share: float
+    changed_share_clustered: float
 
     @property
     def _total(self) -> str:
