@@ -287,7 +287,7 @@ def test_the_command_unpacks_what_it_downloads_and_has_nothing_to_do_a_second_ti
     content = zipped(tmp_path / "made.zip", [*WHOLE, "set/stump/images_4/a.jpg"]).read_bytes()
     with Server(content) as server:
         made = Archive(server.url, "none", GARDEN.photographs, folder="set")
-        monkeypatch.setattr("gspure.datasets.archive_of", lambda scene: made)
+        monkeypatch.setattr("gspure.cli.download.archive_of", lambda scene: made)
         command = ["download", "garden", "--out", str(tmp_path / "data"), "--accept-licence"]
         assert main(command) == 0
         (tmp_path / "data" / "archives" / "scenes.zip").unlink()

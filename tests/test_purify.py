@@ -244,7 +244,7 @@ def broken(*_: object, **__: object) -> None:
     raise RuntimeError("no\nink")
 
 
-FIGURES = {"gspure.figures.panels.write_panels": {"before_after"}, "gspure.figures.gallery.write_plate": CLOUDS}
+FIGURES = {"gspure.cli.purify.write_panels": {"before_after"}, "gspure.figures.gallery.write_plate": CLOUDS}
 FIGURES |= {"gspure.figures.splats.show": {"splats"}}
 FIGURES |= {"gspure.figures.gallery.write_weight_histogram": {"weights"}, "gspure.figures.gallery.choose": CLOUDS}
 
@@ -322,7 +322,7 @@ def test_a_disk_that_is_full_before_the_metrics_leaves_the_folder_as_it_was(
     if earlier:
         out.mkdir()
         (out / "metrics.csv").write_text("of an earlier run")
-    monkeypatch.setattr("gspure.evaluation.comparison.write_metrics", full)
+    monkeypatch.setattr("gspure.cli.purify.write_metrics", full)
     assert main(command) == 2
     assert capsys.readouterr().err.splitlines()[-1] == f"gspure purify: {out}: No space left on device"
     assert files(tmp_path / "out") == (["metrics.csv"] if earlier else [])
@@ -368,7 +368,7 @@ def test_renders_of_other_views_in_the_folder_are_refused_before_anything_is_com
     tmp_path: Path, command: list[str], monkeypatch, capsys
 ) -> None:
     write_image(tmp_path / "out" / "renders" / "purified" / "older.png", np.zeros((4, 4, 3)))
-    monkeypatch.setattr("gspure.method.purify.purify", None)
+    monkeypatch.setattr("gspure.cli.purify.purify", None)
     assert main(command) == 2
     assert (
         "renders/purified: images: expected none but of these views, found 1 more: older.png" in capsys.readouterr().err
@@ -385,7 +385,7 @@ def test_a_run_that_fails_before_its_results_leaves_those_of_the_last_one(
     def purify(*_: object, **__: object) -> None:
         raise InputError("device", "memory", expected="more", found="less")
 
-    monkeypatch.setattr("gspure.method.purify.purify", purify)
+    monkeypatch.setattr("gspure.cli.purify.purify", purify)
     assert main(command) == 2
     assert files(out) == ["purified.ply"]
     assert (out / "purified.ply").read_text() == "of the last run"
@@ -410,6 +410,6 @@ def test_repair_raises_the_psnr_of_the_scene_and_keeps_the_rows(tmp_path: Path, 
 def test_a_repair_without_iterations_is_refused_before_anything_is_computed(
     command: list[str], monkeypatch, capsys
 ) -> None:
-    monkeypatch.setattr("gspure.method.purify.purify", None)
+    monkeypatch.setattr("gspure.cli.purify.purify", None)
     assert main([*command, "--repair", "0"]) == 2
     assert "purify: --repair: expected at least 1, found 0" in capsys.readouterr().err

@@ -1,8 +1,8 @@
 """The command line: one module per subcommand.
 
 A command module holds ``EXAMPLES`` (shown below the options), ``add_arguments(parser)`` and ``run(args)``;
-`gspure.cli.parser` has the kinds of arguments. It imports heavy packages inside ``run`` only, so that its ``--help``
-stays quick.
+`gspure.cli.parser` has the kinds of arguments. So that its ``--help`` stays quick, it imports heavy packages inside
+``run`` only, unless its options need them.
 """
 
 import argparse

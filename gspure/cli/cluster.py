@@ -1,7 +1,11 @@
 """``gspure cluster``: flat clusters from a spanning tree."""
 
+from gspure.artifacts import write_record
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
+from gspure.method.clustering.selection import SELECTIONS, select
+from gspure.method.clustering.store import Clusters, read_tree, write_clusters
+from gspure.method.clustering.tree import coincident_points
 
 EXAMPLES = """\
   gspure cluster --tree tree.npy --out clusters.npz
@@ -16,11 +20,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import write_record
-    from gspure.method.clustering.selection import select
-    from gspure.method.clustering.store import Clusters, read_tree, write_clusters
-    from gspure.method.clustering.tree import coincident_points
-
     tree = read_tree(args.tree)
     settings = {name: getattr(args, name) for name in ("min_cluster_size", "selection", "max_cluster_share")}
     write_clusters(args.out, Clusters(select(tree, **settings), coincident_points(tree)), settings)
@@ -29,8 +28,6 @@ def run(args: Arguments) -> None:
 
 def add_selection(parser: Parser) -> None:
     """Add ``--min-cluster-size``, ``--selection`` and ``--max-cluster-share``."""
-    from gspure.method.clustering.selection import SELECTIONS
-
     parser.number("--min-cluster-size", "N", "HDBSCAN's min_cluster_size", MIN_CLUSTER_SIZE)
     parser.choice(
         "--selection",

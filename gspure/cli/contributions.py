@@ -4,6 +4,7 @@ import argparse
 
 from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
 from gspure.cli.parser import Arguments, Parser
+from gspure.progress import say
 
 EXAMPLES = """\
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --index room.tsv
@@ -34,7 +35,6 @@ def run(args: Arguments) -> None:
     from gspure.method.contributions import Measurement, contribute, write_index
     from gspure.model import read_model
     from gspure.model.suspicious import lines, suspicious_rows
-    from gspure.progress import say
 
     part, parts = args.part
     views = read_views(args)

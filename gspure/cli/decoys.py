@@ -2,6 +2,7 @@
 
 from gspure.cli.options import add_quiet, require_least
 from gspure.cli.parser import Arguments, Parser
+from gspure.progress import track
 
 EXAMPLES = """\
   gspure decoys --views 4 --width 160 --height 120 --out decoys
@@ -24,7 +25,6 @@ def run(args: Arguments) -> None:
     """Write the pictures, all of them or none."""
     from gspure.artifacts import filling
     from gspure.images import record_views
-    from gspure.progress import track
     from gspure.scenes.lighting import bake
     from gspure.scenes.photography import picture, stage_cameras
     from gspure.scenes.placement import PLACEMENTS

@@ -4,7 +4,10 @@ from pathlib import Path
 
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
+from gspure.datasets import SCENES, archive_of, extract, fetch
+from gspure.datasets.extraction import RECORD
 from gspure.errors import InputError
+from gspure.progress import say
 
 EXAMPLES = """\
   gspure download all --accept-licence                      # into data/, for config/mipnerf360.yaml
@@ -23,8 +26,6 @@ ALL = "all"
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.datasets import SCENES
-
     parser.text("scenes", "SCENE", f"{ALL}, or some of {', '.join(SCENES)}", nargs="+")
     parser.writes("--out", "DIR", "folder for the scenes", default=Path("data"))
     parser.flag("--accept-licence", "you have read the publishers' terms and accept them")
@@ -32,10 +33,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.datasets import SCENES, archive_of, extract, fetch
-    from gspure.datasets.extraction import RECORD
-    from gspure.progress import say
-
     scenes = SCENES if ALL in args.scenes else tuple(dict.fromkeys(args.scenes))
     archives = {scene: archive_of(scene) for scene in scenes}
     missing = [scene for scene in scenes if not (args.out / scene / RECORD).is_file()]

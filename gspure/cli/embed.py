@@ -1,12 +1,19 @@
 """``gspure embed``: hide a message in a scene by training."""
 
+import time
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from gspure.artifacts import file_digest, filling, write_json, write_record
+from gspure.cli.options import add_device, described, parsed_settings, read_device
 from gspure.cli.parser import Arguments, Parser
-
-if TYPE_CHECKING:
-    from gspure.schemes.readability import Readability
+from gspure.evaluation.outcomes import BITS
+from gspure.images import RENDERED
+from gspure.progress import say
+from gspure.schemes.pair import INITIALIZATIONS, read_pair
+from gspure.schemes.readability import Readability, bit_readability, readability
+from gspure.schemes.registry import BUILT_IN, find_scheme
+from gspure.schemes.scheme import hide
 
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
@@ -23,10 +30,6 @@ pip install gspure[torch].
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.cli.options import add_device, described
-    from gspure.schemes.pair import INITIALIZATIONS
-    from gspure.schemes.registry import BUILT_IN
-
     known = ", ".join(described(scheme.name, scheme.settings) for scheme in BUILT_IN)
     parser.text("scheme", "SCHEME", f"one of {known}, or a plug-in")
     parser.reads("pair", "PAIR", "output folder of `gspure pair`")
@@ -41,19 +44,6 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Embed; write public model and key, both or neither."""
-    import time
-    from dataclasses import asdict
-
-    from gspure.artifacts import file_digest, filling, write_json, write_record
-    from gspure.cli.options import parsed_settings, read_device
-    from gspure.evaluation.outcomes import BITS
-    from gspure.images import RENDERED
-    from gspure.progress import say
-    from gspure.schemes.pair import read_pair
-    from gspure.schemes.readability import bit_readability, readability
-    from gspure.schemes.registry import find_scheme
-    from gspure.schemes.scheme import hide
-
     scheme = find_scheme(args.scheme)
     settings = parsed_settings(f"scheme {scheme.name}", scheme.settings, args.set)
     pair = read_pair(args.pair, initialization=args.initialization)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gspure.cli.options import add_sweeps, read_sweeps, require_least, require_variants
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
+from gspure.evaluation.names import display_name
 
 if TYPE_CHECKING:
     from gspure.evaluation.outcomes import Outcome
@@ -40,7 +41,6 @@ def _add_attacks(parser: Parser) -> None:
 def _draw_panels(args: Arguments) -> Drawn:
     import numpy as np
 
-    from gspure.evaluation.names import display_name
     from gspure.figures.panels import GAIN, write_panels
     from gspure.images import background_of, read_image
 
@@ -63,7 +63,6 @@ def _draw_panels(args: Arguments) -> Drawn:
 
 
 def _draw_attacks(args: Arguments) -> Drawn:
-    from gspure.evaluation.names import display_name
     from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, ordered
     from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, write_lineup

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gspure.cli.parser import Arguments, Parser
+from gspure.errors import printable
 
 if TYPE_CHECKING:
     from gspure.model.summary import Summary
@@ -24,7 +25,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.errors import printable
     from gspure.model import model_file, read_model
     from gspure.model.inria import training_arguments
     from gspure.model.summary import summarize

@@ -1,7 +1,11 @@
 """``gspure metrics``: the metrics of two folders of images."""
 
+from gspure.artifacts import write_record
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
+from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
+from gspure.evaluation.controls import BASELINES
+from gspure.progress import say, track
 
 EXAMPLES = """\
   gspure metrics before after
@@ -12,9 +16,6 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.evaluation.comparison import REFERENCES, RENDER
-    from gspure.evaluation.controls import BASELINES
-
     parser.reads("images", "DIR_A", "reference images; may hold more views than DIR_B")
     parser.reads("other", "DIR_B", "images to compare, with the same names, sizes and subfolders")
     parser.choice(
@@ -32,10 +33,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import write_record
-    from gspure.evaluation.comparison import as_text, compare, pair_images, write_metrics
-    from gspure.progress import say, track
-
     pairs, unused = pair_images(args.images, args.other, args.against)
     rows = [compare(pair, args.reference, args.baseline) for pair in track(pairs, "metrics")]
     if unused:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gspure.cli.parser import Arguments, Parser
+from gspure.evaluation.names import display_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +50,6 @@ def run(args: Arguments) -> None:
 
 
 def _scores(checks: Sequence[Check], cells: Sequence[Cell]) -> Table:
-    from gspure.evaluation.names import display_name
     from gspure.evaluation.paper import score_interval
     from gspure.report.table import interval, plain, signed
 

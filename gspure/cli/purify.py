@@ -8,22 +8,45 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from gspure import __version__
+from gspure.artifacts import embedding_of, filling, save_array, write_json, write_record
+from gspure.artifacts.checksums import record_of
+from gspure.attacks.learning import ITERATIONS, Teacher
+from gspure.cameras import Camera, scaled, split, write_cameras
+from gspure.cameras.scale import TRAINING_RULE
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
 from gspure.cli.options import add_cameras, add_device, add_energy, read_source, require_least
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
+from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
-
-if TYPE_CHECKING:
-    from gspure.cameras import Camera
-    from gspure.evaluation.comparison import ViewMetrics
-    from gspure.method.purify import Purification
-    from gspure.model import Gaussians
-    from gspure.opencl.device import Device
-    from gspure.public_model import PublicModel
+from gspure.evaluation.comparison import (
+    ViewMetrics,
+    as_text,
+    compare,
+    far_below,
+    means,
+    pair_images,
+    worst,
+    write_metrics,
+)
+from gspure.figures.gallery import Drawing, Evidence, drawings
+from gspure.figures.panels import write_panels
+from gspure.figures.splats import splats
+from gspure.images import RENDERED, read_image, record_views, require_no_other_images, write_image
+from gspure.method.purify import Purification, purify
+from gspure.method.subpixel import subpixel_rows
+from gspure.model import Gaussians, model_file, suspicious
+from gspure.model.signature import Signature
+from gspure.opencl.device import Device, choose_device
+from gspure.progress import say, track, warn
+from gspure.public_model import PublicModel
+from gspure.schemes.registry import read_public_model, recognized
 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified
@@ -57,8 +80,6 @@ _SHOWN = 3
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.attacks.learning import ITERATIONS
-
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
     add_cameras(parser, "views (at most 1600 px wide; every eighth, sorted by name, is held out for the metrics)")
     parser.writes("--out", "DIR", "folder for the results")
@@ -81,18 +102,6 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
-    from gspure.artifacts import embedding_of, filling, write_json, write_record
-    from gspure.cameras import scaled, write_cameras
-    from gspure.cameras.scale import TRAINING_RULE
-    from gspure.evaluation.comparison import as_text
-    from gspure.images import require_no_other_images
-    from gspure.method.purify import purify
-    from gspure.method.subpixel import subpixel_rows
-    from gspure.model import model_file, suspicious
-    from gspure.opencl.device import choose_device
-    from gspure.progress import say
-    from gspure.schemes.registry import read_public_model
-
     stored = read_public_model(args.model)
     suspects = suspicious.suspicious_rows(stored.model)
     public = stored.drawable(args.model)
@@ -137,9 +146,6 @@ def run(args: Arguments) -> None:
 
 def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
     """Return the views that measure weights, and the held-out ones to compare; a single view does both."""
-    from gspure.cameras import split
-    from gspure.progress import warn
-
     train, test = split(cameras)
     if not train:
         warn("a single view: it measures the weights, and none is held out for the metrics")
@@ -148,8 +154,6 @@ def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
 
 def _writes_views(args: Arguments) -> bool:
     """Return whether to write the views: not over their source, nor over a file that is no result."""
-    from gspure.artifacts.checksums import record_of
-
     file = args.out / "cameras.json"
     if file.resolve() == Path(args.cameras).resolve():
         return False
@@ -160,9 +164,6 @@ def _writes_views(args: Arguments) -> bool:
 
 def _choose_factors(args: Arguments, model: Gaussians) -> None:
     """Set missing pruning factors to the paper's for the scheme of the model's columns."""
-    from gspure.constants import TAU_C, TAU_N
-    from gspure.schemes.registry import recognized
-
     scheme = recognized(model)
     defaults = (scheme.tau_c, scheme.tau_n) if scheme else (TAU_C, TAU_N)
     for name, value in zip(("tau_c", "tau_n"), defaults, strict=True):
@@ -174,11 +175,6 @@ def _models(
     public: PublicModel, purification: Purification, views: Sequence[Camera], repair: int | None, device: Device
 ) -> dict[str, PublicModel]:
     """Return the models by title of their renders; with `repair`, train the rest on renders of the public model."""
-    import numpy as np
-
-    from gspure import __version__
-    from gspure.attacks.learning import Teacher
-
     if not len(purification.model):
         hint = "larger tau_c and tau_n prune less"
         raise InputError("purify", "rows", expected="some to remain", found=f"0 of {len(public.model)}", hint=hint)
@@ -193,8 +189,6 @@ def _models(
 
 def _write_arrays(folder: Path, purification: Purification, inputs: Mapping[str, Path], **origin: Any) -> None:
     """Write the arrays with their records; each is made from those before it."""
-    from gspure.artifacts import save_array, write_record
-
     for name in _ARRAYS:
         path = folder / f"{name}.npy"
         save_array(path, getattr(purification, name))
@@ -206,10 +200,6 @@ def _compare(
     folder: Path, models: Mapping[str, PublicModel], views: Sequence[Camera], device: Device, embedding: str
 ) -> list[ViewMetrics]:
     """Render the views of each model, and compare the images as written with those of the unattacked one."""
-    from gspure.evaluation.comparison import compare, pair_images, write_metrics
-    from gspure.images import record_views, write_image
-    from gspure.progress import track
-
     renders, background = folder / "renders", models["unattacked"].model.background
     for title, public in models.items():
         scene = public.scene(device, background)
@@ -229,8 +219,6 @@ def _compare(
 
 def _with_psnr(diagnosis: dict[str, Any], rows: Sequence[ViewMetrics]) -> dict[str, Any]:
     """Add the mean PSNR of the held-out views, and the worst of them with its warning; nothing if all are identical."""
-    from gspure.evaluation.comparison import far_below, means, worst
-
     for mean, low in zip(means(rows), worst(rows), strict=True):
         if math.isfinite(low.psnr):
             key = "psnr" if mean.target == "scene" else "psnr_before_repair"
@@ -247,8 +235,6 @@ def _repair_lines(diagnosis: Mapping[str, Any]) -> list[str]:
 
 def _remove_older(folder: Path) -> None:
     """Remove what the next run may lack: without colour, without a figure, or killed while it draws."""
-    from gspure.images import RENDERED
-
     older = [folder / "figures" / f"{name}{suffix}" for name in _FIGURES for suffix in _SUFFIXES]
     renders = [folder / "renders" / title for title in _RENDERS]
     for views in renders:
@@ -270,11 +256,6 @@ def _draw(
     device: Device,
 ) -> list[str]:
     """Draw some of the compared `views` before and after, and the model; return a line for each that succeeds."""
-    from gspure.figures.gallery import Drawing, Evidence, drawings
-    from gspure.figures.splats import splats
-    from gspure.model.signature import Signature
-    from gspure.progress import warn
-
     folder, model = args.out / "figures", public.model
     rows = Signature.of(model.table.dtype.names or ()).rows
     arrays = (model.means, purification.labels, purification.weights, purification.prune_mask)
@@ -300,8 +281,5 @@ def _draw(
 
 def _draw_views(path: Path, renders: Path, titles: Collection[str], views: Sequence[str]) -> None:
     """Draw views of the rendered models side by side."""
-    from gspure.figures.panels import write_panels
-    from gspure.images import read_image
-
     images = {title: {view: read_image(renders / title / f"{view}.png") for view in views} for title in titles}
     write_panels(path, images, views, difference=True)

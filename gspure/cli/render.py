@@ -14,6 +14,7 @@ from gspure.cli.options import (
     unmoved,
 )
 from gspure.cli.parser import Arguments, Parser
+from gspure.progress import track
 
 EXAMPLES = """\
   gspure render point_cloud.ply --cameras cameras.json --out renders
@@ -40,7 +41,6 @@ def run(args: Arguments) -> None:
     from gspure.cameras import write_cameras
     from gspure.images import record_views, require_no_other_images, write_image
     from gspure.model import model_file
-    from gspure.progress import track
 
     views = read_views(args)
     require_no_other_images(args.out, (camera.name for camera in views))

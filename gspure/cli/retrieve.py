@@ -1,8 +1,11 @@
 """``gspure retrieve``: compare extractions with the right message and with others."""
 
+from pathlib import Path
+
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
+from gspure.progress import track
 
 EXAMPLES = """\
   gspure retrieve pair/message --extractions results/planted/room/*/renders/message --out retrieval.csv
@@ -20,14 +23,11 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from pathlib import Path
-
     from gspure.artifacts import write_record
     from gspure.cameras.off_path import PREFIX
     from gspure.evaluation.comparison import pair_images
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.retrieval import Retrieved, compare_candidates, false_candidates, retrieval
-    from gspure.progress import track
 
     rows: list[Retrieved] = []
     used: set[Path] = set()

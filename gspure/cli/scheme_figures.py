@@ -9,6 +9,7 @@ from gspure.cli.image_figures import Drawn
 from gspure.cli.options import require_variants
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
+from gspure.evaluation.names import display_name
 
 if TYPE_CHECKING:
     from gspure.evaluation.outcomes import Outcome
@@ -55,7 +56,6 @@ def _outcomes(args: Arguments) -> list[Outcome]:
 
 
 def _draw_sweep(args: Arguments) -> Drawn:
-    from gspure.evaluation.names import display_name
     from gspure.evaluation.summary import summarize
     from gspure.figures.factors import Point, write_factor_curves
 
@@ -84,7 +84,6 @@ def _draw_sweep(args: Arguments) -> Drawn:
 
 def _draw_tradeoff(args: Arguments) -> Drawn:
     from gspure.evaluation.intervals import known_interval
-    from gspure.evaluation.names import display_name
     from gspure.evaluation.survival import floor
     from gspure.figures.tradeoff import LINEAR, places, write_tradeoff
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gspure.cli.options import add_device, add_scheme, add_views, read_device, read_public, read_views
 from gspure.cli.parser import Arguments, Parser
+from gspure.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +43,6 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     from gspure.artifacts import save_array, write_record
     from gspure.attacks.pruning import TOLERANCE
-    from gspure.errors import InputError
     from gspure.model import read_model
     from gspure.surface.distances import depth_distances
 
@@ -69,7 +69,6 @@ def _default_method(public: PublicModel) -> str:
 
 def _from_mesh(args: Arguments, public: PublicModel, views: Sequence[Camera], device: Device) -> Float32:
     """Return the distances from the mesh, and write it if ``--mesh`` is set."""
-    from gspure.errors import InputError
     from gspure.model.points import write_mesh_ply
     from gspure.surface.distances import mesh_distances
     from gspure.surface.meshing import extract_mesh, filtered

@@ -1,7 +1,11 @@
 """``gspure table``: one table of all variants of all models."""
 
+from itertools import chain
+
 from gspure.cli.options import add_files
 from gspure.cli.parser import Arguments, Parser
+from gspure.evaluation.names import model_name
+from gspure.progress import warn
 
 EXAMPLES = """\
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md
@@ -39,17 +43,13 @@ def _condition(text: str) -> tuple[str, str]:
 
 
 def run(args: Arguments) -> None:
-    from itertools import chain
-
     from gspure.artifacts import write_record, write_text
     from gspure.evaluation.csv_tables import write_table
-    from gspure.evaluation.names import model_name
     from gspure.evaluation.outcomes import collect
     from gspure.evaluation.recall import CARRIERS
     from gspure.evaluation.results import write_results
     from gspure.evaluation.summary import Summary, summarize
     from gspure.evaluation.survival import not_embedded
-    from gspure.progress import warn
     from gspure.report.tables import results_markdown, summary_table
 
     truth = [mask for key in args.keys if (mask := key / CARRIERS).is_file()]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gspure.cli.options import add_background, add_device, read_background, read_device, require_least
 from gspure.cli.parser import Arguments, Parser
+from gspure.progress import say, track
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
@@ -74,7 +75,6 @@ def run(args: Arguments) -> None:
     from gspure.evaluation.comparison import as_text
     from gspure.model import require_writable
     from gspure.model.inria import trained_background
-    from gspure.progress import say, track
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
     from gspure.training.output import point_cloud, remove_results, require_replaceable
 
@@ -114,7 +114,6 @@ def _train(
     """Train to the end, and write checkpoints."""
     from gspure.evaluation.metrics import psnr
     from gspure.opencl.trainable import TrainableModel
-    from gspure.progress import say
     from gspure.training.checkpoints import write_checkpoint
     from gspure.training.monitor import watched
     from gspure.training.schedule import Schedule
@@ -148,7 +147,6 @@ def _train(
 
 def _start(args: Arguments, dataset: Dataset, settings: dict[str, Any]) -> Snapshot:
     """Return the checkpoint of an interrupted run, or the beginning."""
-    from gspure.progress import say
     from gspure.training.checkpoints import read_checkpoint
     from gspure.training.initialization import gaussians_at, thinned
     from gspure.training.trainer import beginning
@@ -202,7 +200,6 @@ def _compare(folder: Path, args: Arguments, dataset: Dataset, model: Path, devic
     from gspure.evaluation.comparison import TRUTH, Pair, compare
     from gspure.images import record_views, write_image
     from gspure.model import read_model
-    from gspure.progress import track
     from gspure.renderer import Renderer
     from gspure.training.dataset import read_photographs
     from gspure.training.output import comparison

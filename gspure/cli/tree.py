@@ -1,7 +1,12 @@
 """``gspure tree``: HDBSCAN's minimum spanning tree."""
 
+import numpy as np
+
+from gspure.artifacts import load_array, save_array, write_record
 from gspure.cli.method_options import add_min_samples
 from gspure.cli.parser import Arguments, Parser
+from gspure.method.clustering.tree import spanning_tree
+from gspure.method.features import COLUMNS, PARTS, take
 
 EXAMPLES = """\
   gspure tree --features features.npy --out tree.npy
@@ -11,8 +16,6 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.method.features import PARTS
-
     parser.reads("--features", "NPY", "of `gspure features`")
     parser.add_argument(
         "--cluster-on",
@@ -27,12 +30,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    import numpy as np
-
-    from gspure.artifacts import load_array, save_array, write_record
-    from gspure.method.clustering.tree import spanning_tree
-    from gspure.method.features import COLUMNS, take
-
     features = load_array(args.features, dtype=np.float64, shape=(None, len(COLUMNS)))
     save_array(args.out, spanning_tree(take(features, args.cluster_on), args.min_samples))
     settings = {"cluster_on": args.cluster_on, "min_samples": args.min_samples}

@@ -1,6 +1,7 @@
 """``gspure weights``: the average contribution of every Gaussian over the views."""
 
 from gspure.cli.parser import Arguments, Parser
+from gspure.progress import warn
 
 EXAMPLES = """\
   gspure weights --index room.tsv --model point_cloud.ply --out weights.npy
@@ -25,7 +26,6 @@ def run(args: Arguments) -> None:
     from gspure.method.contributions import read_index, read_stage, require_result_of
     from gspure.method.weights import accumulate, evenly_spread, few_in_view, require_in_view
     from gspure.model import read_model
-    from gspure.progress import warn
 
     model = read_model(args.model)
     geometry = model.geometry_digest()

@@ -9,17 +9,29 @@ from contextlib import redirect_stderr
 from copy import deepcopy
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+import jsonschema
 import numpy as np
+import yaml
+from jsonschema.validators import extend
 
+from gspure.attacks import Evidence, attacks, find_attack
 from gspure.cameras import GENERATED, read_cameras
 from gspure.constants import TEST_EVERY
+from gspure.datasets import SCENES
 from gspure.errors import InputError, did_you_mean, reading
 from gspure.evaluation.controls import CONTROLS
-
-if TYPE_CHECKING:
-    from gspure.schemes.scheme import Scheme
+from gspure.evaluation.detector import words_of
+from gspure.evaluation.matched import variant_at
+from gspure.evaluation.outcomes import BITS, GSPURE, MESSAGE, SCENE, UNATTACKED, is_picture
+from gspure.model import Gaussians
+from gspure.model.inria import point_cloud, saved_iterations
+from gspure.scenes.staging import NAMES, scene_builder
+from gspure.schemes.registry import schemes
+from gspure.schemes.scheme import Scheme
+from gspure.training.views import read_views
+from gspure.workflow.decisions import DEFAULT
 
 _FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")  # of a model
 
@@ -47,9 +59,6 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
 
     `schema_file` is a JSON schema (draft 2020-12) as YAML. Raise `InputError` naming the first setting at fault.
     """
-    import jsonschema
-    import yaml
-
     schema = yaml.safe_load(schema_file.read_text(encoding="utf-8"))
     with reading(source, "settings"):  # nested too deep, or a number too long to print
         filled = dict(deepcopy(config))
@@ -77,12 +86,6 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     Raise `InputError` if there is no model; a model, its cameras or its photographs do not exist; a model file is
     named beside training data; or a scheme, attack, setting or decision is unknown.
     """
-    from gspure.attacks import attacks
-    from gspure.evaluation.detector import words_of
-    from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
-    from gspure.schemes.registry import schemes
-    from gspure.workflow.decisions import DEFAULT
-
     settled = deepcopy(dict(config))
     if not settled["assets"] and not (settled["pairs"] and settled["schemes"]):
         raise InputError(source, "assets", expected="at least one model, or a pair and a scheme", found="none")
@@ -127,8 +130,6 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
 
 def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None:
     """Check the paths of an asset, and find its model file or the photographs to train it from."""
-    from gspure.model.inria import point_cloud
-
     for field in (name for name in ("model", "cameras", "train") if name in asset):
         if field != "train" and "train" in asset:
             raise InputError(source, f"{place}.{field}", expected="nothing beside train", found=asset[field])
@@ -149,9 +150,6 @@ def _check_clean(asset: Mapping[str, Any], others: Collection[str], source: str 
 
 def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:
     """Check that a pair is ray-traced or made of files, and find the photographs that it is trained from."""
-    from gspure.model.inria import saved_iterations
-    from gspure.scenes.staging import NAMES, scene_builder
-
     is_traced = [scene_builder(pair[name]) is not None for name in ("scene", "message")]
     if is_traced[0] != is_traced[1]:
         expected = f"both of {NAMES}, or both paths"
@@ -181,8 +179,6 @@ def _require_different(pairs: Mapping[str, Mapping[str, Any]], source: str | Pat
 
 
 def _require_path(path: str, source: str | Path, place: str) -> None:
-    from gspure.datasets import SCENES
-
     with reading(source, "an existing file or folder", place):  # a path may be too long to ask for
         exists = Path(path).is_file() or Path(path).is_dir()
     _require_no_braces(path, source, place)
@@ -193,8 +189,6 @@ def _require_path(path: str, source: str | Path, place: str) -> None:
 
 def _photographs(data: str) -> list[str]:
     """Return the files that the cameras of training data name, held-out ones too; relative if the data is."""
-    from gspure.training.views import read_views
-
     images = [str(camera.image) for camera in read_views(Path(data)).cameras if camera.image]
     if not Path(data).is_absolute():  # a project that was moved is not trained again
         images = [os.path.relpath(image) for image in images]
@@ -227,8 +221,6 @@ def _check_settings(
 
 def _check_name(variant: str, attack: str, source: str | Path) -> None:
     """Refuse names of controls and of folders, and other attacks under names that all others are compared with."""
-    from gspure.evaluation.outcomes import GSPURE, UNATTACKED
-
     if variant in {*CONTROLS, *_FOLDERS}:
         expected = f"a name other than {', '.join([*CONTROLS, *_FOLDERS])}"
         raise InputError(source, f"variants.{variant}", expected=expected, found=variant)
@@ -238,9 +230,6 @@ def _check_name(variant: str, attack: str, source: str | Path) -> None:
 
 def _check_ranges(settings: Mapping[str, Any], known: Mapping[str, Any], source: str | Path, place: str) -> None:
     """Refuse settings that the attack refuses on a model of a single Gaussian."""
-    from gspure.attacks import Evidence, find_attack
-    from gspure.model import Gaussians
-
     chosen = {name: value for name, value in settings.items() if name in known}
     one = np.ones((1, 1), np.float32)
     shapes = {"means": 3, "quats": 4, "log_scales": 3}
@@ -300,8 +289,6 @@ def _count_training_views(scene: Mapping[str, Any]) -> int:
 
 def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], source: str | Path, place: str) -> None:
     """Refuse an unknown decision, and a decision for an attack that uses none."""
-    from gspure.attacks import find_attack
-
     if "decision" not in variant:
         return
     if variant["decision"] not in decisions:
@@ -314,8 +301,6 @@ def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], so
 
 def _check_damage(variant: Mapping[str, Any], source: str | Path, place: str) -> None:
     """Refuse a damage for an attack without a strength, or beside a value of that strength."""
-    from gspure.attacks import find_attack
-
     if "damage" not in variant:
         return
     strength = find_attack(variant["attack"]).strength
@@ -328,8 +313,6 @@ def _check_damage(variant: Mapping[str, Any], source: str | Path, place: str) ->
 
 def _at_damages(variants: Mapping[str, Mapping[str, Any]], source: str | Path) -> dict[str, dict[str, Any]]:
     """Return the variants, with one for each damage in place of those that list several."""
-    from gspure.evaluation.matched import variant_at
-
     expanded: dict[str, dict[str, Any]] = {}
     for name, settings in variants.items():
         listed = settings.get("damage", [])
@@ -348,7 +331,6 @@ def _strict_validator(base: Any) -> Any:
 
     Before it looks into an object, it sets the absent properties to their defaults.
     """
-    from jsonschema.validators import extend
 
     def fill(validator: Any, properties: Mapping[str, Any], instance: Any, schema: Mapping[str, Any]) -> Iterator[Any]:
         if validator.is_type(instance, "object"):
