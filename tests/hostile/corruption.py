@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import re
 from collections.abc import Callable, Iterable, Iterator
 from itertools import cycle
@@ -36,15 +37,21 @@ def zero(content: bytes, rng: np.random.Generator) -> bytes:
 
 CORRUPTIONS: dict[str, Corruption] = {"flip": flip, "truncate": truncate, "zero": zero}
 DELETE = "delete"
+MOST = 12
+"""Files that are corrupted for each rule of a project, drawn at random."""
+
 ROUNDS = 12
 """A corrupted file may hide others that are made of it; after so many runs all must be repaired."""
 
 
 def run(journal: Journal, reference: Path, scratch: Path) -> Iterator[Record]:
     """Corrupt what every rule reads, then one artifact of every kind at once; one record for each case."""
-    for (job, name), how in zip(readings(jobs(reference), reference), cycle(CORRUPTIONS)):
-        yield journal.record(f"{job.rule}.{kind(name)}", read_by, job, name, how, reference, scratch)
-    yield journal.record("all", repaired, reference, scratch)
+    every = [*zip(readings(jobs(reference), reference), cycle(CORRUPTIONS))]
+    for rule in {job.rule: None for (job, _), _ in every}:
+        cases = [case for case in every if case[0][0].rule == rule]
+        for (job, name), how in random.Random(rule).sample(cases, min(MOST, len(cases))):  # noqa: S311
+            yield journal.record(f"{rule}.{kind(name)}", read_by, job, name, how, reference, scratch)
+    yield journal.record("all", repaired, reference, scratch) | {"of": len(every)}
 
 
 def kind(name: str) -> str:
