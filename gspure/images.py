@@ -31,6 +31,9 @@ MOST_PIXELS: Final = 1 << 27
 RENDERED: Final = "rendered.json"
 """Record of the images that a folder has to hold, and of how they were rendered."""
 
+_LARGEST: Final = 1e100
+"""Numbers of cameras are smaller, so that squares are finite."""
+
 _STDERR: Final = 2
 
 logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks on corrupt files go to standard error
@@ -157,11 +160,16 @@ def _recorded(folder: Path) -> Mapping[str, Any]:
 @lru_cache(maxsize=16)
 def _read_record(file: Path, _state: tuple[int, ...]) -> Mapping[str, Any]:
     record = read_json(file)
-    match record:
-        case {"views": dict(), "bytes": dict(), "crc32": dict(), "record": str(checksum)}:
-            if checksum == record_checksum(record):
-                return dict(record)
-    raise InputError(file, "record", expected="the views of a finished folder", found="a corrupt record")
+    with reading(file, "the views of a finished folder", "record"):
+        match record:
+            case {"views": dict(views), "bytes": dict(), "crc32": dict(), "background": str(background)}:
+                cameras = {view: np.array(numbers, np.float64) for view, numbers in views.items()}
+                channels = np.array(background.split(), np.float64)
+                is_possible = all(c.ndim == 1 and (abs(c) < _LARGEST).all() for c in cameras.values())
+                is_possible &= len(channels) in {0, 3} and bool(((channels >= 0) & (channels <= 1)).all())
+                if is_possible and record.get("record") == record_checksum(record):
+                    return {**record, "views": cameras}
+        raise ValueError("a corrupt record")
 
 
 def require_all_images(folder: Path) -> None:
@@ -170,13 +178,13 @@ def require_all_images(folder: Path) -> None:
     A folder without a record passes.
     """
     record = _recorded(folder)
-    images = {view: folder / f"{view}.png" for view in record["views"]}
-    if missing := [path.name for path in images.values() if not path.is_file()]:
-        found = f"all but {len(missing)}: {missing[0]}" + ", ..." * (len(missing) > 1)
+    images = {path.stem: path for path in folder.glob("*.png") if path.is_file()}
+    if missing := [view for view in record["views"] if view not in images]:
+        found = f"all but {len(missing)}: {missing[0]}.png" + ", ..." * (len(missing) > 1)
         hint = f"render them again; if deleted on purpose, delete {RENDERED} too"
-        raise InputError(folder, "images", expected=f"all {len(images)} views", found=found, hint=hint)
-    for view, path in images.items():
-        size = path.stat().st_size
+        raise InputError(folder, "images", expected=f"all {len(record['views'])} views", found=found, hint=hint)
+    for view in record["views"]:
+        size = (path := images[view]).stat().st_size
         if (known := record["bytes"].get(view, size)) != size:
             raise _replaced(path, f"{known} bytes", f"{size} bytes")
 
@@ -213,8 +221,8 @@ def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
             hint = f"render both with one --{setting}"
             raise InputError(other, setting, expected=f"{first}, as {folder}", found=second, hint=hint)
     for view in views:
-        first, second = record["views"].get(view), record_of_other["views"].get(view)
-        if first and second and not np.allclose(first, second, rtol=1e-6, atol=1e-6):
+        first, second = (known["views"].get(view, []) for known in (record, record_of_other))
+        if len(first) and len(second) and (len(first) != len(second) or not np.allclose(first, second, 1e-6, 1e-6)):
             hint = "use one cameras.json for both"
             raise InputError(other, view, expected=f"the camera of {folder}", found="another of this name", hint=hint)
 

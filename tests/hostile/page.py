@@ -81,7 +81,7 @@ def write() -> bool:
         "\n## Want\n",
         *table(("limit", "jobs", *ENDINGS), wanting(limits)),
         "\n## Corruption\n",
-        f"Of {sum(r.get('of', 0) for r in corruption)} pairs of a rule and a kind of artifact that it takes, drawn at random:\n",
+        f"Drawn at random from {sum(r.get('of', 0) for r in corruption)} pairs of a rule and a kind of artifact:\n",
         *table(("artifact", "corruptions", "named by the next reader", "not read by it"), corrupted(corruption)),
         "\nOne artifact of every kind at once:\n",
         *table(

@@ -18,6 +18,7 @@ from PIL import Image
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from gspure import images
 from gspure.artifacts import (
     embedding_of,
     load_array,
@@ -46,7 +47,13 @@ from gspure.evaluation.detection import Reading, read_detections
 from gspure.evaluation.results import read_results, write_results
 from gspure.failures import Failure, read_failure
 from gspure.images import (
+    RENDERED,
+    background_of,
     read_image,
+    record_views,
+    require_all_images,
+    require_comparable,
+    shown_embedding,
 )
 from gspure.method.clustering.store import Clusters, read_clusters, read_tree, write_clusters
 from gspure.method.contributions import Measurement, Stage, read_index, read_stage, write_index
@@ -481,6 +488,24 @@ def _read_model_record(folder: Path) -> None:
     read_model(model)
 
 
+def _renders(folder: Path) -> None:
+    views = {f"view_{i}": [float(i), *np.eye(4).ravel()] for i in range(2)}
+    for name in views:
+        Image.new("RGB", (4, 3)).save(folder / f"{name}.png")
+    record_views(folder, views, (0.0, 0.5, 1.0), "ewa", "b2")
+
+
+def _read_renders(folder: Path) -> None:
+    _signed(folder / RENDERED)
+    images._read_record.cache_clear()  # it knows a file by its times, which two cases may share
+    require_all_images(folder)
+    for image in folder.glob("*.png"):
+        read_image(image)
+    assert all(0 <= channel <= 1 for channel in background_of(folder))
+    assert isinstance(shown_embedding(folder), str)
+    require_comparable(folder, folder, ["view_0", "view_1"])
+
+
 def _readings(folder: Path) -> None:
     for name, bits in (("marked", 16), ("clean", 0)):
         table = folder / "scheme" / "scene" / name / "detections" / "mark.csv"
@@ -652,6 +677,7 @@ READERS = (
         _read_model_record,
         {"model.ply.json": "json"},
     ),
+    Reader("record of renders", _renders, _read_renders, {RENDERED: "json"}),
     Reader(
         "rigid transform",
         lambda f: save_array(f / "transform.npy", np.diag([-1.0, -1.0, 1.0, 1.0])),
