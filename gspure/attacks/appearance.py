@@ -84,9 +84,5 @@ def _to_levels(values: Float32, levels: int) -> Float32:
 
 
 ATTACKS = named(
-    {
-        feature_scaling: Strength("factor", 1.01, 10.0, "log"),
-        quantize: Strength("bits", 8, 1),
-        sh_truncation: None,
-    }
+    {feature_scaling: Strength("factor", 1.01, 10.0, "log"), quantize: Strength("bits", 8, 1), sh_truncation: None}
 )

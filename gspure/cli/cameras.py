@@ -45,8 +45,7 @@ def add_arguments(parser: Parser) -> None:
     )
     parser.number("--off-path", "N", "write N views off the camera path instead")
     parser.flag(
-        "--undistort",
-        "remove lens distortion: also write the photographs to images/, and the points, beside --out",
+        "--undistort", "remove lens distortion: also write the photographs to images/, and the points, beside --out"
     )
     views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")
     views.add_argument("--model", type=Path, metavar="MODEL", help="the model to look at")

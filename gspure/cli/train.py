@@ -172,12 +172,7 @@ def _watched(dataset: Dataset, background: Sequence[float]) -> tuple[list[Camera
 
 
 def _write(
-    folder: Path,
-    args: Arguments,
-    dataset: Dataset,
-    parameters: Parameters,
-    settings: dict[str, Any],
-    device: Device,
+    folder: Path, args: Arguments, dataset: Dataset, parameters: Parameters, settings: dict[str, Any], device: Device
 ) -> list[ViewMetrics]:
     """Write the model and the comparison of the held-out views, with records of origin; return the metrics."""
     from gspure.artifacts import write_record

@@ -25,12 +25,7 @@ _TAIL: Final = 5e-4  # share of the weights below the axis, which are drawn in i
 
 
 def write_weight_histogram(
-    path: Path,
-    weights: Float32,
-    pruned: Bools,
-    tau_c: float,
-    tau_n: float,
-    rows: str = "Gaussians",
+    path: Path, weights: Float32, pruned: Bools, tau_c: float, tau_n: float, rows: str = "Gaussians"
 ) -> None:
     """Write a histogram of the weights [K], with a separate bar for zero and thresholds at mean / tau, as PNG and SVG.
 

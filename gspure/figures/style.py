@@ -33,17 +33,7 @@ MESSAGE: Final = "#aa3377"  # Tol's bright purple
 NOISE: Final = "#c4c4c4"
 RANKS: Final = "viridis"
 
-CLUSTERS: Final = (
-    "#332288",
-    "#88ccee",
-    "#117733",
-    "#ddcc77",
-    "#cc6677",
-    "#44aa99",
-    "#aa4499",
-    "#999933",
-    "#882255",
-)
+CLUSTERS: Final = ("#332288", "#88ccee", "#117733", "#ddcc77", "#cc6677", "#44aa99", "#aa4499", "#999933", "#882255")
 """Paul Tol's muted scheme, ordered so that neighbours in the list differ in lightness."""
 
 _RC: Final[dict[str, Any]] = {

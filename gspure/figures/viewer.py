@@ -11,14 +11,7 @@ from numpy.typing import NDArray
 from gspure.artifacts import write_json
 from gspure.constants import NOISE_LABEL
 from gspure.dtypes import Float32, Float64, Indices
-from gspure.figures.clouds import (
-    Cloud,
-    cluster_cloud,
-    colour_cloud,
-    kept_cloud,
-    share_cloud,
-    weight_cloud,
-)
+from gspure.figures.clouds import Cloud, cluster_cloud, colour_cloud, kept_cloud, share_cloud, weight_cloud
 from gspure.figures.gallery import Evidence, ranks
 from gspure.method.pruning import cluster_weights
 

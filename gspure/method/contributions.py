@@ -199,10 +199,7 @@ def require_result_of(model: str, paths: Sequence[Path]) -> None:
 
 def _rows(path: Path) -> list[list[str]]:
     verify(path)
-    with (
-        reading(path, "an index of contributions"),
-        Path(path).open(encoding="utf-8", newline="") as stream,
-    ):
+    with reading(path, "an index of contributions"), Path(path).open(encoding="utf-8", newline="") as stream:
         header, *rows = list(csv.reader(stream, delimiter="\t")) or [[]]
     if header != INDEX_COLUMNS or any(len(row) != len(INDEX_COLUMNS) for row in rows):
         raise InputError(path, "columns", expected=" ".join(INDEX_COLUMNS), found=" ".join(header) or "nothing")

@@ -61,9 +61,7 @@ class Landscape:
         sky = plain(_colour(rng, hue=(0.52, 0.62), value=(0.85, 0.95)))
         width = 4 * HALF_WIDTH
         backdrop = Room(
-            (0.0, 0.0, placement.floor + SKY_HEIGHT / 2),
-            (width, width, SKY_HEIGHT),
-            (sky, sky, sky, sky, ground, sky),
+            (0.0, 0.0, placement.floor + SKY_HEIGHT / 2), (width, width, SKY_HEIGHT), (sky, sky, sky, sky, ground, sky)
         )
         grown = [_tree, _tree, _hut, _balls, _tree]
         objects = [

@@ -29,11 +29,7 @@ class Learner:
     """
 
     def __init__(
-        self,
-        anchors: Anchors,
-        branches: Sequence[Networks],
-        photographs: Sequence[Sequence[Float32]],
-        device: Device,
+        self, anchors: Anchors, branches: Sequence[Networks], photographs: Sequence[Sequence[Float32]], device: Device
     ) -> None:
         self._render = TorchRenderer(device)
         self._photographs = [Photographs(images, device) for images in photographs]

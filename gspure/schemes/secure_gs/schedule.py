@@ -16,12 +16,7 @@ OFFSETS_RATES: Final = (1e-2, 1e-4)  # first and last one, as a share of the sce
 FEATURES_RATE: Final = 7.5e-3
 SCALINGS_RATE: Final = 7e-3
 
-NETWORK_RATES: Final = {
-    "opacity": (2e-3, 2e-5),
-    "cov": (4e-3, 4e-3),
-    "color": (8e-3, 5e-5),
-    "offset": (4e-3, 4e-5),
-}
+NETWORK_RATES: Final = {"opacity": (2e-3, 2e-5), "cov": (4e-3, 4e-3), "color": (8e-3, 5e-5), "offset": (4e-3, 4e-5)}
 """First and last. The rate of SecureGS's offset network is ours: that of ``cov``, with the decay of offsets."""
 
 COUNT_FROM: Final = 500

@@ -11,11 +11,7 @@ from gspure.schemes.splats_in_splats.embedding import embed
 from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
 
 GEOMETRY = ("x", "y", "z", "scale_*", "rot_*")
-CARRIERS = {
-    MESSAGE: (*GEOMETRY, "f_dc_*", "f_rest_*", "opacity"),
-    ADAPTIVE: GEOMETRY,
-    ORACLE: GEOMETRY,
-}
+CARRIERS = {MESSAGE: (*GEOMETRY, "f_dc_*", "f_rest_*", "opacity"), ADAPTIVE: GEOMETRY, ORACLE: GEOMETRY}
 
 SCHEME = Scheme(
     "splats_in_splats",
