@@ -6,27 +6,47 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from gspure.artifacts import (
+    load_array,
+    motion_of,
+    require_kind,
+    require_made_from,
+    save_array,
+    write_json,
+    write_record,
+)
+from gspure.attacks import Attacked, Evidence, find_attack
+from gspure.attacks.carrier import reached
+from gspure.attacks.registry import BUILT_IN
+from gspure.attacks.strength import Damage, Match, scene_damage
+from gspure.cameras import Camera, split
 from gspure.cli.options import (
     SPLITS,
     add_cameras,
     add_device,
     add_scheme,
+    described,
+    parsed_settings,
     read_device,
     read_public,
     read_source,
     read_split,
 )
 from gspure.cli.parser import Arguments, Parser
+from gspure.cost import read_cost, spent, total
+from gspure.dtypes import Float64
 from gspure.errors import InputError
-
-if TYPE_CHECKING:
-    from gspure.attacks import Attacked, Evidence
-    from gspure.attacks.strength import Damage, Match
-    from gspure.cameras import Camera
-    from gspure.dtypes import Float64
-    from gspure.public_model import PublicModel
+from gspure.evaluation.comparison import RENDER, TRUTH
+from gspure.images import read_image
+from gspure.method.clustering.store import read_clusters
+from gspure.model import model_file, read_model, require_writable
+from gspure.progress import say, warn
+from gspure.public_model import PublicModel
+from gspure.schemes.registry import find_scheme
 
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
@@ -47,9 +67,6 @@ _EVIDENCE = {
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.attacks.registry import BUILT_IN
-    from gspure.cli.options import described
-
     names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
     parser.text("name", "NAME", f"one of {names}, or an attack of an installed plug-in")
     parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
@@ -94,13 +111,6 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows, verdict, transform and cost."""
-    from gspure.artifacts import save_array, write_json, write_record
-    from gspure.attacks import find_attack
-    from gspure.cli.options import parsed_settings
-    from gspure.cost import spent
-    from gspure.evaluation.comparison import RENDER, TRUTH
-    from gspure.model import require_writable
-
     attack = find_attack(args.name)
     require_writable(args.out)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
@@ -149,11 +159,6 @@ def run(args: Arguments) -> None:
 
 def _motion(model: Path, attacked: Attacked) -> Float64:
     """Return the rigid transform [4,4] from the cameras of the public model, over all attacks so far."""
-    import numpy as np
-
-    from gspure.artifacts import motion_of
-    from gspure.model import model_file
-
     earlier = motion_of(model_file(model))
     last = np.eye(4) if attacked.transform is None else attacked.transform
     return last if earlier is None else last @ earlier
@@ -161,8 +166,6 @@ def _motion(model: Path, attacked: Attacked) -> Float64:
 
 def _print_damage(args: Arguments, search: Match) -> None:
     """Print strength and damage, as a warning where the damage misses the target."""
-    from gspure.progress import say, warn
-
     estimated = "" if args.photographs else "an estimated "
     drop = f"{search.setting}={search.value:.4g} lowers the scene's PSNR by {estimated}{search.damage:z.2f} dB"
     if search.misses(args.damage):
@@ -173,17 +176,12 @@ def _print_damage(args: Arguments, search: Match) -> None:
 
 def _reached(args: Arguments, public: PublicModel, attacked: Attacked) -> dict[str, bool]:
     """Return for each extraction of ``--scheme`` whether the attack changed its carrier."""
-    from gspure.attacks.carrier import reached
-    from gspure.schemes.registry import find_scheme
-
     carriers = find_scheme(args.scheme).extractions if args.scheme else {}
     return {name: reached(public.model, attacked, columns) for name, columns in carriers.items()}
 
 
 def _write_cost(args: Arguments, searching: float) -> None:
     """Write the cost of the attack and its measurements without `searching` CPU seconds, unless one is unknown."""
-    from gspure.cost import read_cost, spent, total
-
     if args.cost and all(file.is_file() for file in args.measured):
         used = spent()
         total([used._replace(cpu=used.cpu - searching), *map(read_cost, args.measured)]).write(args.cost)
@@ -191,13 +189,6 @@ def _write_cost(args: Arguments, searching: float) -> None:
 
 def _read(args: Arguments, files: Mapping[str, Path]) -> tuple[PublicModel, Evidence]:
     """Read the public model, and the evidence in `files`."""
-    import numpy as np
-
-    from gspure.artifacts import load_array, require_kind, require_made_from
-    from gspure.attacks import Evidence
-    from gspure.method.clustering.store import read_clusters
-    from gspure.model import read_model
-
     require_made_from(read_model(args.model).geometry_digest(), *files.values())
     public = read_public(args)
     evidence: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
@@ -214,8 +205,6 @@ def _read(args: Arguments, files: Mapping[str, Path]) -> tuple[PublicModel, Evid
 
 def _read_training_views(args: Arguments) -> list[Camera]:
     """Read the training views of ``--cameras``, for attacks that render."""
-    from gspure.cameras import split
-
     if not args.cameras:
         raise InputError("attack", "--cameras", expected="public views to learn from", found="none")
     train, test = split(read_source(args.cameras, args.model, up=args.up))
@@ -224,9 +213,6 @@ def _read_training_views(args: Arguments) -> list[Camera]:
 
 def _read_damage(args: Arguments, public: PublicModel) -> Damage:
     """Return the function that measures the damage to the scene in the views of ``--cameras``."""
-    from gspure.attacks.strength import scene_damage
-    from gspure.images import read_image
-
     if not (args.cameras and 0 < args.damage < math.inf):
         found = f"{args.damage:g}" if args.cameras else "no cameras"
         raise InputError("attack", "--damage", expected="a number above 0, and --cameras", found=found)
