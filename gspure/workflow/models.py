@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -36,7 +37,7 @@ class Plan:
         return {name: find_scheme(name) for name in self.config["schemes"]}
 
     @cached_property
-    def scenes(self) -> dict[str, Settings]:
+    def scenes(self) -> dict[str, Mapping[str, Settings]]:
         """By scheme, the settings of every scene: the user's models, or pairs; ``raised@1`` repeats pair ``raised``."""
         repetitions = range(self.config["repetitions"])
         pairs = {f"{name}@{n}" if n else name: pair for name, pair in self.config["pairs"].items() for n in repetitions}
@@ -53,12 +54,6 @@ class Plan:
         suited = {name: {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n} for name, scheme in self.schemes.items()}
         suited[VANILLA] = {"tau_c": TAU_C, "tau_n": TAU_N}
         return {name: decisions(self.config, factors) for name, factors in suited.items()}
-
-    @property
-    def detectors(self) -> Settings:
-        """The user's detectors by name."""
-        detectors: Settings = self.config["detectors"]
-        return detectors
 
     @cached_property
     def messages(self) -> dict[str, Settings]:
@@ -104,8 +99,7 @@ class Model:
     @property
     def settings(self) -> Settings:
         """Its entry in the configuration: of a pair, or of the user's own model."""
-        settings: Settings = self.plan.scenes[self.scheme][self.scene]
-        return settings
+        return self.plan.scenes[self.scheme][self.scene]
 
     @property
     def condition(self) -> Condition:
@@ -222,7 +216,7 @@ class Model:
         if self.scene in {asset.get("clean") for asset in self.plan.scenes[self.scheme].values()}:
             return []
         variants = self.plan.config["variants"]
-        names = [(n, d) for n in (*variants, *({CLEAN} & {*self.controls})) for d in self.plan.detectors]
+        names = [(n, d) for n in (*variants, *({CLEAN} & {*self.controls})) for d in self.plan.config["detectors"]]
         names += [(name, BITS) for name in (*variants, *self.controls) if self.hides_bits]
         return [f"{self.folder}/{name}/{DETECTIONS}/{detector}.csv" for name, detector in names]
 

@@ -179,7 +179,7 @@ class Variant:
         """Return the settings of a detector, or the key of hidden bits, as options."""
         if detector == BITS:
             return f"{self.model.scheme_option} --key {self.model.folder}/key{self._control_key}"
-        settings = self.model.plan.detectors[detector]
+        settings = self.model.plan.config["detectors"][detector]
         return options(settings, *(name for name in settings if settings[name]))
 
     @property
