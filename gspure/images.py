@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import read_json, replacing, verify, write_json
-from gspure.artifacts.checksums import file_checksum, record_checksum
+from gspure.artifacts.checksums import file_checksum, record_checksum, with_checksum
 from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
 
@@ -145,7 +145,7 @@ def record_views(
         "energy": energy,
         "embedding": embedding,
     }
-    write_json(folder / RENDERED, {**record, "record": record_checksum(record)})
+    write_json(folder / RENDERED, with_checksum(record))
 
 
 def _recorded(folder: Path) -> Mapping[str, Any]:

@@ -76,6 +76,11 @@ def record_of(path: Path) -> dict[str, Any] | None:
     return None  # some other JSON file
 
 
+def with_checksum(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record with its checksum."""
+    return {**record, "record": record_checksum(record)}
+
+
 def record_checksum(record: Mapping[str, Any]) -> str:
     """Return the CRC-32 of all entries of a record but `record`, which holds it."""
     entries = {name: value for name, value in record.items() if name != "record"}

@@ -4,13 +4,13 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-from gspure.artifacts.checksums import file_checksum, forget, record_checksum, record_file, verify
+from gspure.artifacts.checksums import file_checksum, forget, record_file, verify, with_checksum
 from gspure.errors import InputError, reading
 
 
@@ -32,7 +32,7 @@ def replacing(path: Path, *, checksum: bool = False) -> Iterator[Path]:
             yield temporary
             if checksum:
                 record = {"artifact": path.name, "bytes": temporary.stat().st_size, "crc32": file_checksum(temporary)}
-                store_record(path, record)
+                write_json(record_file(path), with_checksum(record))
             else:
                 forget(path)
             temporary.replace(path)
@@ -105,11 +105,6 @@ def write_text(path: Path, text: str, *, checksum: bool = False) -> None:
 def write_json(path: Path, value: Any, *, checksum: bool = False) -> None:
     """Write `value` as indented JSON with sorted keys, as `write_text` does."""
     write_text(path, json.dumps(value, indent=2, sort_keys=True) + "\n", checksum=checksum)
-
-
-def store_record(path: Path, record: Mapping[str, Any]) -> None:
-    """Write the record of a file, with a checksum of the record."""
-    write_json(record_file(path), {**record, "record": record_checksum(record)})
 
 
 def read_json(path: Path) -> Any:

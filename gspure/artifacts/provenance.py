@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts.checksums import file_checksum, file_digest, record_file, record_of
-from gspure.artifacts.files import store_record
+from gspure.artifacts.checksums import file_checksum, file_digest, record_file, record_of, with_checksum
+from gspure.artifacts.files import write_json
 from gspure.errors import InputError, reading
 
 _RIGID_TOLERANCE = 1e-3
@@ -61,7 +61,8 @@ def write_record(
         motion = motion_of(files["model"]) if motion is None else motion
     moved = motion.tolist() if motion is not None and not np.array_equal(motion, np.eye(4)) else None
     known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding, "motion": moved}
-    store_record(path, record | {name: value for name, value in known.items() if value})
+    record |= {name: value for name, value in known.items() if value}
+    write_json(record_file(path), with_checksum(record))
 
 
 def require_made_from(geometry: str, *artifacts: Path) -> None:

@@ -338,17 +338,15 @@ def _without_identical_views(rows_of: Mapping[Path, list[ViewMetrics]]) -> dict[
 
     No mean PSNR counts them there, and a drop is a difference of means over the same views.
     """
-    identical_in: dict[tuple[Path, str], set[str]] = {}
-    finite: dict[Path, dict[str, set[str]]] = {path: _views_in_means(rows) for path, rows in rows_of.items()}
+    identical_in: dict[Path, set[tuple[str, str]]] = {}
     for path, rows in rows_of.items():
-        for row in rows:
-            if row.view not in finite[path][row.target]:
-                identical_in.setdefault((path.resolve().parents[1], row.target), set()).add(row.view)
+        views = {(row.target, row.view) for row in rows if _equals_photograph(row)}
+        identical_in.setdefault(path.resolve().parents[1], set()).update(views)
     kept = {}
     for path, rows in rows_of.items():
-        left_out = {t: identical_in.get((path.resolve().parents[1], t), set()) for t in finite[path]}
-        left_out = {t: views if finite[path][t] - views else set() for t, views in left_out.items()}
-        kept[path] = [row for row in rows if row.view not in left_out[row.target]]
+        others = {(row.target, row.view) for row in rows} - identical_in[path.resolve().parents[1]]
+        targets = {target for target, _ in others}
+        kept[path] = [row for row in rows if (row.target, row.view) in others or row.target not in targets]
     return kept
 
 
@@ -376,9 +374,13 @@ def _views_in_means(rows: Sequence[ViewMetrics]) -> dict[str, set[str]]:
     """Return the views by target, without those equal to their photograph, which no mean PSNR counts."""
     views: dict[str, set[str]] = {row.target: set() for row in rows}
     for row in rows:
-        if row.reference != TRUTH or math.isfinite(row.psnr):
+        if not _equals_photograph(row):
             views[row.target].add(row.view)
     return views
+
+
+def _equals_photograph(row: ViewMetrics) -> bool:
+    return row.reference == TRUTH and not math.isfinite(row.psnr)
 
 
 def _outcome(

@@ -13,7 +13,7 @@ from gspure.constants import NOISE_LABEL
 from gspure.dtypes import Float32, Float64, Indices
 from gspure.figures.clouds import Cloud, cluster_cloud, colour_cloud, kept_cloud, share_cloud, weight_cloud
 from gspure.figures.gallery import Evidence, ranks
-from gspure.method.pruning import cluster_weights
+from gspure.method.pruning import cluster_weights, mean_weight
 
 MAX_POINTS: Final = 40_000  # of a thinned cloud; they take 1.2 MB of a page, and every laptop turns them smoothly
 REACH: Final = 2.0  # of points, in half extents of their bulk: farther floaters would shrink all else
@@ -38,7 +38,7 @@ def write_viewer(path: Path, evidence: Evidence, axes: NDArray[np.floating], sh_
         "positions": _packed(_positions(evidence.means, axes)[shown], "<i2"),
         "removal": _packed(np.rint(65535 * removal[shown]), "<u2"),
         "weights": _packed(evidence.weights[shown], "<f4"),
-        "mean_weight": float(evidence.weights.mean(dtype=np.float64)),
+        "mean_weight": mean_weight(evidence.weights),
         "pruned": _packed(evidence.pruned[shown], "u1"),
         **_clusters(evidence, shown),
         "colours": {name: _coloured(cloud.subset(shown)) for name, cloud in _clouds(evidence, sh_dc)},

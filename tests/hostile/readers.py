@@ -34,7 +34,7 @@ from gspure.artifacts import (
     write_json,
     write_record,
 )
-from gspure.artifacts.checksums import forget, record_checksum, record_file
+from gspure.artifacts.checksums import forget, record_file, with_checksum
 from gspure.cameras import read_cameras, read_points, write_cameras
 from gspure.cameras.photographs import photograph_size
 from gspure.cameras.reading import read_transform
@@ -463,7 +463,7 @@ def _signed(file: Path) -> None:
     with suppress(ValueError, RecursionError):
         record = json.loads(file.read_text())
         if isinstance(record, dict):
-            file.write_text(json.dumps({**record, "record": record_checksum(record)}))
+            file.write_text(json.dumps(with_checksum(record)))
 
 
 def _model_record(folder: Path) -> None:
