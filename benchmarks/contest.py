@@ -27,7 +27,7 @@ OWNERS: Final = {MESSAGE: "literal", ADAPTIVE: "adaptive", ORACLE: "oracle", BIT
 DAMAGES: Final = (0.3, 1.0, 2.0)
 SCHEMES: Final = (
     *("splats_in_splats", "splats_in_splats_hardened", "gs_hider", "gs_hider_hardened"),
-    *("secure_gs", "keyss", "marked_clones"),
+    *("secure_gs", "secure_gs_hardened", "keyss", "marked_clones"),
 )
 
 
@@ -41,8 +41,9 @@ def contest(run: Path, scheme: str) -> Table:
     for sweep, extraction in [*((UNATTACKED, e) for e in dict.fromkeys(e for _, e in names)), *sorted_by_sweep(names)]:
         cells = [Cell("" if sweep == last else f"`{sweep}`"), Cell(OWNERS[extraction])]
         for protocol, of in left.items():
-            known = [points.get((sweep, extraction, protocol, damage)) for damage in DAMAGES]
-            cells += [of.before(extraction)] * 3 if sweep == UNATTACKED else map(of.after, known)
+            for damage in DAMAGES:
+                point = points.get((sweep, extraction, protocol, damage))
+                cells.append(of.after(point) if point else of.gentlest(sweep, extraction))
         body.append(Row([*cells, *(_cost(run, scheme, sweep) if sweep != last else (Cell(""), Cell("")))]))
         last = sweep
     columns = [Column("attack"), Column("owner", text=True)]
@@ -66,33 +67,39 @@ class _Left:
             if (row.scheme, row.protocol) == (scheme, protocol) and row.message
         }
 
-    def before(self, extraction: str) -> Cell:
-        """Return the level before any attack."""
-        return self._cell(extraction, self._level(extraction), UNATTACKED, "")
-
-    def after(self, point: Matched | None) -> Cell:
-        """Return the level at a damage; `≤` where no strength does this damage, `≥` where all do more."""
-        if point is None:
+    def gentlest(self, sweep: str, extraction: str) -> Cell:
+        """Return the level after the weakest strength, `≥` if it is an attack; nothing if none was measured."""
+        damages = self._damages(sweep, extraction)
+        if not damages:
             return Cell()
+        variant = min(damages, key=damages.__getitem__)
+        return self._cell(extraction, self._level(extraction, variant), variant, "≥ " * (variant != UNATTACKED))
+
+    def after(self, point: Matched) -> Cell:
+        """Return the level at a damage; `≤` where no strength does this damage, `≥` where the search found more."""
         bound = "≤ " * (point.scene_drop < point.damage) + "≥ " * (point.scene_drop > point.damage)
         level = self._level(point.extraction) - point.drop.mean
         return self._cell(point.extraction, level, self._variant(point), bound)
 
-    def _level(self, extraction: str) -> float:
+    def _level(self, extraction: str, variant: str = UNATTACKED) -> float:
         """Return the message's PSNR above the highest control without a message, or the share of correct bits."""
         controls = [self._known.get((extraction, control)) for control in FLOOR] if extraction != BITS else []
         floor = max((row.message.mean for row in controls if row and row.message), default=0.0)
-        message = self._known[extraction, UNATTACKED].message
+        message = self._known[extraction, variant].message
         return message.mean - floor if message else math.nan
 
     def _variant(self, point: Matched) -> str:
         """Return the strongest variant of a sweep that does at most the damage, or else the gentlest."""
-        extraction, scene = point.extraction, self._known[point.extraction, UNATTACKED].scene
-        rows = {n: self._known[extraction, n] for n in variants(point.sweep) if (extraction, n) in self._known}
-        damages = {name: scene.mean - row.scene.mean for name, row in rows.items() if scene and row.scene}
+        damages = self._damages(point.sweep, point.extraction)
         wanted = [name for name in damages if wanted_damage(name) == point.damage]
         gentle = sorted((name for name in damages if damages[name] <= point.damage), key=damages.__getitem__)
         return [*sorted(damages, key=lambda name: -damages[name]), *gentle, *wanted][-1]
+
+    def _damages(self, sweep: str, extraction: str) -> dict[str, float]:
+        """Return the scene's drop after the variants of a sweep."""
+        scene = self._known[extraction, UNATTACKED].scene
+        rows = {n: self._known[extraction, n] for n in variants(sweep) if (extraction, n) in self._known}
+        return {name: scene.mean - row.scene.mean for name, row in rows.items() if scene and row.scene}
 
     def _cell(self, extraction: str, level: float, variant: str, bound: str) -> Cell:
         retrieved = self._known[extraction, variant].retrieved

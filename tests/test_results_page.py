@@ -179,8 +179,8 @@ def test_the_contest_shows_what_is_left_above_the_floor_at_each_damage(runs: Pat
     assert header[2:5] == ["shared poses: 0.3 dB", "shared poses: 1 dB", "shared poses: 2 dB"]
     assert before[:2] == ["`unattacked`", "literal"]
     assert before[2:8] == ["18.0"] * 6
-    assert gspure[2:8] == ["–", "–", "≤ 15.5", "–", "6.0", "5.0"]
-    assert x == ["`x`", "literal", "–", "–", "–", "–", "≤ 14.5", "14.0", "1.3", "300"]
+    assert gspure[2:8] == ["≥ 15.5", "≥ 15.5", "≤ 15.5", "≥ 5.5", "6.0", "5.0"]
+    assert x == ["`x`", "literal", "–", "–", "–", "≥ 15.0", "≤ 14.5", "14.0", "1.3", "300"]
 
 
 def test_capacity_compares_gspure_with_random_pruning(runs: Path) -> None:
