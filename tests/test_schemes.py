@@ -35,12 +35,13 @@ SMALL = {
     "gs_hider": {"iterations": 4, "max_gaussians": 400},
     "gs_hider_hardened": {"iterations": 4, "max_gaussians": 400},
     "secure_gs": {"iterations": 4, "max_anchors": 100},
+    "secure_gs_hardened": {"iterations": 4, "max_anchors": 100},
     "keyss": {"iterations": 8, "max_gaussians": 400},
     "marked_clones": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "marking_steps": 2},
     "planted": {"gaussians": 800},
     "veil": {"iterations": 20, "max_gaussians": 800},
 }
-NEEDS_TORCH = {"gs_hider", "gs_hider_hardened", "secure_gs", "keyss", "marked_clones"}
+NEEDS_TORCH = {"gs_hider", "gs_hider_hardened", "secure_gs", "secure_gs_hardened", "keyss", "marked_clones"}
 
 
 def example():

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from gspure.evaluation.metrics import psnr
+from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import Run, hide
-from gspure.schemes.secure_gs import SCHEME
+from gspure.schemes.secure_gs import HARDENED, SCHEME
 from gspure.schemes.secure_gs.anchors import Anchors
 
 torch = pytest.importorskip("torch")
@@ -16,7 +17,7 @@ from gspure.schemes.secure_gs.learner import Learner  # noqa: E402
 from gspure.schemes.secure_gs.training import Training  # noqa: E402
 from gspure.training.pytorch import single_threaded  # noqa: E402
 from tests.anchor_cases import random_key, random_public  # noqa: E402
-from tests.models import camera  # noqa: E402
+from tests.models import camera, without  # noqa: E402
 
 SHORT = {"iterations": 120, "max_anchors": 600}
 
@@ -47,6 +48,18 @@ def test_scene_and_message_are_learned_over_the_same_anchors(pair, embedded):
     assert quality(message, pair.message) > mean_colour(pair.message.images) + 2
     wrong = key.wrong(np.random.default_rng(0)).message(public, "message")
     assert quality(wrong, pair.message) < quality(message, pair.message) - 2
+
+
+def test_a_hardened_message_outlives_the_pruning_of_anchors_of_low_weight(own_pair_folder):
+    pair = read_pair(own_pair_folder)
+
+    def lost(scheme):
+        public, key = hide(scheme, pair, **SHORT)
+        kept = without(public, low_rows(public, pair.scene.views, 2.0, None))
+        before, after = (quality(key.message(model, "message"), pair.message) for model in (public, kept))
+        return before - after
+
+    assert lost(HARDENED) < lost(SCHEME) - 1
 
 
 def test_equal_seeds_give_equal_bits_and_different_seeds_do_not(tmp_path, pair, embedded):

@@ -17,6 +17,7 @@ _NAMES: Final = {
     "gs_hider": "GS-Hider",
     "gs_hider_hardened": "GS-Hider (hardened)",
     "secure_gs": "SecureGS",
+    "secure_gs_hardened": "SecureGS (hardened)",
     "keyss": "KeySS",
     "marked_clones": "Marked Clones",
     "tradeoff": "trade-off",

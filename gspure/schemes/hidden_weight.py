@@ -3,7 +3,7 @@
 Its share on rows of low public weight predicts how much of the message is pruned by weight.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from gspure.opencl.frame import Energy
 from gspure.progress import track
 from gspure.public_model import PublicModel, merge_by_row
 from gspure.renderer import Renderer
-from gspure.schemes.scheme import Key
+from gspure.schemes.scheme import Key, Run
 
 
 def hidden_weights(
@@ -43,6 +43,28 @@ def low_rows(public: PublicModel, cameras: Sequence[Camera], tau: float, device:
     """Return the mask [K] of the rows that `plain_weight` removes: those of low public weight in these views."""
     weights = accumulate(map(public.contributions(device), cameras), len(public.model))
     return plain_prune_mask(weights, tau)
+
+
+class Hardening:
+    """The rows that `low_rows` finds during training; in every other iteration, the message is trained without them.
+
+    They are measured every `every` iterations, with the tau `run.hardened`; 0 trains as published.
+    """
+
+    def __init__(self, run: Run, every: int) -> None:
+        self._run = run
+        self._every = every
+        self._low: Bools | None = None
+
+    def follow(self, iteration: int, public: Callable[[], PublicModel]) -> None:
+        """Measure the rows of the current public model if it is time to."""
+        run = self._run
+        if run.hardened and run.message_weight and iteration % self._every == 0:
+            self._low = low_rows(public(), run.pair.scene.views, run.hardened, run.device)
+
+    def left_out(self, iteration: int) -> Bools | None:
+        """Return the mask [K] of the rows that the message of an iteration lacks."""
+        return self._low if iteration % 2 else None
 
 
 def share_on_low(weights: NDArray[Any], hidden: NDArray[Any], tau: float) -> float:

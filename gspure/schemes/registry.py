@@ -9,9 +9,10 @@ from gspure.public_model import PublicModel
 from gspure.schemes import gs_hider, keyss, marked_clones, planted, secure_gs, splats_in_splats
 from gspure.schemes.scheme import REQUIRED, Scheme
 
-_SPLATS = (splats_in_splats.SCHEME, splats_in_splats.HARDENED)
-_NETWORKS = (gs_hider.SCHEME, gs_hider.HARDENED, secure_gs.SCHEME, keyss.SCHEME, marked_clones.SCHEME)
-BUILT_IN = (*_SPLATS, *_NETWORKS, planted.SCHEME)
+BUILT_IN = (
+    *(splats_in_splats.SCHEME, splats_in_splats.HARDENED, gs_hider.SCHEME, gs_hider.HARDENED),
+    *(secure_gs.SCHEME, secure_gs.HARDENED, keyss.SCHEME, marked_clones.SCHEME, planted.SCHEME),
+)
 GROUP = "gspure.schemes"
 
 

@@ -163,7 +163,8 @@ def require(scheme: str, name: str, value: Setting, expected: str, *, fits: bool
 class Run:
     """What the training loops of all schemes need.
 
-    `message_weight` is lambda in L = L_scene + lambda L_message, 0 for a clean model; `most_rows` bounds the growth.
+    `message_weight` is lambda in L = L_scene + lambda L_message, 0 for a clean model; `most_rows` bounds the growth;
+    `hardened` keeps the message off the rows that ``plain_weight`` removes with this tau, 0 trains as published.
     """
 
     pair: Pair
@@ -172,6 +173,7 @@ class Run:
     most_rows: int
     seed: int
     device: Device
+    hardened: float = 0.0
 
 
 def initial_gaussians(pair: Pair, max_gaussians: int, seed: int) -> Parameters:

@@ -48,8 +48,8 @@ def embed(
     begin = initial_gaussians(pair, max_gaussians, seed)
     from gspure.schemes.gs_hider.training import Training
 
-    settings = Run(pair, iterations, message_weight, max_gaussians, seed, device or choose_device())
-    run = Training(settings, begin, falls=not constant_rate, hardened=hardened)
+    settings = Run(pair, iterations, message_weight, max_gaussians, seed, device or choose_device(), hardened)
+    run = Training(settings, begin, falls=not constant_rate)
     for _ in watched(run, iterations, lambda: f"{pair.quality(*run.views)}  {len(run.field)} Gaussians"):
         pass
     _say_gains(run, seed)

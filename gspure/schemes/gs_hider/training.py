@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.dtypes import Bools, Float32
+from gspure.dtypes import Float32
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters
@@ -14,7 +14,7 @@ from gspure.public_model import RenderView
 from gspure.schemes.gs_hider.decoder import Decoder, decoded, differentiated, untrained
 from gspure.schemes.gs_hider.field import Field
 from gspure.schemes.gs_hider.public_model import FeatureModel
-from gspure.schemes.hidden_weight import low_rows
+from gspure.schemes.hidden_weight import Hardening
 from gspure.schemes.pair import Capture
 from gspure.schemes.scheme import Run
 from gspure.training.pytorch import single_threaded, torch
@@ -30,11 +30,10 @@ class Training:
 
     The same pair and seed give the same bits on the same kind of machine, for any number of cores. The colours of the
     initial Gaussians, `begin`, are ignored. If it `falls`, the decoders' learning rate goes to zero once Gaussians no
-    longer grow. If `hardened` is above 0, the message is trained in every other iteration without the rows that
-    ``plain_weight`` removes with this tau.
+    longer grow.
     """
 
-    def __init__(self, run: Run, begin: Parameters, *, falls: bool = True, hardened: float = 0.0) -> None:
+    def __init__(self, run: Run, begin: Parameters, *, falls: bool = True) -> None:
         scene, message = untrained(2, run.seed)
         self.pair = run.pair
         self.field = Field(begin, run.device)
@@ -44,8 +43,7 @@ class Training:
         self._optimizer = torch.optim.Adam([p for b in self.branches for p in b.decoder.parameters()], DECODER_RATE)
         self._schedule = Schedule.scaled(run.iterations)
         self._falls = falls
-        self._hardened = hardened
-        self._low: Bools | None = None
+        self._hardening = Hardening(run, self._schedule.densify_every)
         self._run = run
         self._rng = np.random.default_rng(run.seed)
 
@@ -56,9 +54,7 @@ class Training:
                 yield self._step(iteration, next(batches), threads)
                 if self._schedule.densifies(iteration):
                     self._densify(iteration)
-                if self._hardened and iteration % self._schedule.densify_every == 0:
-                    public, views = FeatureModel(self.field.model(), None), self.pair.scene.views
-                    self._low = low_rows(public, views, self._hardened, self._run.device)
+                self._hardening.follow(iteration, lambda: FeatureModel(self.field.model(), None))
 
     @property
     def views(self) -> list[RenderView]:
@@ -67,7 +63,7 @@ class Training:
 
     def _step(self, iteration: int, batch: tuple[int, int], threads: ThreadPoolExecutor) -> float:
         tasks = list(zip(self.branches, batch, strict=False))
-        low = self._low if iteration % 2 else None
+        low = self._hardening.left_out(iteration)
         shown = [tasks] if self.pair.shares_poses and low is None else [[task] for task in tasks]
         loss = 0.0
         for branches in shown:  # one pass over the Gaussians for all branches that look from the same pose

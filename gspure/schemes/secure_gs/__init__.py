@@ -1,6 +1,8 @@
 """SecureGS (Zhang et al. 2025) on Scaffold-GS: public anchors, from which private networks compute other Gaussians."""
 
 import math
+from dataclasses import replace
+from functools import partial
 
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Scheme
@@ -18,7 +20,7 @@ SCHEME = Scheme(
     AnchorModel.read,
     HiddenKey.read,
     {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
-    ranges={"max_anchors": (LEAST_ANCHORS, math.inf), "density": (1, math.inf)},
+    ranges={"max_anchors": (LEAST_ANCHORS, math.inf), "density": (1, math.inf), "hardened": (0, math.inf)},
     tau_c=ANCHOR_TAU_C,
     tau_n=ANCHOR_TAU_N,
     signature=("f_anchor_feat_0", "f_offset_0"),
@@ -26,3 +28,5 @@ SCHEME = Scheme(
     packages=PYTORCH,
     fits=True,
 )
+
+HARDENED = replace(SCHEME, name="secure_gs_hardened", embed=partial(embed, hardened=2.0))

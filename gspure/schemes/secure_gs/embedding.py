@@ -17,7 +17,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Run
-from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors, table_of
+from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
 from gspure.schemes.secure_gs.files import PRIVATE, PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.networks import fresh
@@ -51,11 +51,13 @@ def embed(
     message_weight: float = 0.5,
     max_anchors: int = 4000,
     density: float = 2.0,
+    hardened: float = 0.0,
 ) -> tuple[AnchorModel, HiddenKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     `message_weight` is the share of the message's loss; that of the scene is 1. `density` is r_down of the region-aware
-    density optimization (`gspure.schemes.secure_gs.growing`); 1 switches it off.
+    density optimization (`gspure.schemes.secure_gs.growing`); 1 switches it off. `hardened` trains the message also
+    without the anchors that ``plain_weight`` removes with this tau, 0 as in the paper.
 
     Raise `InputError` if a setting is out of range, or PyTorch is missing.
     """
@@ -66,7 +68,7 @@ def embed(
     rng = np.random.default_rng(seed)
     anchors, voxel = first_anchors([xyz for xyz, _ in pair.clouds], int(FIRST_SHARE * max_anchors))
     branches = [fresh(names, FEAT_DIM, K, rng) for names in (PUBLIC, PRIVATE)]
-    settings = Run(pair, iterations, message_weight, max_anchors, seed, device)
+    settings = Run(pair, iterations, message_weight, max_anchors, seed, device, hardened)
     run = Training(settings, anchors, voxel, branches[: 1 + bool(message_weight)], density)
     with single_threaded():
         for _ in watched(run, iterations, lambda: _state(run, device)):
@@ -106,8 +108,7 @@ def _voxels(xyz: Float64, at_most: int) -> tuple[Float64, float]:
 
 
 def _outcome(run: Training) -> tuple[AnchorModel, HiddenKey | None]:
-    public = AnchorModel(table_of(run.learner.anchors), run.learner.networks(0))
-    return public, HiddenKey(run.learner.networks(1)) if run.hides else None
+    return run.public(), HiddenKey(run.learner.networks(1)) if run.hides else None
 
 
 def _state(run: Training, device: Device) -> str:

@@ -7,11 +7,13 @@ import numpy as np
 
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
+from gspure.schemes.hidden_weight import Hardening
 from gspure.schemes.scheme import Run
-from gspure.schemes.secure_gs.anchors import Anchors
+from gspure.schemes.secure_gs.anchors import Anchors, table_of
 from gspure.schemes.secure_gs.growing import GRADIENT_THRESHOLD, Candidates, grown, hidden_box, inside
 from gspure.schemes.secure_gs.learner import Learner
 from gspure.schemes.secure_gs.networks import Networks
+from gspure.schemes.secure_gs.public_model import AnchorModel
 from gspure.schemes.secure_gs.schedule import AnchorSchedule
 from gspure.schemes.secure_gs.statistics import Statistics, screen_norms
 from gspure.schemes.secure_gs.visibility import visible_rows
@@ -41,8 +43,13 @@ class Training:
         self._density = density
         self._most_rows = run.most_rows
         self._schedule = AnchorSchedule.scaled(run.iterations)
+        self._hardening = Hardening(run, self._schedule.adjust_every)
         self._statistics = [Statistics(len(anchors.positions), anchors.k) for _ in branches]
         self._rng = np.random.default_rng(run.seed)
+
+    def public(self) -> AnchorModel:
+        """Return the current public model."""
+        return AnchorModel(table_of(self.learner.anchors), self.learner.networks(0))
 
     @property
     def hides(self) -> bool:
@@ -53,9 +60,10 @@ class Training:
         batches = self.pair.batches(self._rng)
         for iteration in range(1, self._schedule.iterations + 1):
             yield self._iterate(iteration, next(batches))
+            self._hardening.follow(iteration, self.public)
 
     def _iterate(self, iteration: int, batch: tuple[int, int]) -> float:
-        anchors = self.learner.anchors
+        anchors, low = self.learner.anchors, self._hardening.left_out(iteration)
         upright = np.broadcast_to(np.array([1, 0, 0, 0]), (len(anchors.positions), 4))
         total = 0.0
         for branch, (statistics, capture, view) in enumerate(
@@ -63,6 +71,8 @@ class Training:
         ):
             camera = capture.views[view]
             rows = visible_rows(camera, anchors.positions, upright, np.exp(anchors.log_scalings[:, :3]))
+            if branch and low is not None:
+                rows = rows[~low[rows]]
             loss, gaussians, gradients = self.learner.differentiate(branch, camera, rows, view, self._weights[branch])
             total += loss
             if self._schedule.counts(iteration):

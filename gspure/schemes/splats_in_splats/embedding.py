@@ -53,7 +53,7 @@ def embed(
     device = device or choose_device()
     if not message_weight:
         return PublicModel(pair.scene.trained(begin, iterations, max_gaussians, seed, device)), None
-    run = TwinTrainer(Run(pair, iterations, message_weight, max_gaussians, seed, device), begin, hardened)
+    run = TwinTrainer(Run(pair, iterations, message_weight, max_gaussians, seed, device, hardened), begin)
 
     def state() -> str:
         return f"{pair.quality(*(model.image for model in run.model.models))}  {run.model.count} Gaussians"

@@ -34,14 +34,13 @@ class TwinTrainer:
     reset.
     """
 
-    def __init__(self, run: Run, begin: Parameters, hardened: float = 0.0) -> None:
+    def __init__(self, run: Run, begin: Parameters) -> None:
         state = TrainState.fresh(begin)
         self.model = TwinModel((state, state), run.message_weight, run.device)
         self.model.set_targets(run.pair.scene.images, run.pair.message.images)
         self._run = run
         self._pair = run.pair
         self._schedule = Schedule.scaled(run.iterations)
-        self._hardened = hardened
         self._low = np.zeros(0, np.bool_)
         self._rng = np.random.default_rng(run.seed)
 
@@ -56,7 +55,7 @@ class TwinTrainer:
                 first, second = self._grown(iteration)
                 resets = self._schedule.resets_opacities(iteration)
                 self.model.replace((reset_opacities(first), reset_opacities(second)) if resets else (first, second))
-            if self._hardened:
+            if self._run.hardened:
                 self._harden(iteration)
 
     def _harden(self, iteration: int) -> None:
@@ -71,7 +70,7 @@ class TwinTrainer:
         shown, hidden = self.model.states()
         if measures:
             public = PublicModel(as_gaussians(shown.parameters))
-            self._low = low_rows(public, self._pair.scene.views, self._hardened, self._run.device)
+            self._low = low_rows(public, self._pair.scene.views, self._run.hardened, self._run.device)
         self.model.replace((shown, reset_opacities(hidden, self._low)))
 
     def _grown(self, iteration: int) -> States:
