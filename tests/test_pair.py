@@ -179,7 +179,7 @@ def test_an_interrupted_pair_leaves_an_earlier_one_as_it_was(tmp_path, monkeypat
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gspure.model.points.write_point_ply", interrupt)
+    monkeypatch.setattr("gspure.cli.pair.write_point_ply", interrupt)
     for pair in (out, tmp_path / "other"):
         assert main(["pair", "interior-1", "vault", "--out", str(pair), *size]) == 130
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before

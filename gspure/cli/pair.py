@@ -5,16 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from gspure.artifacts import filling, write_record
+from gspure.cameras import Camera, off_path_cameras, read_cameras, write_cameras
 from gspure.cli.options import add_device, read_device, require_least
 from gspure.cli.parser import Arguments, Parser
+from gspure.constants import SH_DC
 from gspure.errors import InputError
-
-if TYPE_CHECKING:
-    from gspure.cameras import Camera
-    from gspure.model import Gaussians
-    from gspure.scenes.alignment import Similarity
+from gspure.images import RENDERED, record_views, write_image
+from gspure.model import Gaussians, read_model, require_finite
+from gspure.model.points import write_point_ply
+from gspure.progress import say, track
+from gspure.renderer import Renderer
+from gspure.scenes.alignment import Similarity, aligning
+from gspure.scenes.photography import photograph, picture, stage_cameras
+from gspure.scenes.placement import PLACEMENTS
+from gspure.scenes.staging import NAMES, PROTOCOLS, Staging, scene_builder
+from gspure.training.dataset import read_dataset, read_photographs
 
 EXAMPLES = """\
   gspure pair room vault --out pair                       # ray-traced; placements: raised, front, behind, coincident
@@ -29,20 +39,14 @@ coordinates, as GS-Hider does. Protocol `own` gives the message poses of its own
 messages are turned and moved, and photographed ones keep their cameras, aligned with the scene.
 """
 
-MESSAGE_POINTS = 20_000
-"""Number of the message's Gaussians that serve as its points. Ours."""
-
-OPAQUE = 0.5
-"""Least opacity of these Gaussians. Ours."""
+MESSAGE_POINTS = 20_000  # number of the message's Gaussians that serve as its points; ours
+OPAQUE = 0.5  # least opacity of these Gaussians; ours
 
 # With two views, one is a test view, and a single training view fixes no positions.
 _LEAST = {"seed": 0, "views": 3, "width": 16, "height": 16, "off_path": 0}
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.scenes.placement import PLACEMENTS
-    from gspure.scenes.staging import NAMES, PROTOCOLS
-
     parser.text("scene", "SCENE", f"the visible scene: photographs as for `train`, or {NAMES}")
     parser.text(
         "message",
@@ -73,11 +77,6 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the pair, all of it or nothing."""
-    from gspure.artifacts import filling, write_record
-    from gspure.cameras import read_cameras
-    from gspure.images import RENDERED, record_views
-    from gspure.scenes.staging import NAMES, scene_builder
-
     require_least(args, "pair", _LEAST)
     is_traced = [scene_builder(name) is not None for name in (args.scene, args.message)]
     if is_traced[0] != is_traced[1]:
@@ -95,12 +94,6 @@ def run(args: Arguments) -> None:
 
 
 def _traced(args: Arguments) -> dict[str, Any]:
-    import numpy as np
-
-    from gspure.cameras import off_path_cameras
-    from gspure.scenes.photography import photograph, picture, stage_cameras
-    from gspure.scenes.staging import Staging
-
     views = stage_cameras(args.views, args.width, args.height)
     aside = off_path_cameras(views, args.off_path)
     staging = Staging(args.scene, args.message, args.placement, args.protocol)
@@ -116,11 +109,6 @@ def _traced(args: Arguments) -> dict[str, Any]:
 
 def _photographed(args: Arguments) -> dict[str, Any]:
     """Photographs of the scene, and a trained model of the message rendered at their poses."""
-    from gspure.images import write_image
-    from gspure.model import read_model, require_finite
-    from gspure.progress import track
-    from gspure.renderer import Renderer
-
     model = read_model(args.message)
     require_finite(model, args.message)
     views = _write_photographs(args, "scene", args.scene)
@@ -135,8 +123,6 @@ def _photographed(args: Arguments) -> dict[str, Any]:
 
 def _photographed_apart(args: Arguments) -> dict[str, Any]:
     """Photographs of both, each at its own poses, with the message aligned with the scene."""
-    from gspure.scenes.alignment import aligning
-
     views = _write_photographs(args, "scene", args.scene)
     _write_photographs(args, "message", args.message, lambda message: aligning(views, message).inverse)
     return {"resolution": args.resolution}
@@ -146,10 +132,6 @@ def _write_photographs(
     args: Arguments, kind: str, source: str, align: Callable[[list[Camera]], Similarity] | None = None
 ) -> list[Camera]:
     """Write the photographs, cameras and points of a capture, in the world that `align` gives; return the cameras."""
-    from gspure.images import write_image
-    from gspure.progress import track
-    from gspure.training.dataset import read_dataset, read_photographs
-
     dataset = read_dataset(Path(source), args.resolution, seed=args.seed)
     views, xyz = sorted([*dataset.train, *dataset.test], key=lambda camera: camera.name), dataset.xyz
     for camera, image in zip(track(views, kind), read_photographs(views), strict=True):
@@ -163,9 +145,6 @@ def _write_photographs(
 
 def _write(out: Path, kind: str, views: list[Camera], points: tuple[Any, Any]) -> None:
     """Write cameras and points of the scene or of the message."""
-    from gspure.cameras import write_cameras
-    from gspure.model.points import write_point_ply
-
     folder = out if kind == "scene" else out / kind
     write_cameras(folder / "cameras.json", [replace(c, image=out / kind / f"{c.name}.png") for c in views])
     write_point_ply(folder / "points3D.ply", *points)
@@ -173,12 +152,6 @@ def _write(out: Path, kind: str, views: list[Camera], points: tuple[Any, Any]) -
 
 def _alignment(views: list[Camera], message: Path) -> Similarity:
     """Return the similarity from the scene's world to the message's: by the cameras of both, if the message has any."""
-    import numpy as np
-
-    from gspure.cameras import read_cameras
-    from gspure.progress import say
-    from gspure.scenes.alignment import Similarity, aligning
-
     if message.is_dir() and (message / "cameras.json").is_file():
         alignment = aligning(views, read_cameras(message / "cameras.json"))
         say(f"message aligned with the scene, scaled by {alignment.inverse.scale:.3g}")
@@ -188,10 +161,6 @@ def _alignment(views: list[Camera], message: Path) -> Similarity:
 
 def _points(model: Gaussians, seed: int) -> tuple[Any, Any]:
     """Return centres [P,3] and 8-bit colours [P,3] of opaque Gaussians, in place of points."""
-    import numpy as np
-
-    from gspure.constants import SH_DC
-
     opaque = np.flatnonzero(model.opacities >= OPAQUE)
     rows = np.sort(np.random.default_rng(seed).choice(opaque, min(MESSAGE_POINTS, len(opaque)), replace=False))
     colours = (0.5 + SH_DC * model.columns("f_dc_0", "f_dc_1", "f_dc_2")[rows]).clip(0, 1)

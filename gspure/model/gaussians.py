@@ -26,8 +26,7 @@ CORE = ("x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 """Columns of the zeroth spherical harmonic, absent from models whose colours come from a network."""
 
-_COLOURS = ("f_dc_", "f_rest_", "semantic_")
-"""Prefixes of the columns that colours or features to decode are stored in."""
+_COLOURS = ("f_dc_", "f_rest_", "semantic_")  # prefixes of the columns that colours or features to decode are stored in
 
 _BACKGROUND = re.compile(r"gspure background ([01]\.\d+) ([01]\.\d+) ([01]\.\d+)")
 """The comment that names the colour behind a model."""
