@@ -101,10 +101,10 @@ def frame_problem(device: Device) -> str | None:
     A frame is correct if the contributions add up to the light that is missing from the background: sum_k omega_k =
     sum over pixels of (1 - T).
     """
-    from gspure.opencl.device import fault
+    from gspure.opencl.device import defect
     from gspure.renderer import Renderer
 
-    if trivial := fault(device, factor=3 + os.getpid() % 1000):
+    if trivial := defect(device, factor=3 + os.getpid() % 1000):
         return trivial
     model, camera = _small_scene()
     renderer = Renderer(model, device, energy="ray")

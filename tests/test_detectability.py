@@ -1,4 +1,4 @@
-"""Whether a message can be told from controls: the area under the curve and its interval."""
+"""Whether a message can be distinguished from controls: the area under the curve and its interval."""
 
 from itertools import product
 

@@ -60,7 +60,7 @@ def machine(monkeypatch):
 
     def set_up(*platforms: FakePlatform, broken: tuple[str, ...] = ()) -> None:
         monkeypatch.setattr(devices, "_platforms", lambda: list(platforms))
-        monkeypatch.setattr(devices, "fault", lambda d: "does not build" if d.name in broken else None)
+        monkeypatch.setattr(devices, "defect", lambda d: "does not build" if d.name in broken else None)
         list_devices.cache_clear()
 
     yield set_up
@@ -148,15 +148,15 @@ def test_a_device_works_without_a_writable_home(tmp_path) -> None:
 def test_a_failed_build_is_reported_by_its_first_error(monkeypatch) -> None:
     chosen = choose_device()
     monkeypatch.setattr(devices, "_TRIVIAL_KERNEL", "kernel void scale(global int *a) { a[0] = nothing_here; }")
-    reason = devices.fault.__wrapped__(chosen)
+    reason = devices.defect.__wrapped__(chosen)
     assert "nothing_here" in reason
     assert "\n" not in reason
 
 
-def test_wrong_results_are_a_fault(monkeypatch) -> None:
+def test_wrong_results_are_a_defect(monkeypatch) -> None:
     chosen = choose_device()
     monkeypatch.setattr(devices, "_TRIVIAL_KERNEL", devices._TRIVIAL_KERNEL.replace("FACTOR", "2.0f"))
-    assert devices.fault.__wrapped__(chosen) == "a trivial program gives wrong results"
+    assert devices.defect.__wrapped__(chosen) == "a trivial program gives wrong results"
 
 
 def test_the_identity_of_a_device_names_driver_device_and_kernel_style(machine):

@@ -91,7 +91,7 @@ def _read(stream: IO[bytes], size: int, path: Path, field: str, kind: Kind, leas
     if dtype.hasobject:
         raise InputError(path, field, expected="numbers", found="pickled objects")
     if not _is_of(kind, dtype, shape):
-        raise InputError(path, field, expected=_told(*kind), found=_told(dtype, shape))
+        raise InputError(path, field, expected=_text(*kind), found=_text(dtype, shape))
     count = math.prod(shape)
     if stream.tell() + count * dtype.itemsize != size:
         found = f"{size - stream.tell()} bytes"
@@ -114,7 +114,7 @@ def _is_of(kind: Kind, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bool:
     return bool(fits) and len(shape) == len(lengths) and of_lengths
 
 
-def _told(dtype: np.dtype[Any] | type, shape: Shape) -> str:
+def _text(dtype: np.dtype[Any] | type, shape: Shape) -> str:
     name = dtype.__name__ if isinstance(dtype, type) else str(dtype)
     return f"{name} [{', '.join('any' if n is None else str(n) for n in shape)}]"
 

@@ -61,7 +61,7 @@ def filling(folder: Path) -> Iterator[Path]:
     So files that belong together appear together or not at all. A folder that cannot be written to is refused by an
     OSError before any work is done.
     """
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    created = [path for path in (folder, *folder.parents) if not path.exists()]
     temporary = folder / f".gspure-{secrets.token_hex(4)}"  # not a process number: they repeat in containers
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -75,10 +75,10 @@ def filling(folder: Path) -> Iterator[Path]:
                 target.parent.mkdir(parents=True, exist_ok=True)
             for file, target in targets.items():
                 file.replace(target)
-        made.clear()
+        created.clear()
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-        for path in made:
+        for path in created:
             with suppress(OSError):  # something else stands in it by now
                 path.rmdir()
 

@@ -60,12 +60,12 @@ def _recorded(record: Path) -> str:
     """Return the digest in a file of ``sha256sum``."""
     expected = "a SHA-256 and a name"
     with reading(record, expected):
-        found = _SHA256.match(record.read_text(encoding="utf-8"))
-    if found is None:
+        recorded = _SHA256.match(record.read_text(encoding="utf-8"))
+    if recorded is None:
         raise InputError(
             record, "file", expected=expected, found="another text", hint="remove it if you trust the file"
         )
-    return found[1].lower()
+    return recorded[1].lower()
 
 
 def _download(url: str, output_file: str, _pooch: Any) -> None:

@@ -87,7 +87,7 @@ def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
 
 
 @cache
-def fault(device: Device, factor: int = 3) -> str | None:
+def defect(device: Device, factor: int = 3) -> str | None:
     """Return why a trivial program fails to build or run on `device`; None if it works.
 
     A driver may end the process instead of reporting an error; `gspure.trial` survives that.
@@ -126,7 +126,7 @@ def built(context: cl.Context, source: str, options: Sequence[str], **settings: 
 
 def works(device: Device) -> bool:
     """Return whether a trivial program builds and runs on `device`."""
-    return fault(device) is None
+    return defect(device) is None
 
 
 def choose_device(spec: str | None = None) -> Device:
@@ -143,7 +143,7 @@ def choose_device(spec: str | None = None) -> Device:
         "OpenCL",
         "device",
         expected="a device on which a trivial program builds and runs",
-        found="; ".join(f"{device}: {fault(device)}" for device in matching) or "no device",
+        found="; ".join(f"{device}: {defect(device)}" for device in matching) or "no device",
         hint=INSTALL_HINT,
     )
 

@@ -90,10 +90,10 @@ def lineup(figure: Path, outcomes: Sequence[Outcome], further: str = "") -> Line
 
 def record(file: Path) -> dict[str, Any]:
     """Return the content of a record, or raise `InputError` if the file is none."""
-    found = (record_of(file.with_suffix("")) if file.suffix == ".json" else None) or {}
-    match found:
+    content = (record_of(file.with_suffix("")) if file.suffix == ".json" else None) or {}
+    match content:
         case {"digest": str(), "settings": dict()}:
-            return found
+            return content
     raise InputError(file, "file", expected="a record beside its file", found="none")
 
 

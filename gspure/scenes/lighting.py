@@ -36,7 +36,7 @@ class LitScene:
         """Return the display colours [N,3] of places of solid `index`."""
         return displayed(self.radiance(index, faces, uv))
 
-    def seen(self, origins: Float64, directions: Float64) -> tuple[Float64, Float64]:
+    def traced(self, origins: Float64, directions: Float64) -> tuple[Float64, Float64]:
         """Return the linear radiance [N,3] that rays see (the sky's where they leave), and their distances [N]."""
         distances, solids = first_hits(self.scene, origins, directions)
         out = np.empty((len(origins), 3))
@@ -129,5 +129,5 @@ def _gathered(lit: LitScene, points: Float64, normals: Float64, directions: int)
     for i in range(directions):
         across, turn = np.sqrt((i + 0.5) / directions), i * np.pi * (3.0 - 5.0**0.5)
         around = across * (np.cos(turn) * tangents + np.sin(turn) * bitangents)
-        total += lit.seen(points, around + np.sqrt(1.0 - across**2) * normals)[0]
+        total += lit.traced(points, around + np.sqrt(1.0 - across**2) * normals)[0]
     return total / directions

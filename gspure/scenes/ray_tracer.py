@@ -40,7 +40,7 @@ def _colours(scene: LitScene, camera: Camera, u: Float64, v: Float64) -> tuple[F
         y = (v[part] - camera.K[1, 2]) / camera.K[1, 1]
         # view-space z is 1, so that ray parameters are depths
         directions = np.stack([x * right[i] + y * down[i] + forward[i] for i in range(3)], axis=1)
-        radiance, depths[part] = scene.seen(np.broadcast_to(camera.centre, directions.shape), directions)
+        radiance, depths[part] = scene.traced(np.broadcast_to(camera.centre, directions.shape), directions)
         colours[part] = np.where(np.isinf(depths[part])[:, None], scene.scene.background, displayed(radiance))
     return colours, depths
 

@@ -20,9 +20,9 @@ def code_digest(*modules: str) -> str:
     waiting = [module for module in modules if _file(module)]
     known = set(waiting)
     while waiting:
-        found = _imports(waiting.pop()) - known
-        known |= found
-        waiting += found
+        new = _imports(waiting.pop()) - known
+        known |= new
+        waiting += new
     return digest(*(file.read_bytes() for name in sorted(known) if (file := _file(name))))
 
 

@@ -95,9 +95,9 @@ class Marking:
             with torch.no_grad():
                 clean = self._clean.image(camera)
             image = self._scene.image(camera, self._clones)
-            seen = image.permute(2, 0, 1)[None]
-            size = [round(3 * length / 4) for length in seen.shape[2:]]
-            views = [disturbed(seen, rng), disturbed(warped(seen, rng, size), rng)]
+            render = image.permute(2, 0, 1)[None]
+            size = [round(3 * length / 4) for length in render.shape[2:]]
+            views = [disturbed(render, rng), disturbed(warped(render, rng, size), rng)]
             error = sum(self._error(self._decoder(view)) for view in views)
             loss = RGB_WEIGHT * (image - clean).abs().mean() + weight * error / len(views)
             optimizer.zero_grad()
