@@ -85,7 +85,7 @@ def table(path: Path, folder: Path) -> None:
         begin = time.process_time()
         attacked = attack.apply(marked, evidence, cameras=pair.scene.views, **settings)
         cpu = time.process_time() - begin
-        left = f"{100 * np.mean(~attacked.prune_mask[key.carriers]):.1f}"
+        left = f"{100 * np.mean(~attacked.prune_mask[key.message_rows]):.1f}"
         add(name, f"{damage or ''}", strength, cpu, marked.with_model(attacked.model), left)
 
 

@@ -172,14 +172,14 @@ def test_an_index_is_set_aside_when_one_of_its_stages_is_corrupt(corrupted):
 def test_a_folder_is_set_aside_as_a_whole_as_often_as_it_is_corrupt():
     for _ in range(2):
         (SCENE / "key").mkdir()
-        save_array(SCENE / "key" / "carriers.npy", np.ones(3, bool))
-        noted(SCENE / "key" / "carriers.npy")
-        flipped(SCENE / "key" / "carriers.npy")
+        save_array(SCENE / "key" / "message_rows.npy", np.ones(3, bool))
+        noted(SCENE / "key" / "message_rows.npy")
+        flipped(SCENE / "key" / "message_rows.npy")
         (found,) = set_aside([SCENE / "key"]).values()
-        assert "key/carriers.npy: content" in found
+        assert "key/message_rows.npy: content" in found
         assert not (SCENE / "key").exists()
         kept = sorted(path.name for path in (SCENE / "key.corrupt").iterdir())
-        assert kept == ["carriers.npy", "carriers.npy.json"]
+        assert kept == ["message_rows.npy", "message_rows.npy.json"]
 
 
 def test_a_users_own_file_is_never_moved():

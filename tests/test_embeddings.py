@@ -86,7 +86,7 @@ def test_a_file_of_a_key_without_its_record_is_refused(planted, pair_folder, tmp
 
 def test_the_weight_of_a_message_is_not_measured_with_the_key_of_another_model(planted, pair_folder, tmp_path, capsys):
     model = planted / "1" / "public" / "point_cloud.ply"
-    save_array(tmp_path / "weights.npy", np.ones(len(np.load(planted / "1" / "key" / "carriers.npy")), np.float32))
+    save_array(tmp_path / "weights.npy", np.ones(len(np.load(planted / "1" / "key" / "message_rows.npy")), np.float32))
     options = ["--scheme", "planted", "--cameras", str(pair_folder / "cameras.json"), "--out", str(tmp_path / "h.json")]
     command = ["hidden", "--model", str(model), "--weights", str(tmp_path / "weights.npy"), *options]
     assert main([*command, "--key", str(planted / "2" / "key")]) == 2
@@ -126,18 +126,18 @@ def test_a_key_learns_from_photographs_of_its_own_message_only(planted, pair_fol
         _lesson(args)
 
 
-def test_pruned_rows_are_not_compared_with_the_carriers_of_another_model(planted, tmp_path):
+def test_pruned_rows_are_not_compared_with_the_rows_of_the_message_of_another_model(planted, tmp_path):
     metrics, mask = (tmp_path / "planted" / "room" / "gspure" / name for name in ("metrics.csv", "prune_mask.npy"))
-    truth = tmp_path / "planted" / "room" / "key" / "carriers.npy"
+    truth = tmp_path / "planted" / "room" / "key" / "message_rows.npy"
     rows = 9
     write_metrics(metrics, [ViewMetrics("scene", "a", "truth", dict.fromkeys(METRICS, 1.0))])
     for path, embedding in ((mask, "run 0"), (truth, "run 1")):
         save_array(path, np.arange(rows) < 3)
         write_record(path, inputs={}, settings={}, embedding=embedding)
-    with pytest.raises(InputError, match=r"carriers.npy: embedding: expected run 0"):
+    with pytest.raises(InputError, match=r"message_rows.npy: embedding: expected run 0"):
         collect([metrics], [mask], truth=[truth])
     record_file(truth).unlink()
-    with pytest.raises(InputError, match=r"carriers.npy: embedding: expected run 0, found no record"):
+    with pytest.raises(InputError, match=r"message_rows.npy: embedding: expected run 0, found no record"):
         collect([metrics], [mask], truth=[truth])
     record_file(mask).unlink()
     (outcome,) = collect([metrics], [mask], truth=[truth])
@@ -146,11 +146,11 @@ def test_pruned_rows_are_not_compared_with_the_carriers_of_another_model(planted
 
 def test_a_key_of_files_of_two_embeddings_is_refused(planted, pair_folder, tmp_path, capsys):
     key = shutil.copytree(planted / "1" / "key", tmp_path / "key")
-    for name in ("carriers.npy", "carriers.npy.json"):
+    for name in ("message_rows.npy", "message_rows.npy.json"):
         shutil.copy(planted / "2" / "key" / name, key / name)
     assert extract(planted / "1" / "public", key, pair_folder, tmp_path / "out") == 2
     assert "embedding: expected" in capsys.readouterr().err
-    record_file(key / "carriers.npy").unlink()
+    record_file(key / "message_rows.npy").unlink()
     assert embedding_of(key) == embedding_of(planted / "1" / "key")
 
 

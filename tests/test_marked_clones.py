@@ -55,13 +55,13 @@ def test_bits_are_read_from_held_out_renders_and_not_from_a_clean_model_or_with_
 
 
 def test_nothing_but_the_opacity_of_the_originals_of_clones_differs_from_the_clean_model(marked):
-    clean, public, carriers = marked.clean.model, marked.public.model, marked.key.carriers
-    assert np.array_equal(np.flatnonzero(carriers), np.arange(len(clean), len(public)))
+    clean, public, message_rows = marked.clean.model, marked.public.model, marked.key.message_rows
+    assert np.array_equal(np.flatnonzero(message_rows), np.arange(len(clean), len(public)))
     same = [name for name in clean.table.dtype.names if name != "opacity"]
     assert public.columns(*same)[: len(clean)].tobytes() == clean.columns(*same).tobytes()
-    assert np.count_nonzero(public.table["opacity"][: len(clean)] != clean.table["opacity"]) == carriers.sum()
+    assert np.count_nonzero(public.table["opacity"][: len(clean)] != clean.table["opacity"]) == message_rows.sum()
     camera = marked.pair.scene.views[0]
-    unmarked = without(marked.public, carriers).scene()(camera)
+    unmarked = without(marked.public, message_rows).scene()(camera)
     assert psnr(unmarked, marked.clean.scene()(camera)) > 20
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.recall import CARRIERS
+from gspure.evaluation.recall import MESSAGE_ROWS
 from gspure.images import read_image
 from gspure.model import read_model, write_model
 from gspure.model.gaussians import Gaussians
@@ -83,29 +83,29 @@ def test_the_public_model_is_a_vanilla_one(public, tmp_path):
     assert all(np.isfinite(back.table[name]).all() for name in back.table.dtype.names)
 
 
-def test_carriers_and_others_are_shuffled(public, key):
-    assert len(key.carriers) == len(public)
-    first, second = np.array_split(key.carriers, 2)
+def test_rows_of_the_message_and_others_are_shuffled(public, key):
+    assert len(key.message_rows) == len(public)
+    first, second = np.array_split(key.message_rows, 2)
     assert abs(first.mean() - second.mean()) < 0.1
 
 
-def test_carriers_are_nearly_transparent_unless_the_scene_uses_them(public, key):
-    carriers = public.opacities[key.carriers]
-    hidden = carriers <= HIDDEN[1] * 1.001
-    assert carriers.min() >= HIDDEN[0] * 0.999
+def test_rows_of_the_message_are_nearly_transparent_unless_the_scene_uses_them(public, key):
+    message_rows = public.opacities[key.message_rows]
+    hidden = message_rows <= HIDDEN[1] * 1.001
+    assert message_rows.min() >= HIDDEN[0] * 0.999
     assert hidden.mean() > 0.8
-    assert (carriers > 1 / 255).mean() > 0.5  # they touch pixels
+    assert (message_rows > 1 / 255).mean() > 0.5  # they touch pixels
 
 
-def test_carriers_look_like_the_scene_in_the_public_model(public, key):
+def test_rows_of_the_message_look_like_the_scene_in_the_public_model(public, key):
     dc = public.sh_coeffs[:, 0]
-    scene = {row.tobytes() for row in dc[~key.carriers]}
-    hidden = dc[key.carriers & (public.opacities <= HIDDEN[1])]
+    scene = {row.tobytes() for row in dc[~key.message_rows]}
+    hidden = dc[key.message_rows & (public.opacities <= HIDDEN[1])]
     assert np.mean([row.tobytes() in scene for row in hidden]) > 0.8  # the rest had their colour from a shared one
 
 
 def test_the_scene_has_its_own_gaussians_of_little_weight(public, key):
-    scene = public.opacities[~key.carriers]
+    scene = public.opacities[~key.message_rows]
     assert 0.02 < np.mean(scene < 0.4) < 0.2
     assert (scene < HIDDEN[1]).any()
 
@@ -114,31 +114,31 @@ def test_coincident_surfaces_share_gaussians():
     shared = {}
     for placement in ("coincident", "behind"):
         public, key = planted_model(staging=Staging("room", "vault", placement), **SMALL)
-        shared[placement] = np.count_nonzero(key.carriers & (public.model.opacities > 0.5))
+        shared[placement] = np.count_nonzero(key.message_rows & (public.model.opacities > 0.5))
     assert shared["coincident"] > 2 * shared["behind"]
     assert shared["behind"] > 0  # the block stands in both
 
 
-def test_the_message_is_all_carriers_with_private_opacity_and_colour(public, key):
+def test_the_message_is_all_of_its_rows_with_private_opacity_and_colour(public, key):
     message, rows = revealed(public, key)
-    assert rows.tolist() == np.flatnonzero(key.carriers).tolist()
+    assert rows.tolist() == np.flatnonzero(key.message_rows).tolist()
     assert message.opacities.min() > 0.89
     assert message.columns("f_dc_0", "f_dc_1", "f_dc_2").tobytes() == key.f_dc.tobytes()
     assert not message.sh_coeffs[:, 1:].any()
     geometry = ("x", "y", "z", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4)))
-    assert message.columns(*geometry).tobytes() == public[key.carriers].columns(*geometry).tobytes()
+    assert message.columns(*geometry).tobytes() == public[key.message_rows].columns(*geometry).tobytes()
 
 
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 1.0))
-def test_the_message_is_exactly_the_surviving_carriers_in_any_order(public, key, seed, share):
+def test_the_message_is_exactly_the_surviving_rows_in_any_order(public, key, seed, share):
     rng = np.random.default_rng(seed)
     kept = rng.permutation(len(public))[: round(share * len(public))]
     message, rows = revealed(Gaussians(public.table[kept]), key)
-    survivors = kept[key.carriers[kept]]
+    survivors = kept[key.message_rows[kept]]
     assert kept[rows].tolist() == survivors.tolist()
     assert message.means.tobytes() == public.means[survivors].tobytes()
-    place = np.searchsorted(np.flatnonzero(key.carriers), survivors)
+    place = np.searchsorted(np.flatnonzero(key.message_rows), survivors)
     assert message.columns("opacity")[:, 0].tobytes() == key.opacity[place].tobytes()
 
 
@@ -153,8 +153,8 @@ def test_the_key_of_another_seed_does_not_extract_the_message(public):
 
 def test_a_wrong_key_takes_as_many_rows_as_the_right_one_and_mostly_those_of_the_scene(public, key):
     rows = revealed(public, key.wrong(np.random.default_rng(0)))[1]
-    assert len(rows) == key.carriers.sum()
-    assert key.carriers[rows].mean() == pytest.approx(key.carriers.mean(), abs=0.1)
+    assert len(rows) == key.message_rows.sum()
+    assert key.message_rows[rows].mean() == pytest.approx(key.message_rows.mean(), abs=0.1)
 
 
 def test_photographs_are_refused():
@@ -209,7 +209,7 @@ def test_a_written_key_reads_back_and_is_the_same_bytes_again(key, written):
     back = PlantedKey.read(written)
     back.write(written)
     assert (written / "planted.npz").read_bytes() == before
-    for name in ("carriers", "positions", "opacity", "f_dc"):
+    for name in ("message_rows", "positions", "opacity", "f_dc"):
         assert getattr(back, name).tobytes() == getattr(key, name).tobytes()
 
 
@@ -231,7 +231,7 @@ def test_a_key_with_a_wrong_array_is_refused_by_name(key, written, field, value)
         PlantedKey.read(written)
 
 
-@pytest.mark.parametrize("file", ["planted.npz", CARRIERS])
+@pytest.mark.parametrize("file", ["planted.npz", MESSAGE_ROWS])
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 no archive", b"\x93NUMPY"])
 def test_a_file_that_is_not_a_key_is_refused(written, file, content):
     (written / file).write_bytes(content)

@@ -52,8 +52,8 @@ def results(tmp_path: Path, scene: str = "room") -> tuple[list[Path], list[Path]
         masks[-1].parent.mkdir()
         np.save(masks[-1], np.array(pruned[variant], bool))
     (folder / "key").mkdir()
-    np.save(folder / "key" / "carriers.npy", truth)
-    return metrics, masks, folder / "key" / "carriers.npy"
+    np.save(folder / "key" / "message_rows.npy", truth)
+    return metrics, masks, folder / "key" / "message_rows.npy"
 
 
 def test_equation_of_the_score_is_message_drop_minus_scene_drop(tmp_path: Path) -> None:
@@ -284,7 +284,7 @@ def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
 def test_masks_of_different_models_are_refused(tmp_path: Path) -> None:
     metrics, masks, truth = results(tmp_path)
     np.save(truth, np.zeros(6, bool))
-    with pytest.raises(InputError, match=r"carriers\.npy: array: expected bool \[5\], found bool \[6\]"):
+    with pytest.raises(InputError, match=r"message_rows\.npy: array: expected bool \[5\], found bool \[6\]"):
         collect(metrics, masks, [truth])
 
 

@@ -121,18 +121,18 @@ def lowest_mask(values: NDArray[Any], removed: int) -> Bools:
     return mask
 
 
-CONTROLS = named(
-    {
-        unattacked: None,
-        plain_weight: TAUS,
-        plain_opacity: TAUS,
-        random_matched: None,
-        lowest_weight_matched: None,
-        lowest_opacity_matched: None,
-    }
-)
 ATTACKS = (
-    *named({gspure: None}),
+    *named(
+        {
+            unattacked: None,
+            plain_weight: TAUS,
+            plain_opacity: TAUS,
+            random_matched: None,
+            lowest_weight_matched: None,
+            lowest_opacity_matched: None,
+            gspure: None,
+        }
+    ),
     Attack("gspure_scaled", gspure_scaled, strength=Strength("scale", 100.0, 0.01, "log"), sweep="gspure"),
     *named(
         {

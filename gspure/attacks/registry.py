@@ -6,7 +6,6 @@ from gspure.errors import InputError
 from gspure.plugins import registered
 
 BUILT_IN = (
-    *pruning.CONTROLS,
     *pruning.ATTACKS,
     *noise.ATTACKS,
     *appearance.ATTACKS,

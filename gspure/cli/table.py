@@ -18,7 +18,10 @@ EXAMPLES = """\
 
 _FILES = {
     "--prune-masks": ("NPY", "masks of removed rows, below SCHEME/SCENE/VARIANT"),
-    "--keys": ("DIR", "owners' keys, below SCHEME/SCENE; one with carriers.npy gives precision and recall of pruning"),
+    "--keys": (
+        "DIR",
+        "owners' keys, below SCHEME/SCENE; message_rows.npy in them gives precision and recall",
+    ),
     "--verdicts": ("JSON", "verdict.json of `gspure attack`, below SCHEME/SCENE/VARIANT"),
     "--failures": ("JSON", "statuses of failed jobs of the workflow: the reasons for missing metrics"),
     "--retrievals": ("CSV", "retrieval.csv of `gspure retrieve`, in folders SCHEME/SCENE"),
@@ -46,13 +49,13 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import write_record, write_text
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.outcomes import collect
-    from gspure.evaluation.recall import CARRIERS
+    from gspure.evaluation.recall import MESSAGE_ROWS
     from gspure.evaluation.results import write_results
     from gspure.evaluation.summary import Summary, summarize
     from gspure.evaluation.survival import not_embedded
     from gspure.report.tables import results_markdown, summary_table
 
-    truth = [mask for key in args.keys if (mask := key / CARRIERS).is_file()]
+    truth = [mask for key in args.keys if (mask := key / MESSAGE_ROWS).is_file()]
     files = (args.prune_masks, truth, args.verdicts, args.failures, args.retrievals, args.detections)
     outcomes = collect(args.metrics, *files, conditions=args.condition)
     write_results(args.out, outcomes)

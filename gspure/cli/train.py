@@ -192,7 +192,7 @@ def _write(
 
 def _compare(folder: Path, args: Arguments, dataset: Dataset, model: Path, device: Device) -> list[ViewMetrics]:
     """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
-    from gspure.evaluation.comparison import TRUTH, Pair, compare
+    from gspure.evaluation.comparison import TRUTH, ImagePair, compare
     from gspure.images import record_views, write_image
     from gspure.model import read_model
     from gspure.renderer import Renderer
@@ -204,7 +204,7 @@ def _compare(folder: Path, args: Arguments, dataset: Dataset, model: Path, devic
     rows = []
     photographs = read_photographs(dataset.test, args.background)
     for camera, photograph in zip(track(dataset.test, "held out"), photographs, strict=True):
-        pair = Pair(".", camera.name, truth / f"{camera.name}.png", renders / f"{camera.name}.png")
+        pair = ImagePair(".", camera.name, truth / f"{camera.name}.png", renders / f"{camera.name}.png")
         write_image(pair.reference, photograph)
         write_image(pair.image, renderer.image(camera, background=args.background))
         rows.append(compare(pair, TRUTH))

@@ -36,7 +36,7 @@ class ViewMetrics(NamedTuple):
         return self.values["psnr"]
 
 
-class Pair(NamedTuple):
+class ImagePair(NamedTuple):
     """Two images of the same target and view."""
 
     target: str
@@ -46,7 +46,7 @@ class Pair(NamedTuple):
     background: tuple[float, ...] = (0.0, 0.0, 0.0)  # shown by transparent pixels: that of the renders
 
 
-def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None = None) -> tuple[list[Pair], int]:
+def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None = None) -> tuple[list[ImagePair], int]:
     """Pair the PNG files below two folders by their relative paths, sorted by target and view.
 
     Targets (subfolders) of `images` in `against` are compared with a differently named target of `reference`. Also
@@ -64,7 +64,7 @@ def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None
         if counterpart not in available:
             expected = f"a counterpart of {images / path}"
             raise InputError(reference / counterpart, "file", expected=expected, found="nothing")
-    listed = sorted(Pair(p.parent.as_posix(), p.stem, reference / q, images / p) for p, q in counterparts.items())
+    listed = sorted(ImagePair(p.parent.as_posix(), p.stem, reference / q, images / p) for p, q in counterparts.items())
     pairs = []
     for folders, group in groupby(listed, key=lambda pair: (pair.reference.parent, pair.image.parent)):
         alike = [pair._replace(background=background_of(*folders)) for pair in group]
@@ -73,7 +73,7 @@ def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None
     return pairs, len(available - {*counterparts.values()})
 
 
-def compare(pair: Pair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
+def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
     """Compare two images; one of `gspure.evaluation.controls.BASELINES` replaces the second one if `baseline` names it.
 
     Raise `InputError` if an image cannot be read, or their sizes differ.

@@ -1,4 +1,4 @@
-"""Agreement of a pruning with the known carriers of a message."""
+"""Agreement of a pruning with the rows that are known to carry a message."""
 
 from typing import Final, NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from gspure.dtypes import Bools
 
-CARRIERS: Final = "carriers.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
+MESSAGE_ROWS: Final = "message_rows.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
 
 
 class Recall(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.dtypes import Float32, Float64
 from gspure.errors import InputError
-from gspure.evaluation.comparison import Pair
+from gspure.evaluation.comparison import ImagePair
 from gspure.evaluation.metrics import gradient_correlation
 from gspure.evaluation.significance import detectability
 from gspure.images import read_image
@@ -60,7 +60,7 @@ def retrieval(similarities: Sequence[Float64]) -> Retrieval:
     )
 
 
-def false_candidates(pair: Pair, index: int, decoys: Sequence[Path]) -> list[Path]:
+def false_candidates(pair: ImagePair, index: int, decoys: Sequence[Path]) -> list[Path]:
     """Return a photograph of the scene, and a picture of every folder of decoys.
 
     It shows the pair's view; in a folder without a view of this name, `index`, the number of the view, selects one.
@@ -75,7 +75,7 @@ def false_candidates(pair: Pair, index: int, decoys: Sequence[Path]) -> list[Pat
     return pictures
 
 
-def compare_candidates(pair: Pair, files: Sequence[Path]) -> Float64:
+def compare_candidates(pair: ImagePair, files: Sequence[Path]) -> Float64:
     """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
 
     `pair` holds photograph and extraction of the message. The false candidates are the photograph mirrored, upside down

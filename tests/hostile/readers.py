@@ -618,10 +618,10 @@ READERS = (
         "key of Marked Clones",
         _clones_key,
         _read_clones_key,
-        {"marked_clones.npz": "npz", "carriers.npy": "npy"},
+        {"marked_clones.npz": "npz", "message_rows.npy": "npy"},
         TORCH,
     ),
-    Reader("key of the planted pair", _planted_key, PlantedKey.read, {"planted.npz": "npz", "carriers.npy": "npy"}),
+    Reader("key of the planted pair", _planted_key, PlantedKey.read, {"planted.npz": "npz", "message_rows.npy": "npy"}),
     Reader(
         "decoder of GS-Hider",
         _decoder,

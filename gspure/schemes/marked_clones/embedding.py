@@ -52,8 +52,8 @@ def embed(
         rows = uncertain_rows(model, views, cloned, rng, device)
         marking = Marking(model, rows, decoder, message, device)
         _run(marking.steps(views, message_weight, marking_steps, rng), marking_steps, f"{len(rows)} clones")
-    carriers = np.arange(len(model) + len(rows)) >= len(model)
-    return PublicModel(marking.model), ClonesKey(message, decoder, carriers)
+    message_rows = np.arange(len(model) + len(rows)) >= len(model)
+    return PublicModel(marking.model), ClonesKey(message, decoder, message_rows)
 
 
 def read_key(folder: Path) -> Key:

@@ -3,7 +3,7 @@
 ::
 
     <key>/marked_clones.npz   the bits and the decoder's weights
-    <key>/carriers.npy        the clones: bool [K], true in the rows of the public model that carry the bits
+    <key>/message_rows.npy    the clones: bool [K], true in the rows of the public model that carry the bits
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from gspure.artifacts import load_array, load_arrays, save_array, save_arrays
 from gspure.artifacts.arrays import Kind
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
-from gspure.evaluation.recall import CARRIERS
+from gspure.evaluation.recall import MESSAGE_ROWS
 from gspure.schemes.marked_clones.decoder import Decoder, untrained
 from gspure.schemes.scheme import Key
 from gspure.training.pytorch import single_threaded, torch
@@ -28,10 +28,10 @@ _FILE: Final = "marked_clones.npz"
 class ClonesKey(Key):
     """The bits [N], the decoder that reads them, and the rows [K] that are clones."""
 
-    def __init__(self, bits: Bools, decoder: Decoder, carriers: Bools) -> None:
+    def __init__(self, bits: Bools, decoder: Decoder, message_rows: Bools) -> None:
         self.bits = bits
         self.decoder = decoder
-        self.carriers = carriers
+        self.message_rows = message_rows
 
     def read_bits(self, image: Float32) -> Bools:
         """Return the bits [N] that an image [H,W,3] shows."""
@@ -43,13 +43,13 @@ class ClonesKey(Key):
     def wrong(self, rng: np.random.Generator) -> ClonesKey:
         """Return an untrained decoder and other bits."""
         decoder = untrained(len(self.bits), int(rng.integers(1 << 31)))
-        return ClonesKey(rng.random(len(self.bits)) < 0.5, decoder, rng.permutation(self.carriers))
+        return ClonesKey(rng.random(len(self.bits)) < 0.5, decoder, rng.permutation(self.message_rows))
 
     def write(self, folder: Path) -> None:
         """Write both files."""
         weights = {name: tensor.numpy() for name, tensor in self.decoder.state_dict().items()}
         save_arrays(folder / _FILE, {"bits": self.bits} | weights)
-        save_array(folder / CARRIERS, self.carriers)
+        save_array(folder / MESSAGE_ROWS, self.message_rows)
 
     @staticmethod
     def read(folder: Path) -> ClonesKey:
@@ -71,5 +71,5 @@ class ClonesKey(Key):
                 raise InputError(path, name, expected=f"{len(bits)} rows, one per bit", found=str(len(arrays[name])))
         decoder = untrained(len(bits), 0)
         decoder.load_state_dict({name: torch.from_numpy(array) for name, array in arrays.items()})
-        carriers = load_array(Path(folder) / CARRIERS, dtype=np.bool_, shape=(None,))
-        return ClonesKey(bits, decoder, carriers)
+        message_rows = load_array(Path(folder) / MESSAGE_ROWS, dtype=np.bool_, shape=(None,))
+        return ClonesKey(bits, decoder, message_rows)

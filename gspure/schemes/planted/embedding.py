@@ -2,8 +2,8 @@
 
 This is a fixture with known ground truth, not a published scheme: nothing is trained, and the Gaussians of both scenes
 tile the surfaces of a ray-traced pair. What makes real models hard to purify is imitated: scene Gaussians that
-contribute little (`gspure.scenes.population`), carriers that still touch pixels, and Gaussians that serve scene and
-message at once where their surfaces coincide.
+contribute little (`gspure.scenes.population`), rows of the message that still touch pixels, and Gaussians that serve
+scene and message at once where their surfaces coincide.
 """
 
 from dataclasses import replace
@@ -59,7 +59,7 @@ def _mixed(shown: Surfels, opacities: Float64, hidden: Surfels, rng: np.random.G
     """Return the public model, in random order, and the row [M] in it that carries each hidden surfel."""
     serves = _serves(shown, hidden)
     separate = np.flatnonzero(serves < 0)
-    # only opacity distinguishes carriers: they have the scene's colours
+    # only opacity distinguishes the message's rows: they have the scene's colours
     disguised = replace(hidden[separate], colours=shown.colours[rng.integers(len(shown), size=len(separate))])
     surfels = Surfels.joined(shown, disguised)
     model = _gaussians(surfels, np.concatenate([opacities, log_even(HIDDEN, len(separate), rng)]), rng)
@@ -103,10 +103,10 @@ def _gaussians(surfels: Surfels, opacities: Float64, rng: np.random.Generator) -
 
 def _key(public: Gaussians, rows: Indices, opacities: Float64, colours: Float64) -> PlantedKey:
     order = np.argsort(rows)
-    carriers = np.zeros(len(public), np.bool_)
-    carriers[rows] = True
+    message_rows = np.zeros(len(public), np.bool_)
+    message_rows[rows] = True
     return PlantedKey(
-        carriers, public.means, opacity=logit(opacities[order]), f_dc=_dc(colours[order]).astype(np.float32)
+        message_rows, public.means, opacity=logit(opacities[order]), f_dc=_dc(colours[order]).astype(np.float32)
     )
 
 

@@ -2,8 +2,8 @@
 
 ::
 
-    <key>/planted.npz     positions of all rows of the public model; private opacity and colour of those that carry
-    <key>/carriers.npy    the rows that carry the message
+    <key>/planted.npz         positions of all rows of the public model; private opacity and colour of those that carry
+    <key>/message_rows.npy    the rows that carry the message
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
-from gspure.evaluation.recall import CARRIERS
+from gspure.evaluation.recall import MESSAGE_ROWS
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel, RenderView, Rows
@@ -38,12 +38,12 @@ _ARRAYS: Final[dict[str, Kind]] = {
 class PlantedKey(Key):
     """What is private of the M rows that carry a message.
 
-    `carriers` [K] is true where a row of the public model carries the message, and `positions` [K,3] are the centres of
-    all rows, by which carriers are found again in an attacked model. `opacity` [M] is the private logit, `f_dc` [M,3]
-    the private zeroth spherical-harmonic coefficient.
+    `message_rows` [K] is true where a row of the public model carries the message, and `positions` [K,3] are the
+    centres of all rows, by which an attacked model is matched. `opacity` [M] is the private logit, `f_dc` [M,3] the
+    private zeroth spherical-harmonic coefficient.
     """
 
-    carriers: Bools
+    message_rows: Bools
     positions: Float32
     opacity: Float32
     f_dc: Float32
@@ -54,17 +54,17 @@ class PlantedKey(Key):
         return renderer.image
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the surviving carriers with their private opacity and colour, and their rows."""
+        """Return the surviving rows of the message with their private opacity and colour, and their rows."""
         return self._revealed(public)
 
     def wrong(self, rng: np.random.Generator) -> PlantedKey:
         """Return a key to as many other rows, drawn from all, with the private values in another order."""
         order = rng.permutation(len(self.opacity))
-        return PlantedKey(rng.permutation(self.carriers), self.positions, self.opacity[order], self.f_dc[order])
+        return PlantedKey(rng.permutation(self.message_rows), self.positions, self.opacity[order], self.f_dc[order])
 
     def write(self, folder: Path) -> None:
         """Write both files."""
-        save_array(folder / CARRIERS, self.carriers)
+        save_array(folder / MESSAGE_ROWS, self.message_rows)
         save_arrays(folder / _FILE, {name: getattr(self, name) for name in _ARRAYS})
 
     @staticmethod
@@ -76,12 +76,12 @@ class PlantedKey(Key):
         """
         path = Path(folder) / _FILE
         arrays = load_arrays(path, _ARRAYS, "a key to a planted message")
-        carriers = load_array(Path(folder) / CARRIERS, dtype=np.bool_, shape=(len(arrays["positions"]),))
+        message_rows = load_array(Path(folder) / MESSAGE_ROWS, dtype=np.bool_, shape=(len(arrays["positions"]),))
         for name in ("opacity", "f_dc"):
-            if len(arrays[name]) != carriers.sum():
-                expected = f"{carriers.sum()} entries, one per row that carries the message"
+            if len(arrays[name]) != message_rows.sum():
+                expected = f"{message_rows.sum()} entries, one per row that carries the message"
                 raise InputError(path, name, expected=expected, found=str(len(arrays[name])))
-        return PlantedKey(carriers, **{name: arrays[name] for name in _ARRAYS})
+        return PlantedKey(message_rows, **{name: arrays[name] for name in _ARRAYS})
 
     def _revealed(self, public: PublicModel) -> tuple[Gaussians, Rows]:
         """Return the message that a model still holds, and its rows there.
@@ -91,7 +91,7 @@ class PlantedKey(Key):
         """
         if public.model.sh_degree < 0:
             raise InputError("public model", "f_dc_0", expected="spherical-harmonic colour", found="none")
-        known = {position.tobytes(): i for i, position in enumerate(self.positions[self.carriers])}
+        known = {position.tobytes(): i for i, position in enumerate(self.positions[self.message_rows])}
         places = np.array([known.get(position.tobytes(), -1) for position in public.model.means], np.intp)
         rows = np.flatnonzero(places >= 0)
         survivors, places = public.model[places >= 0], places[rows]
