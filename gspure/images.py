@@ -25,14 +25,9 @@ if TYPE_CHECKING:
 FORMATS: Final = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
 """What photographs come in. Pillow knows more formats, some of which start other programs."""
 
-MOST_PIXELS: Final = 1 << 27
-"""A compressed file of any size may claim any number of pixels; no camera takes as many. Ours."""
-
-RENDERED: Final = "rendered.json"
-"""Record of the images that a folder has to hold, and of how they were rendered."""
-
-_LARGEST: Final = 1e100
-"""Numbers of cameras are smaller, so that squares are finite."""
+MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes as many; ours
+RENDERED: Final = "rendered.json"  # record of the images that a folder has to hold, and of how they were rendered
+_LARGEST: Final = 1e100  # numbers of cameras are smaller, so that squares are finite
 
 _STDERR: Final = 2
 

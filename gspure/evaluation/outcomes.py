@@ -24,11 +24,8 @@ from gspure.evaluation.recall import recall
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
 
-UNATTACKED: Final = "unattacked"
-"""The variant without an attack: drops are relative to it."""
-
-GSPURE: Final = "gspure"
-"""The variant of the paper's attack, and the name of the sweep over its pruning factors."""
+UNATTACKED: Final = "unattacked"  # the variant without an attack: drops are relative to it
+GSPURE: Final = "gspure"  # the variant of the paper's attack, and the name of the sweep over its pruning factors
 
 SCENE, MESSAGE, BITS = "scene", "message", "bits"
 
@@ -37,11 +34,8 @@ class Condition(NamedTuple):
     """What outcomes have in common that are averaged over scenes, and compared with each other."""
 
     scheme: str
-    protocol: str = ""
-    """Poses of the message's views, ``shared`` or ``own``; empty for models of no pair."""
-
-    initialization: str = ""
-    """Whose points training starts from, ``both`` or ``scene``; empty for models of no pair."""
+    protocol: str = ""  # poses of the message's views, `shared` or `own`; empty for models of no pair
+    initialization: str = ""  # whose points training starts from, `both` or `scene`; empty for models of no pair
 
     @property
     def key(self) -> str:
@@ -70,45 +64,20 @@ class Outcome:
     pruned_share: float = math.nan
     precision: float = math.nan
     recall: float = math.nan
-    reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
-    """The same means for the variant `UNATTACKED`."""
-
-    reached: Mapping[str, bool] = field(default_factory=dict)
-    """For each extraction of the message, whether the attack changed its carrier; empty if unknown."""
-
-    strength: str = ""
-    """The attack's strength, ``fraction=0.25``; empty if it has none."""
-
-    failure: str = ""
-    """Why there are no metrics; empty if there are."""
-
-    off_path: Mapping[str, ViewMetrics] = field(default_factory=dict)
-    """The means of `targets` over views off the camera path; empty if there are none."""
-
-    off_path_reference: Mapping[str, ViewMetrics] = field(default_factory=dict)
-    """The same means for the variant `UNATTACKED`."""
-
-    identical: Mapping[str, int] = field(default_factory=dict)
-    """The number of `views` on the camera path with infinite PSNR, which are not in the mean unless all are."""
-
-    retrieval: Mapping[str, Retrieval] = field(default_factory=dict)
-    """For each extraction of the message, how well it is retrieved; empty if unknown."""
-
-    detections: Mapping[str, Detection] = field(default_factory=dict)
-    """For each detector, what it reads from the renders of the scene."""
-
-    detections_before: Mapping[str, Detection] = field(default_factory=dict)
-    """The same for the variant `UNATTACKED`."""
-
-    undetected: Mapping[str, str] = field(default_factory=dict)
-    """For each detector that failed, why."""
-
-    seed: int = 0
-    """Number of the repetition on the same scene, each with its own random seeds."""
-
+    reference: Mapping[str, ViewMetrics] = field(default_factory=dict)  # the same of the variant `UNATTACKED`
+    reached: Mapping[str, bool] = field(default_factory=dict)  # by extraction: whether the attack changed its carrier
+    strength: str = ""  # the attack's strength, `fraction=0.25`; empty if it has none
+    failure: str = ""  # why there are no metrics; empty if there are
+    off_path: Mapping[str, ViewMetrics] = field(default_factory=dict)  # `targets` over views off the camera path
+    off_path_reference: Mapping[str, ViewMetrics] = field(default_factory=dict)  # the same of `UNATTACKED`
+    identical: Mapping[str, int] = field(default_factory=dict)  # views of infinite PSNR, in no mean unless all are
+    retrieval: Mapping[str, Retrieval] = field(default_factory=dict)  # by extraction of the message
+    detections: Mapping[str, Detection] = field(default_factory=dict)  # by detector, of renders of the scene
+    detections_before: Mapping[str, Detection] = field(default_factory=dict)  # the same for the variant `UNATTACKED`
+    undetected: Mapping[str, str] = field(default_factory=dict)  # for each detector that failed, why
+    seed: int = 0  # number of the repetition on the same scene, each with its own random seeds
     protocol: str = ""
-    initialization: str = ""
-    """See `Condition`."""
+    initialization: str = ""  # like `protocol`, see `Condition`
 
     @property
     def condition(self) -> Condition:

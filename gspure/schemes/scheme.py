@@ -25,14 +25,10 @@ from gspure.schemes.pair import Pair
 from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
 
 Setting = float | int | str
-MESSAGE: Final = "message"
-"""The extraction that every scheme has."""
 
-ADAPTIVE: Final = "message_adaptive"
-"""The extraction of an owner who adapts to the attack."""
-
-REQUIRED: Final = frozenset({"message_weight"})
-"""Settings that every scheme has: the message's share in its loss, 0 to hide nothing."""
+MESSAGE: Final = "message"  # the extraction that every scheme has
+ADAPTIVE: Final = "message_adaptive"  # the extraction of an owner who adapts to the attack
+REQUIRED: Final = frozenset({"message_weight"})  # of every scheme: the message's share in its loss, 0 to hide nothing
 
 RANGES: Final = {
     "iterations": (1, math.inf),
@@ -41,8 +37,7 @@ RANGES: Final = {
 }
 """Least and largest value of settings that several schemes have."""
 
-PYTORCH: Final = {"torch": "gspure[torch]"}
-"""The package that schemes with networks import."""
+PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
 
 
 class Key(ABC):
@@ -52,8 +47,7 @@ class Key(ABC):
     def write(self, folder: Path) -> None:
         """Write the key's files."""
 
-    bits: Bools = np.zeros(0, np.bool_)
-    """The message [N] of a scheme that hides bits."""
+    bits: Bools = np.zeros(0, np.bool_)  # the message [N] of a scheme that hides bits
 
     def read_bits(self, image: Float32) -> Bools:  # noqa: ARG002
         """Return the bits [N] that an image [H,W,3] of the scene shows, 0 to 1."""

@@ -19,11 +19,8 @@ from gspure.training.monitor import watched
 if TYPE_CHECKING:
     from gspure.schemes.gs_hider.training import Training
 
-ITERATIONS: Final = 2_000
-"""Ours, for small views; the authors take 50 000 for large ones."""
-
-MESSAGE_WEIGHT: Final = 0.5
-"""lambda, the authors' for a hidden scene."""
+ITERATIONS: Final = 2_000  # ours, for small views; the authors take 50 000 for large ones
+MESSAGE_WEIGHT: Final = 0.5  # lambda, the authors' for a hidden scene
 
 
 def embed(

@@ -21,8 +21,7 @@ from gspure.training.pytorch import single_threaded, torch
 from gspure.training.schedule import Schedule
 from gspure.training.trainer import densified
 
-DECODER_RATE: Final = 1e-3
-"""The authors', constant over 50 000 iterations. Adam's other settings are its defaults."""
+DECODER_RATE: Final = 1e-3  # the authors', constant over 50 000 iterations; Adam's other settings are its defaults
 
 
 class Training:

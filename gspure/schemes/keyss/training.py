@@ -20,8 +20,7 @@ from gspure.training.schedule import Schedule
 from gspure.training.torch_bridge import TorchRenderer
 from gspure.training.trainer import densified
 
-WRONG_WEIGHT: Final = 0.02
-"""Weight of the loss on offsets with a wrong key: the authors' 0.01 / 0.5, since the scene's weight is 1."""
+WRONG_WEIGHT: Final = 0.02  # of the loss with a wrong key: the authors' 0.01 / 0.5, since the scene's weight is 1
 
 _SIZES: Final = (3, 4, 3, 1, 3, 45)
 """Lengths of the parts of a row: position, quaternion, log-scale, opacity logit, base colour, higher harmonics."""

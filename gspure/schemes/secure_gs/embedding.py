@@ -29,17 +29,13 @@ if TYPE_CHECKING:
     from gspure.schemes.secure_gs.training import Training
 
 
-FEAT_DIM: Final = 32
-K: Final = 10
-"""Length of a feature and Gaussians per anchor (Scaffold-GS)."""
-
-FIRST_SHARE: Final = 0.5
-"""Largest number of initial anchors, as a share of `max_anchors`. Ours."""
+FEAT_DIM: Final = 32  # length of a feature (Scaffold-GS)
+K: Final = 10  # Gaussians per anchor (Scaffold-GS)
+FIRST_SHARE: Final = 0.5  # largest number of initial anchors, as a share of `max_anchors`; ours
 
 LEAST_ANCHORS: Final = math.ceil(LEAST_POINTS / FIRST_SHARE)
 
-VOXEL_GROWTH: Final = 1.1
-"""Factor by which voxels grow until few enough are occupied. Ours."""
+VOXEL_GROWTH: Final = 1.1  # factor by which voxels grow until few enough are occupied; ours
 
 
 def embed(

@@ -21,8 +21,7 @@ from gspure.schemes.secure_gs.visibility import visible_rows
 VISIBLE_SHARE: Final = 0.8
 """Least share of the views between two adjustments in which an anchor must be visible to be pruned (Scaffold-GS)."""
 
-OPACITY_MIN: Final = 0.005
-"""Anchors whose Gaussians' opacities have a lower sum, averaged over the views, are pruned (Scaffold-GS)."""
+OPACITY_MIN: Final = 0.005  # anchors with a lower sum of opacities, averaged over the views, are pruned (Scaffold-GS)
 
 
 class Training:

@@ -25,11 +25,8 @@ from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
 from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 
-OPACITY_THRESHOLD: Final = 0.25
-"""tau of the paper: the key holds the Gaussians whose opacity in the message is higher."""
-
-REFINED: Final = 0.2
-"""Iterations with the mapped opacities, as a share of those of the joint training. Ours."""
+OPACITY_THRESHOLD: Final = 0.25  # tau of the paper: the key holds the Gaussians whose opacity in the message is higher
+REFINED: Final = 0.2  # iterations with the mapped opacities, as a share of those of the joint training; ours
 
 
 def embed(

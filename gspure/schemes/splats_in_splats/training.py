@@ -19,11 +19,8 @@ from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import as_gaussians
 from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, Schedule, shuffled
 
-REFINING: Final = LearningRates(0.0, 0.0, 0.0, 0.0, SH_DC_RATE, SH_REST_RATE)
-"""Rates of `refine`: colours only."""
-
-HELD_EVERY: Final = 10
-"""Interval of the resets that keep the message off low rows, in iterations. Ours."""
+REFINING: Final = LearningRates(0.0, 0.0, 0.0, 0.0, SH_DC_RATE, SH_REST_RATE)  # rates of `refine`: colours only
+HELD_EVERY: Final = 10  # interval of the resets that keep the message off low rows, in iterations; ours
 
 
 class TwinTrainer:
