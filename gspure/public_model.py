@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import embedding_of, filling
+from gspure.artifacts import filling
 from gspure.cameras.camera import Camera, spread
 from gspure.dtypes import Float32, Indices
 from gspure.errors import InputError
@@ -115,33 +115,31 @@ class PublicModel:
         return cls(read_model(path))
 
     def write(self, path: Path) -> list[Path]:
-        """Write the .ply and the networks beside it, unless they are there with a record; return what was written."""
-        network = path.parent / self.network_name
-        is_recorded = network.is_file() and embedding_of(network) != ""
-        is_there = not self.network_name or (is_recorded and self.is_network(network))
+        """Write the .ply and the networks beside it, unless they are there; return what was written."""
+        names = [] if self.has_networks(path.parent) else [*filter(None, [self.network_name])]
         with filling(path.parent) as folder:
             write_model(folder / path.name, self.model)
-            if not is_there:
-                self.write_network(folder)
-        return [path] if is_there else [path, network]
+            if names:
+                self.write_networks(folder)
+        return [path, *map(path.with_name, names)]
 
     def require_place(self, path: Path) -> None:
         """Raise `InputError` if `write` would replace the networks of other models in the folder of `path`."""
-        others, network = {*path.parent.glob("*.ply")} - {path}, path.parent / self.network_name
-        if others and network.is_file() and not self.is_network(network):
-            found, hint = f"that of {min(others).name}", "name another folder"
-            raise InputError(network, "network", expected="none of another model", found=found, hint=hint)
+        others = {*path.parent.glob("*.ply")} - {path}
+        if others and self.has_networks(path.parent) is False:
+            found, hint = f"those of {min(others).name}", "name another folder"
+            raise InputError(path.parent, "networks", expected="none of another model", found=found, hint=hint)
 
     @property
     def network_name(self) -> str:
         """Name of the file of networks beside the .ply; empty if there is none."""
         return ""
 
-    def is_network(self, file: Path) -> bool:  # noqa: ARG002
-        """Return whether a file holds the networks of this model."""
-        return False
+    def has_networks(self, folder: Path) -> bool | None:  # noqa: ARG002
+        """Return whether the networks in a folder are those of this model; None if there are none."""
+        return None
 
-    def write_network(self, folder: Path) -> None:
+    def write_networks(self, folder: Path) -> None:
         """Write the networks to a folder."""
 
     def with_model(self, model: Gaussians) -> Self:

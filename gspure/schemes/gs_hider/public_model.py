@@ -56,11 +56,13 @@ class FeatureModel(PublicModel):
         """Name of the decoder's file; empty without one."""
         return self.decoder.source.name if self.decoder else ""
 
-    def is_network(self, file: Path) -> bool:
-        """Return whether a file is that of the decoder."""
-        return self.decoder is not None and file.read_bytes() == self.decoder.content
+    def has_networks(self, folder: Path) -> bool | None:
+        """Return whether the decoder in a folder is that of this model; None if there is none of its name."""
+        if not (self.decoder and (file := folder / self.network_name).is_file()):
+            return None
+        return file.read_bytes() == self.decoder.content
 
-    def write_network(self, folder: Path) -> None:
+    def write_networks(self, folder: Path) -> None:
         """Write the decoder, if there is one."""
         if self.decoder:
             self.decoder.write(folder)

@@ -32,6 +32,11 @@ HIDDEN: Final = "securegs_hidden.npz"
 _APPEARANCE: Final = ("appearance", "embedding_appearance")
 
 
+def network_files(folder: Path) -> list[Path]:
+    """Return the files of the public networks in a folder that `read_networks` prefers."""
+    return [path for path in (folder / UNITED,) if path.is_file()] or sorted(folder.glob("*_mlp.pt"))
+
+
 def read_networks(folder: Path) -> Loaded:
     """Read the public networks in a folder.
 

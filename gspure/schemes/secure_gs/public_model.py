@@ -21,7 +21,7 @@ from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
 from gspure.renderer import Renderer
 from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors, table_of
-from gspure.schemes.secure_gs.files import UNITED, read_networks, write_networks
+from gspure.schemes.secure_gs.files import UNITED, network_files, read_networks, write_networks
 from gspure.schemes.secure_gs.networks import Networks, require_networks
 from gspure.schemes.secure_gs.neural import Neural, as_gaussians, neural
 from gspure.schemes.secure_gs.visibility import visible_rows
@@ -69,8 +69,7 @@ class AnchorModel(PublicModel):
         file = model_file(Path(path))
         rows = read_model(file)
         require_anchors(file, rows)
-        united = [path for path in (file.parent / UNITED,) if path.is_file()]
-        require_embedding(embedding_of(file), *(united or file.parent.glob("*_mlp.pt")))
+        require_embedding(embedding_of(file), *network_files(file.parent))
         public = cls(rows, read_networks(file.parent))
         require_networks(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
         return public
@@ -80,13 +79,13 @@ class AnchorModel(PublicModel):
         """Name of the file of networks."""
         return UNITED
 
-    def is_network(self, file: Path) -> bool:
-        """Return whether a file holds these networks; a corrupt one does not."""
+    def has_networks(self, folder: Path) -> bool | None:
+        """Return whether the networks in a folder are these, and not corrupt; None if there are none."""
         with suppress(InputError):
-            return AnchorModel(self.model, read_networks(file.parent)).geometry_digest() == self.geometry_digest()
-        return False
+            return AnchorModel(self.model, read_networks(folder)).geometry_digest() == self.geometry_digest()
+        return False if network_files(folder) else None
 
-    def write_network(self, folder: Path) -> None:
+    def write_networks(self, folder: Path) -> None:
         """Write the networks."""
         write_networks(folder, self.networks)
 
