@@ -50,6 +50,7 @@ class Lesson(NamedTuple):
 
     rate_factor: float = 1.0
     device: Device | None = None
+    background: Background = BLACK
 
     def rates(self, rates: Mapping[str, float]) -> dict[str, float]:
         """Return the learning rates of the attributes to learn."""
@@ -178,7 +179,7 @@ class PublicModel:
                 factor * rates.get(name, 0.0) for name in ("position", "rotation", "scale", "opacity", "colour")
             )
             step = LearningRates(means * reach, quats, scales, opacities, colours, colours / 20)
-            trainable.step(lesson.views[view], view, step)
+            trainable.step(lesson.views[view], view, step, background=lesson.background)
         return self._with_attributes(Gaussians.from_stored(**vars(trainable.state().parameters)), rates)
 
     def _with_attributes(self, model: Gaussians, attributes: Collection[str]) -> Self:

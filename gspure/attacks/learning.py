@@ -39,20 +39,22 @@ class Teacher:
 
     def __init__(self, attack: str, public: PublicModel, cameras: Sequence[Camera], device: Device | None) -> None:
         self.attack, self.public, self.cameras, self.device = attack, public, cameras, device
+        self.background = public.model.background
 
     @cached_property
     def images(self) -> list[Float32]:
         """Its renders, as 8-bit images show them."""
         if not self.cameras:
             raise InputError(f"attack {self.attack}", "cameras", expected="public views", found="none")
-        scene = self.public.scene(self.device)
+        scene = self.public.scene(self.device, self.background)
         return [read_back(scene(camera)) for camera in track(self.cameras, "renders to learn")]
 
     def train(self, student: PublicModel, rng: Rng, iterations: int, learn: str, rate_factor: float = 1.0) -> Gaussians:
         """Return the rows of `student` after training the attributes that `learn` names."""
         require(self.attack, "iterations", iterations, "at least 1", fits=iterations >= 1)
         require(self.attack, "learn", learn, f"one of {', '.join(LEARNED)}", fits=learn in LEARNED)
-        lesson = Lesson(self.cameras, self.images, LEARNED[learn], iterations, rng, rate_factor, self.device)
+        learned = (LEARNED[learn], iterations, rng, rate_factor, self.device, self.background)
+        lesson = Lesson(self.cameras, self.images, *learned)
         return student.learned(lesson).model
 
 
@@ -162,6 +164,7 @@ def distil(
         extent=extent(cameras),
         max_gaussians=len(model),
         device=device,
+        background=model.background,
     ).with_comment("vanilla 3DGS distilled from a public model")
     return Attacked(distilled, np.full(len(distilled), -1), len(model))
 

@@ -104,11 +104,13 @@ def train(
     extent: float,
     max_gaussians: int,
     device: Device | None,
+    background: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Gaussians:
     """Return a 3DGS model trained on images of views; the other parameters are those of `gspure train`."""
     model = TrainableModel(begin.state, device=device)
     model.set_targets(images)
-    trainer = Trainer(model, views, Schedule.scaled(iterations), begin, extent=extent, max_gaussians=max_gaussians)
+    schedule = Schedule.scaled(iterations)
+    trainer = Trainer(model, views, schedule, begin, extent=extent, background=background, max_gaussians=max_gaussians)
     for _ in watched(trainer, iterations, lambda: f"{model.count} Gaussians"):
         pass
     return as_gaussians(model.state().parameters)

@@ -95,11 +95,11 @@ class FeatureModel(PublicModel):
         raw, renderer = self.model.columns(*FEATURES).copy(), Renderer(self.model, lesson.device)
         photographs = Photographs(lesson.images, lesson.device)
         first, second = np.zeros_like(raw), np.zeros_like(raw)
-        rate = lesson.rates(self.rates).get("colour", 0.0)
+        rate, background = lesson.rates(self.rates).get("colour", 0.0), [lesson.background[0]] * CHANNELS
         with single_threaded():
             for number, (view, factor) in enumerate(lesson.schedule(), start=1):
                 features = sigmoid(raw)
-                feature_map, pull_back = renderer.vjp(lesson.views[view], features)
+                feature_map, pull_back = renderer.vjp(lesson.views[view], features, background)
                 _, gradient = differentiated(decoder, feature_map, photographs, view)
                 gradient = pull_back(gradient).channels * features * (1 - features)
                 adam_step(raw, first, second, gradient, factor * rate, number)

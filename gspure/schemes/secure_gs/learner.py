@@ -53,7 +53,13 @@ class Learner:
         return {n: {p: t.detach().numpy().copy() for p, t in net.items()} for n, net in self._branches[branch].items()}
 
     def differentiate(
-        self, branch: int, camera: Camera, rows: Indices, view: int, weight: float
+        self,
+        branch: int,
+        camera: Camera,
+        rows: Indices,
+        view: int,
+        weight: float,
+        background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> tuple[float, Neural, Float32]:
         """Add the gradients of a branch's loss, times its weight, to those of all parameters.
 
@@ -65,7 +71,7 @@ class Learner:
         gaussians = neural(torch, anchors, self._branches[branch], centre)
         gaussians.means.retain_grad()
         geometry = (gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities)
-        image = self._render(camera, *geometry, features=gaussians.colors)
+        image = self._render(camera, *geometry, features=gaussians.colors, background=background)
         volume = gaussians.scales.prod(dim=1).sum() / max(len(gaussians.scales), 1)
         loss, gradient = self._photographs[branch].compare(view, image.detach().numpy())
         torch.autograd.backward(

@@ -127,7 +127,7 @@ class AnchorModel(PublicModel):
             for view, factor in lesson.schedule():
                 scales = np.exp(learner.anchors.log_scalings[:, :3])
                 rows = visible_rows(lesson.views[view], self.model.means, self.model.quats, scales)
-                learner.differentiate(0, lesson.views[view], rows, view, 1.0)
+                learner.differentiate(0, lesson.views[view], rows, view, 1.0, lesson.background)
                 learner.step(fixed | {name: factor * rate for name, rate in rates.items()})
         return learner
 
