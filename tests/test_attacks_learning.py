@@ -14,8 +14,9 @@ from gspure.attacks.strength import scene_damage
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
+from gspure.images import read_back
 from gspure.method.pruning import plain_prune_mask
-from gspure.model import read_model, write_model
+from gspure.model import Gaussians, read_model, write_model
 from gspure.opencl.trainable import TrainableModel
 from gspure.public_model import PublicModel
 from tests.attack_cases import changed, public
@@ -47,6 +48,24 @@ def test_the_same_arguments_give_the_same_bytes_and_change_the_model(name: str) 
 @pytest.mark.parametrize("name", NAMES)
 def test_damage_needs_no_photographs_key_or_message(name: str) -> None:
     assert find_attack(name).parameters <= {"public", "cameras", "device", "weights", "labels"}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_attack_renders_and_trains_on_the_background_of_the_model(name: str, monkeypatch) -> None:
+    white, images, backgrounds = (1.0, 1.0, 1.0), [], []
+    model, step = PublicModel(blobs(ROWS).with_background(white)), TrainableModel.step
+    set_targets = TrainableModel.set_targets
+
+    def stepped(self, *view, background=(0.0, 0.0, 0.0), **settings):
+        backgrounds.append(background)
+        return step(self, *view, background=background, **settings)
+
+    monkeypatch.setattr(TrainableModel, "step", stepped)
+    monkeypatch.setattr(TrainableModel, "set_targets", lambda self, of: (images.extend(of), set_targets(self, of)))
+    evidence = Evidence(WEIGHTS, labels=LABELS) if find_attack(name).needs else Evidence()
+    find_attack(name).apply(model, evidence, cameras=VIEWS, iterations=2)
+    assert {*backgrounds} == {white}
+    np.testing.assert_array_equal(images[0], read_back(model.scene(background=white)(VIEWS[0])))
 
 
 def test_an_attack_gets_cameras_without_their_photographs() -> None:
@@ -95,6 +114,14 @@ def test_reestimate_changes_all_colours_and_keeps_the_rest_and_the_scene() -> No
     zeros = PublicModel(before.with_columns(dict.fromkeys(colours, np.zeros(ROWS, np.float32))))
     damage_of = scene_damage(PublicModel(before), VIEWS)
     assert damage_of(PublicModel(attacked.model)) < 0.5 * damage_of(zeros)
+
+
+def test_a_model_with_further_columns_is_distilled() -> None:
+    table = np.zeros(ROWS, [*blobs(ROWS).table.dtype.descr, ("further", "<f4")])
+    for name in blobs(ROWS).table.dtype.names:
+        table[name] = blobs(ROWS).table[name]
+    attacked = find_attack("distil").apply(PublicModel(Gaussians(table)), Evidence(), cameras=VIEWS, iterations=2)
+    assert len(attacked.model)
 
 
 def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
