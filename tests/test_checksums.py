@@ -87,6 +87,16 @@ def test_a_folder_that_moves_keeps_its_checksums_and_a_file_copied_alone_has_non
     assert len(KINDS["weights.npy"][1](tmp_path / "mine.npy")) == 50
 
 
+def test_a_link_to_a_file_has_its_record_until_it_is_replaced(tmp_path: Path) -> None:
+    path = written(tmp_path, "weights.npy")
+    link = tmp_path / "link.npy"
+    link.symlink_to(path.name)
+    assert record_of(link) == record_of(path) is not None
+    save_array(link, np.arange(9.0))
+    assert record_of(link) is None
+    assert intact(path)
+
+
 def test_a_writer_that_is_killed_leaves_no_checksum_of_another_file(tmp_path: Path) -> None:
     path, read = written(tmp_path, "weights.npy"), KINDS["weights.npy"][1]
     save_array(path, np.arange(9.0))  # and killed before it writes the provenance

@@ -58,9 +58,11 @@ def record_file(path: Path) -> Path:
 def record_of(path: Path) -> dict[str, Any] | None:
     """Return the record of a file, with its name (`artifact`), `bytes`, `crc32` and origin, if known; None without one.
 
-    Raise `InputError` if the record is corrupt.
+    A symbolic link without one has that of its target. Raise `InputError` if the record is corrupt.
     """
     file = record_file(path)
+    if not file.is_file():
+        file = record_file(Path(path).resolve()) if Path(path).is_symlink() else file
     if not file.is_file():
         return None
     with reading(file, "a checksum, as JSON"):
