@@ -226,6 +226,7 @@ def test_networks_of_a_model_in_the_form_of_others_stay_as_they_are(tmp_path):
         archive.comment = b"of another writer"
     before = network.read_bytes()
     assert main(["attack", "random_pruning", "--model", str(model), "--out", str(tmp_path / "attacked.ply")]) == 0
+    assert main(["purify", str(model), "--cameras", "orbit", "--out", str(tmp_path)]) == 0
     assert network.read_bytes() == before
     assert not record_file(network).exists()
 

@@ -120,7 +120,7 @@ def run(args: Arguments) -> None:
     with filling(args.out) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train, args.repair, device)
-        files = models["purified"].write(folder / "purified.ply")
+        files = _write_model(models["purified"], folder, args.out)
         if writes_views:
             files.append(folder / "cameras.json")
             write_cameras(files[-1], [replace(camera, image=None) for camera in cameras])
@@ -142,6 +142,19 @@ def run(args: Arguments) -> None:
     if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
         print(small.line(len(public.model), cameras[0].width))
     print("\n".join([*_repair_lines(diagnosis), f"results in {args.out}", *(as_text(rows) if rows else []), *captions]))
+
+
+def _write_model(model: PublicModel, folder: Path, place: Path) -> list[Path]:
+    """Write a model to the folder of new results; leave out networks that their place has already."""
+    from gspure.artifacts.checksums import forget
+
+    path, *others = model.write(folder / "purified.ply")
+    if not model.has_networks(place):
+        return [path, *others]
+    network = folder / model.network_name
+    forget(network)
+    network.unlink()
+    return [path, *(other for other in others if other != network)]
 
 
 def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
