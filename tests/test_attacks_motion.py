@@ -184,7 +184,7 @@ def test_views_that_do_not_move_with_the_model_are_warned_of(tmp_path: Path, cap
         (f"rigid_transform {transform}", "model", "moved"),
         ("random_pruning", "moved", "moved_and_pruned"),
         ("rigid_transform --set angle=0", "model", "unmoved"),
-        ("reorder", "model", "reordered"),
+        ("reorder", "unmoved", "reordered"),
     ):
         assert main(["attack", *f"{attack} --model {tmp_path}/{model}.ply --out {tmp_path}/{out}.ply".split()]) == 0
 
@@ -206,6 +206,38 @@ def test_views_that_do_not_move_with_the_model_are_warned_of(tmp_path: Path, cap
         assert not warned(model, transformed=False)
         with pytest.raises(InputError, match="--transform: expected the motion"):
             warned(model, transformed=True)
+
+
+def test_the_motion_of_a_model_without_a_record_stays_unknown(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
+    files = f"--model {tmp_path}/model.ply --out {tmp_path}/out.ply"
+    assert main(["attack", "random_pruning", *files.split()]) == 0
+    assert motion_of(tmp_path / "out.ply") is None
+    save_array(tmp_path / "transform.npy", moved(blobs(1), 60.0).transform)
+    assert len(read_views(Arguments(tmp_path))) == 1
+
+
+def test_generated_views_follow_the_model_that_they_look_at(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    transform = f"--transform {tmp_path}/transform.npy"
+    assert (
+        main(f"attack rigid_transform {transform} --model {tmp_path}/model.ply --out {tmp_path}/out.ply".split()) == 0
+    )
+    model, orbit = f"{tmp_path}/out.ply", ["--count", "3", "--width", "32", "--height", "24"]
+    assert main(["cameras", "orbit", "--model", model, *orbit, "--out", f"{tmp_path}/cameras.json"]) == 0
+    assert main(["cameras", f"{tmp_path}/cameras.json", "--out", f"{tmp_path}/copied.json"]) == 0
+    assert main(["purify", model, "--cameras", "orbit", "--out", f"{tmp_path}/purified"]) == 0
+    assert main(["render", model, "--cameras", "orbit", "--out", f"{tmp_path}/renders"]) == 0
+    for name in ("cameras.json", "copied.json", "purified/cameras.json", "renders"):
+        args = Arguments(tmp_path)
+        args.cameras = tmp_path / name
+        capsys.readouterr()
+        with pytest.raises(InputError, match="--transform: expected the motion"):
+            read_views(args)
+        args.transform = None
+        read_views(args)
+        assert "an attack moved" not in capsys.readouterr().err
 
 
 class Arguments:

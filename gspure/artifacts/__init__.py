@@ -4,6 +4,7 @@ from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_ar
 from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
 from gspure.artifacts.files import filling, read_json, replacing, require_place, write_json, write_text
 from gspure.artifacts.provenance import (
+    UNMOVED,
     embedding_of,
     motion_of,
     recorded_inputs,
@@ -17,6 +18,7 @@ from gspure.artifacts.provenance import (
 )
 
 __all__ = [
+    "UNMOVED",
     "digest",
     "embedding_of",
     "file_digest",

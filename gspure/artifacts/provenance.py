@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from gspure.artifacts.files import write_json
 from gspure.errors import InputError, reading
 
 _RIGID_TOLERANCE = 1e-3
+
+
+UNMOVED: Final = np.eye(4)  # the motion of a model that no attack moved
 
 
 def write_record(
@@ -37,8 +40,8 @@ def write_record(
 
     `embedding` is common to the public model, the files beside it and the key that one run of `gspure embed` writes:
     the digest of the public model (`embedding_of`). By default, it is that of the input `model`. `motion` is
-    the rigid transform [4,4] by which attacks moved the model away from its cameras (`motion_of`). By default, it is
-    that of the input `model`.
+    the rigid transform [4,4] by which attacks moved a model away from its cameras, the identity if none did, or that of
+    the model that generated views look at (`motion_of`); None if it is unknown.
     """
     from gspure import __version__
 
@@ -58,8 +61,7 @@ def write_record(
     ancestors = {kind: digest for source in files.values() for kind, digest in _ancestors(source, geometry).items()}
     if "model" in files:
         embedding = embedding or embedding_of(files["model"])
-        motion = motion_of(files["model"]) if motion is None else motion
-    moved = motion.tolist() if motion is not None and not np.array_equal(motion, np.eye(4)) else None
+    moved = None if motion is None else motion.tolist()
     known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding, "motion": moved}
     record |= {name: value for name, value in known.items() if value}
     write_json(record_file(path), with_checksum(record))
@@ -116,11 +118,14 @@ def _embeddings(artifacts: Iterable[Path]) -> dict[Path, str]:
 
 
 def motion_of(artifact: Path) -> NDArray[np.float64] | None:
-    """Return the rigid transform [4,4] by which attacks moved a model away from its cameras; None without a record."""
-    if (record := record_of(artifact)) is None:
+    """Return the rigid transform [4,4] by which attacks moved a model away from its cameras; None if it is unknown.
+
+    That of generated views is the motion of the model that they look at.
+    """
+    if "motion" not in (record := record_of(artifact) or {}):
         return None
     with reading(record_file(artifact), "a rigid transform", "motion"):
-        motion = np.array(record.get("motion", np.eye(4)), np.float64).reshape(4, 4)
+        motion = np.array(record["motion"], np.float64).reshape(4, 4)
         error = np.abs(motion[:3, :3] @ motion[:3, :3].T - np.eye(3)).max()
         if not (error < _RIGID_TOLERANCE and np.isfinite(motion).all() and motion[3].tolist() == [0, 0, 0, 1]):
             raise ValueError(f"|R R^T - 1| = {error:.3g}")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from gspure.artifacts import (
+    UNMOVED,
     load_array,
     motion_of,
     require_kind,
@@ -143,7 +144,7 @@ def run(args: Arguments) -> None:
         save_array(args.removed, attacked.prune_mask)
     motion = _motion(args.model, attacked)
     if args.transform:
-        save_array(args.transform, motion)
+        save_array(args.transform, UNMOVED if motion is None else motion)
     if args.verdict:
         strength = f"{attack.strength.setting}={used[attack.strength.setting]:.4g}" if attack.strength else ""
         missed = f", {search.damage:z.2f} dB reached" if search and search.misses(args.damage) else ""
@@ -157,11 +158,15 @@ def run(args: Arguments) -> None:
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 
 
-def _motion(model: Path, attacked: Attacked) -> Float64:
-    """Return the rigid transform [4,4] from the cameras of the public model, over all attacks so far."""
+def _motion(model: Path, attacked: Attacked) -> Float64 | None:
+    """Return the rigid transform [4,4] from the cameras of the public model, over all attacks so far, if it is known.
+
+    A model without a record counts as unmoved where an attack moves it.
+    """
     earlier = motion_of(model_file(model))
-    last = np.eye(4) if attacked.transform is None else attacked.transform
-    return last if earlier is None else last @ earlier
+    if earlier is None or attacked.transform is None:
+        return attacked.transform if earlier is None else earlier
+    return attacked.transform @ earlier
 
 
 def _print_damage(args: Arguments, search: Match) -> None:

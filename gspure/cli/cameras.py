@@ -8,7 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import add_quiet, add_up, camera_source, read_source
+from gspure.cli.options import add_quiet, add_up, camera_source, motion_of_views, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
@@ -78,8 +78,8 @@ def run(args: Arguments) -> None:
     if args.off_path is not None:
         cameras = off_path_cameras(cameras, args.off_path)
     write_cameras(args.out, cameras)
-    inputs = {} if generated else {"source": args.source}
-    write_record(args.out, inputs=inputs, settings={"source": str(args.source), "scale": args.scale})
+    inputs, settings = {} if generated else {"source": args.source}, {"source": str(args.source), "scale": args.scale}
+    write_record(args.out, inputs=inputs, settings=settings, motion=motion_of_views(args.source, args.model))
     print("\n".join(_table(cameras)))
 
 

@@ -4,7 +4,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.artifacts import file_digest, filling, write_json, write_record
+from gspure.artifacts import UNMOVED, file_digest, filling, write_json, write_record
 from gspure.cli.options import add_device, described, parsed_settings, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
@@ -70,7 +70,7 @@ def run(args: Arguments) -> None:
             write_json(artifacts[-1], asdict(check) | {"readable": check.readable})
         inputs = {"cameras": args.pair / "cameras.json", "message": args.pair / "message" / RENDERED}
         for path in artifacts:
-            write_record(path, inputs=inputs, settings=used, embedding=embedding)
+            write_record(path, inputs=inputs, settings=used, embedding=embedding, motion=UNMOVED)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()

@@ -55,9 +55,9 @@ def run(args: Arguments) -> None:
     """Extract every view."""
     import numpy as np
 
-    from gspure.artifacts import embedding_of, filling, require_embedding
+    from gspure.artifacts import embedding_of, filling, require_embedding, write_record
     from gspure.cameras import write_cameras
-    from gspure.cli.options import read_device, read_key, read_views, unmoved
+    from gspure.cli.options import motion_of_views, read_device, read_key, read_views, unmoved
     from gspure.errors import InputError
     from gspure.images import levels, record_views, require_no_other_images, write_image
     from gspure.model import model_file
@@ -91,6 +91,8 @@ def run(args: Arguments) -> None:
         record_views(folder, unmoved(args, views))
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
+            motion = motion_of_views(args.cameras, args.model)
+            write_record(folder / "cameras.json", inputs={}, settings={}, motion=motion)
     if is_flat and args.wrong_key is None:
         warn("every extracted image is of one colour: the key does not fit the model, or an attack removed the message")
 

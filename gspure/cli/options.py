@@ -13,6 +13,7 @@ from gspure.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
+    from gspure.dtypes import Float64
     from gspure.evaluation.outcomes import Outcome
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
@@ -153,13 +154,10 @@ def add_up(parser: argparse._ActionsContainer) -> None:
 def read_source(source: Path | str, model: Path | None, *, moves: bool = False, **settings: Any) -> list[Camera]:
     """Read cameras, or generate them around a model; `settings` that are not None are those of generated views.
 
-    Warn if an attack moved the model, unless the caller `moves` the cameras.
+    Warn if an attack moved the model away from the cameras, unless the caller `moves` them.
     """
-    import numpy as np
-
-    from gspure.artifacts import motion_of
     from gspure.cameras import GENERATED, read_cameras
-    from gspure.model import model_file, read_model
+    from gspure.model import read_model
     from gspure.progress import warn
 
     settings = {name: value for name, value in settings.items() if value is not None}
@@ -167,14 +165,35 @@ def read_source(source: Path | str, model: Path | None, *, moves: bool = False, 
         if settings:
             found = f"a camera file and --{next(iter(settings))}"
             raise InputError(source, "source", expected="orbit or shells", found=found)
-        motion = motion_of(model_file(model)) if model and not moves else None
-        if motion is not None and not np.array_equal(motion, np.eye(4)):
-            warn(f"an attack moved {model}: the views of {source} show it only if they moved, too (--transform)")
+        if model and not moves and not _follow(source, model):
+            warn(f"an attack moved {model}: the views of {source} show it only if they moved, too")
         return read_cameras(source)
     if model is None:
         raise InputError(source, "--model", expected="the model to look at", found="nothing")
     rows = read_model(model)
     return GENERATED[source](rows, **settings)
+
+
+def _follow(cameras: Path, model: Path, transform: Float64 | None = None) -> bool:
+    """Return whether views that move by `transform`, if any, follow a model, as far as its motion is known."""
+    import numpy as np
+
+    from gspure.artifacts import UNMOVED, motion_of
+    from gspure.model import model_file
+
+    motion, of_views = motion_of(model_file(model)), motion_of_views(cameras, model)
+    first, second = (UNMOVED if part is None else part for part in (of_views, transform))
+    return motion is None or np.allclose(second @ first, motion, rtol=0, atol=1e-6)
+
+
+def motion_of_views(source: Path | str, model: Path) -> Float64 | None:
+    """Return the motion of the model that views look at, from the record of their file, if it is known."""
+    from gspure.artifacts import motion_of
+    from gspure.model import model_file
+
+    if isinstance(source, str):
+        return motion_of(model_file(model))
+    return motion_of(source / "cameras.json" if source.is_dir() else source)
 
 
 def add_views(parser: Parser, split: str) -> None:
@@ -205,12 +224,8 @@ def read_split(args: Arguments, *, moves: bool = False) -> list[Camera]:
 
 def read_views(args: Arguments) -> list[Camera]:
     """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--transform``."""
-    import numpy as np
-
-    from gspure.artifacts import motion_of
     from gspure.cameras import read_cameras
     from gspure.cameras.reading import read_transform
-    from gspure.model import model_file
 
     views = read_split(args, moves=bool(args.transform or getattr(args, "original", None)))
     if getattr(args, "off_path", None):
@@ -219,11 +234,10 @@ def read_views(args: Arguments) -> list[Camera]:
         found = f"{args.cameras} around {args.model}"
         raise InputError(args.transform, "--transform", expected="cameras of the unmoved model", found=found)
     if args.transform:
-        file, transform = model_file(args.model), read_transform(args.transform)
-        motion = motion_of(file)
-        if motion is not None and not np.allclose(transform, motion, rtol=0, atol=1e-6):
-            found = "another transform"
-            raise InputError(args.transform, "--transform", expected=f"the motion of {file}", found=found)
+        transform = read_transform(args.transform)
+        if not _follow(args.cameras, args.model, transform):
+            expected = f"the motion of {args.model} from the cameras"
+            raise InputError(args.transform, "--transform", expected=expected, found="another transform")
         views = [camera.moved(transform) for camera in views]
     return views
 

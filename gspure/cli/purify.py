@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from gspure import __version__
-from gspure.artifacts import embedding_of, filling, save_array, write_json, write_record
-from gspure.artifacts.checksums import record_of
+from gspure.artifacts import embedding_of, filling, motion_of, save_array, write_json, write_record
+from gspure.artifacts.checksums import forget, record_of
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.cameras import Camera, scaled, split, write_cameras
 from gspure.cameras.scale import TRAINING_RULE
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
-from gspure.cli.options import add_cameras, add_device, add_energy, read_source, require_least
+from gspure.cli.options import add_cameras, add_device, add_energy, motion_of_views, read_source, require_least
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
 from gspure.constants import TAU_C, TAU_N
@@ -120,15 +120,13 @@ def run(args: Arguments) -> None:
     with filling(args.out) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train, args.repair, device)
-        files = _write_model(models["purified"], folder, args.out)
-        if writes_views:
-            files.append(folder / "cameras.json")
-            write_cameras(files[-1], [replace(camera, image=None) for camera in cameras])
         inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.model.geometry_digest()
         used = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
-        for path in files:
-            write_record(path, inputs=inputs, settings=used, geometry=geometry)
-        _write_arrays(folder, purification, inputs, settings=used, geometry=geometry)
+        origin: dict[str, Any] = {"inputs": inputs, "settings": used, "geometry": geometry}
+        _write_model(models["purified"], folder, args.out, origin)
+        if writes_views:
+            _write_views(args, folder, cameras, origin)
+        _write_arrays(folder, purification, **origin)
         rows = _compare(folder, models, test, device, embedding_of(inputs["model"])) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
@@ -144,17 +142,20 @@ def run(args: Arguments) -> None:
     print("\n".join([*_repair_lines(diagnosis), f"results in {args.out}", *(as_text(rows) if rows else []), *captions]))
 
 
-def _write_model(model: PublicModel, folder: Path, place: Path) -> list[Path]:
-    """Write a model to the folder of new results; leave out networks that their place has already."""
-    from gspure.artifacts.checksums import forget
+def _write_model(model: PublicModel, folder: Path, place: Path, origin: Mapping[str, Any]) -> None:
+    """Write a model to the folder of new results, with records; leave out networks that their place has already."""
+    for path in model.write(folder / "purified.ply"):
+        if path.name == model.network_name and model.has_networks(place):
+            forget(path)
+            path.unlink()
+        else:
+            write_record(path, motion=motion_of(origin["inputs"]["model"]), **origin)
 
-    path, *others = model.write(folder / "purified.ply")
-    if not model.has_networks(place):
-        return [path, *others]
-    network = folder / model.network_name
-    forget(network)
-    network.unlink()
-    return [path, *(other for other in others if other != network)]
+
+def _write_views(args: Arguments, folder: Path, cameras: Sequence[Camera], origin: Mapping[str, Any]) -> None:
+    file = folder / "cameras.json"
+    write_cameras(file, [replace(camera, image=None) for camera in cameras])
+    write_record(file, motion=motion_of_views(args.cameras, args.model), **origin)
 
 
 def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:

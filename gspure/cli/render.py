@@ -7,6 +7,7 @@ from gspure.cli.options import (
     add_off_path,
     add_scheme,
     add_views,
+    motion_of_views,
     read_background,
     read_device,
     read_public,
@@ -37,7 +38,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Render every view."""
-    from gspure.artifacts import embedding_of, filling, save_array
+    from gspure.artifacts import embedding_of, filling, save_array, write_record
     from gspure.cameras import write_cameras
     from gspure.images import record_views, require_no_other_images, write_image
     from gspure.model import model_file
@@ -57,5 +58,7 @@ def run(args: Arguments) -> None:
         record_views(folder, unmoved(args, views), background, args.energy, embedding)
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
+            motion = motion_of_views(args.cameras, args.model)
+            write_record(folder / "cameras.json", inputs={}, settings={}, motion=motion)
     for camera in [] if args.npy else views:  # of an earlier model
         (args.out / f"{camera.name}.npy").unlink(missing_ok=True)

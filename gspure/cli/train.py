@@ -71,7 +71,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
-    from gspure.artifacts import filling, replacing, write_record
+    from gspure.artifacts import UNMOVED, filling, replacing, write_record
     from gspure.evaluation.comparison import as_text
     from gspure.model import require_writable
     from gspure.model.inria import trained_background
@@ -101,7 +101,7 @@ def run(args: Arguments) -> None:
     if args.model:
         with replacing(args.model) as temporary:
             shutil.copyfile(model, temporary)
-        write_record(args.model, inputs={}, settings=settings)
+        write_record(args.model, inputs={}, settings=settings, motion=UNMOVED)
     _checkpoint(args).unlink(missing_ok=True)
     if rows:
         print("\n".join(as_text(rows)))
@@ -175,7 +175,7 @@ def _write(
     folder: Path, args: Arguments, dataset: Dataset, parameters: Parameters, settings: dict[str, Any], device: Device
 ) -> list[ViewMetrics]:
     """Write the model and the comparison of the held-out views, with records of origin; return the metrics."""
-    from gspure.artifacts import write_record
+    from gspure.artifacts import UNMOVED, write_record
     from gspure.evaluation.comparison import write_metrics
     from gspure.training.output import write_output
 
@@ -186,7 +186,7 @@ def _write(
         files.append(folder / "metrics.csv")
         write_metrics(files[-1], rows)
     for path in files:
-        write_record(path, inputs={}, settings=settings)
+        write_record(path, inputs={}, settings=settings, motion=UNMOVED)
     return rows
 
 
