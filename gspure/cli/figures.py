@@ -1,7 +1,5 @@
 """``gspure figures``: point clouds of a model, renderings side by side, and charts of outcomes."""
 
-from __future__ import annotations
-
 import math
 
 from gspure.cli import image_figures, scheme_figures

@@ -1,7 +1,5 @@
 """``gspure pair``: photographs of a scene and of a message, for `gspure embed`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

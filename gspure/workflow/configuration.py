@@ -1,7 +1,5 @@
 """The workflow's configuration: checked against its schema, defaults filled in."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Collection, Iterator, Mapping
