@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gspure.cameras import Camera, intrinsics, off_path_cameras, orbit_cameras, split
 from gspure.errors import InputError
-from gspure.scenes.photography import stage_cameras
+from gspure.scenes.photography import path_cameras
 from tests.models import points_of
 from tests.training_cases import ring
 
@@ -25,7 +25,7 @@ def lines_meet(a, b):
 
 @given(st.integers(1, 12))
 def test_off_path_views_are_beside_the_path_and_look_at_the_same_target(count):
-    path = stage_cameras(32, 64, 48)
+    path = path_cameras(32, 64, 48)
     train, _ = split(path)
     centres = np.array([camera.centre for camera in train])
     spread = np.sqrt(((centres - centres.mean(axis=0)) ** 2).sum(axis=1).mean())

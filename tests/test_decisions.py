@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gspure.evaluation.paper import read_cells
 from gspure.workflow.configuration import resolved, validated
-from gspure.workflow.decisions import DEFAULT, STAGES, decisions, factors_of, origin, sweeps
+from gspure.workflow.decisions import ARTIFACTS, DEFAULT, decisions, factors_of, origin, sweeps
 from tests.documentation import ROOT
 
 SUITED = {"tau_c": 3.0, "tau_n": 2.0}
@@ -29,7 +29,7 @@ def settled(**config):
 def made(config):
     """How many decisions make each artifact, beside the method's."""
     among = decisions(config, SUITED)
-    return {artifact: len({origin(among, name, artifact) for name in among} - {DEFAULT}) for artifact in STAGES}
+    return {artifact: len({origin(among, name, artifact) for name in among} - {DEFAULT}) for artifact in ARTIFACTS}
 
 
 def test_a_decision_overrides_settings_of_the_method():
@@ -61,8 +61,8 @@ def test_a_null_factor_is_that_of_the_scheme_not_of_the_method():
 )
 def test_a_decision_recomputes_from_its_first_different_stage(own, first):
     among = decisions(settled(decisions={"other": own}), SUITED)
-    own_artifacts = [artifact for artifact in STAGES if origin(among, "other", artifact) == "other"]
-    assert own_artifacts == (list(STAGES)[list(STAGES).index(first) :] if first else [])
+    own_artifacts = [artifact for artifact in ARTIFACTS if origin(among, "other", artifact) == "other"]
+    assert own_artifacts == (list(ARTIFACTS)[list(ARTIFACTS).index(first) :] if first else [])
 
 
 @settings(deadline=None)
@@ -78,7 +78,7 @@ def test_decisions_share_an_artifact_exactly_if_their_settings_are_equal(own):
 
 
 def test_the_sweep_makes_nothing_but_prune_masks():
-    assert made(settled(**SHIPPED["sweep"])) == {**dict.fromkeys(STAGES, 0), "prune_mask.npy": 6}
+    assert made(settled(**SHIPPED["sweep"])) == {**dict.fromkeys(ARTIFACTS, 0), "prune_mask.npy": 6}
 
 
 def test_the_ablations_repeat_only_what_they_change():

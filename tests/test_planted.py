@@ -13,7 +13,7 @@ from gspure.model import read_model, write_model
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel
 from gspure.scenes import lighting
-from gspure.scenes.photography import PER_VIEW, seen_points, stage_cameras
+from gspure.scenes.photography import PER_VIEW, path_cameras, visible_points
 from gspure.scenes.ray_tracer import trace
 from gspure.scenes.scene import Lamp, Scene
 from gspure.scenes.solids import Box, Sphere
@@ -25,7 +25,7 @@ from gspure.schemes.planted.key import PlantedKey
 from tests.planted_cases import STAGING, planted_model
 
 SMALL = {"gaussians": 1200}
-VIEW = stage_cameras(3, 32, 24)[0]
+VIEW = path_cameras(3, 32, 24)[0]
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -270,7 +270,7 @@ def test_tiles_cover_the_area_once_and_are_smaller_where_colours_change(two_soli
 
 def test_renderings_resemble_the_photographs(device):
     public, key = planted_model(gaussians=16000)
-    view = stage_cameras(3, 160, 120)[1]
+    view = path_cameras(3, 160, 120)[1]
     message = key.message(public, "message", device)(view)
     assert psnr(public.scene(device)(view), trace(STAGING.lit_scene(), view)[0]) > 22.0
     assert psnr(message, trace(STAGING.lit_message(), view)[0]) > 21.0
@@ -279,7 +279,7 @@ def test_renderings_resemble_the_photographs(device):
 def test_points_lie_where_a_photograph_shows_them_in_its_colours():
     view = VIEW
     image, depth = trace(STAGING.lit_scene(), view)
-    xyz, rgb = seen_points(view, image, depth, np.random.default_rng(0))
+    xyz, rgb = visible_points(view, image, depth, np.random.default_rng(0))
     x, y, z = view.K @ (view.viewmat[:3, :3] @ xyz.T + view.viewmat[:3, 3:])
     rows, columns = np.floor(y / z).astype(int), np.floor(x / z).astype(int)
     assert len({*zip(rows.tolist(), columns.tolist(), strict=True)}) == PER_VIEW

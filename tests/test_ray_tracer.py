@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from gspure.scenes import lighting, ray_tracer
 from gspure.scenes import scene as scene_module
 from gspure.scenes.lighting import bake
-from gspure.scenes.photography import stage_cameras
+from gspure.scenes.photography import path_cameras
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.ray_tracer import trace
 from gspure.scenes.scene import Lamp, Scene, displayed, first_hits
@@ -207,7 +207,7 @@ def test_a_coloured_wall_tints_the_floor_beside_it():
 @pytest.mark.parametrize("name", ["room", "vault", "interior-1", "landscape-1", "object-1"])
 def test_photographs_are_the_same_bits_again_and_for_any_batch_of_rays(coarse, monkeypatch, name):
     build = scene_builder(name)
-    view = stage_cameras(3, 40, 30)[1]
+    view = path_cameras(3, 40, 30)[1]
     first = trace(bake(build(PLACEMENTS["raised"])), view)
     monkeypatch.setattr(ray_tracer, "_RAYS_AT_ONCE", 77)
     monkeypatch.setattr(scene_module, "_PACKET", 7)
@@ -219,9 +219,9 @@ def test_photographs_are_the_same_bits_again_and_for_any_batch_of_rays(coarse, m
 
 
 @pytest.mark.parametrize("count", [1, 24])
-def test_all_stage_cameras_stand_inside_even_the_raised_stage(count):
+def test_all_cameras_of_the_path_stand_inside_even_the_raised_room(count):
     room = PLACEMENTS["raised"].room(walls=plain("#808080"), back=plain("#808080"), floor=plain("#808080"))
-    for view in stage_cameras(count, 64, 48):
+    for view in path_cameras(count, 64, 48):
         x, y, z = view.centre
         assert abs(x) < room.size[0] / 2
         assert y < 0.0

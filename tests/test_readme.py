@@ -13,7 +13,7 @@ from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.model import read_model, write_model
 from gspure.scenes import lighting
-from gspure.scenes.photography import stage_cameras
+from gspure.scenes.photography import path_cameras
 from tests.documentation import ROOT, blocks, edges, workflow_edges
 from tests.planted_cases import planted_model
 from tests.training_cases import colmap_project, ring
@@ -33,7 +33,7 @@ def planted():
 def folder(tmp_path, monkeypatch, planted):
     """A user's folder with a model and its cameras, which is the current one."""
     write_model(tmp_path / "point_cloud.ply", planted)
-    write_cameras(tmp_path / "cameras.json", stage_cameras(9, 48, 36))
+    write_cameras(tmp_path / "cameras.json", path_cameras(9, 48, 36))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

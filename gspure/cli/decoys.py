@@ -26,12 +26,12 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import filling
     from gspure.images import record_views
     from gspure.scenes.lighting import bake
-    from gspure.scenes.photography import picture, stage_cameras
+    from gspure.scenes.photography import path_cameras, picture
     from gspure.scenes.placement import PLACEMENTS
     from gspure.scenes.procedural import DECOYS, Interior
 
     require_least(args, "decoys", {"views": 1, "width": 16, "height": 16})
-    views = stage_cameras(args.views, args.width, args.height)
+    views = path_cameras(args.views, args.width, args.height)
     with filling(args.out) as folder:
         for seed in track(DECOYS, "decoys"):
             lit = bake(Interior(seed)(PLACEMENTS["coincident"]), coarseness=COARSENESS)

@@ -19,7 +19,7 @@ from gspure.model.points import write_point_ply
 from gspure.progress import say, track
 from gspure.renderer import Renderer
 from gspure.scenes.alignment import Similarity, aligning
-from gspure.scenes.photography import photograph, picture, stage_cameras
+from gspure.scenes.photography import path_cameras, photograph, picture
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.staging import NAMES, PROTOCOLS, Staging, scene_builder
 from gspure.training.dataset import read_dataset, read_photographs
@@ -92,7 +92,7 @@ def run(args: Arguments) -> None:
 
 
 def _traced(args: Arguments) -> dict[str, Any]:
-    views = stage_cameras(args.views, args.width, args.height)
+    views = path_cameras(args.views, args.width, args.height)
     aside = off_path_cameras(views, args.off_path)
     staging = Staging(args.scene, args.message, args.placement, args.protocol)
     rng = np.random.default_rng(args.seed)

@@ -1,1 +1,1 @@
-"""OpenCL: devices, programs, and the stages of a frame. Nothing outside this package imports pyopencl."""
+"""OpenCL: devices, programs, and the steps of a frame. Nothing outside this package imports pyopencl."""

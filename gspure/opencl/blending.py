@@ -77,7 +77,7 @@ def sum_slots(frame: Frame, lists: TileLists, canvas: Canvas) -> None:
 
 
 def _batch(frame: Frame) -> int:
-    """Return how many splats a work-group stages at a time: as many as three quarters of its local memory hold."""
+    """Return how many splats a work-group loads at a time: as many as three quarters of its local memory hold."""
     entry = 4 * (frame.traversal.staged_floats + 3 * frame.traversal.contributions)
     fitting = frame.engine.device.local_mem_size * 3 // 4 // entry
     return min(_PIXELS, 1 << max(int(fitting).bit_length() - 1, 0))

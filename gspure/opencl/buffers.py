@@ -34,7 +34,7 @@ class Scratch:
 
 
 class Buffers:
-    """Buffers of the stages of a frame, each for one purpose.
+    """Buffers of the steps of a frame, each for one purpose.
 
     Shapes: K Gaussians in blocks of 16, V visible ones, H x W pixels, C channels, T tiles of a band, E entries at most,
     P chunks of a counting sort.

@@ -1,4 +1,4 @@
-"""A frame: what its traversal computes, and what its stages share."""
+"""A frame: what its traversal computes, and what its steps share."""
 
 from dataclasses import dataclass
 from typing import Final, Literal, get_args

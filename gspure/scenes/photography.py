@@ -1,4 +1,4 @@
-"""Cameras on a closed, smooth path in front of a stage, its photographs as files, and points on what they show."""
+"""Cameras on a closed, smooth path in front of a scene, its photographs as files, and points on what they show."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,12 +33,12 @@ def photograph(
     for camera in track(cameras, f"photograph {folder.name}"):
         image, depth = trace(scene, camera)
         write_image(folder / f"{camera.name}.png", image)
-        points.append(seen_points(camera, image, depth, rng))
+        points.append(visible_points(camera, image, depth, rng))
     xyz, rgb = zip(*points, strict=True)
     return np.concatenate(xyz), np.concatenate(rgb)
 
 
-def seen_points(camera: Camera, image: Float32, depth: Float32, rng: np.random.Generator) -> tuple[Float64, UInt8]:
+def visible_points(camera: Camera, image: Float32, depth: Float32, rng: np.random.Generator) -> tuple[Float64, UInt8]:
     """Return positions [P,3] and 8-bit colours [P,3] of what random pixels of a photograph show.
 
     `image` and `depth` are what `gspure.scenes.ray_tracer.trace` gave for the view.
@@ -52,7 +52,7 @@ def seen_points(camera: Camera, image: Float32, depth: Float32, rng: np.random.G
     return xyz, np.floor(255 * image[rows, columns] + 0.5).astype(np.uint8)
 
 
-def stage_cameras(count: int, width: int, height: int) -> list[Camera]:
+def path_cameras(count: int, width: int, height: int) -> list[Camera]:
     """Return `count` views, 62 degrees wide, along a path that sways to both sides, to and fro, up and down."""
     focal = 0.83 * width
     K = intrinsics(focal, focal, width / 2, height / 2)

@@ -14,7 +14,7 @@ WALL_HEIGHT = 3.7
 
 @dataclass(frozen=True)
 class Placement:
-    """How far a stage's surfaces stand before those of an unmoved one.
+    """How far a room's surfaces stand before those of an unmoved one.
 
     The floor lies `floor` metres higher, the walls come `inset` metres nearer, and only some `faces` of the room exist.
     """
@@ -24,7 +24,7 @@ class Placement:
     faces: tuple[int, ...] = (LEFT, RIGHT, BACK, BOTTOM)
 
     def room(self, *, walls: Texture, back: Texture, floor: Texture) -> Room:
-        """Return the stage, with the textures of its side walls, back wall and floor."""
+        """Return the room, with the textures of its side walls, back wall and floor."""
         width = 2.0 * (HALF_WIDTH - self.inset)
         height = WALL_HEIGHT - self.floor
         textures = (walls, walls, walls, back, floor, walls)

@@ -105,7 +105,7 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Room(Box):
-    """A box seen from inside, by default a stage: open to the front and to the sky."""
+    """A box seen from inside, by default open to the front and to the sky."""
 
     detail: float = 1.0
     faces: tuple[int, ...] = (LEFT, RIGHT, BACK, BOTTOM)

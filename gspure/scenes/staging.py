@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 
 from gspure.dtypes import Float64
+from gspure.scenes.demo import room, vault
 from gspure.scenes.lighting import LitScene, bake
 from gspure.scenes.placement import PLACEMENTS, Placement
 from gspure.scenes.procedural import PROCEDURAL
 from gspure.scenes.scene import Scene
-from gspure.scenes.stages import room, vault
 
 BuildScene = Callable[[Placement], Scene]
 

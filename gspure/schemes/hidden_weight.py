@@ -32,11 +32,11 @@ def hidden_weights(
 ) -> Float32:
     """Return the weight [K] of each row over views of the message, as omega_k is over views of the scene."""
 
-    def stage(camera: Camera) -> NDArray[Any]:
+    def contributions(camera: Camera) -> NDArray[Any]:
         gaussians, owners = key.gaussians(public, camera, extraction)
         return merge_by_row(Renderer(gaussians, device, energy=energy).contributions(camera), owners)
 
-    return accumulate(map(stage, track(cameras, "hidden weight")), len(public.model), reduction)
+    return accumulate(map(contributions, track(cameras, "hidden weight")), len(public.model), reduction)
 
 
 def low_rows(public: PublicModel, cameras: Sequence[Camera], tau: float, device: Device | None) -> Bools:

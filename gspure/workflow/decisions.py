@@ -15,7 +15,7 @@ DEFAULT: Final = "method"  # name of the decision that has the settings of `meth
 
 FACTORS: Final = ("tau_c", "tau_n")
 
-STAGES: Final[Mapping[str, Sequence[str]]] = {
+ARTIFACTS: Final[Mapping[str, Sequence[str]]] = {
     "contributions": ("energy",),
     "weights.npy": ("reduction", "views"),
     "features.npy": (),
@@ -38,8 +38,8 @@ def decisions(config: Settings, suited: Mapping[str, float]) -> dict[str, dict[s
 
 def origin(among: Decisions, name: str, artifact: str) -> str:
     """Return the first decision that has the same `artifact` as decision `name`: equal in all that it depends on."""
-    earlier = takewhile(lambda stage: stage != artifact, STAGES)
-    relevant = [setting for stage in (*earlier, artifact) for setting in STAGES[stage]]
+    earlier = takewhile(lambda name: name != artifact, ARTIFACTS)
+    relevant = [setting for each in (*earlier, artifact) for setting in ARTIFACTS[each]]
     return next(other for other in among if all(among[other][s] == among[name][s] for s in relevant))
 
 
@@ -50,10 +50,10 @@ def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
     Variants that differ in anything else are different sweeps. A single variant is no sweep. `variants` are settings by
     variant, each with its attack (`gspure.workflow.configuration.resolved`).
     """
-    found: dict[tuple[object, ...], list[str]] = {}
+    by_kind: dict[tuple[object, ...], list[str]] = {}
     for variant, settings in variants.items():
-        found.setdefault(_kind(settings, among), []).append(variant)
-    return {" ".join(map(str, kind)): names for kind, names in found.items() if len(names) > 1}
+        by_kind.setdefault(_kind(settings, among), []).append(variant)
+    return {" ".join(map(str, kind)): names for kind, names in by_kind.items() if len(names) > 1}
 
 
 def factors_of(variants: Decisions, among: Decisions) -> dict[str, tuple[float, float]]:

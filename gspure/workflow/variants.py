@@ -10,7 +10,7 @@ from gspure.cost import COSTS, cost_of
 from gspure.evaluation.controls import BASELINES, CLEAN, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.outcomes import BITS
 from gspure.schemes.scheme import ADAPTIVE
-from gspure.workflow.decisions import DEFAULT, FACTORS, STAGES, Settings, origin
+from gspure.workflow.decisions import ARTIFACTS, DEFAULT, FACTORS, Settings, origin
 from gspure.workflow.models import VANILLA, Model
 from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import repetition_of
@@ -52,7 +52,7 @@ class Decision:
 
     def logs(self, artifact: str) -> list[str]:
         """Return the logs of the jobs that make an artifact."""
-        path = self.path(artifact) if artifact in STAGES else f"{self.model.folder}/{artifact}"
+        path = self.path(artifact) if artifact in ARTIFACTS else f"{self.model.folder}/{artifact}"
         log = path.replace("results", "results/logs", 1)
         parts = self.model.plan.config["views"]["parts"]
         return [f"{log}/{n}-of-{parts}.log" for n in range(1, parts + 1)] if artifact == "contributions" else [log]

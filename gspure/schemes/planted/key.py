@@ -86,7 +86,7 @@ class PlantedKey(Key):
     def _revealed(self, public: PublicModel) -> tuple[Gaussians, Rows]:
         """Return the message that a model still holds, and its rows there.
 
-        A row is a carrier when its position is that of one, bit for bit; so rows may be missing, or in any order.
+        A row carries the message if its position is that of such a row, bit for bit; rows may be missing or permuted.
         Geometry is the model's own.
         """
         if public.model.sh_degree < 0:
