@@ -87,12 +87,12 @@ rule draw_variants:
         "../envs/gspure.yaml"
     params:
         code=code_digest("gspure.cli.figures"),
-        asset="{scheme}/{scene}",
+        name="{scheme}/{scene}",
         options=lambda wildcards: get_model(wildcards).variant_figures[wildcards.figure],
     message:
         "Drawing the {wildcards.figure} of {wildcards.scheme}/{wildcards.scene}"
     shell:
         job(
-            "figures {wildcards.figure} --table {input.table:q} --asset {params.asset:q} {params.options}"
+            "figures {wildcards.figure} --table {input.table:q} --name {params.name:q} {params.options}"
             " --out {output.figure:q}"
         )

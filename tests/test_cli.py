@@ -165,7 +165,7 @@ def test_a_wrong_command_line_ends_in_one_line_with_status_2(argv, capsys):
         ("paper_check", "paper-check"),
         ("render m.ply --camera-s c.json --out x", "--cameras"),
         ("render m.ply --cameras c.json --otu=x", "--out"),
-        ("figures outcomes --tabel t.csv --asset a/b --out x", "--table"),
+        ("figures outcomes --tabel t.csv --name a/b --out x", "--table"),
         ("--verison", "--version"),
     ],
 )
@@ -202,7 +202,7 @@ def test_quiet_leaves_out_progress_but_no_warning(asset, capsys):
         ["render", "m.ply", "--cameras", "c.json", "--out", ""],
         ["render", "", "--cameras", "c.json", "--out", "x"],
         ["purify", "m.ply", "--cameras", "", "--out", "x"],
-        ["figures", "outcomes", "--table", "t.csv", "--asset", "a/b", "--out="],
+        ["figures", "outcomes", "--table", "t.csv", "--name", "a/b", "--out="],
         ["report", "--table", "t.csv", "--figures", "", "--out", "x"],
     ],
     ids=lambda argv: argv[0],

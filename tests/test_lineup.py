@@ -99,7 +99,7 @@ def results(tmp_path):
 
 def command(folder, *titles):
     columns = [f"--column={title}={folder / title}" for title in titles]
-    table = ["--table", str(folder / "results.csv"), "--asset", "planted/room"]
+    table = ["--table", str(folder / "results.csv"), "--name", "planted/room"]
     return ["figures", "attacks", *table, *columns, "--out", str(folder / "attacks.png")]
 
 

@@ -147,7 +147,7 @@ def test_without_controls_nothing_is_said_of_survival() -> None:
 def test_seeds_are_averaged_within_scenes() -> None:
     drops = {scene: {"x": (1.0, 12.0)} for scene in "ab"}
     once, often = (by_variant(benchmark(drops, seeds))["x"] for seeds in (1, 3))
-    assert (often.survived, often.detectability.assets, often.detectability.controls) == (2, 2, 2)
+    assert (often.survived, often.detectability.attacked, often.detectability.controls) == (2, 2, 2)
     assert often.above_floor.mean == pytest.approx(once.above_floor.mean - 0.1)
 
 

@@ -369,9 +369,9 @@ def test_repetitions_of_a_scene_are_averaged_within_it(tmp_path: Path) -> None:
     first, _, _ = results(tmp_path)
     shutil.copytree(first[0].parents[1], repeated := first[0].parents[2] / "room@1")
     outcomes = collect([*first, *sorted(repeated.glob("*/metrics.csv"))])
-    assert [(o.scene, o.seed, o.asset) for o in outcomes][::3] == [("room", 0, "room"), ("room", 1, "room@1")]
+    assert [(o.scene, o.seed, o.folder) for o in outcomes][::3] == [("room", 0, "room"), ("room", 1, "room@1")]
     write_results(tmp_path / "t.csv", outcomes)
-    assert [o.asset for o in read_results(tmp_path / "t.csv")] == [o.asset for o in outcomes]
+    assert [o.folder for o in read_results(tmp_path / "t.csv")] == [o.folder for o in outcomes]
     assert {row.scene.scenes for row in summarize(outcomes) if row.scene} == {1}
     assert "## Planted message, room, repetition 1" in results_markdown(outcomes)
 

@@ -15,9 +15,9 @@ EXAMPLES = """\
   gspure figures model --model point_cloud.ply --weights weights.npy --clusters clusters.npz \\
       --cameras cameras.json --out figures
   gspure figures panels --column before=before --column after=after --difference --out figures/views.png
-  gspure figures attacks --table results.csv --asset planted/room --column truth=truth \\
+  gspure figures attacks --table results.csv --name planted/room --column truth=truth \\
       --column unattacked=unattacked/renders --column gspure=gspure/renders --out attacks.png
-  gspure figures outcomes --table results.csv --asset planted/room --out figures/outcomes.png
+  gspure figures outcomes --table results.csv --name planted/room --out figures/outcomes.png
   gspure figures sweep --table results.csv --condition planted --point gspure=4,4 --point tau_n_1=1,4 --out sweep.png
   gspure figures tradeoff --table results.csv --condition planted --out tradeoff.png
 """
@@ -51,7 +51,7 @@ def _add_model(parser: Parser) -> None:
 
 def _add_outcomes(parser: Parser) -> None:
     parser.reads("--table", "CSV", "from `gspure table`")
-    parser.text("--asset", "SCHEME/SCENE", "the model whose variants to show", required=True)
+    parser.text("--name", "SCHEME/SCENE", "the model whose variants to show", required=True)
     parser.writes("--out", "PNG", "the figure")
     parser.set_defaults(draw=_draw_outcomes)
 
@@ -120,9 +120,9 @@ def _draw_outcomes(args: Arguments) -> Drawn:
     from gspure.evaluation.results import read_results
     from gspure.figures.plots import write_outcomes
 
-    outcomes = [o for o in read_results(args.table) if f"{o.scheme}/{o.asset}" == args.asset]
+    outcomes = [o for o in read_results(args.table) if f"{o.scheme}/{o.folder}" == args.name]
     if not outcomes:
-        raise InputError(args.table, "scheme, scene", expected=args.asset, found="no such row")
+        raise InputError(args.table, "scheme, scene", expected=args.name, found="no such row")
     write_outcomes(args.out, outcomes)
     against = "photographs" if all(o.against_truth for o in outcomes) else "renders of the unattacked model"
     caption = f"PSNR of every variant against {against}, mean over the views"
@@ -130,7 +130,7 @@ def _draw_outcomes(args: Arguments) -> Drawn:
         caption += ", and its Score: drop of the message minus drop of the scene, in dB"
     elif any(not math.isnan(o.pruned_share) for o in outcomes):
         caption += ", and the share of the rows that it removed"
-    return {args.out: caption + "."}, {"table": args.table}, {"asset": args.asset}
+    return {args.out: caption + "."}, {"table": args.table}, {"name": args.name}
 
 
 KINDS = {

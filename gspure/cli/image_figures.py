@@ -30,7 +30,7 @@ def _add_panels(parser: Parser) -> None:
 
 def _add_attacks(parser: Parser) -> None:
     parser.reads("--table", "CSV", "from `gspure table`")
-    parser.text("--asset", "SCHEME/SCENE", "the model whose variants to show", required=True)
+    parser.text("--name", "SCHEME/SCENE", "the model whose variants to show", required=True)
     meaning = "a variant and its folder of TARGET/VIEW.png, the reference first"
     parser.pairs("--column", "TITLE=DIR", meaning, Path, required=True)
     add_sweeps(parser)
@@ -69,14 +69,14 @@ def _draw_attacks(args: Arguments) -> Drawn:
     from gspure.images import background_of, require_comparable
 
     folders, results = args.column, read_results(args.table)
-    of_asset = [o for o in results if f"{o.scheme}/{o.asset}" == args.asset]
+    of_model = [o for o in results if f"{o.scheme}/{o.folder}" == args.name]
     reference, *others = folders
-    require_variants(args.table, others, (o.variant for o in of_asset), f"a variant of {args.asset}")
-    outcomes = [o for o in of_asset if o.variant in folders]
+    require_variants(args.table, others, (o.variant for o in of_model), f"a variant of {args.name}")
+    outcomes = [o for o in of_model if o.variant in folders]
     targets = ordered({target for outcome in outcomes for target in outcome.targets})
     if not targets or UNATTACKED not in folders:
         raise InputError(
-            args.table, "variant", expected=f"{UNATTACKED} of {args.asset}, among the columns", found="none"
+            args.table, "variant", expected=f"{UNATTACKED} of {args.name}, among the columns", found="none"
         )
     compared = MESSAGE if MESSAGE in targets else SCENE
     changed = UNATTACKED if reference != UNATTACKED else GSPURE if GSPURE in folders else others[0]

@@ -62,9 +62,9 @@ def run(args: Arguments) -> None:
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
     write_record(args.out, inputs=inputs, settings={"conditions": args.condition})
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
-    for scheme, asset in not_embedded(outcomes):
+    for scheme, folder in not_embedded(outcomes):
         warn(
-            f"{model_name(scheme, asset)}: the message is not embedded, or the key does not fit: even before attacks, "
+            f"{model_name(scheme, folder)}: the message is not embedded, or the key does not fit: even before attacks, "
             "the extraction has a single colour, is not above all controls, or is not retrieved. Attacks on this model "
             "show nothing; look at the extraction."
         )

@@ -33,7 +33,7 @@ def attack_costs(outcomes: Sequence[Outcome], sweeps: Sweeps, folder: Path) -> l
         groups |= {("sweep", name): variants for name, variants in sweeps.items()}
         for (kind, name), variants in groups.items():
             files = (
-                cost_of(folder / o.scheme / o.asset / o.variant / "attack") for o in alike if o.variant in variants
+                cost_of(folder / o.scheme / o.folder / o.variant / "attack") for o in alike if o.variant in variants
             )
             if known := [read_cost(file) for file in files if file.is_file()]:
                 rows.append(AttackCost(*condition, kind, name, *Cost(*map(float, np.mean(known, axis=0)))))

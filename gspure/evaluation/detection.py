@@ -130,6 +130,6 @@ def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[s
 
 
 def variant_of(path: Path) -> tuple[str, str, str]:
-    """Return scheme, asset and variant of a file of readings."""
-    scheme, asset, variant, *_ = path.resolve().parts[-5:]
-    return scheme, asset, variant
+    """Return scheme, folder and variant of a file of readings."""
+    scheme, folder, variant, *_ = path.resolve().parts[-5:]
+    return scheme, folder, variant

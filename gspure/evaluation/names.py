@@ -46,7 +46,7 @@ def condition_name(scheme: str, protocol: str = "", initialization: str = "") ->
     return display_name(scheme) + poses + (", scene's points" if initialization == "scene" else "")
 
 
-def model_name(scheme: str, asset: str) -> str:
+def model_name(scheme: str, folder: str) -> str:
     """Return the display name of one model: scheme, scene and repetition (``room@1``)."""
-    scene, _, repetition = asset.partition("@")
+    scene, _, repetition = folder.partition("@")
     return f"{display_name(scheme)}, {scene}" + (f", repetition {repetition}" if repetition else "")

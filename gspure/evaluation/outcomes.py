@@ -85,7 +85,7 @@ class Outcome:
         return condition_of(self)
 
     @property
-    def asset(self) -> str:
+    def folder(self) -> str:
         """The folder of its model below the scheme: ``room``, or ``room@1`` for a repetition."""
         return f"{self.scene}@{self.seed}" if self.seed else self.scene
 
@@ -208,10 +208,10 @@ def collect(
     if len(retrieved) < len(retrievals):
         found = f"{len(retrievals)} of {len(retrieved)}"
         raise InputError("table", "retrievals", expected="one file for every model", found=found)
-    outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.asset), ()))) for o in outcomes]
-    for model in conditions.keys() - {f"{o.scheme}/{o.asset}" for o in outcomes} if not failures else ():
+    outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.folder), ()))) for o in outcomes]
+    for model in conditions.keys() - {f"{o.scheme}/{o.folder}" for o in outcomes} if not failures else ():
         raise InputError("table", "condition", expected="a model with metrics", found=model)
-    trained = [conditions.get(f"{o.scheme}/{o.asset}", ("", "")) for o in outcomes]
+    trained = [conditions.get(f"{o.scheme}/{o.folder}", ("", "")) for o in outcomes]
     outcomes = [replace(o, protocol=p, initialization=i) for o, (p, i) in zip(outcomes, trained, strict=True)]
     outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != UNATTACKED))
     return with_references(outcomes)
@@ -234,8 +234,8 @@ def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
 
 
 def by_model(outcomes: Iterable[Outcome]) -> list[tuple[tuple[str, str], list[Outcome]]]:
-    """Return scheme and asset of each model with its outcomes, which are sorted by model."""
-    return [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.asset))]
+    """Return scheme and folder of each model with its outcomes, which are sorted by model."""
+    return [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.folder))]
 
 
 def by_condition(outcomes: Iterable[Outcome]) -> dict[Condition, list[Outcome]]:
@@ -268,7 +268,7 @@ def _with_detections(outcomes: Sequence[Outcome], tables: Sequence[Path], failur
     for path, reason in _missing(failures).items():
         if path.parent.name == DETECTIONS:
             reasons.setdefault(variant_of(path), {})[path.stem] = reason
-    known = {(o.scheme, o.asset, o.variant): o for o in outcomes}
+    known = {(o.scheme, o.folder, o.variant): o for o in outcomes}
     for key in (*by_variant, *reasons):
         o = known.get(key) or _empty(Path(*key, "metrics.csv"))
         known[key] = replace(o, detections=by_variant.get(key, {}), undetected=reasons.get(key, {}))
@@ -277,8 +277,8 @@ def _with_detections(outcomes: Sequence[Outcome], tables: Sequence[Path], failur
 
 def _empty(path: Path) -> Outcome:
     """Return the outcome of a file of metrics, without any number."""
-    scheme, asset, variant = path.resolve().parts[-4:-1]
-    scene, _, seed = asset.partition("@")
+    scheme, folder, variant = path.resolve().parts[-4:-1]
+    scene, _, seed = folder.partition("@")
     return Outcome(scheme, scene, variant, {}, {}, seed=int(seed) if seed.isdecimal() else 0)
 
 

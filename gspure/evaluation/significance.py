@@ -80,14 +80,14 @@ class Detectability(NamedTuple):
     auc: float
     low: float
     high: float
-    assets: int  # number of attacked models
+    attacked: int  # number of attacked models
     controls: int  # number of controls
 
 
-def detectability(assets: ArrayLike, controls: ArrayLike) -> Detectability:
+def detectability(attacked: ArrayLike, controls: ArrayLike) -> Detectability:
     r"""Return how well a statistic separates attacked models from negative controls.
 
-    `assets` [m] and `controls` [n] hold one value each; they must be independent, so not one per view. Infinities are
+    `attacked` [m] and `controls` [n] hold one value each; they must be independent, so not one per view. Infinities are
     permitted.
 
     The interval holds every :math:`\theta` that the data does not reject, by the variance of Hanley and McNeil with
@@ -100,7 +100,7 @@ def detectability(assets: ArrayLike, controls: ArrayLike) -> Detectability:
     (Newcombe 2006, method 5). Unlike a Wald interval, it does not shrink to a point if every model exceeds every
     control: for three against three it is 0.50 to 1.
     """
-    x, y = np.ravel(assets), np.ravel(controls)
+    x, y = np.ravel(attacked), np.ravel(controls)
     wins = np.count_nonzero(x[:, None] > y)
     ties = np.count_nonzero(x[:, None] == y)
     auc = float(wins + ties / 2) / (len(x) * len(y))

@@ -97,14 +97,14 @@ def _levels(outcomes: Iterable[Outcome], target: str, metric: str = "psnr") -> d
 
 
 def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
-    """Return scheme and asset of the models whose message is flat, not present or not retrieved before any attack."""
+    """Return scheme and folder of the models whose message is flat, not present or not retrieved before any attack."""
     absent = []
     for alike in by_condition(outcomes).values():
         scene_floor = floor(alike)
         for o in (o for o in alike if o.variant == UNATTACKED and MESSAGE in o.targets):
             above = o.targets[MESSAGE].psnr - scene_floor.get((o.scene, o.seed), -math.inf)
             if o.is_flat(MESSAGE) or above < MARGIN or (MESSAGE in o.retrieval and not o.retrieval[MESSAGE].succeeds):
-                absent.append((o.scheme, o.asset))
+                absent.append((o.scheme, o.folder))
     return absent
 
 

@@ -152,7 +152,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         extraction=judged_by,
         scenes=len(scenes),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
-        models=len({o.asset for o in outcomes}),
+        models=len({o.folder for o in outcomes}),
         verdict="judged" if judged else _why_not_judged(outcomes, by_variant),
         attacks=judged or attacks,
         incomplete=[row for row in attacks if judged and row.scenes < most],
@@ -230,9 +230,9 @@ def _failures(outcomes: Sequence[Outcome]) -> list[Failure]:
     by_reason: dict[str, list[tuple[str, str]]] = {}
     for o in outcomes:
         for name, reason in o.failures.items():
-            by_reason.setdefault(reason, []).append((name, o.asset))
+            by_reason.setdefault(reason, []).append((name, o.folder))
     return [
-        Failure(reason, list(dict.fromkeys(name for name, _ in failed)), len({asset for _, asset in failed}))
+        Failure(reason, list(dict.fromkeys(name for name, _ in failed)), len({folder for _, folder in failed}))
         for reason, failed in by_reason.items()
     ]
 

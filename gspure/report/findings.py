@@ -36,7 +36,7 @@ class Limits:
 
     planted: bool
     one_scene: list[Condition]  # conditions with a message in a single scene
-    without_key: list[tuple[str, str]]  # models, as scheme and asset, whose message was not extracted
+    without_key: list[tuple[str, str]]  # models, as scheme and folder, whose message was not extracted
     against_renders: list[tuple[str, str]]
     has_messages: bool
     has_detectors: bool
@@ -59,15 +59,15 @@ def findings(outcomes: Sequence[Outcome]) -> Findings:
 
 def limits(outcomes: Sequence[Outcome]) -> Limits:
     """Return the limits of the numbers of all models."""
-    models = {(o.scheme, o.asset) for o in outcomes}
+    models = {(o.scheme, o.folder) for o in outcomes}
     extracted = [o for o in outcomes if o.messages]
     judged = {o.condition for o in extracted}
     scenes = {condition: {o.scene for o in alike} for condition, alike in by_condition(outcomes).items()}
     return Limits(
         planted=PLANTED in {scheme for scheme, _ in models},
         one_scene=[condition for condition, known in sorted(scenes.items()) if len(known) == 1 and condition in judged],
-        without_key=sorted(models - {(o.scheme, o.asset) for o in extracted}),
-        against_renders=sorted({(o.scheme, o.asset) for o in outcomes if not o.against_truth}),
+        without_key=sorted(models - {(o.scheme, o.folder) for o in extracted}),
+        against_renders=sorted({(o.scheme, o.folder) for o in outcomes if not o.against_truth}),
         has_messages=bool(extracted),
         has_detectors=any(o.detections for o in outcomes),
         views=sorted({count for o in outcomes for count in o.views.values()}),

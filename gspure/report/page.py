@@ -34,7 +34,7 @@ class Model:
     """One model as the page shows it."""
 
     scheme: str
-    asset: str
+    folder: str
     outcomes: Sequence[Outcome]
     attack: str  # the variant that pictures compare with the unattacked model
     table: Table

@@ -271,7 +271,7 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
     failed: dict[str, list[str]] = {}
     for o in outcomes:
         for name, reason in o.failures.items():
-            failed.setdefault(reason, []).append(f"{name} on {model_name(o.scheme, o.asset)}")
+            failed.setdefault(reason, []).append(f"{name} on {model_name(o.scheme, o.folder)}")
     return [say(NOTES, "failure", names, reason) for reason, names in failed.items()]
 
 
