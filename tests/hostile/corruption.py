@@ -38,7 +38,7 @@ def zero(content: bytes, rng: np.random.Generator) -> bytes:
 CORRUPTIONS: dict[str, Corruption] = {"flip": flip, "truncate": truncate, "zero": zero}
 DELETE = "delete"
 MOST = 12
-"""Files that are corrupted for each rule of a project, drawn at random."""
+"""Files that are corrupted for each rule of a project: kinds that no earlier rule had, then others, drawn at random."""
 
 ROUNDS = 12
 """A corrupted file may hide others that are made of it; after so many runs all must be repaired."""
@@ -47,9 +47,12 @@ ROUNDS = 12
 def run(journal: Journal, reference: Path, scratch: Path) -> Iterator[Record]:
     """Corrupt what every rule reads, then one artifact of every kind at once; one record for each case."""
     every = [*zip(readings(jobs(reference), reference), cycle(CORRUPTIONS))]
+    tried: set[str] = set()
     for rule in {job.rule: None for (job, _), _ in every}:
         cases = [case for case in every if case[0][0].rule == rule]
-        for (job, name), how in random.Random(rule).sample(cases, min(MOST, len(cases))):  # noqa: S311
+        random.Random(rule).shuffle(cases)  # noqa: S311
+        for (job, name), how in sorted(cases, key=lambda case: kind(case[0][1]) in tried)[:MOST]:
+            tried.add(kind(name))
             yield journal.record(f"{rule}.{kind(name)}", read_by, job, name, how, reference, scratch)
     yield journal.record("all", repaired, reference, scratch) | {"of": len(every)}
 
