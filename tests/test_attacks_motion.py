@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gspure.artifacts import motion_of, save_array, write_record
 from gspure.attacks import Evidence, find_attack
-from gspure.cameras import write_cameras
+from gspure.cameras import read_cameras, write_cameras
 from gspure.cli import main
 from gspure.cli.options import read_views
 from gspure.errors import InputError
@@ -18,7 +18,9 @@ from gspure.model.rotations import rotation_matrices
 from gspure.model.sh_rotation import rotate_sh, rotation_matrix
 from gspure.reference.blending import render
 from gspure.reference.spherical_harmonics import sh_basis, sh_colors
+from gspure.workflow.configuration import resolved, validated
 from tests.attack_cases import anchors, changed, features, public, unhurried
+from tests.documentation import ROOT
 from tests.models import blobs, camera, tilted_camera
 
 COUNT = 20
@@ -233,11 +235,35 @@ def test_generated_views_follow_the_model_that_they_look_at(tmp_path: Path, caps
         args = Arguments(tmp_path)
         args.cameras = tmp_path / name
         capsys.readouterr()
-        with pytest.raises(InputError, match="--transform: expected the motion"):
-            read_views(args)
+        moved_again = read_views(args)  # --transform is the motion that they follow already
         args.transform = None
-        read_views(args)
+        for view, same in zip(read_views(args), moved_again, strict=True):
+            np.testing.assert_allclose(view.numbers, same.numbers, atol=1e-9)
         assert "an attack moved" not in capsys.readouterr().err
+
+
+def test_a_moved_model_that_is_attacked_again_is_rendered_from_views_around_it(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    for before, after in (("model", "once"), ("once", "out")):
+        files = f"--model {tmp_path}/{before}.ply --out {tmp_path}/{after}.ply --transform {tmp_path}/transform.npy"
+        assert main(["attack", "rigid_transform", "--set", "translation=1,2,3", *files.split()]) == 0
+    orbit = f"cameras orbit --model {tmp_path}/once.ply --count 3 --out {tmp_path}/cameras.json"
+    assert main(orbit.split()) == 0
+    transform = moved(read_model(tmp_path / "once.ply"), 30.0, translation=(1, 2, 3)).transform
+    for view, before in zip(read_views(Arguments(tmp_path)), read_cameras(tmp_path / "cameras.json"), strict=True):
+        np.testing.assert_allclose(view.viewmat, before.moved(transform).viewmat, atol=1e-6)
+
+
+def test_the_workflow_refuses_views_that_a_model_does_not_move_with(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.ply", blobs(COUNT))
+    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
+    assert main(f"attack rigid_transform --model {tmp_path}/model.ply --out {tmp_path}/out.ply".split()) == 0
+    schema = ROOT / "schemas" / "config.schema.yaml"
+    asset = {"model": str(tmp_path / "out.ply"), "cameras": str(tmp_path / "cameras.json")}
+    with pytest.raises(InputError, match=r"assets.moved.cameras: expected views that moved with the model"):
+        resolved(validated({"assets": {"moved": asset}}, schema, "c.yaml"), "c.yaml")
+    (tmp_path / "out.ply.json").unlink()
+    resolved(validated({"assets": {"moved": asset}}, schema, "c.yaml"), "c.yaml")
 
 
 class Arguments:

@@ -8,7 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import add_quiet, add_up, camera_source, motion_of_views, read_source
+from gspure.cli.options import add_quiet, add_up, camera_source, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
@@ -63,6 +63,7 @@ def run(args: Arguments) -> None:
     """Read or generate the views, scale and write them, print a table."""
     from gspure.artifacts import write_record
     from gspure.cameras import off_path_cameras, scaled, write_cameras
+    from gspure.cameras.reading import motion_of_views
     from gspure.cameras.scale import TRAINING_RULE
 
     generated = isinstance(args.source, str)

@@ -57,7 +57,8 @@ def run(args: Arguments) -> None:
 
     from gspure.artifacts import embedding_of, filling, require_embedding, write_record
     from gspure.cameras import write_cameras
-    from gspure.cli.options import motion_of_views, read_device, read_key, read_views, unmoved
+    from gspure.cameras.reading import motion_of_views
+    from gspure.cli.options import read_device, read_key, read_views, unmoved
     from gspure.errors import InputError
     from gspure.images import levels, record_views, require_no_other_images, write_image
     from gspure.model import model_file

@@ -157,6 +157,7 @@ def read_source(source: Path | str, model: Path | None, *, moves: bool = False, 
     Warn if an attack moved the model away from the cameras, unless the caller `moves` them.
     """
     from gspure.cameras import GENERATED, read_cameras
+    from gspure.cameras.reading import follow
     from gspure.model import read_model
     from gspure.progress import warn
 
@@ -165,35 +166,13 @@ def read_source(source: Path | str, model: Path | None, *, moves: bool = False, 
         if settings:
             found = f"a camera file and --{next(iter(settings))}"
             raise InputError(source, "source", expected="orbit or shells", found=found)
-        if model and not moves and not _follow(source, model):
+        if model and not moves and not follow(source, model):
             warn(f"an attack moved {model}: the views of {source} show it only if they moved, too")
         return read_cameras(source)
     if model is None:
         raise InputError(source, "--model", expected="the model to look at", found="nothing")
     rows = read_model(model)
     return GENERATED[source](rows, **settings)
-
-
-def _follow(cameras: Path, model: Path, transform: Float64 | None = None) -> bool:
-    """Return whether views that move by `transform`, if any, follow a model, as far as its motion is known."""
-    import numpy as np
-
-    from gspure.artifacts import UNMOVED, motion_of
-    from gspure.model import model_file
-
-    motion, of_views = motion_of(model_file(model)), motion_of_views(cameras, model)
-    first, second = (UNMOVED if part is None else part for part in (of_views, transform))
-    return motion is None or np.allclose(second @ first, motion, rtol=0, atol=1e-6)
-
-
-def motion_of_views(source: Path | str, model: Path) -> Float64 | None:
-    """Return the motion of the model that views look at, from the record of their file, if it is known."""
-    from gspure.artifacts import motion_of
-    from gspure.model import model_file
-
-    if isinstance(source, str):
-        return motion_of(model_file(model))
-    return motion_of(source / "cameras.json" if source.is_dir() else source)
 
 
 def add_views(parser: Parser, split: str) -> None:
@@ -224,8 +203,12 @@ def read_split(args: Arguments, *, moves: bool = False) -> list[Camera]:
 
 def read_views(args: Arguments) -> list[Camera]:
     """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--transform``."""
+    import numpy as np
+
+    from gspure.artifacts import motion_of
     from gspure.cameras import read_cameras
     from gspure.cameras.reading import read_transform
+    from gspure.model import model_file
 
     views = read_split(args, moves=bool(args.transform or getattr(args, "original", None)))
     if getattr(args, "off_path", None):
@@ -234,22 +217,32 @@ def read_views(args: Arguments) -> list[Camera]:
         found = f"{args.cameras} around {args.model}"
         raise InputError(args.transform, "--transform", expected="cameras of the unmoved model", found=found)
     if args.transform:
-        transform = read_transform(args.transform)
-        if not _follow(args.cameras, args.model, transform):
-            expected = f"the motion of {args.model} from the cameras"
-            raise InputError(args.transform, "--transform", expected=expected, found="another transform")
-        views = [camera.moved(transform) for camera in views]
-    return views
+        file, transform = model_file(args.model), read_transform(args.transform)
+        motion = motion_of(file)
+        if motion is not None and not np.allclose(transform, motion, rtol=0, atol=1e-6):
+            found = "another transform"
+            raise InputError(args.transform, "--transform", expected=f"the motion of {file}", found=found)
+    step = _step(args)
+    return [camera.moved(step) for camera in views]
+
+
+def _step(args: Arguments) -> Float64:
+    """Return the rigid transform of the views: from the motion of the model that they look at to ``--transform``."""
+    import numpy as np
+
+    from gspure.artifacts import UNMOVED
+    from gspure.cameras.reading import motion_of_views, read_transform
+
+    if not args.transform:
+        return UNMOVED
+    of_views = motion_of_views(args.cameras, args.model)
+    return read_transform(args.transform) @ np.linalg.inv(UNMOVED if of_views is None else of_views)
 
 
 def unmoved(args: Arguments, views: Sequence[Camera]) -> dict[str, list[float]]:
     """Return the numbers of the cameras as they were before ``--transform``, by view."""
-    import numpy as np
-
-    from gspure.cameras.reading import read_transform
-
-    transform = read_transform(args.transform) if args.transform else np.eye(4)
-    return {camera.name: replace(camera, viewmat=camera.viewmat @ transform).numbers.tolist() for camera in views}
+    step = _step(args)
+    return {camera.name: replace(camera, viewmat=camera.viewmat @ step).numbers.tolist() for camera in views}
 
 
 def require_least(args: Arguments, command: str, least: Mapping[str, int]) -> None:

@@ -17,10 +17,11 @@ from gspure.artifacts import embedding_of, filling, motion_of, save_array, write
 from gspure.artifacts.checksums import forget, record_of
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.cameras import Camera, scaled, split, write_cameras
+from gspure.cameras.reading import motion_of_views
 from gspure.cameras.scale import TRAINING_RULE
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
-from gspure.cli.options import add_cameras, add_device, add_energy, motion_of_views, read_source, require_least
+from gspure.cli.options import add_cameras, add_device, add_energy, read_source, require_least
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
 from gspure.constants import TAU_C, TAU_N

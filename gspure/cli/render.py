@@ -7,7 +7,6 @@ from gspure.cli.options import (
     add_off_path,
     add_scheme,
     add_views,
-    motion_of_views,
     read_background,
     read_device,
     read_public,
@@ -40,6 +39,7 @@ def run(args: Arguments) -> None:
     """Render every view."""
     from gspure.artifacts import embedding_of, filling, save_array, write_record
     from gspure.cameras import write_cameras
+    from gspure.cameras.reading import motion_of_views
     from gspure.images import record_views, require_no_other_images, write_image
     from gspure.model import model_file
 

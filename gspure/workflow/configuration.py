@@ -16,6 +16,7 @@ from jsonschema.validators import extend
 
 from gspure.attacks import Evidence, attacks, find_attack
 from gspure.cameras import GENERATED, read_cameras
+from gspure.cameras.reading import follow
 from gspure.constants import TEST_EVERY
 from gspure.datasets import SCENES
 from gspure.errors import InputError, did_you_mean, reading
@@ -135,6 +136,14 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
             _require_path(asset[field], source, f"{place}.{field}")
     if "model" in asset and (model := Path(asset["model"])).is_dir():
         asset["model"] = str(point_cloud(model))
+    if (
+        "model" in asset
+        and asset["cameras"] not in GENERATED
+        and not follow(Path(asset["cameras"]), Path(asset["model"]))
+    ):
+        hint = f"if they moved, too, delete {asset['model']}.json"
+        expected, found = "views that moved with the model", f"those from before an attack moved {asset['model']}"
+        raise InputError(source, f"{place}.cameras", expected=expected, found=found, hint=hint)
     if "train" in asset:
         asset["photographs"] = _photographs(asset["train"])
 
