@@ -125,11 +125,12 @@ def record_views(
     background: Sequence[float] = (),
     energy: str = "",
     embedding: str = "",
+    model: str = "",
 ) -> None:
     """Write the record of a finished folder of images: their sizes and checksums, and their cameras' numbers, if known.
 
-    Renders of a scene also have their background and energy, and the embedding of the model
-    (`gspure.artifacts.embedding_of`), if it has one.
+    Renders also have the digest of their `model`; those of a scene their background and energy, and the embedding of
+    the model (`gspure.artifacts.embedding_of`), if it has one.
     """
     names = sorted(views)
     record = {
@@ -139,6 +140,7 @@ def record_views(
         "background": " ".join(f"{round(channel, 4):g}" for channel in background),  # as exact as a model's comment
         "energy": energy,
         "embedding": embedding,
+        "model": model,
     }
     write_json(folder / RENDERED, with_checksum(record))
 
@@ -199,6 +201,11 @@ def _replaced(path: Path, expected: str, found: str) -> InputError:
 def shown_embedding(folder: Path) -> str:
     """Return the embedding of the model that images show (`gspure.artifacts.embedding_of`); empty if unknown."""
     return str(_recorded(folder).get("embedding", ""))
+
+
+def shown_model(folder: Path) -> str:
+    """Return the digest of the model that images show; empty if unknown."""
+    return str(_recorded(folder).get("model", ""))
 
 
 def background_of(*folders: Path) -> tuple[float, ...]:

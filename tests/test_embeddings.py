@@ -114,6 +114,41 @@ def test_an_original_of_another_key_is_refused(planted, pair_folder, tmp_path, c
     assert extract(planted / "attacked.ply", planted / "2" / "key", pair_folder, tmp_path, "--control", *original) == 2
     assert "embedding: expected" in capsys.readouterr().err
     assert extract(planted / "attacked.ply", planted / "1" / "key", pair_folder, tmp_path, *original) == 0
+    attacked = ("--original", str(planted / "attacked.ply"))
+    assert extract(planted / "attacked.ply", planted / "1" / "key", pair_folder, tmp_path, *attacked) == 2
+    assert "--original: expected the published model" in capsys.readouterr().err
+
+
+def test_results_of_another_variant_are_not_tabulated(planted, pair_folder, tmp_path):
+    model, cameras = str(planted / "1" / "public" / "point_cloud.ply"), str(pair_folder / "cameras.json")
+    folders = [tmp_path / "planted" / "room" / attack for attack in ("random_pruning", "gaussian_noise")]
+    files = ("metrics.csv", "prune_mask.npy")
+    paths = [[folder / name for folder in folders] for name in files]
+
+    def measured(folder: Path) -> None:
+        files = [str(pair_folder), str(folder / "renders"), "--out", str(folder / "metrics.csv")]
+        assert main(["metrics", *files, "--reference", "truth"]) == 0
+
+    for folder in folders:
+        out, removed = str(folder / "public" / "point_cloud.ply"), str(folder / "prune_mask.npy")
+        assert main(["attack", folder.name, "--model", model, "--out", out, "--removed", removed]) == 0
+        renders = ["--split", "test", "--out", str(folder / "renders" / "scene")]
+        assert main(["render", out, "--cameras", cameras, *renders]) == 0
+        measured(folder)
+    assert len(collect(*paths)) == 2
+    for name in files:
+        before = [(folders[1] / f"{name}{suffix}").read_bytes() for suffix in ("", ".json")]
+        for suffix in ("", ".json"):
+            shutil.copy(folders[0] / f"{name}{suffix}", folders[1])
+        with pytest.raises(InputError, match=f"gaussian_noise/{name}: (model|attack): expected"):
+            collect(*paths)
+        for suffix, content in zip(("", ".json"), before, strict=True):
+            (folders[1] / f"{name}{suffix}").write_bytes(content)
+    shutil.rmtree(folders[1] / "renders")
+    shutil.copytree(folders[0] / "renders", folders[1] / "renders")
+    measured(folders[1])
+    with pytest.raises(InputError, match=r"gaussian_noise/metrics\.csv: model: expected"):
+        collect(*paths)
 
 
 def test_a_key_learns_from_photographs_of_its_own_message_only(planted, pair_folder, tmp_path):

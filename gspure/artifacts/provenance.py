@@ -48,7 +48,7 @@ def write_record(
     files = {name: Path(source) for name, source in inputs.items() if Path(source).is_file()}
     if "model" not in inputs and len(geometries := {*filter(None, map(_geometry_of, files.values()))}) == 1:
         geometry = geometries.pop()
-    digests = {name: {"file": source.name, "digest": _known_digest(source)} for name, source in files.items()}
+    digests = {name: {"file": source.name, "digest": known_digest(source)} for name, source in files.items()}
     record = {
         "artifact": path.name,
         "bytes": path.stat().st_size,
@@ -159,7 +159,7 @@ def require_kind(artifact: Path, *kinds: str) -> str:
 def require_input(artifact: Path, name: str, source: Path) -> None:
     """Raise `InputError` if an artifact was made from another file than `source`; without a record, pass."""
     known = recorded_inputs(artifact).get(name)
-    if known and known != (digest := _known_digest(source)):
+    if known and known != (digest := known_digest(source)):
         raise InputError(artifact, name, expected=f"{source}, digest {digest}", found=f"digest {known}")
 
 
@@ -194,6 +194,7 @@ def _ancestors(artifact: Path, geometry: str) -> dict[str, str]:
     return digests | ({kind: record.get("digest")} if isinstance(kind := record.get("kind"), str) else {})
 
 
-def _known_digest(source: Path) -> str:
+def known_digest(source: Path) -> str:
+    """Return the digest of a file, from its record if it has one."""
     known = (record_of(source) or {}).get("digest")
     return known if isinstance(known, str) else file_digest(source)

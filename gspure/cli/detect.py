@@ -44,13 +44,15 @@ def run(args: Arguments) -> None:
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.detection import Reading
     from gspure.evaluation.detector import read_marks
+    from gspure.images import shown_model
 
     _require_fitting_options(args)
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     images = [args.images / f"{reading.view}.png" for reading in readings]
     settings = {"command": args.command, "message": args.message} if args.command else {"scheme": args.scheme}
-    write_record(args.out, inputs={path.as_posix(): path for path in images}, settings=settings)
+    inputs, models = {path.as_posix(): path for path in images}, {"images": shown_model(args.images)}
+    write_record(args.out, inputs=inputs, settings={**settings, "models": models})
     unit = "% of the bits are correct" if readings[0].bits else "score"
     print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Final
 from gspure.cli.parser import Arguments, Parser
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from gspure.public_model import Lesson
 
 EXAMPLES = """\
@@ -55,7 +57,7 @@ def run(args: Arguments) -> None:
     """Extract every view."""
     import numpy as np
 
-    from gspure.artifacts import embedding_of, filling, require_embedding, write_record
+    from gspure.artifacts import embedding_of, filling, known_digest, write_record
     from gspure.cameras import write_cameras
     from gspure.cameras.reading import motion_of_views
     from gspure.cli.options import read_device, read_key, read_views, unmoved
@@ -79,7 +81,7 @@ def run(args: Arguments) -> None:
     if args.original and args.transform:
         raise InputError("extract", "--transform", expected="nothing beside --original", found=str(args.transform))
     if args.original:
-        require_embedding(embedding_of(args.key), model_file(args.original))
+        _require_original(model_file(args.original), embedding_of(args.key))
         public = registered(public, scheme.read_public(args.original).model)
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
@@ -89,13 +91,23 @@ def run(args: Arguments) -> None:
             image = view(camera)
             write_image(folder / f"{camera.name}.png", image)
             is_flat &= not np.ptp(levels(image), axis=(0, 1)).any()
-        record_views(folder, unmoved(args, views))
+        record_views(folder, unmoved(args, views), model=known_digest(model_file(args.model)))
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
             motion = motion_of_views(args.cameras, args.model)
             write_record(folder / "cameras.json", inputs={}, settings={}, motion=motion)
     if is_flat and args.wrong_key is None:
         warn("every extracted image is of one colour: the key does not fit the model, or an attack removed the message")
+
+
+def _require_original(file: Path, embedding: str) -> None:
+    """Refuse an original of another key, or an attacked one."""
+    from gspure.artifacts import known_digest, require_embedding
+    from gspure.errors import InputError
+
+    require_embedding(embedding, file)
+    if embedding and known_digest(file) != embedding:
+        raise InputError(file, "--original", expected="the published model", found="an attacked one")
 
 
 def _lesson(args: Arguments) -> Lesson:

@@ -37,7 +37,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Render every view."""
-    from gspure.artifacts import embedding_of, filling, save_array, write_record
+    from gspure.artifacts import embedding_of, filling, known_digest, save_array, write_record
     from gspure.cameras import write_cameras
     from gspure.cameras.reading import motion_of_views
     from gspure.images import record_views, require_no_other_images, write_image
@@ -54,8 +54,8 @@ def run(args: Arguments) -> None:
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
-        embedding = embedding_of(model_file(args.model))
-        record_views(folder, unmoved(args, views), background, args.energy, embedding)
+        file = model_file(args.model)
+        record_views(folder, unmoved(args, views), background, args.energy, embedding_of(file), known_digest(file))
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
             motion = motion_of_views(args.cameras, args.model)
