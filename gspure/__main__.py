@@ -17,9 +17,9 @@ def main() -> int:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed, as by `2>&-`
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else ignored, as under `nohup`
-        signal.signal(signal.SIGINT, _stop)
-    signal.signal(signal.SIGTERM, _stop)
+    numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]  # as by `nohup`
+    for number in numbers:
+        signal.signal(number, _stop)
     try:
         from gspure import cli
 
@@ -31,7 +31,7 @@ def main() -> int:
         print("gspure: interrupted", file=sys.stderr)  # noqa: T201
         return 128 + _signals[0]
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in numbers:
             signal.signal(number, signal.SIG_DFL)  # nothing is left to clean up
         gc.freeze()  # the exit would search all modules for cycles, a tenth of a second after scipy's import
 

@@ -1,9 +1,10 @@
 """Progress of long work: a bar on a terminal, plain lines in a log."""
 
+import os
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TypeVar
+from typing import TextIO, TypeVar
 
 Item = TypeVar("Item")
 
@@ -15,12 +16,25 @@ quiet = False  # whether progress is left out; warnings are not
 def say(message: str) -> None:
     """Print one plain line of progress to standard error."""
     if not quiet:
-        print(message, file=sys.stderr, flush=True)  # noqa: T201
+        tell(message)
 
 
 def warn(message: str) -> None:
     """Print a warning to standard error."""
-    print(f"warning: {message}", file=sys.stderr, flush=True)  # noqa: T201
+    tell(f"warning: {message}")
+
+
+def tell(line: str) -> None:
+    """Print a line to standard error; if that fails, as on a full disk, leave out this and all further lines."""
+    try:
+        print(line, file=sys.stderr, flush=True)  # noqa: T201
+    except OSError:
+        silence(sys.stderr)
+
+
+def silence(stream: TextIO) -> None:
+    """Discard what is still to be written to a standard stream."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def shows_bars() -> bool:

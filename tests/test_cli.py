@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import signal
 import subprocess
 import sys
 from importlib import import_module
@@ -79,6 +80,27 @@ def test_a_terminated_command_leaves_nothing_half_done(asset):
     run = subprocess.run([sys.executable, "-c", code, *words], cwd=asset, capture_output=True, text=True, check=False)
     assert (run.returncode, run.stderr.splitlines()[-1]) == (143, "gspure render: interrupted")
     assert not (asset / "out").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_progress_that_cannot_be_written_is_left_out(asset):
+    files = [str(asset / "model.ply"), "--cameras", str(asset / "cameras.json"), "--out", str(asset / "out")]
+    with Path("/dev/full").open("w") as full:
+        for words, status in (([], 0), (["--split", "test", "--scheme", "none"], 2)):
+            command = [sys.executable, "-m", "gspure", "render", *files, *words]
+            assert subprocess.run(command, stderr=full, check=False).returncode == status
+    assert list((asset / "out").glob("*.png"))
+
+
+def test_a_signal_that_is_ignored_stays_ignored(monkeypatch):
+    from gspure import __main__ as process
+
+    dispositions = {signal.SIGINT: signal.SIG_IGN, signal.SIGTERM: signal.SIG_IGN}
+    monkeypatch.setattr(signal, "getsignal", dispositions.__getitem__)
+    monkeypatch.setattr(signal, "signal", dispositions.__setitem__)
+    monkeypatch.setattr(sys, "argv", ["gspure", "info", "no.ply"])
+    assert process.main() == 2
+    assert {*dispositions.values()} == {signal.SIG_IGN}
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

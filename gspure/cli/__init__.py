@@ -75,17 +75,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError as error:
         return _refuse(argv[0], f"out of memory: {error}")
     except BrokenPipeError:  # the reader of our output (`| head`) has gone
-        _close_output()
+        progress.silence(sys.stdout)
         return 1
     except OSError as error:
         if error.filename is None and error.errno == errno.ENOSPC:  # files that we write have names
-            _close_output()
+            progress.silence(sys.stdout)
             error.filename = "standard output"
         if error.filename is None:
             raise
         return _refuse(argv[0], f"{error.filename}: {error.strerror}")
     except KeyboardInterrupt:
-        print(f"gspure {argv[0]}: interrupted", file=sys.stderr)
+        progress.tell(f"gspure {argv[0]}: interrupted")
         return 130
 
 
@@ -98,13 +98,8 @@ def _costed(args: Arguments) -> int:
     return status
 
 
-def _close_output() -> None:
-    """Keep Python from writing what is left of our output."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def _refuse(command: str, reason: str) -> int:
-    print(f"gspure {command}: {printable(reason)}", file=sys.stderr)
+    progress.tell(f"gspure {command}: {printable(reason)}")
     return 2
 
 
