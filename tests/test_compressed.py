@@ -266,6 +266,23 @@ def test_images_larger_than_their_rows_need_are_refused(tmp_path):
     refused(tmp_path / "m.sog", "an image of 200x200")
 
 
+@pytest.mark.parametrize("count", [17, "16", 1.5])
+def test_more_rows_than_images_have_pixels_are_refused(tmp_path, count):
+    files = sog_of_version_1(model())
+    meta = json.loads(files["meta.json"])
+    meta["means"]["shape"][0] = count
+    _zip(tmp_path / "m.sog", files | {"meta.json": json.dumps(meta).encode()})
+    refused(tmp_path / "m.sog", "m.sog: count: expected")
+
+
+def test_a_part_without_all_its_images_is_refused(tmp_path):
+    files = sog_of_version_1(model())
+    meta = json.loads(files["meta.json"])
+    meta["means"]["files"].pop()
+    _zip(tmp_path / "m.sog", files | {"meta.json": json.dumps(meta).encode()})
+    refused(tmp_path / "m.sog", "means.files: expected 2 names, found 1")
+
+
 def _zip(path, files):
     with zipfile.ZipFile(path, "w") as archive:
         for name, data in files.items():

@@ -24,7 +24,7 @@ Bytes = UInt8
 Member = Callable[[str], bytes]
 
 INDEX: Final = "meta.json"
-_PARTS: Final = ("means", "quats", "scales", "sh0", "shN")
+_PARTS: Final = {"means": 2, "quats": 1, "scales": 1, "sh0": 1, "shN": 2}  # number of images of each
 
 _PER_ROW: Final = 64  # entries in each row of the image of spherical harmonics
 
@@ -62,13 +62,21 @@ def _model(path: Path, member: Member) -> Gaussians:
     if (version := meta.get("version", 1)) not in (1, 2):
         raise InputError(path, "version", expected="1 or 2", found=str(version))
     rows = meta["count"] if version == 2 else meta["means"]["shape"][0]
+    if not isinstance(rows, int):
+        raise InputError(path, "count", expected="a whole number", found=repr(rows))
     files = {part: [member(name) for name in meta[part]["files"]] for part in _PARTS if part in meta}
+    for part, images in files.items():
+        if len(images) != _PARTS[part]:
+            raise InputError(path, f"{part}.files", expected=f"{_PARTS[part]} names", found=str(len(images)))
     size = sum(len(data) for part in files.values() for data in part)
     require_room(path, size, rows, COEFFICIENTS[-1] if "shN" in meta else 0)
 
     def pixels(part: str) -> list[Bytes]:
         """Return the first pixel of each row in the images of a part."""
-        return [_pixels(data, 2 * rows + _BORDER).reshape(-1, 4)[:rows] for data in files[part]]
+        images = [_pixels(data, 2 * rows + _BORDER).reshape(-1, 4) for data in files[part]]
+        if (least := min(map(len, images))) < rows:
+            raise InputError(path, "count", expected=f"at most {least}, the pixels of {part}", found=str(rows))
+        return [image[:rows] for image in images]
 
     (quats,), (scales,), (colours,) = pixels("quats"), pixels("scales"), pixels("sh0")
     sh = np.zeros((rows, 0, 3), np.float32)
