@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from gspure.cli import main
 from gspure.evaluation.comparison import RENDER
 from gspure.evaluation.contest import contest
+from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.results import write_results
@@ -59,6 +60,18 @@ def test_the_verdict_is_about_the_strongest_attack_within_the_allowed_damage() -
     harsh = of_scenes(2, harsh=(2.5, 25.0))
     assert audit_of(harsh).strongest is None
     assert sentence(harsh).startswith("The message survived no attack")
+
+
+def test_of_several_detectors_one_that_finds_the_mark_is_judged_and_attacks_are_listed_once() -> None:
+    def detected(variant: str, **present: bool) -> Outcome:
+        detections = {name: Detection(50.0, 1.0, 0.0, 0.0, is_there, 9, 16) for name, is_there in present.items()}
+        return replace(outcome(variant, targets={"scene": 30.0}), reference={}, detections=detections)
+
+    audit = audit_of([detected(name, alpha=False, zeta=True) for name in ("unattacked", "gspure")])
+    assert (audit.extraction, audit.verdict) == ("zeta", "judged")
+    assert [row.variant for row, _ in audit.scene_psnr] == ["gspure"]
+    audit = audit_of([detected(name, alpha=True, bits=False) for name in ("unattacked", "gspure")])
+    assert audit.extraction == "bits"
 
 
 def test_an_attack_that_the_message_survives_in_fewer_scenes_is_the_stronger() -> None:

@@ -11,6 +11,7 @@ from typing import Final, Literal, NamedTuple
 from gspure.evaluation.contest import SCORE, Contest
 from gspure.evaluation.intervals import Interval, known_interval
 from gspure.evaluation.outcomes import (
+    BITS,
     GSPURE,
     MESSAGE,
     SCENE,
@@ -72,7 +73,7 @@ class Audit:
     """The findings for one scheme, protocol and initialization."""
 
     condition: Condition
-    extraction: str  # the extraction that is judged: the scheme's own or, without one, that of the first detector
+    extraction: str  # the extraction that is judged: the scheme's own or, without one, a detector
     scenes: int
     seeds: list[int]  # the distinct numbers of seeds per scene, in ascending order
     models: int
@@ -137,7 +138,7 @@ def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests:
 
 
 def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival], contests: Sequence[Contest]) -> Audit:
-    judged_by = next(iter(ordered({name for o in outcomes for name in o.messages})), MESSAGE)
+    judged_by = _judged_by(outcomes, left)
     contests = [c for c in contests if c.extraction == judged_by]
     by_variant = {variant: row for (extraction, variant), row in left.items() if extraction == judged_by}
     attacks = sorted((row for row in by_variant.values() if row.variant != UNATTACKED), key=_damage)
@@ -168,6 +169,14 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         other_attacks=_other_attacks(contests),
         failures=_failures(outcomes),
     )
+
+
+def _judged_by(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]) -> str:
+    """Return the scheme's own extraction or, without one, the first detector that finds the mark before any attack."""
+    names = ordered({name for o in outcomes for name in o.messages})
+    finding = [name for name in names if (row := left.get((name, UNATTACKED))) and row.present]
+    own = [name for name in names if is_picture(name) or name == BITS]
+    return next(iter([*own, *finding, *names]), MESSAGE)
 
 
 def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Survival]) -> Verdict:
@@ -222,8 +231,8 @@ def _off_path(gspure: Sequence[Outcome]) -> OffPath | None:
 
 def _scene_psnr(outcomes: Sequence[Outcome]) -> list[tuple[Summary, Interval]]:
     attacks = [o for o in outcomes if o.variant != UNATTACKED and not o.is_control]
-    rows = [(row, row.scene) for row in summarize(attacks) if row.scene]
-    return sorted(rows, key=lambda pair: -pair[1].mean)
+    rows = {row.variant: (row, row.scene) for row in summarize(attacks) if row.scene}
+    return sorted(rows.values(), key=lambda pair: -pair[1].mean)
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[Failure]:
