@@ -5,7 +5,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 
+from benchmarks.contest import SCHEMES
 from benchmarks.results import GENERATED, KINDS, PAGE, PAGES, RUNS, TABLES, complete, filled
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import read_table, write_table
@@ -14,6 +16,8 @@ from gspure.evaluation.outcomes import Condition
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival, survival
 from tests.contest_cases import benchmark
+
+CONFIG = PAGE.parents[1] / "config"
 
 SCRIPT = """\
 scheme,protocol,bound,rows,removed,attack,extraction,scene,message,message_drop,scene_drop,random_message_drop,\
@@ -80,6 +84,14 @@ def test_the_tables_of_the_pages_are_those_of_the_committed_runs() -> None:
         assert text.count("<!-- end -->") == len([*GENERATED.finditer(text)])
         assert text.count("<!--") == 2 * text.count("<!-- end -->")
     assert {folder.name for folder in RUNS.glob("*/")} <= runs
+
+
+def test_the_contest_on_captures_has_the_variants_of_the_contest_and_the_pair_of_the_captures() -> None:
+    names = ("contest_capture", "contest", "captures")
+    on_captures, contest, captures = (yaml.safe_load((CONFIG / f"{name}.yaml").read_text()) for name in names)
+    assert contest["variants"] | on_captures["variants"] == contest["variants"]
+    assert on_captures["schemes"].keys() <= contest["schemes"].keys() == {*SCHEMES}
+    assert on_captures["pairs"] == {"captures_own": captures["pairs"]["captures_own"] | {"resolution": "160px"}}
 
 
 def unsupported(text: str) -> list[str]:
