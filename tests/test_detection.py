@@ -7,7 +7,9 @@ import math
 import shlex
 import subprocess
 import sys
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,6 +63,7 @@ def test_a_detector_gets_the_folder_and_its_last_line_counts(renders):
         ("", "", "found nothing"),
         ("[1, 2]", "", "expected a JSON object"),
         ("[" * 100_000, "", "expected a JSON object"),
+        ('{"a": 1, "a": 2, "b": 1}', "", "expected a JSON object"),
         ('{"a": 1}', "", "b: expected an entry for every image, found no entry"),
         ('{"a": 1, "b": 1, "c": 1}', "", "c: expected an entry for every image, found an entry of no image"),
         ('{"a": true, "b": 1}', "", "a: expected a score"),
@@ -94,6 +97,24 @@ def test_any_other_answer_is_refused_in_one_line(renders, answer, message, reaso
 def test_a_command_that_cannot_answer_is_refused(renders, command, reason):
     with pytest.raises(InputError, match=reason):
         read_marks(command, renders, "", 0.5 if "sleep" in command else 60)
+
+
+def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, tmp_path):
+    started = tmp_path / "pid"
+    with pytest.raises(InputError, match="expected an answer within 2 s"):
+        read_marks(shlex.join(["sh", "-c", f"sleep 60 & echo $! > {started}; wait"]), renders, "", 2)
+    status = Path(f"/proc/{started.read_text().strip()}/stat")
+    until = time.monotonic() + 10
+    while status.exists() and status.read_text().split()[2] != "Z":
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("change", ["rm $0/a.png", "cp $0/b.png $0/a.png"])
+def test_a_detector_that_changes_an_image_is_refused(renders, change):
+    write_image(renders / "b.png", np.ones((4, 4, 3)))
+    with pytest.raises(InputError, match=r"a\.png: content: expected the image as before"):
+        read_marks(shlex.join(["sh", "-c", f'{change}; echo \'{{"a": 1, "b": 1}}\'']), renders, "", 60)
 
 
 def test_a_folder_without_images_is_refused(tmp_path):

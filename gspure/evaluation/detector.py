@@ -1,15 +1,19 @@
 """Marks read from images: with the key of a scheme that hides bits, or by a command of the user's, the detector."""
 
 import json
+import os
 import reprlib
 import shlex
+import signal
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gspure.artifacts import file_digest
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.detection import LARGEST, Reading, share_correct
@@ -23,12 +27,16 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
     of each image, without ``.png``, to bits, as a text of 0 and 1, or to a score, which is high if the mark is present.
     `message` holds the embedded bits, and is empty if the command returns scores.
 
-    Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
+    Raise `InputError` if the command cannot be run, fails, takes too long, changes an image or prints anything else.
     """
     files = _png_files(images)
     for file in files:
         require_intact(file)
+    before = {file: file_digest(file) for file in files}
     views, answer = {file.stem for file in files}, _answer(command, images, timeout)
+    for file, digest in before.items():
+        if not file.is_file() or file_digest(file) != digest:
+            raise InputError(file, "content", expected="the image as before", found="one that the detector changed")
     for view in sorted(views.symmetric_difference(answer)):
         found = "no entry" if view in views else "an entry of no image"
         raise InputError("detector", view, expected="an entry for every image", found=found)
@@ -63,24 +71,42 @@ def _png_files(folder: Path) -> list[Path]:
 
 def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
     words = [*words_of(command), str(images)]
-    pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True, "errors": "replace"}
     try:
-        done = subprocess.run(words, **pipes, timeout=timeout, check=False)
+        output, errors, status = _run(words, timeout)
     except subprocess.TimeoutExpired:
         raise InputError("detector", command, expected=f"an answer within {timeout:g} s", found="none") from None
     except OSError as error:
         raise InputError("detector", command, expected="a command", found=str(error.strerror)) from None
-    if done.returncode:
-        reason = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+    if status:
+        reason = (errors.strip().splitlines() or [f"exit status {status}"])[-1]
         raise InputError("detector", command, expected="success", found=reason)
-    last = (done.stdout.strip().splitlines() or [""])[-1]
+    last = (output.strip().splitlines() or [""])[-1]
     try:
-        answer = json.loads(last)
+        answer = json.loads(last, object_pairs_hook=_distinct)
     except (ValueError, RecursionError):
         answer = None
     if not isinstance(answer, dict):
         raise InputError("detector", "output", expected="a JSON object in the last line", found=last or "nothing")
     return answer
+
+
+def _run(words: Sequence[str], timeout: float) -> tuple[str, str, int]:
+    """Return the output, the errors and the exit status of a command; end what it started if it takes too long."""
+    pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(words, **pipes, text=True, errors="replace", start_new_session=True) as process:
+        try:
+            return *process.communicate(timeout=timeout), process.returncode
+        except BaseException:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            raise
+
+
+def _distinct(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object without repeated names."""
+    if len({name for name, _ in pairs}) < len(pairs):
+        raise ValueError("repeated names")
+    return dict(pairs)
 
 
 def _reading(view: str, value: object, message: str) -> Reading:
