@@ -93,14 +93,19 @@ def test_costs_are_means_over_scenes_and_seeds_and_over_the_variants_of_a_sweep(
     assert costs == {"weak": 2.0, "strong": 10.0, "gspure": 40.0, "pruning": 6.0}
 
 
-def test_contest_writes_costs_and_shows_them_beside_the_drops(tmp_path: Path) -> None:
+def test_contest_writes_costs_and_shows_them_beside_the_drops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_results(tmp_path / "results.csv", OUTCOMES)
     names = ("out", "survival", "matched", "benchmarks/costs")
     words = ["contest", "--table", "results.csv", "--sweep", "pruning=weak,strong", "--markdown", "contest.md"]
     words += [word for name in names for word in (f"--{Path(name).name}", f"{name}.csv")]
     words += ["--benchmarks", str(written(tmp_path / "benchmarks"))]
-    for _ in range(2):  # costs may be in the folder that they are from
-        assert main([str(tmp_path / word) if "." in word else word for word in words]) == 0
+    words = [str(tmp_path / word) if "." in word else word for word in words]
+    with monkeypatch.context() as patch:
+        patch.setattr("gspure.artifacts.write_record", lambda *_, **__: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            main(words)
+    for _ in range(2):  # costs may be in the folder that they are from, also those of a killed run
+        assert main(words) == 0
     costs = read_table(tmp_path / "benchmarks" / "costs.csv", AttackCost)
     assert costs == attack_costs(OUTCOMES, SWEEPS, tmp_path / "benchmarks")
     rows = (survival(OUTCOMES), (), match(OUTCOMES, SWEEPS))
