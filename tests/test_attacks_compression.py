@@ -53,5 +53,7 @@ def test_models_that_a_format_cannot_store_are_refused(kind: str) -> None:
 
 def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gsply", None)
-    with pytest.raises(InputError, match=r"the package gsply.*pip install gspure\[compression\]"):
+    with pytest.raises(
+        InputError, match=r"attack compression: gsply: .*the package gsply.*pip install gspure\[compression\]"
+    ):
         find_attack("compression").apply(blobs(COUNT), Evidence())

@@ -30,10 +30,14 @@ def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = "
         raise InputError("attack compression", "colour", expected="columns f_dc_*", found="features")
     order = morton_order(model.means).astype(np.intp)
     sorted_model = Attacked.copied(model, order).model
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / f"model{_SUFFIXES[codec]}"
-        write_model(file, sorted_model)
-        table = read_model(file).table
+    try:
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / f"model{_SUFFIXES[codec]}"
+            write_model(file, sorted_model)
+            table = read_model(file).table
+    except InputError as error:
+        error.source = "attack compression"  # not the temporary file
+        raise
     names = (*CORE, *COLOUR, *model.columns_named("f_rest_"))
     return Attacked(sorted_model.with_columns({name: table[name] for name in names}), order, len(model))
 
