@@ -111,12 +111,15 @@ def read_back(array: NDArray[np.floating]) -> Float32:
 
 
 def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
-    """Refuse a folder with PNG files of other views, which would count in every later comparison."""
-    others = sorted({path.stem for path in folder.glob("*.png")} - {*views})
-    if others:
+    """Refuse a folder with PNG files that are no renders, or of other views, which would count in every comparison."""
+    images, hint = {path.stem for path in folder.glob("*.png")}, "name another folder, or delete them"
+    if others := sorted(images - {*views}):
         found = f"{len(others)} more: {others[0]}.png" + ", ..." * (len(others) > 1)
-        hint = "name another folder, or delete them"
         raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
+    record = _recorded(folder)
+    if images and not (record.get("model") or record.get("energy")):
+        found = f"others, such as photographs: {min(images)}.png"
+        raise InputError(folder, "images", expected="none but earlier renders", found=found, hint=hint)
 
 
 def record_views(

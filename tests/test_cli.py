@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -385,6 +386,20 @@ def test_a_folder_with_renders_of_other_views_is_refused(asset, capsys):
     assert main([*command, str(asset / "renders"), "--split", "test"]) == 2
     assert "renders: images: expected none but of these views, found 7 more: view_" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in (asset / "renders").iterdir()} == before
+
+
+@pytest.mark.parametrize("kind", ["capture", "pair"])
+def test_photographs_are_not_replaced_by_renders(asset, pair_folder, capsys, kind):
+    photographs = asset / "photographs"
+    if kind == "pair":
+        shutil.copytree(pair_folder / "message", photographs)
+    else:
+        write_image(photographs / "view_000.png", np.zeros((36, 48, 3)))
+    before = {path: path.read_bytes() for path in photographs.iterdir()}
+    cameras = str(pair_folder / "cameras.json")
+    assert main(["render", str(asset / "model.ply"), "--cameras", cameras, "--out", str(photographs)]) == 2
+    assert "photographs: images: expected none but earlier renders" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in photographs.iterdir()} == before
 
 
 def test_metrics_refuses_a_folder_that_lacks_one_of_its_renders(asset, capsys):
