@@ -236,6 +236,11 @@ def test_a_condition_has_the_figure_of_a_sweep_if_a_factor_is_varied(plan):
     assert "sweep" not in unvaried.condition_figures("secure_gs")
 
 
+def test_hidden_bits_have_no_figure_of_a_trade_off_between_pictures():
+    plan = plan_of(assets=None, schemes={"marked_clones": {}, "secure_gs": {}})
+    assert [[*plan.condition_figures(name)] for name in plan.schemes] == [["sweep"], ["sweep", "tradeoff"]]
+
+
 def test_tables_take_protocol_and_initialization_of_every_watermarked_model(plan):
     pairs = {"a": {}, "b": {"protocol": "own", "initialization": "scene"}}
     words = plan_of(pairs=pairs, schemes={"secure_gs": {}}, repetitions=1).condition_options.split()

@@ -11,7 +11,7 @@ from gspure.cameras import GENERATED
 from gspure.constants import TAU_C, TAU_N, TEST_EVERY
 from gspure.evaluation.controls import CLEAN, CONTROLS, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import DETECTIONS
-from gspure.evaluation.outcomes import BITS, SCENE, Condition, is_picture
+from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, Condition, is_picture
 from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
@@ -80,7 +80,8 @@ class Plan:
         variants, decisions = self.config["variants"], self.decisions[scheme]
         points = {name: f"{n},{c}" for name, (n, c) in factors_of(variants, decisions).items()}
         sweep = repeated("--point", points)
-        return ({"sweep": sweep} if is_swept(variants, decisions) else {}) | {"tradeoff": ""}
+        figures = {"sweep": sweep} if is_swept(variants, decisions) else {}
+        return figures | ({"tradeoff": ""} if MESSAGE in self.schemes[scheme].extractions else {})  # of two pictures
 
 
 @dataclass(frozen=True)
