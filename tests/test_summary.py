@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -11,6 +12,7 @@ from gspure.artifacts import file_digest
 from gspure.cli import main
 from gspure.evaluation.comparison import write_metrics
 from gspure.evaluation.csv_tables import write_table
+from gspure.evaluation.detection import Detection
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.summary import Summary, summarize
 from gspure.report.tables import summary_table
@@ -75,6 +77,23 @@ def test_every_extraction_of_the_message_has_a_row():
     rows = summarize([outcome("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)])
     assert [(row.extraction, row.message.mean) for row in rows] == [("message", 9.0), ("message_oracle", 12.0)]
     assert "GSPure, message (oracle) & 1 & 29.00 & 12.00" in summary_table(rows).latex()
+
+
+def test_a_mark_has_numbers_neither_off_the_camera_path_nor_from_the_paper():
+    shown = outcome("gs_hider", "room", "gspure", scene=29.0, message=9.0)
+    read = replace(shown, off_path=shown.targets, detections={"bits": Detection(73.0, 1.0, 1.0, 1.0, True, 4, 32)})
+    picture, mark = summarize([read])
+    assert picture.off_path_message.mean == 9.0
+    assert math.isfinite(picture.paper_message)
+    assert (mark.extraction, mark.message.mean, mark.off_path_message) == ("bits", 73.0, None)
+    assert math.isnan(mark.paper_message)
+    assert mark.off_path_scene == picture.off_path_scene
+
+
+def test_the_unit_of_a_mark_is_noted():
+    shown = outcome("a", "1", "gspure", scene=29.0, message=9.0)
+    read = replace(shown, detections={"bits": Detection(73.0, 1.0, 1.0, 1.0, True, 4, 32)})
+    assert ["percent" in summary_table(summarize([o])).note for o in (shown, read)] == [False, True]
 
 
 def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):

@@ -156,8 +156,8 @@ class Outcome:
         return failed | {f"{detector} of {name}": reason for detector, reason in self.undetected.items()}
 
     def off_path_outcome(self) -> Outcome:
-        """Return this variant with the metrics of views off the camera path."""
-        return replace(self, targets=self.off_path, reference=self.off_path_reference)
+        """Return this variant with the metrics of views off the camera path, where detectors read nothing."""
+        return replace(self, targets=self.off_path, reference=self.off_path_reference, detections={})
 
     @property
     def score(self) -> float:
@@ -166,8 +166,8 @@ class Outcome:
 
 
 def ordered(targets: Iterable[str]) -> list[str]:
-    """Return targets in display order: the scene, the message, its other extractions, detectors."""
-    return sorted(targets, key=lambda target: (target != SCENE, target != MESSAGE, not is_picture(target), target))
+    """Return targets in display order: the scene, the message, its other extractions, hidden bits, detectors."""
+    return sorted(targets, key=lambda name: (name != SCENE, name != MESSAGE, not is_picture(name), name != BITS, name))
 
 
 def is_picture(target: str) -> bool:

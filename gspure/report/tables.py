@@ -247,7 +247,8 @@ def summary_table(rows: Sequence[Summary]) -> Table:
             scenes = Cell(f"{_scenes((row.scene, row.message, row.score))}")
             psnr = [metric(value.mean if value else nan) for value in (row.scene, row.message)]
             body.append(Row([*names, scenes, *psnr, interval(row.score), Cell(plain(row.paper_score))], begins=not i))
-    return Table("Means over scenes", columns, body, say(NOTES, "summary"))
+    has_marks = not all(is_picture(row.extraction) for row in rows)
+    return Table("Means over scenes", columns, body, say(NOTES, "summary", has_marks))
 
 
 def beside_table(rows: Sequence[Beside]) -> Table:
