@@ -171,6 +171,7 @@ def test_a_message_that_was_not_present_cannot_be_lost() -> None:
     assert audit_of(missing).verdict == "not present"
     _, points = told(missing)
     assert "present in 0 of 2 scenes" in points["Before any attack"]
+    assert "mean drops" not in points["Before any attack"]  # they are over all scenes
     assert not any("urvive" in label for label in points)
 
 

@@ -24,7 +24,7 @@ from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.detection import Reading, Threshold, detection, read_detections, share_correct
 from gspure.evaluation.detector import read_marks
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.outcomes import Outcome, collect, with_references
+from gspure.evaluation.outcomes import Outcome, collect, ordered, with_references
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.survival import survival
 from gspure.failures import Failure, status_of
@@ -32,6 +32,7 @@ from gspure.images import write_image
 from gspure.report.audit import audits
 from gspure.report.page import write_report
 from gspure.report.tables import conditions_markdown, results_markdown
+from tests.contest_cases import attacked
 from tests.documentation import ROOT
 
 
@@ -282,6 +283,33 @@ def test_the_scenes_psnr_is_listed_for_attacks_only():
     of_own = [replace(outcome(name, 98.0, psnr), reference={}) for name, psnr in (("gspure", 30.0), ("clean", 35.0))]
     (audit,) = audits(of_own, survival(of_own), [])
     assert [row.variant for row, _ in audit.scene_psnr] == ["gspure"]
+
+
+def test_hidden_bits_are_listed_before_any_detector():
+    assert ordered(["alpha", "bits", "message_oracle", "scene"]) == ["scene", "message_oracle", "bits", "alpha"]
+
+
+OF_PICTURES = (
+    "1 dB above the floor",
+    "black and mean-colour images",
+    "retrieval",
+    "The Score of an attack",
+    "compare pixels",
+)
+
+
+def test_a_page_about_a_mark_says_nothing_of_pictures(outcomes, tmp_path):
+    shown = attacked("gspure", 1.0, 18.0), attacked("unattacked", 0.0, 0.0)
+    for name, chosen in {"mark": outcomes, "both": [*outcomes, *with_references(shown)]}.items():
+        write_report(tmp_path / name, chosen, survivals=survival(chosen), contests=contest(chosen, {}))
+    mark, both = ((tmp_path / name).read_text() for name in ("mark", "both"))
+    assert [text for text in OF_PICTURES if text in mark] == []
+    assert [text for text in OF_PICTURES if text not in both] == []
+
+
+def test_the_reading_of_a_wrong_key_is_compared_and_not_judged(outcomes, tmp_path):
+    write_report(tmp_path / "page.html", outcomes, survivals=survival([*outcomes, outcome("wrong_key", 53.0)]))
+    assert "share of correct bits is 45.0 points lower.</span>" in (tmp_path / "page.html").read_text()
 
 
 def test_tables_have_readings_rates_and_chance(outcomes, tmp_path):

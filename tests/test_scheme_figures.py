@@ -8,13 +8,14 @@ import pytest
 from matplotlib.text import Text
 
 from gspure.cli import main
+from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.results import write_results
 from gspure.evaluation.survival import survival
 from gspure.figures.factors import Point, curve, write_factor_curves
 from gspure.figures.plots import write_outcomes
 from gspure.figures.tradeoff import places, write_tradeoff
-from tests.contest_cases import BEFORE, benchmark
+from tests.contest_cases import BEFORE, benchmark, outcome
 from tests.test_matched import outcomes
 from tests.test_plots import drawn  # noqa: F401
 
@@ -44,6 +45,20 @@ def test_curves_show_means_and_bands_by_target_and_factor(tmp_path: Path, drawn)
     assert [ax.lines[1].get_xydata().tolist() for ax in axes[2:]] == [[[4, 12]], [[3, 12]]]  # the method's own
     band = axes[2].collections[0].get_paths()[0].vertices
     assert (band[:, 1].min(), band[:, 1].max()) == (7, 13)
+
+
+@pytest.mark.parametrize(("bits", "label"), [(32, "mark (mine)\ncorrect bits (%)"), (0, "mark (mine) score")])
+def test_readings_of_a_mark_are_no_decibels(tmp_path: Path, drawn, bits: int, label: str) -> None:  # noqa: F811
+    read = {"gspure": 53.0, "unattacked": 98.0}
+    marked = [
+        outcome(name, targets={"scene": 30.0}, detections={"mine": Detection(level, 1.0, 1.0, 1.0, True, 3, bits)})
+        for name, level in read.items()
+    ]
+    write_results(tmp_path / "results.csv", marked)
+    words = ["--table", str(tmp_path / "results.csv"), "--condition", "sis", "--out", str(tmp_path / "sweep.png")]
+    assert main(["figures", "sweep", *words, "--point", "gspure=4,4", "--point", "unattacked=1,4"]) == 0
+    assert [axes.get_ylabel() for axes in drawn[0].axes] == ["scene PSNR (dB)", "", label, ""]
+    assert drawn[0].axes[2].lines[0].get_ydata().tolist() == [98.0, 53.0]
 
 
 def test_variants_lie_at_their_means_and_those_that_do_the_same_lie_together() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +103,8 @@ def _draw_attacks(args: Arguments) -> Drawn:
     if any(column.unreached for column in columns):
         caption += " † The attack did not change the carrier of this extraction."
     if len(shown) < sum(not o.is_control for o in outcomes):
-        caption += " Attacks with several strengths are shown at the highest Score, GSPure at its default."
+        strength = "with the highest Score" if any(isfinite(o.score) for o in outcomes) else "that is listed first"
+        caption += f" Attacks with several strengths are shown at the one {strength}, GSPure at its default."
     return {args.out: caption}, {"table": args.table, **files}, {}
 
 

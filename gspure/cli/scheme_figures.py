@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gspure.cli.image_figures import Drawn
 from gspure.cli.options import require_variants
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.evaluation.names import display_name
+from gspure.evaluation.names import display_name, extraction_name
 
 if TYPE_CHECKING:
     from gspure.evaluation.outcomes import Outcome
@@ -59,27 +60,37 @@ def _draw_sweep(args: Arguments) -> Drawn:
     from gspure.evaluation.summary import summarize
     from gspure.figures.factors import Point, write_factor_curves
 
-    means = {row.variant: row for row in reversed(summarize(_outcomes(args)))}  # the first extraction
+    outcomes = _outcomes(args)
+    means = {row.variant: row for row in reversed(summarize(outcomes))}  # the first extraction
     require_variants(args.table, args.point, means, f"a variant of {args.condition}")
     points = []
     for variant, factors in args.point.items():
-        psnr = {name: value for name in ("scene", "message") if (value := getattr(means[variant], name))}
-        points.append(Point(factors, psnr))
+        known = {name: value for name in ("scene", "message") if (value := getattr(means[variant], name))}
+        points.append(Point(factors, known))
     method = points[0].factors
-    write_factor_curves(args.out, points, method)
+    write_factor_curves(args.out, points, method, _label(outcomes, means[next(iter(args.point))].extraction))
     counts = {
-        name: max((i.scenes for i in p.psnr.values()), default=0) for name, p in zip(args.point, points, strict=True)
+        name: max((i.scenes for i in p.means.values()), default=0) for name, p in zip(args.point, points, strict=True)
     }
     scenes = max(counts.values(), default=0)
     fewer = [f"{display_name(name)} over {count}" for name, count in counts.items() if count < scenes]
     caption = (
-        f"PSNR of scene and message after GSPure with other pruning factors: one varies, the other is "
-        f"τ_n = {method[0]:g} or τ_c = {method[1]:g} (ring: both). Mean over {scenes} scenes"
+        f"Scene and message after GSPure with other pruning factors: one varies, the other is "
+        f"τ_n = {method[0]:g} or τ_c = {method[1]:g} (ring: both). Mean over {scenes} scene{'s' * (scenes != 1)}"
     )
     band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
     settings = {"condition": args.condition, "points": {name: list(factors) for name, factors in args.point.items()}}
     caption += f"{band}; {', '.join(fewer)}." if fewer else f"{band}."
     return {args.out: caption}, {"table": args.table}, settings
+
+
+def _label(outcomes: Sequence[Outcome], extraction: str) -> str:
+    """Return the label of an axis for the levels of an extraction."""
+    from gspure.evaluation.outcomes import is_picture
+
+    bits = any(o.detections[extraction].bits for o in outcomes if extraction in o.detections)
+    unit = "PSNR (dB)" if is_picture(extraction) else "correct bits (%)" if bits else "score"
+    return f"{extraction_name(extraction)} {unit}"
 
 
 def _draw_tradeoff(args: Arguments) -> Drawn:
@@ -107,6 +118,6 @@ def _draw_tradeoff(args: Arguments) -> Drawn:
 
 
 KINDS = {
-    "sweep": ("PSNR of scene and message against the pruning factors", _add_sweep),
+    "sweep": ("scene and message against the pruning factors", _add_sweep),
     "tradeoff": ("PSNR of the message against damage to the scene", _add_tradeoff),
 }

@@ -1,9 +1,10 @@
-"""PSNR of scene and message against the pruning factors, as in the paper's Fig. 5."""
+"""Scene and message against the pruning factors, as in the paper's Fig. 5."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _COLOURS: Final = {SCENE: style.SCENE, MESSAGE: style.MESSAGE}
+_LETTERS: Final = 18  # in a line beside a panel
 _AXES: Final = (r"noise pruning factor $\tau_n$", r"cluster pruning factor $\tau_c$")
 
 
@@ -23,7 +25,7 @@ class Point(NamedTuple):
     """GSPure with one pair of pruning factors."""
 
     factors: tuple[float, float]  # tau_n and tau_c
-    psnr: Mapping[str, Interval]  # mean over scenes, dB, of scene and message
+    means: Mapping[str, Interval]  # over scenes, of scene and message
 
 
 def curve(points: Sequence[Point], axis: int, method: tuple[float, float]) -> list[Point]:
@@ -32,25 +34,28 @@ def curve(points: Sequence[Point], axis: int, method: tuple[float, float]) -> li
     return [chosen[factor] for factor in sorted(chosen)]
 
 
-def write_factor_curves(path: Path, points: Sequence[Point], method: tuple[float, float]) -> None:
+def write_factor_curves(
+    path: Path, points: Sequence[Point], method: tuple[float, float], message: str = "message PSNR (dB)"
+) -> None:
     """Write a panel for each factor and target, as PNG and SVG; a ring marks `method`, its tau_n and tau_c.
 
-    All points have the same targets.
+    A target that some point lacks is left out. `message` is the label of the message's axis.
     """
-    targets = [target for target in (SCENE, MESSAGE) if all(target in point.psnr for point in points)]
+    labels = {SCENE: "scene PSNR (dB)", MESSAGE: message}
+    targets = [target for target in labels if all(target in point.means for point in points)]
     with style.page(path, style.COLUMN, 0.45 + 1.05 * len(targets), vector=True) as figure:
         grid = figure.subplots(len(targets), 2, sharex="col", sharey="row", squeeze=False)
         for row, target in zip(grid, targets, strict=True):
             for axis, axes in enumerate(row):
                 _draw(axes, curve(points, axis, method), axis, target, method)
-            row[0].set_ylabel(f"{target} PSNR (dB)")
+            row[0].set_ylabel(fill(labels[target], _LETTERS))
         for axes, label in zip(grid[-1], _AXES, strict=True):
             axes.set_xlabel(label, parse_math=True)
 
 
 def _draw(axes: Axes, points: Sequence[Point], axis: int, target: str, method: tuple[float, float]) -> None:
     factors = [point.factors[axis] for point in points]
-    means, low, high = np.array([point.psnr[target][:3] for point in points]).T
+    means, low, high = np.array([point.means[target][:3] for point in points]).T
     axes.fill_between(factors, low, high, color=style.tint(_COLOURS[target], 0.82), linewidth=0)
     axes.plot(factors, means, "o-", color=_COLOURS[target], linewidth=1.1, markersize=2.6)
     at = factors.index(method[axis])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final, NamedTuple
 
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, UNATTACKED, Condition, Outcome, by_condition, ordered
+from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Condition, Outcome, by_condition, ordered
 
 PLANTED: Final = "planted"
 
@@ -38,7 +38,7 @@ class Limits:
     one_scene: list[Condition]  # conditions with a message in a single scene
     without_key: list[tuple[str, str]]  # models, as scheme and folder, whose message was not extracted
     against_renders: list[tuple[str, str]]
-    has_messages: bool
+    has_pictures: bool  # of messages
     has_detectors: bool
     views: list[int]  # the different numbers of views per model and target, in ascending order
 
@@ -68,7 +68,7 @@ def limits(outcomes: Sequence[Outcome]) -> Limits:
         one_scene=[condition for condition, known in sorted(scenes.items()) if len(known) == 1 and condition in judged],
         without_key=sorted(models - {(o.scheme, o.folder) for o in extracted}),
         against_renders=sorted({(o.scheme, o.folder) for o in outcomes if not o.against_truth}),
-        has_messages=bool(extracted),
+        has_pictures=any(o.targets.keys() - {SCENE} for o in outcomes),
         has_detectors=any(o.detections for o in outcomes),
         views=sorted({count for o in outcomes for count in o.views.values()}),
     )
