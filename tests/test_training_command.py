@@ -223,9 +223,10 @@ def test_results_of_an_earlier_run_stay_until_the_new_ones_are_complete(project,
     assert _contents(out) == before
 
 
-def test_a_folder_with_a_model_of_another_trainer_is_refused(project, trained, tmp_path, capsys):
+@pytest.mark.parametrize("name", ["point_cloud/*/point_cloud.ply", "cameras.json", "input.ply"])
+def test_a_folder_with_a_file_of_another_trainer_is_refused(project, trained, tmp_path, capsys, name):
     shutil.copytree(trained, tmp_path / "out")
-    (record,) = tmp_path.glob("out/point_cloud/*/point_cloud.ply.json")
+    (record,) = tmp_path.glob(f"out/{name}.json")
     record.unlink()
     assert main(["train", str(project), "--out", str(tmp_path / "out"), "--iterations", "2"]) == 2
     (line,) = capsys.readouterr().err.splitlines()

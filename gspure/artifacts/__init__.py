@@ -1,7 +1,7 @@
 """Files of results: whole or absent, with a checksum beside them, and checked when they are read."""
 
 from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_arrays
-from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
+from gspure.artifacts.checksums import digest, file_digest, intact, record_of, require_results, verify
 from gspure.artifacts.files import filling, read_json, replacing, require_place, write_json, write_text
 from gspure.artifacts.provenance import (
     UNMOVED,
@@ -38,6 +38,7 @@ __all__ = [
     "require_kind",
     "require_made_from",
     "require_place",
+    "require_results",
     "require_same_inputs",
     "save_array",
     "save_arrays",

@@ -118,6 +118,14 @@ def require_size(path: Path) -> None:
         raise InputError(path, "content", expected=f"{record['bytes']} bytes", found=f"{size} bytes")
 
 
+def require_results(*paths: Path) -> None:
+    """Refuse to replace files that are no results: those without a record."""
+    for path in paths:
+        if path.exists() and record_of(path) is None:
+            hint = "name another folder, or delete it"
+            raise InputError(path, "output", expected="a result of an earlier run", found="another file", hint=hint)
+
+
 def intact(path: Path) -> bool:
     """Return whether a file is there, has a record of its name, and agrees with its checksum."""
     try:

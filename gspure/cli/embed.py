@@ -4,7 +4,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.artifacts import UNMOVED, file_digest, filling, write_json, write_record
+from gspure.artifacts import UNMOVED, file_digest, filling, require_results, write_json, write_record
 from gspure.cli.options import add_device, described, parsed_settings, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
@@ -54,6 +54,7 @@ def run(args: Arguments) -> None:
     model = Path("public", "point_cloud.ply")
     used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
     used |= scheme.settings | settings
+    require_results(args.out / model)
     with filling(args.out) as folder:
         public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)
         check: Readability | None = None

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.artifacts import filling, write_record
+from gspure.artifacts import filling, require_results, write_record
 from gspure.cameras import Camera, off_path_cameras, read_cameras, write_cameras
 from gspure.cli.options import add_device, read_device, require_least
 from gspure.cli.parser import Arguments, Parser
@@ -80,6 +80,8 @@ def run(args: Arguments) -> None:
     if is_traced[0] != is_traced[1]:
         expected = f"both of {NAMES}, or both files"
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=f"{args.scene} and {args.message}")
+    files = [folder / name for folder in (args.out, args.out / "message") for name in ("cameras.json", "points3D.ply")]
+    require_results(*files)
     make = _traced if is_traced[0] else _photographed if args.protocol == "shared" else _photographed_apart
     settings = {name: str(getattr(args, name)) for name in ("scene", "message", "protocol", "seed")}
     with filling(args.out) as args.out:

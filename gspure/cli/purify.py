@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from gspure import __version__
-from gspure.artifacts import embedding_of, filling, motion_of, save_array, write_json, write_record
-from gspure.artifacts.checksums import forget, record_of
+from gspure.artifacts import embedding_of, filling, motion_of, require_results, save_array, write_json, write_record
+from gspure.artifacts.checksums import forget
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.cameras import Camera, scaled, split, write_cameras
 from gspure.cameras.reading import motion_of_views
@@ -172,8 +172,7 @@ def _writes_views(args: Arguments) -> bool:
     file = args.out / "cameras.json"
     if file.resolve() == Path(args.cameras).resolve():
         return False
-    if file.exists() and record_of(file) is None:
-        raise InputError(file, "output", expected="a result of an earlier run", found="another file")
+    require_results(file)
     return True
 
 

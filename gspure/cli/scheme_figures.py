@@ -106,9 +106,9 @@ def _draw_tradeoff(args: Arguments) -> Drawn:
     shown = {name for place in places(outcomes) for name in place.variants}
     left_out = [name for name in dict.fromkeys(o.variant for o in outcomes if not o.is_control) if name not in shown]
     caption = (
-        "PSNR of message and scene after every variant, mean over the scenes; points on the Pareto front: "
-        f"{len(front)}. Attacks to the lower left are stronger. The horizontal axis is logarithmic above {LINEAR:g} "
-        "dB. Vertical lines: drops at which attacks are compared."
+        "PSNR of the message and drop of the scene's PSNR after every variant, mean over the scenes. Variants on the "
+        f"Pareto front: {len(front)}. Attacks to the lower left are stronger. The horizontal axis is logarithmic above "
+        f"{LINEAR:g} dB. Vertical lines: drops at which attacks are compared."
     )
     if left_out:
         caption += f" Not shown, since they lack a scene: {', '.join(map(display_name, left_out))}."

@@ -24,8 +24,8 @@ TITLES: Final = ("model", "message before pruning", "rank of the weight", "messa
 """Titles of the render and the three clouds of a purification."""
 
 _RANKS: Final = (
-    "Rows ranked by the mean weight of their cluster or, outside clusters, by their weight, each times its pruning "
-    "factor (τ_c or τ_n). Low ranks are pruned."
+    "Rank: the order by τ_c times the mean weight of the cluster or, outside clusters, τ_n times the weight. GSPure "
+    "prunes the lowest ranks."
 )
 
 
@@ -130,8 +130,8 @@ def ranks(evidence: Evidence) -> Cloud:
 
 def _message_caption(evidence: Evidence, hidden: Float32) -> str:
     caption = (
-        f"The message's share of the weight of all {evidence.rows}: h / (h + ω), with the weight h in views of the "
-        "message and ω in views of the scene; grey where both are 0."
+        f"Share of the message in the weight of the {evidence.rows}: h / (h + ω), where h is the weight in views of "
+        "the message, and ω that in views of the scene; grey where both are 0."
     )
     if np.allclose(hidden, evidence.weights):
         caption += " Both weights are equal everywhere: message and scene share all Gaussians."
@@ -160,7 +160,8 @@ def _remarks(count: int, problem: str | None) -> Iterator[str]:
 def _histogram_caption(evidence: Evidence) -> str:
     zero = float(np.mean(evidence.weights == 0))
     return (
-        f"Histogram of the weights. {zero:.1%} are 0: no pixel shows these {evidence.rows}. GSPure prunes clusters "
-        f"whose mean weight is below ω̄/{evidence.tau_c:g}, and {evidence.rows} outside clusters whose weight is below "
-        f"ω̄/{evidence.tau_n:g}. Clusters are pruned whole, so both colours occur on both sides of the threshold."
+        f"Histogram of the weights ω, with mean ω̄. {zero:.1%} are 0: no view shows these {evidence.rows}. GSPure "
+        f"prunes clusters whose mean weight is below ω̄/{evidence.tau_c:g}, and {evidence.rows} outside clusters whose "
+        f"weight is below ω̄/{evidence.tau_n:g}. Clusters are pruned as a whole, so {evidence.rows} above the threshold "
+        "can be pruned, and others below it kept."
     )

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from gspure.artifacts import write_text
-from gspure.artifacts.checksums import forget, record_of
+from gspure.artifacts import require_results, write_text
+from gspure.artifacts.checksums import forget
 from gspure.cameras import write_cameras
-from gspure.errors import InputError
 from gspure.images import RENDERED
 from gspure.model import Gaussians, write_model
 from gspure.model.inria import saved_iterations
@@ -54,10 +53,8 @@ def write_output(
 
 
 def require_replaceable(folder: Path) -> None:
-    """Require that all models in the folder are results of `gspure train`, as their records say."""
-    for model in saved_iterations(folder).values():
-        if record_of(model) is None:
-            raise InputError(model, "output", expected="a result of an earlier run", found="another file")
+    """Require that all models in the folder, and the files beside them, are results, as their records say."""
+    require_results(*saved_iterations(folder).values(), *(folder / name for name in ("cameras.json", "input.ply")))
 
 
 def remove_results(folder: Path) -> None:
