@@ -153,7 +153,7 @@ def test_options_of_another_source_of_readings_are_refused(renders, tmp_path, wo
 
 
 @pytest.mark.parametrize("rate", [0.01, 0.001])
-@pytest.mark.parametrize("bits", [8, 16, 32, 48])
+@pytest.mark.parametrize("bits", [10, 16, 32, 48])
 def test_the_threshold_of_bits_is_the_lowest_that_keeps_the_rate(bits, rate):
     threshold = Threshold.of(bits, [], rate)
     assert threshold.rate == pytest.approx(binom.sf(threshold.value, bits, 0.5))
@@ -181,6 +181,15 @@ def test_large_scores_keep_their_order(tmp_path):
     write_table(tmp_path / "rows.csv", Reading, [Reading(view, 1234566.0 + i, 0) for i, view in enumerate("ab")])
     first, second = read_table(tmp_path / "rows.csv", Reading)
     assert detection([second], [first.level] * 99).tpr == 1
+
+
+@pytest.mark.parametrize(("bits", "known", "known_strict"), [(1, 0, 0), (6, 0, 0), (7, 1, 0), (9, 1, 0), (10, 1, 1)])
+def test_all_of_few_bits_are_detected_at_a_rate_that_is_not_claimed(bits, known, known_strict):
+    seen = detection([Reading(str(view), 100.0, bits) for view in range(50)], [])
+    assert seen.present
+    assert [not math.isnan(rate) for rate in (seen.tpr, seen.tpr_strict)] == [known, known_strict]
+    chance = detection([Reading(str(view), 100.0 * (view % 2), 1) for view in range(50)], [])
+    assert not chance.present
 
 
 def test_random_bits_exceed_the_threshold_at_its_rate():

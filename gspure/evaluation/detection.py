@@ -65,13 +65,13 @@ class Threshold(NamedTuple):
         """Return the lowest threshold that unmarked views exceed at this rate or a lower one.
 
         For `bits`, it follows from the binomial distribution: each bit of an unmarked view is correct with probability
-        1/2. For scores (0 bits), it is the score of one of N `clean` views. The k-th highest has the rate k / (N + 1),
-        which exceeds `rate` for few views.
+        1/2. For scores (0 bits), it is the score of one of N `clean` views. The k-th highest has the rate k / (N + 1).
+        With few bits or views even the highest threshold that a view can exceed has a higher rate than `rate`.
         """
         from scipy.stats import binom
 
         if bits:
-            correct = float(binom.isf(rate, bits, 0.5))
+            correct = min(float(binom.isf(rate, bits, 0.5)), bits - 1)
             return cls(correct, float(binom.sf(correct, bits, 0.5)))
         if not clean:
             return cls(math.nan, 1.0)
