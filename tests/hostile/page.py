@@ -70,7 +70,7 @@ def write() -> bool:
             ],
         ),
         "\n## Commits\n",
-        *table(("part", "ran at"), ((part, ", ".join(sorted({r["commit"] for r in kept(part)}))) for part in PARTS)),
+        *table(("part", "cases at commits"), ((part, commits(part)) for part in PARTS)),
         "\n`A to B`: at commits from A to B, of which each part had no record of its own.\n",
         "## Open defects\n",
         *([f"- {fault[:300]}" for fault in faults] or ["None."]),
@@ -123,6 +123,11 @@ def table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> Iterat
     yield "| --- " * len(header) + "|"
     for row in rows:
         yield f"| {' | '.join(map(str, row))} |"
+
+
+def commits(part: str) -> str:
+    """How many cases of a part ran at each commit."""
+    return ", ".join(f"{count} at {commit}" for commit, count in Counter(r["commit"] for r in kept(part)).most_common())
 
 
 def score(record: Record) -> tuple[int, int]:

@@ -108,7 +108,7 @@ def test_the_page_counts_and_lists_open_defects(tmp_path, monkeypatch, fault):
     assert f"| open defects | {len(fault)} |" in text
     assert all(each in text for each in fault)
     assert "| kills that hit a job at work | 1 |" in text
-    assert f"| kills | {record['commit']} |" in text
+    assert f"| kills | 1 at {record['commit']} |" in text
 
 
 def test_cases_that_did_not_run_again_keep_their_records(tmp_path, monkeypatch):
