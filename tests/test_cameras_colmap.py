@@ -207,6 +207,14 @@ def test_bytes_after_the_last_record_are_refused(tmp_path):
         read_cameras(written(tmp_path, files | {"images.bin": files["images.bin"] + b"abc"}))
 
 
+def test_fewer_images_than_the_header_counts_are_warned_of(tmp_path, capsys):
+    files = text(poses=[(i, (1, 0, 0, 0), (0, 0, 0), 7, f"{i}.jpg", []) for i in range(3)])
+    for count, warned in ((3, False), (4, True)):
+        header = f"# Number of images: {count}, mean observations per image: 0\n".encode()
+        read_cameras(written(tmp_path, files | {"images.txt": header + files["images.txt"]}))
+        assert ("its header counts" in capsys.readouterr().err) == warned
+
+
 def test_a_text_file_that_lost_its_empty_lines_is_refused_instead_of_losing_views(tmp_path):
     files = text(poses=[(i, (1, 0, 0, 0), (0, 0, 0), 7, f"{i}.jpg", []) for i in range(4)])
     packed = b"\n".join(line for line in files["images.txt"].splitlines() if line) + b"\n"

@@ -1,5 +1,6 @@
 """COLMAP's text files: one record per line, images on two lines, comments after ``#``."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from gspure.cameras.colmap_records import Lens, Points, Pose, parameter_names
 from gspure.errors import InputError, reading
+from gspure.progress import warn
 
 
 def lenses(path: Path) -> list[Lens]:
@@ -28,7 +30,10 @@ def lenses(path: Path) -> list[Lens]:
 
 
 def poses(path: Path) -> list[Pose]:
-    """Read images.txt; the second line of each image, its 2-D points, is skipped and may be empty."""
+    """Read images.txt; the second line of each image, its 2-D points, is skipped and may be empty.
+
+    Warn if the header counts more images, since the file may be cut.
+    """
     out = []
     lines = _lines(path)
     for number, line in lines:
@@ -43,6 +48,9 @@ def poses(path: Path) -> list[Pose]:
         number, points_2d = next(lines, (number + 1, ""))  # noqa: PLW2901
         if len(points_2d.split()) % 3:
             raise _refusal(path, number, "the image's 2-D points as X Y POINT3D_ID (the line may be empty)", points_2d)
+    count = re.search(r"^# Number of images: (\d{1,9})", path.read_text(encoding="utf-8"), re.MULTILINE)
+    if count and int(count[1]) > len(out):
+        warn(f"{path} has {len(out)} images, its header counts {count[1]}: it may be cut")
     return out
 
 
