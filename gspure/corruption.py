@@ -1,14 +1,16 @@
 """Corrupt artifacts of a workflow: found by their checksums, and set aside so that the next run makes them again."""
 
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
 from gspure.artifacts import record_of, verify
 from gspure.artifacts.checksums import record_file, require_size
 from gspure.errors import InputError
+from gspure.evaluation.origins import Check, origin_checks
 from gspure.images import RENDERED, require_all_images, require_intact
 from gspure.method.contributions import is_index, read_index, read_stage
 
@@ -40,11 +42,15 @@ def problems_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
     return len(indices) + len(others) + len(stages) + len(images), problems
 
 
-def missing_or_cut() -> dict[Path, str]:
-    """Return the artifacts of a workflow that are missing, cut or lack an image, each with a line; none is read."""
-    checks: dict[Path, Callable[[Path], object]] = dict.fromkeys(_recorded(RESULTS.rglob("*.json")), require_size)
-    checks |= dict.fromkeys((record.parent for record in RESULTS.rglob(RENDERED)), require_all_images)
-    return {artifact: problem for artifact, check in checks.items() if (problem := _problem(artifact, check))}
+def unfit(further: Iterable[tuple[Path, Check]] = ()) -> dict[Path, str]:
+    """Return the artifacts of a workflow that are missing, cut or of another variant, or lack an image, with a line.
+
+    Only records are read. `further` checks are made, too.
+    """
+    checks: list[tuple[Path, Check]] = [(file, require_size) for file in _recorded(RESULTS.rglob("*.json"))]
+    checks += [(record.parent, require_all_images) for record in RESULTS.rglob(RENDERED)]
+    checks += chain(further, *map(origin_checks, RESULTS.glob("*/*/*/")))
+    return {artifact: problem for artifact, check in checks if (problem := _problem(artifact, check))}
 
 
 def set_aside(artifacts: Iterable[Path]) -> dict[Path, str]:
@@ -82,7 +88,7 @@ def _problem_of(artifact: Path) -> str:
     return problems[0] if problems else ""
 
 
-def _problem(file: Path, check: Callable[[Path], object] | None = None) -> str:
+def _problem(file: Path, check: Check | None = None) -> str:
     """Return what is wrong with a file by a check, the whole one by default."""
     try:
         (check or _check)(file)

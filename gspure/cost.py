@@ -1,7 +1,7 @@
 """What jobs cost: CPU time and peak memory, in a small JSON file beside the log of each.
 
-The cost of ``attack.log`` is in ``attack.cost.json``. It differs from run to run, so no record holds its checksum, and
-no job depends on it.
+The cost of ``attack.log`` is in ``attack.cost.json``. It differs from run to run, so no record of an artifact
+holds its checksum, and no job depends on it.
 """
 
 import resource

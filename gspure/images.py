@@ -127,13 +127,12 @@ def record_views(
     views: Mapping[str, Sequence[float]],
     background: Sequence[float] = (),
     energy: str = "",
-    embedding: str = "",
-    model: str = "",
+    **origin: str,
 ) -> None:
     """Write the record of a finished folder of images: their sizes and checksums, and their cameras' numbers, if known.
 
-    Renders also have the digest of their `model`; those of a scene their background and energy, and the embedding of
-    the model (`gspure.artifacts.embedding_of`), if it has one.
+    Renders of a scene also have their background and energy. `origin` is what images of a model show: `target`, the
+    digest of the `model`, its `embedding` (`gspure.artifacts.embedding_of`), and that of the `key`.
     """
     names = sorted(views)
     record = {
@@ -142,8 +141,7 @@ def record_views(
         "crc32": {name: file_checksum(folder / f"{name}.png") for name in names},
         "background": " ".join(f"{round(channel, 4):g}" for channel in background),  # as exact as a model's comment
         "energy": energy,
-        "embedding": embedding,
-        "model": model,
+        **origin,
     }
     write_json(folder / RENDERED, with_checksum(record))
 
@@ -201,14 +199,15 @@ def _replaced(path: Path, expected: str, found: str) -> InputError:
     return InputError(path, "content", expected=f"{expected}, as in {RENDERED}", found=found, hint=hint)
 
 
-def shown_embedding(folder: Path) -> str:
-    """Return the embedding of the model that images show (`gspure.artifacts.embedding_of`); empty if unknown."""
-    return str(_recorded(folder).get("embedding", ""))
+def origin_of(folder: Path, name: str) -> str:
+    """Return what images show: an entry of the `origin` of `record_views`; empty if unknown."""
+    return str(_recorded(folder).get(name, ""))
 
 
-def shown_model(folder: Path) -> str:
-    """Return the digest of the model that images show; empty if unknown."""
-    return str(_recorded(folder).get("model", ""))
+def with_records(images: Iterable[Path]) -> dict[str, Path]:
+    """Return images and the records of their folders by path, as inputs of a table about them."""
+    files = {file for image in images for file in (image, image.with_name(RENDERED)) if file.is_file()}
+    return {file.as_posix(): file for file in sorted(files)}
 
 
 def background_of(*folders: Path) -> tuple[float, ...]:

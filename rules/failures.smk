@@ -7,7 +7,7 @@ import sys
 
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
-from gspure.corruption import discard, missing_or_cut, set_aside
+from gspure.corruption import discard, set_aside, unfit
 from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary, unfinished
 from gspure.workflow.job_progress import COMMAND
 from gspure.workflow.options import profile_options
@@ -92,8 +92,9 @@ def set_corrupt_aside():
 
 
 def build_dag(build=workflow._build_dag):
-    """Force the jobs whose artifacts are missing or cut, which Snakemake takes for up to date if their products are."""
-    problems = missing_or_cut()
+    """Force the jobs whose artifacts are unfit, which Snakemake takes for up to date if their products are."""
+    variants = [Variant(model, name) for model in PLAN.models for name in VARIANTS]
+    problems = unfit((Path(variant.public), variant.require_settings) for variant in variants)
     workflow.dag.forcefiles |= {str(path) for file in problems for path in (file, *file.parents)}
     build()
     forced = {path for job in workflow.dag.jobs for path in map(Path, job.output)}

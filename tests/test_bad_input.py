@@ -410,7 +410,7 @@ def test_clusters_of_other_weights_of_the_same_model_are_refused(folder, capsys)
     ):
         capsys.readouterr()
         line = refusal(folder, capsys, command.format("weights.npy"))
-        assert re.match(r"(weights.npy|mask.npy|clusters.npz): weights: expected digest \w+, as of ", line)
+        assert re.match(r"(weights.npy|mask.npy|clusters.npz): weights: expected \w+, as of ", line)
         assert main(command.format("highest.npy").split()) == 0
     cluster("weights.npy", clusters="others.npz")
     Path("weights.npy.json").unlink()

@@ -9,7 +9,7 @@ import pytest
 
 from gspure.artifacts import save_array, write_json, write_record
 from gspure.cli import main
-from gspure.corruption import missing_or_cut, set_aside
+from gspure.corruption import set_aside, unfit
 from gspure.images import record_views, write_image
 from gspure.method.contributions import Measurement, Stage, write_index
 from gspure.renderer import CONTRIBUTION
@@ -88,25 +88,25 @@ def test_deleted_artifacts_are_listed_by_their_records(capsys):
     status, lines = verify(capsys, "results")
     assert status == 1
     assert [line.split(": ")[0] for line in lines[:-1]] == sorted(map(str, (CAMERAS, INDEX, OMEGA)))
-    assert missing_or_cut().keys() == {CAMERAS, INDEX, OMEGA}
+    assert unfit().keys() == {CAMERAS, INDEX, OMEGA}
 
 
 def test_the_check_for_missing_or_cut_artifacts_reads_no_file():
     flipped(OMEGA)
-    assert missing_or_cut() == {}
+    assert unfit() == {}
 
 
 def test_renders_that_lack_an_image_are_missing_one():
     for view in ("a", "b"):
         write_image(SCENE / "renders" / f"{view}.png", np.zeros((2, 2, 3)))
     record_views(SCENE / "renders", {"b": [], "a": []})
-    assert missing_or_cut() == {}
+    assert unfit() == {}
     (SCENE / "renders" / "b.png").write_bytes((SCENE / "renders" / "a.png").read_bytes() + b"longer")
-    (problem,) = missing_or_cut().items()
+    (problem,) = unfit().items()
     assert problem[0] == SCENE / "renders"
     assert "b.png: content: expected" in problem[1]
     (SCENE / "renders" / "b.png").unlink()
-    (problem,) = missing_or_cut().items()
+    (problem,) = unfit().items()
     assert problem[0] == SCENE / "renders"
     assert "b.png" in problem[1]
 

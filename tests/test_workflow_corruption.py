@@ -1,6 +1,7 @@
 """Corrupt artifacts: a job that reads one names it, and the next run makes it again, to the same bytes."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,31 @@ def test_a_variant_whose_render_was_deleted_is_rendered_again(project):  # noqa:
     renders = project.folder / BOT / "gspure" / "renders" / "scene"
     min(renders.glob("*.png")).unlink()
     assert planned(project.run(TABLE, "--dry-run")).items() >= {"render_scene": 1, "compare_renders": 1}.items()
+
+
+def test_artifacts_of_another_variant_are_made_again(project):  # noqa: F811
+    costs = Path("results/benchmarks/vanilla/bot")
+    table = (project.folder / TABLE).read_bytes()
+    for name in ("prune_mask.npy", "metrics.csv", "renders/scene"):
+        foreign, own = (project.folder / BOT / variant / name for variant in ("random_matched", "gspure"))
+        if own.is_dir():
+            shutil.rmtree(own)
+            shutil.copytree(foreign, own)
+        else:
+            for suffix in ("", ".json"):
+                shutil.copy(f"{foreign}{suffix}", f"{own}{suffix}")
+        printed = project.run(TABLE)
+        assert f"gspure: to be made again: {BOT / 'gspure' / name}: " in printed
+        assert (project.folder / TABLE).read_bytes() == table
+        assert "Nothing to be done" in project.run(TABLE)
+    for suffix in ("", ".json"):
+        name = f"attack.cost.json{suffix}"
+        shutil.copy(project.folder / costs / "random_matched" / name, project.folder / costs / "gspure" / name)
+    assert rules_run(project.run(TABLE))["attack_model"] == 1
+    shutil.rmtree(project.folder / BOT / "gspure")
+    shutil.copytree(project.folder / BOT / "random_matched", project.folder / BOT / "gspure")
+    assert rules_run(project.run(TABLE))["attack_model"] == 1
+    assert (project.folder / TABLE).read_bytes() == table
 
 
 @pytest.mark.parametrize("corrupted", [Path.unlink, lambda path: path.write_bytes(b"x")], ids=["deleted", "cut"])

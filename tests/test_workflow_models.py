@@ -7,6 +7,8 @@ from dataclasses import replace
 import pytest
 import yaml
 
+from gspure.artifacts import write_record
+from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS, OTHER_SCENE
 from gspure.workflow.configuration import resolved, validated
 from gspure.workflow.models import Model, Plan
@@ -152,6 +154,22 @@ def test_only_an_owner_who_adapts_has_to_find_out_how_the_model_moved(again):
     for target in ("scene", "message", "message_oracle"):
         assert "transform" in attacked.view_files(target)
         assert "original" not in attacked.view_files(target)
+
+
+def test_an_attacked_model_of_another_variant_is_refused(again, monkeypatch, tmp_path):
+    noise = Variant(again, "noise")
+    monkeypatch.setitem(again.plan.config["variants"], "noise", {**noise.settings, "sigma": "2e-1"})
+    recorded = {"attack": "gaussian_noise", "seed": 6, "sigma": 0.2, "columns": "*"}
+    model = tmp_path / "point_cloud.ply"
+    model.touch()
+    for different in ({"sigma": 0.4}, {"attack": "gspure"}, {"seed": 5}):
+        write_record(model, inputs={}, settings=recorded | different)
+        with pytest.raises(InputError, match=f"{next(iter(different))}: expected"):
+            noise.require_settings(model)
+    write_record(model, inputs={}, settings=recorded)
+    noise.require_settings(model)
+    model.with_name("point_cloud.ply.json").unlink()
+    noise.require_settings(model)
 
 
 def test_an_attack_takes_the_evidence_and_the_factor_of_its_decision(again):

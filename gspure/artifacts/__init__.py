@@ -13,7 +13,7 @@ from gspure.artifacts.provenance import (
     require_input,
     require_kind,
     require_made_from,
-    require_same_inputs,
+    require_same_origin,
     settings_of,
     write_record,
 )
@@ -39,7 +39,7 @@ __all__ = [
     "require_made_from",
     "require_place",
     "require_results",
-    "require_same_inputs",
+    "require_same_origin",
     "save_array",
     "save_arrays",
     "settings_of",

@@ -132,20 +132,19 @@ def motion_of(artifact: Path) -> NDArray[np.float64] | None:
     return motion
 
 
-def require_same_inputs(artifact: Path, *others: Path) -> None:
-    """Raise `InputError` if two artifacts were made from different versions of a file; without records, they pass."""
-    inputs = recorded_inputs(artifact)
+def require_same_origin(artifact: Path, *others: Path) -> None:
+    """Raise `InputError` if two artifacts differ in an input or setting that both have; without records, they pass."""
+    origin = {**settings_of(artifact), **recorded_inputs(artifact)}
     for other in others:
-        _require_agreement(artifact, other, inputs, recorded_inputs(other))
+        _require_agreement(artifact, other, origin, {**settings_of(other), **recorded_inputs(other)})
 
 
-def _require_agreement(first: Path, second: Path, expected: Mapping[str, str], found: Mapping[str, str]) -> None:
-    """Refuse two artifacts if the digests of what they were made from, by name, differ for some name."""
-    for name, digest in expected.items():
-        if digest != found.get(name, digest):
+def _require_agreement(first: Path, second: Path, expected: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+    """Refuse two artifacts if what they were made from, by name, differs for some name."""
+    for name, origin in expected.items():
+        if origin != found.get(name, origin):
             hint = f"not made from the same {name}; if they belong together, delete {record_file(second).name}"
-            of_first = f"digest {digest}, as of {first}"
-            raise InputError(second, name, expected=of_first, found=f"digest {found[name]}", hint=hint)
+            raise InputError(second, name, expected=f"{origin}, as of {first}", found=str(found[name]), hint=hint)
 
 
 def require_kind(artifact: Path, *kinds: str) -> str:

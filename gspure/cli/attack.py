@@ -154,7 +154,7 @@ def run(args: Arguments) -> None:
         write_record(path, inputs=sources, settings=used, kind=kind)
     for path in written:
         write_record(path, inputs=sources, settings=used, motion=motion)
-    _write_cost(args, searching)
+    _write_cost(args, searching, sources, used)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 
 
@@ -185,11 +185,12 @@ def _reached(args: Arguments, public: PublicModel, attacked: Attacked) -> dict[s
     return {name: reached(public.model, attacked, columns) for name, columns in carriers.items()}
 
 
-def _write_cost(args: Arguments, searching: float) -> None:
+def _write_cost(args: Arguments, searching: float, inputs: Mapping[str, Path], settings: Mapping[str, Any]) -> None:
     """Write the cost of the attack and its measurements without `searching` CPU seconds, unless one is unknown."""
     if args.cost and all(file.is_file() for file in args.measured):
         used = spent()
         total([used._replace(cpu=used.cpu - searching), *map(read_cost, args.measured)]).write(args.cost)
+        write_record(args.cost, inputs=inputs, settings=settings)
 
 
 def _read(args: Arguments, files: Mapping[str, Path]) -> tuple[PublicModel, Evidence]:

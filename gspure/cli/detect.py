@@ -44,15 +44,14 @@ def run(args: Arguments) -> None:
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.detection import Reading
     from gspure.evaluation.detector import read_marks
-    from gspure.images import shown_model
+    from gspure.images import with_records
 
     _require_fitting_options(args)
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
-    images = [args.images / f"{reading.view}.png" for reading in readings]
+    images = with_records(args.images / f"{reading.view}.png" for reading in readings)
     settings = {"command": args.command, "message": args.message} if args.command else {"scheme": args.scheme}
-    inputs, models = {path.as_posix(): path for path in images}, {"images": shown_model(args.images)}
-    write_record(args.out, inputs=inputs, settings={**settings, "models": models})
+    write_record(args.out, inputs=images, settings=settings)
     unit = "% of the bits are correct" if readings[0].bits else "score"
     print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")
 
@@ -73,11 +72,11 @@ def _read_bits(args: Arguments) -> list[Reading]:
     from gspure.cli.options import read_key
     from gspure.errors import InputError
     from gspure.evaluation.detector import read_bits
-    from gspure.images import shown_embedding
+    from gspure.images import origin_of
 
     if not args.scheme:
         raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
-    key = read_key(args, shown_embedding(args.images))
+    key = read_key(args, origin_of(args.images, "embedding"))
     return read_bits(key.read_bits, key.bits, args.images)
 
 

@@ -62,6 +62,7 @@ def run(args: Arguments) -> None:
     from gspure.cameras.reading import motion_of_views
     from gspure.cli.options import read_device, read_key, read_views, unmoved
     from gspure.errors import InputError
+    from gspure.evaluation.controls import WRONG_KEY
     from gspure.images import levels, record_views, require_no_other_images, write_image
     from gspure.model import model_file
     from gspure.progress import track, warn
@@ -91,7 +92,9 @@ def run(args: Arguments) -> None:
             image = view(camera)
             write_image(folder / f"{camera.name}.png", image)
             is_flat &= not np.ptp(levels(image), axis=(0, 1)).any()
-        record_views(folder, unmoved(args, views), model=known_digest(model_file(args.model)))
+        model = known_digest(model_file(args.model))
+        owner = WRONG_KEY if args.wrong_key is not None else embedding_of(args.key)
+        record_views(folder, unmoved(args, views), target=extraction, model=model, key=owner)
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
             motion = motion_of_views(args.cameras, args.model)

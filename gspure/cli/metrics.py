@@ -5,7 +5,7 @@ from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
 from gspure.evaluation.controls import BASELINES
-from gspure.images import shown_model
+from gspure.images import with_records
 from gspure.progress import say, track
 
 EXAMPLES = """\
@@ -40,8 +40,6 @@ def run(args: Arguments) -> None:
         say(f"metrics: {unused} images of {args.images} have no counterpart in {args.other}")
     if args.out:
         write_metrics(args.out, rows)
-        images = {path.as_posix(): path for pair in pairs for path in (pair.reference, pair.image)}
-        models = {pair.target: shown_model(pair.image.parent) for pair in pairs if not args.baseline}
-        settings = {"reference": args.reference, "baseline": args.baseline, "models": models}
-        write_record(args.out, inputs=images, settings=settings)
+        images = with_records(path for pair in pairs for path in (pair.reference, pair.image))
+        write_record(args.out, inputs=images, settings={"reference": args.reference, "baseline": args.baseline})
     print("\n".join(as_text(rows)))

@@ -220,7 +220,7 @@ def _compare(
         for camera in track(views, f"render {title}"):
             write_image(renders / title / f"{camera.name}.png", scene(camera))
         numbers = {view.name: view.numbers.tolist() for view in views}
-        record_views(renders / title, numbers, background, "ewa", embedding)
+        record_views(renders / title, numbers, background, "ewa", embedding=embedding)
     pairs = [
         pair._replace(target=_RENDERS[title])
         for title in reversed([*models][1:])

@@ -40,6 +40,7 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import embedding_of, filling, known_digest, save_array, write_record
     from gspure.cameras import write_cameras
     from gspure.cameras.reading import motion_of_views
+    from gspure.evaluation.outcomes import SCENE
     from gspure.images import record_views, require_no_other_images, write_image
     from gspure.model import model_file
 
@@ -55,7 +56,8 @@ def run(args: Arguments) -> None:
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
         file = model_file(args.model)
-        record_views(folder, unmoved(args, views), background, args.energy, embedding_of(file), known_digest(file))
+        origin = {"target": SCENE, "model": known_digest(file), "embedding": embedding_of(file)}
+        record_views(folder, unmoved(args, views), background, args.energy, **origin)
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
             motion = motion_of_views(args.cameras, args.model)

@@ -5,22 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import (
-    embedding_of,
-    load_array,
-    read_json,
-    record_of,
-    require_embedding,
-    require_same_inputs,
-    settings_of,
-)
+from gspure.artifacts import embedding_of, load_array, read_json, require_embedding, require_same_origin
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
@@ -28,6 +20,7 @@ from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, variant_of
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name
+from gspure.evaluation.origins import origin_checks
 from gspure.evaluation.recall import recall
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
@@ -210,7 +203,7 @@ def collect(
     _require_equal_references(rows)
     _require_equal_views(rows)
     _require_equal_images(metrics, [*retrievals, *detections])
-    _require_equal_models([*metrics, *detections], [*prune_masks, *verdicts])
+    _require_origins({path.resolve().parents[path.parent.name == DETECTIONS] for path in (*metrics, *detections)})
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.resolve().parts[-3:-1]: read_table(path, Retrieved) for path in retrievals}
@@ -345,22 +338,13 @@ def _require_equal_images(metrics: Sequence[Path], readings: Iterable[Path]) -> 
     for path in readings:
         folder = path.resolve().parent  # of a model, or of the detections of a variant
         folder = folder.parent if folder.name == DETECTIONS else folder
-        require_same_inputs(path, *(file for file in metrics if file.resolve().is_relative_to(folder)))
+        require_same_origin(path, *(file for file in metrics if file.resolve().is_relative_to(folder)))
 
 
-def _require_equal_models(measured: Iterable[Path], attacked: Iterable[Path]) -> None:
-    """Raise `InputError` if metrics, detections or files of an attack are of another variant, by their records."""
-    for path in (*measured, *attacked):
-        folder = path.resolve().parent
-        model = (folder.parent if folder.name == DETECTIONS else folder) / "public" / "point_cloud.ply"
-        if (record := record_of(model)) is None:
-            continue
-        settings, hint = settings_of(path), "of another variant"
-        digests = {*settings.get("models", {}).values()} - {"", record.get("digest")}
-        if digests:
-            raise InputError(path, "model", expected=f"digest {record.get('digest')}", found=digests.pop(), hint=hint)
-        if "attack" in settings and settings != settings_of(model):
-            raise InputError(path, "attack", expected=f"that of {model}", found="another", hint=hint)
+def _require_origins(variants: Iterable[Path]) -> None:
+    """Raise `InputError` if an artifact in the folder of a variant is of another one, by their records."""
+    for artifact, check in chain.from_iterable(map(origin_checks, sorted(variants))):
+        check(artifact)
 
 
 def _views_in_means(rows: Sequence[ViewMetrics]) -> dict[str, set[str]]:

@@ -2,11 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
+from gspure.artifacts import settings_of
 from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
 from gspure.cost import COSTS, cost_of
+from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CLEAN, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.outcomes import BITS
 from gspure.schemes.scheme import ADAPTIVE
@@ -128,17 +131,33 @@ class Variant:
         return {**cameras, **photographs} if is_searched or "cameras" in self.attack.parameters else {}
 
     @property
-    def attack_options(self) -> str:
-        """Evidence, seed, scheme and settings of its attack as options; factors that are not set are its decision's."""
-        seed = self.settings["seed"] + repetition_of(self.model.scene)
-        known = {**self.evidence, **self.render_files, "seed": seed}
+    def seed(self) -> int:
+        """Random seed of its attack."""
+        return int(self.settings["seed"]) + repetition_of(self.model.scene)
+
+    @property
+    def attack_settings(self) -> Settings:
+        """Settings of its attack; factors that are not set are its decision's. No strength that is searched."""
         factors = {name: self.decision.settings[name] for name in FACTORS}
         values = {**factors, "tau": factors["tau_n"], **self.settings}
-        settings = {name: value for name, value in values.items() if name in self.attack.settings}
+        searched = self.attack.strength.setting if "damage" in self.settings and self.attack.strength else ""
+        return {name: value for name, value in values.items() if name in {*self.attack.settings} - {searched}}
+
+    def require_settings(self, attacked: Path) -> None:
+        """Raise `InputError` if the record of an attacked model names another attack, seed or setting."""
+        recorded = settings_of(attacked)
+        for name, value in {"attack": self.attack.name, "seed": self.seed, **self.attack_settings}.items():
+            known = recorded.get(name)
+            if value is not None and known is not None and type(known)(value) != known:
+                raise InputError(attacked, name, expected=f"{value}, as of {self.name}", found=str(known))
+
+    @property
+    def attack_options(self) -> str:
+        """Evidence, seed, scheme and settings of its attack as options."""
+        known = {**self.evidence, **self.render_files, "seed": self.seed}
         if "damage" in self.settings and self.attack.strength:
-            settings.pop(self.attack.strength.setting, None)
             known |= {"damage": self.settings["damage"], "split": self.model.plan.config["views"]["evaluate"]}
-        return f"{options(known, *known)} {self.model.scheme_option} {repeated('--set', settings)}"
+        return f"{options(known, *known)} {self.model.scheme_option} {repeated('--set', self.attack_settings)}"
 
     @property
     def public(self) -> str:

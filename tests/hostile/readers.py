@@ -28,7 +28,7 @@ from gspure.artifacts import (
     require_input,
     require_kind,
     require_made_from,
-    require_same_inputs,
+    require_same_origin,
     save_array,
     settings_of,
     write_json,
@@ -49,11 +49,11 @@ from gspure.failures import Failure, read_failure
 from gspure.images import (
     RENDERED,
     background_of,
+    origin_of,
     read_image,
     record_views,
     require_all_images,
     require_comparable,
-    shown_embedding,
 )
 from gspure.method.clustering.store import Clusters, read_clusters, read_tree, write_clusters
 from gspure.method.contributions import Measurement, Stage, read_index, read_stage, write_index
@@ -482,7 +482,7 @@ def _read_model_record(folder: Path) -> None:
         assert np.isfinite(motion).all()
     require_made_from("a1", model)
     require_kind(model, "weights")
-    require_same_inputs(model, model)
+    require_same_origin(model, model)
     require_input(model, "pair", model)
     settings_of(model)
     read_model(model)
@@ -492,7 +492,7 @@ def _renders(folder: Path) -> None:
     views = {f"view_{i}": [float(i), *np.eye(4).ravel()] for i in range(2)}
     for name in views:
         Image.new("RGB", (4, 3)).save(folder / f"{name}.png")
-    record_views(folder, views, (0.0, 0.5, 1.0), "ewa", "b2")
+    record_views(folder, views, (0.0, 0.5, 1.0), "ewa", embedding="b2")
 
 
 def _read_renders(folder: Path) -> None:
@@ -502,7 +502,7 @@ def _read_renders(folder: Path) -> None:
     for image in folder.glob("*.png"):
         read_image(image)
     assert all(0 <= channel <= 1 for channel in background_of(folder))
-    assert isinstance(shown_embedding(folder), str)
+    assert isinstance(origin_of(folder, "embedding"), str)
     require_comparable(folder, folder, ["view_0", "view_1"])
 
 

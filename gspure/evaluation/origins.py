@@ -1,0 +1,65 @@
+"""Whether artifacts in the folder of a variant are of this variant, as far as records tell."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from gspure.artifacts import embedding_of, file_digest, known_digest, recorded_inputs, require_same_origin, settings_of
+from gspure.cost import COSTS, cost_of
+from gspure.errors import InputError
+from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.detection import DETECTIONS
+from gspure.images import RENDERED, origin_of
+
+MODEL: Final = "public/point_cloud.ply"
+
+Check = Callable[[Path], object]
+"""Raises `InputError` if there is something wrong with an artifact."""
+
+
+def origin_checks(variant: Path) -> Iterator[tuple[Path, Check]]:
+    """Yield artifacts in the folder of a variant with their checks.
+
+    Files of an attack must be of the same job as the attacked model, images of this model, with the owner's key or, if
+    they are a control, the wrong one, and tables of these images.
+    """
+    model, cost = variant / MODEL, cost_of(Path(COSTS, *variant.parts[-3:], "attack"))
+    for artifact in (variant / name for name in ("prune_mask.npy", "transform.npy", "verdict.json")):
+        yield artifact, partial(require_same_origin, model)
+    yield model, lambda model: require_same_origin(model, cost)
+    for record in variant.glob(f"renders/*/{RENDERED}"):
+        yield record.parent, partial(_require_images_of, variant)
+    for table in (variant / "metrics.csv", *variant.glob(f"{DETECTIONS}/*.csv"), variant.parent / "retrieval.csv"):
+        yield table, partial(_require_measured_in, variant)
+
+
+def _require_images_of(variant: Path, images: Path) -> None:
+    models = [variant / MODEL]
+    if variant.name == WRONG_KEY:
+        models = [variant.parent / MODEL]
+    elif variant.name == OTHER_SCENE:
+        models = [model for model in variant.parents[1].glob(f"*/{MODEL}") if model.parents[1] != variant.parent]
+    owner = WRONG_KEY if variant.name == WRONG_KEY else embedding_of(variant.parent / "key")
+    expected = {
+        "target": [images.name],
+        "model": [known_digest(model) for model in models if model.is_file()],
+        "key": [owner] if owner else [],
+    }
+    for name, values in expected.items():
+        if (origin := origin_of(images, name)) and values and origin not in values:
+            hint = f"of another variant; render them again, or delete {RENDERED}"
+            raise InputError(images, name, expected=" or ".join(values), found=origin, hint=hint)
+
+
+def _require_measured_in(variant: Path, table: Path) -> None:
+    inputs, baseline = recorded_inputs(table), variant.name if variant.name in BASELINES else None
+    if (measured := settings_of(table).get("baseline", baseline)) != baseline:
+        raise InputError(table, "baseline", expected=f"{baseline}, as of {variant.name}", found=str(measured))
+    records = [path for path in map(Path, inputs) if path.name == RENDERED]
+    if table.parent == variant.parent:  # of all variants
+        records = [path for path in records if path.parts[-4:-2] == (variant.name, "renders")]
+    for images in (variant / "renders" / path.parent.name for path in records):
+        if (images / RENDERED).is_file() and file_digest(images / RENDERED) not in inputs.values():
+            hint = "of another variant, or of earlier images; make the table again"
+            raise InputError(table, "images", expected=f"those of {images}", found="others", hint=hint)

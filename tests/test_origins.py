@@ -1,0 +1,152 @@
+"""Artifacts in the folder of a variant that are of another one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.artifacts import known_digest, save_array, write_json, write_record
+from gspure.corruption import unfit
+from gspure.errors import InputError
+from gspure.evaluation.comparison import write_metrics
+from gspure.evaluation.controls import OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.csv_tables import write_table
+from gspure.evaluation.detection import Reading
+from gspure.evaluation.outcomes import MESSAGE, SCENE, collect
+from gspure.evaluation.retrieval import Retrieval, Retrieved
+from gspure.images import record_views, with_records, write_image
+from tests.contest_cases import measured
+
+ROOM = Path("results/gs_hider/room")
+EMBEDDING = "run 1"
+ARTIFACTS = ["prune_mask.npy", "transform.npy", "verdict.json", "metrics.csv", "detections/score.csv"]
+ARTIFACTS += ["renders/scene", "renders/message"]
+
+
+def record(path: Path, inputs=None, **settings) -> Path:
+    write_record(path, inputs=inputs or {}, settings=settings)
+    return path
+
+
+def published(folder: Path, content: str, embedding: str) -> Path:
+    model = folder / "public/point_cloud.ply"
+    model.parent.mkdir(parents=True)
+    model.write_text(content)
+    write_record(model, inputs={}, settings={}, embedding=embedding)
+    return model
+
+
+def evaluated(variant: str, model: Path, owner: str = EMBEDDING) -> list[Path]:
+    """Write images, metrics and readings of a variant; return the images."""
+    images = []
+    for target in (SCENE, MESSAGE):
+        images.append(ROOM / variant / "renders" / target / "view.png")
+        write_image(images[-1], np.full((2, 2, 3), len(images) / 4))
+        key = {"key": owner} if target == MESSAGE else {}
+        record_views(images[-1].parent, {"view": []}, target=target, model=known_digest(model), **key)
+    metrics, detections = ROOM / variant / "metrics.csv", ROOM / variant / "detections/score.csv"
+    write_metrics(metrics, [measured(target, 20.0) for target in (SCENE, MESSAGE)])
+    write_table(detections, Reading, [Reading("view", 1.0, 0)])
+    record(metrics, with_records(images), baseline=None)
+    record(detections, with_records(images[:1]))
+    return images
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path, monkeypatch):
+    """Two attacked models of a watermarked one, the wrong key, and another scene; it is the current folder."""
+    monkeypatch.chdir(tmp_path)
+    public, other = published(ROOM, "room", EMBEDDING), published(ROOM.parent / "vault", "vault", "run 2")
+    key = ROOM / "key/decoder.pth"
+    key.parent.mkdir()
+    key.write_text("key")
+    write_record(key, inputs={}, settings={}, embedding=EMBEDDING)
+    images = evaluated(WRONG_KEY, public, WRONG_KEY) + evaluated(OTHER_SCENE, other)
+    for sigma in (1, 2):
+        folder = ROOM / f"noise_{sigma}"
+        origin = {"attack": "noise", "sigma": sigma}
+        for file in (folder / "prune_mask.npy", folder / "transform.npy"):
+            save_array(file, np.zeros(3, bool))
+            record(file, {"model": public}, **origin)
+        write_json(folder / "verdict.json", {"reached": {}, "strength": ""})
+        record(folder / "verdict.json", {"model": public}, **origin)
+        images += evaluated(folder.name, record(published(folder, f"noise {sigma}", ""), {"model": public}, **origin))
+    rows = [Retrieved(path.parts[-4], MESSAGE, Retrieval(1, 1, 1, 1, 5)) for path in images[1::2]]
+    write_table(ROOM / "retrieval.csv", Retrieved, rows)
+    record(ROOM / "retrieval.csv", with_records(images[1::2]))
+
+
+def copy(source: str, target: str) -> None:
+    """Replace an artifact and its record, or a folder of images, by another."""
+    source, target = ROOM / source, ROOM / target
+    files = source.iterdir() if source.is_dir() else [source, Path(f"{source}.json")]
+    for file in files:
+        (target / file.name if source.is_dir() else target.parent / file.name).write_bytes(file.read_bytes())
+
+
+def tabulated() -> None:
+    files = (sorted(ROOM.glob(f"*/{name}")) for name in ("prune_mask.npy", "verdict.json", "detections/score.csv"))
+    masks, verdicts, detections = files
+    metrics, retrievals = sorted(ROOM.glob("*/metrics.csv")), [ROOM / "retrieval.csv"]
+    collect(metrics, masks, (), verdicts, (), retrievals, detections)
+
+
+def test_artifacts_of_their_variants_are_fit():
+    assert unfit() == {}
+    tabulated()
+
+
+@pytest.mark.parametrize("name", ARTIFACTS)
+def test_an_artifact_of_another_variant_is_unfit_and_no_table_reads_it(name):
+    copy(f"noise_2/{name}", f"noise_1/{name}")
+    assert ROOM / "noise_1" / name in unfit()
+    assert not any("noise_2" in str(path) for path in unfit())
+    with pytest.raises(InputError, match="noise_1"):
+        tabulated()
+
+
+@pytest.mark.parametrize(
+    ("source", "target"),
+    [
+        ("noise_1/renders/scene", "noise_1/renders/message"),
+        ("wrong_key/renders/message", "noise_1/renders/message"),
+        ("noise_1/renders/message", "wrong_key/renders/message"),
+        ("noise_1/renders/message", "other_scene/renders/message"),
+        ("other_scene/renders/message", "wrong_key/renders/message"),
+    ],
+)
+def test_images_of_another_target_or_control_are_unfit(source, target):
+    copy(source, target)
+    assert ROOM / target in unfit()
+
+
+@pytest.mark.parametrize(("source", "target"), [("black", "noise_1"), ("noise_1", "black"), ("mean_colour", "black")])
+def test_metrics_of_a_baseline_are_of_no_other_variant(source, target):
+    images = with_records((ROOM / "noise_1/renders/message").glob("*.png"))
+    for name in ("black", "mean_colour"):
+        write_metrics(ROOM / name / "metrics.csv", [measured(MESSAGE, 9.0)])
+        record(ROOM / name / "metrics.csv", images, baseline=name)
+    assert unfit() == {}
+    copy(f"{source}/metrics.csv", f"{target}/metrics.csv")
+    assert ROOM / target / "metrics.csv" in unfit()
+
+
+def test_the_message_by_the_key_of_an_earlier_run_is_unfit():
+    evaluated("noise_1", ROOM / "noise_1/public/point_cloud.ply", "run 0")
+    assert ROOM / "noise_1/renders/message" in unfit()
+
+
+def test_a_retrieval_of_other_images_is_unfit():
+    evaluated("noise_1", ROOM / "key/decoder.pth")
+    assert ROOM / "retrieval.csv" in unfit()
+
+
+def test_the_cost_of_another_variant_lets_the_attack_run_again():
+    cost = Path("results/benchmarks/gs_hider/room/noise_1/attack.cost.json")
+    write_json(cost, {"cpu": 1.0, "memory": 1.0})
+    record(cost, attack="noise", sigma=1)
+    assert unfit() == {}
+    record(cost, attack="noise", sigma=2)
+    assert unfit().keys() == {ROOM / "noise_1/public/point_cloud.ply"}
