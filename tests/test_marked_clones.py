@@ -26,7 +26,7 @@ from tests.test_workflow_models import plan_of
 
 torch = pytest.importorskip("torch")
 
-from gspure.schemes.marked_clones.decoder import TURN, ZOOM, warped  # noqa: E402
+from gspure.schemes.marked_clones.decoder import TURN, ZOOM, untrained, warped  # noqa: E402
 from gspure.schemes.marked_clones.marking import Marking, uncertain_rows  # noqa: E402
 
 SETTINGS = {"iterations": 200, "max_gaussians": 800, "bits": 8, "cloned": 0.5}
@@ -52,6 +52,13 @@ def test_bits_are_read_from_held_out_renders_and_not_from_a_clean_model_or_with_
     assert correct(marked.key, marked.public, test) > 0.75
     assert correct(marked.key, marked.clean, train) < 0.85
     assert correct(marked.key.wrong(np.random.default_rng(1)), marked.public, train) < 0.85
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1)])
+def test_images_may_have_any_size(size):
+    logits = untrained(8, 0)(torch.zeros((2, 3, *size)))
+    assert logits.shape == (2, 8)
+    assert logits.isfinite().all()
 
 
 def test_nothing_but_the_opacity_of_the_originals_of_clones_differs_from_the_clean_model(marked):

@@ -42,7 +42,8 @@ class Decoder(torch.nn.Module):  # type: ignore[misc]
 
     def forward(self, images: torch.Tensor) -> torch.Tensor:
         """Return the logits [B,N] of the bits in images [B,3,H,W]."""
-        responses = self.filters(torch.nn.functional.avg_pool2d(_flattened(images), 2))
+        window = [min(2, side) for side in images.shape[2:]]
+        responses = self.filters(torch.nn.functional.avg_pool2d(_flattened(images), window))
         return self.head((responses.square().mean(dim=(2, 3)) + 1e-6).log())
 
 
