@@ -122,7 +122,7 @@ rule measure_hidden_weights:
     params:
         kernels=KERNELS,
         code=lambda wildcards: get_model(wildcards).code("hidden"),
-        options=options(config["method"], "energy", "reduction"),
+        options=get_method_options("energy", "reduction", "tau_n"),
     message:
         "Measuring the weights of the message of {wildcards.scheme}/{wildcards.scene}"
     shell:

@@ -379,7 +379,9 @@ def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_lo
     views = pictured.pair.scene.views
     expected = hidden_weights(pictured.public, pictured.key, extraction, views, "ray", reduction="max")
     assert hidden.tobytes() == expected.tobytes()
-    assert read_json(tmp_path / "share.json") == {"hidden_low_share": share_on_low(weights, hidden, 4.0)}
+    assert read_json(tmp_path / "share.json") == {
+        "hidden_low_share": share_on_low(weights, hidden, pictured.scheme.tau_n)
+    }
 
 
 def test_a_message_that_was_not_embedded_is_warned_of(pair_folder, tmp_path, capsys):

@@ -96,6 +96,13 @@ def test_the_verdict_states_whether_the_carrier_was_reached(rows):
     assert numbers(rows, "gspure")["message"]["reached"] == "true"
 
 
+def test_the_message_is_weighed_on_the_rows_that_the_pruning_factor_selects(finished, tmp_path):
+    project = finished.copy(tmp_path / "project")
+    project.configure({**CONFIG, "method": {"tau_n": 3}})
+    printed = project.run("results/splats_in_splats/raised/hidden.json", "--dry-run", "--printshellcmds", "--force")
+    assert "--tau-n 3" in next(line for line in printed.splitlines() if "gspure hidden" in line)
+
+
 def test_a_pair_is_repeated_with_other_seeds_of_training_and_attacks(finished, tmp_path):
     project = finished.copy(tmp_path / "project")
     project.configure({**CONFIG, "repetitions": 2})

@@ -3,7 +3,6 @@
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
-from gspure.constants import TAU_N
 
 EXAMPLES = """\
   gspure hidden --model marked/public/point_cloud.ply --scheme splats_in_splats --key marked/key \\
@@ -19,6 +18,9 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--weights", "NPY", "weights, from `gspure weights`")
     parser.writes("--out", "JSON", "the share, 0 to 1, or null")
     parser.writes("--hidden", "NPY", "also write the message's weight of every row: [K]", required=False)
+    parser.number(
+        "--tau-n", "TAU", "weights below the mean weight / TAU are low (default: the scheme's tau_n)", type=float
+    )
     add_reduction(parser)
     add_energy(parser, "ray", "ewa", "center_ray")
     add_device(parser)
@@ -61,9 +63,10 @@ def run(args: Arguments) -> None:
             raise InputError(args.weights, name, expected=chosen, found=str(found), hint=hint)
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
-    share = share_on_low(weights, hidden, TAU_N) if hidden.any() else None
+    tau_n = scheme.tau_n if args.tau_n is None else args.tau_n
+    share = share_on_low(weights, hidden, tau_n) if hidden.any() else None
     inputs = {"model": args.model, "cameras": args.cameras}
-    settings |= {"scheme": scheme.name, "tau": TAU_N}
+    settings |= {"scheme": scheme.name, "tau_n": tau_n}
     write_json(args.out, {"hidden_low_share": share})
     write_record(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
     if args.hidden:
