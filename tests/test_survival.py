@@ -59,6 +59,20 @@ def test_survival_in_some_scenes_is_undecided() -> None:
     assert (row.survived, row.above_floor.scenes, row.survives) == (1, 2, None)
 
 
+@pytest.mark.parametrize("from_clean", [0.0, 1.0])
+def test_retrieval_counts_only_where_a_clean_model_does_not_show_the_message(from_clean) -> None:
+    outcomes = benchmark({scene: {"x": (1.0, 25.0)} for scene in "ab"})
+    top1 = {("a", "clean"): from_clean}
+    judged = [
+        replace(o, retrieval={"message": Retrieval(top1.get((o.scene, o.variant), 1.0), 0.5, 0.5, 3, 20)})
+        if (o.scene, o.variant) in top1 or not o.is_control
+        else o
+        for o in outcomes
+    ]
+    row = by_variant(judged)["x"]
+    assert (row.present, row.survived, row.only_retrieved) == (2, 0, 1 if from_clean else 2)
+
+
 def test_the_share_left_is_that_of_scenes_with_the_message() -> None:
     found = benchmark({scene: {"x": (1.0, 5.0)} for scene in "ab"} | {"c": {"x": (1.0, 30.0)}})
     retrieved = {"a": 1.0, "b": 1.0, "c": 0.0}

@@ -27,7 +27,7 @@ class Survival(NamedTuple):
     variant: str
     present: int  # number of scenes in which the message of the unattacked model is present
     survived: int  # number of these in which it is present after the attack
-    only_retrieved: int  # number of these in which it is not present, but still retrieved
+    only_retrieved: int  # number of these in which it is not present, but retrieved, unlike from message-free models
     reached: bool | None  # whether the attack changed the extraction's carrier in any scene
     message_drop: Interval | None  # like all means below, over the `present` scenes, or without any, over all
     scene_drop: Interval | None
@@ -128,12 +128,16 @@ def _survival(
     attacked, unattacked = ([o for o in known if o.variant == name] for name in (variant, UNATTACKED))
     before, after, scene_floor = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
     if is_picture(extraction):
-        present_before = _present(before, scene_floor) - _by_retrieval(unattacked, extraction, succeeds=False)
+        present_before = _present(before, scene_floor) - (
+            {o.scene for o in unattacked if extraction in o.retrieval} - _retrieved(unattacked, extraction)
+        )
         survived = present_before & _present(after, scene_floor)
     else:
         present_before = _detected(unattacked, extraction)
         survived = present_before & _detected(attacked, extraction)
     lost = present_before & {scene for scene, _ in after} - survived
+    message_free = [o for o in known if o.variant in MESSAGE_FREE]  # whose key may hold what retrieval identifies
+    only_retrieved = lost & _retrieved(attacked, extraction) - _retrieved(message_free, extraction)
     attacked = [o for o in attacked if o.scene in present_before or not present_before]
     after = {cell: level for cell, level in after.items() if cell[0] in present_before or not present_before}
     reached = [o.reached[extraction] for o in attacked if extraction in o.reached]
@@ -146,7 +150,7 @@ def _survival(
         variant,
         len(present_before & {scene for scene, _ in after}),
         len(survived),
-        len(lost & _by_retrieval(attacked, extraction, succeeds=True)),
+        len(only_retrieved),
         any(reached) if reached else None,
         known_interval(_drops(attacked, extraction)),
         known_interval(_drops(attacked, SCENE)),
@@ -196,11 +200,9 @@ def _present(psnr: Cells, scene_floor: Cells) -> set[str]:
     return {scene for scene, margin in zip(scenes, margins, strict=True) if margin.mean() >= MARGIN}
 
 
-def _by_retrieval(outcomes: Sequence[Outcome], extraction: str, *, succeeds: bool) -> set[str]:
-    """Return the scenes in which the message is retrieved with some seed (`succeeds`), or with none."""
-    known = [o for o in outcomes if extraction in o.retrieval]
-    retrieved = {o.scene for o in known if o.retrieval[extraction].succeeds}
-    return retrieved if succeeds else {o.scene for o in known} - retrieved
+def _retrieved(outcomes: Iterable[Outcome], extraction: str) -> set[str]:
+    """Return the scenes in which retrieval identifies the message with some seed."""
+    return {o.scene for o in outcomes if extraction in o.retrieval and o.retrieval[extraction].succeeds}
 
 
 def _detected(outcomes: Sequence[Outcome], detector: str) -> set[str]:
