@@ -111,14 +111,16 @@ def read_back(array: NDArray[np.floating]) -> Float32:
 
 
 def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
-    """Refuse a folder with PNG files that are no renders, or of other views, which would count in every comparison."""
-    images, hint = {path.stem for path in folder.glob("*.png")}, "name another folder, or delete them"
-    if others := sorted(images - {*views}):
+    """Refuse a folder with PNG files of other views, which would count in every comparison, or with no renders."""
+    names, hint = {*views}, "name another folder, or delete them"
+    images = {path.stem for path in folder.glob("*.png")}
+    if others := sorted(images - names):
         found = f"{len(others)} more: {others[0]}.png" + ", ..." * (len(others) > 1)
         raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
+    files = sorted(path.name for end in ("png", "npy") for path in folder.glob(f"*.{end}") if path.stem in names)
     record = _recorded(folder)
-    if images and not (record.get("model") or record.get("energy")):
-        found = f"others, such as photographs: {min(images)}.png"
+    if files and not (record.get("model") or record.get("energy")):
+        found = f"others, such as photographs: {files[0]}"
         raise InputError(folder, "images", expected="none but earlier renders", found=found, hint=hint)
 
 

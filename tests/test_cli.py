@@ -455,6 +455,17 @@ def test_an_invalid_part_is_refused(text, capsys):
     assert "expected I/N with 1 <= I <= N" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("cameras", ["cameras.json", "orbit"])
+def test_arrays_and_cameras_that_are_no_results_are_not_replaced_by_renders(asset, tmp_path, cameras):
+    name = "cameras.json" if cameras == "orbit" else f"{read_cameras(asset / cameras)[0].name}.npy"
+    file = tmp_path / "renders" / name
+    file.parent.mkdir()
+    file.write_text("of the user")
+    views = cameras if cameras == "orbit" else str(asset / cameras)
+    assert main(["render", str(asset / "model.ply"), "--cameras", views, "--out", str(file.parent)]) == 2
+    assert [(path.name, path.read_text()) for path in file.parent.iterdir()] == [(name, "of the user")]
+
+
 def test_pruning_stages_deletes_what_no_index_lists_and_says_how_much(asset, capsys):
     index = asset / "results" / "vanilla" / "bot" / "contributions" / "1-of-1.tsv"
     command = ["contributions", "--model", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json")]
@@ -462,7 +473,9 @@ def test_pruning_stages_deletes_what_no_index_lists_and_says_how_much(asset, cap
     main([*command, *folders, "--energy", "ewa"])
     stale = sum(path.stat().st_size for path in (asset / "stages").iterdir())
     main([*command, *folders, "--energy", "ray"])
+    (asset / "stages" / "depths.npy").write_bytes(b"no stage")
     assert main(["stages", "prune", "--stages", str(asset / "stages"), "--results", str(asset / "results")]) == 0
+    assert (asset / "stages" / "depths.npy").exists()
     assert f"7 stages deleted, {stale} bytes" in capsys.readouterr().out
     assert all(read_stage(stage.path).size for stage in read_index(index))
 

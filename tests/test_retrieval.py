@@ -124,6 +124,15 @@ def test_copies_of_message_scene_and_decoys_are_no_further_candidates(tmp_path: 
     assert read_table(tmp_path / "r.csv", Retrieved)[0].retrieval == alone
 
 
+def test_a_message_is_retrieved_from_its_own_folder(tmp_path: Path, monkeypatch) -> None:
+    alone = retrieved(tmp_path, lambda image: image)
+    monkeypatch.chdir(tmp_path / "pair" / "message")
+    arguments = [".", "--extractions", tmp_path / "gspure" / "renders" / "message"]
+    arguments += ["--decoys", *tmp_path.glob("decoy_*"), "--out", tmp_path / "r.csv"]
+    assert main(["retrieve", *map(str, arguments)]) == 0
+    assert read_table(tmp_path / "r.csv", Retrieved)[0].retrieval == alone
+
+
 def test_two_extractions_of_one_variant_are_refused(tmp_path: Path, capsys) -> None:
     retrieved(tmp_path, lambda image: image)
     second = photographs(tmp_path / "other" / "gspure" / "renders" / "message", 0)

@@ -37,7 +37,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Render every view."""
-    from gspure.artifacts import embedding_of, filling, known_digest, save_array, write_record
+    from gspure.artifacts import embedding_of, filling, known_digest, require_results, save_array, write_record
     from gspure.cameras import write_cameras
     from gspure.cameras.reading import motion_of_views
     from gspure.evaluation.outcomes import SCENE
@@ -46,6 +46,8 @@ def run(args: Arguments) -> None:
 
     views = read_views(args)
     require_no_other_images(args.out, (camera.name for camera in views))
+    if isinstance(args.cameras, str):
+        require_results(args.out / "cameras.json")
     public = read_public(args)
     background = read_background(args, "render", public.model.background)
     scene = public.scene(read_device(args), background, args.energy)
@@ -62,5 +64,5 @@ def run(args: Arguments) -> None:
             write_cameras(folder / "cameras.json", views)
             motion = motion_of_views(args.cameras, args.model)
             write_record(folder / "cameras.json", inputs={}, settings={}, motion=motion)
-    for camera in [] if args.npy else views:  # of an earlier model
+    for camera in [] if args.npy else views:  # of an earlier run
         (args.out / f"{camera.name}.npy").unlink(missing_ok=True)

@@ -39,7 +39,9 @@ def run(args: Arguments) -> None:
             files = false_candidates(pair, index, args.decoys)
             similarities.append(compare_candidates(pair, files))
             used |= {pair.reference, pair.image, *files}
-        variant, target = folder.resolve().parts[-3], folder.resolve().name
+        if len(parts := folder.resolve().parts) < 4:
+            raise InputError(folder, "folder", expected="VARIANT/renders/TARGET", found=str(folder.resolve()))
+        variant, target = parts[-3], parts[-1]
         if any(row[:2] == (variant, target) for row in rows):
             raise InputError(folder, variant, expected="one folder for every variant and target", found="a second one")
         rows.append(Retrieved(variant, target, retrieval(similarities)))

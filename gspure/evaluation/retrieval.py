@@ -66,8 +66,9 @@ def false_candidates(pair: ImagePair, index: int, decoys: Sequence[Path]) -> lis
     It shows the pair's view; in a folder without a view of this name, `index`, the number of the view, selects one.
     Raise `InputError` if a folder holds no picture.
     """
-    pictures = []
-    for folder in (pair.reference.parents[1] / "scene", *decoys):
+    pictures, message = [], pair.reference.parent
+    message = message if message.name else message.resolve()
+    for folder in (message.with_name("scene"), *decoys):
         files = sorted(folder.glob("*.png"))
         if not files:
             raise InputError(folder, "folder", expected="PNG files", found="none")

@@ -9,6 +9,7 @@ of all parts share (`Measurement`).
 import csv
 import io
 import os
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -33,6 +34,8 @@ from gspure.opencl.program import kernel_digest
 from gspure.progress import say, track
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
+
+_STAGE = re.compile(r"\.[0-9a-f]{32}\.npy$")  # ends the name of a stage, {view}.{key}.npy
 
 
 class Measurement(NamedTuple):
@@ -217,7 +220,7 @@ def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
     Return the number of deleted stages and of freed bytes. Raise `InputError` if the indices list none of the stages.
     """
     listed = {stage.path.resolve() for index in indices for stage in read_index(index)}
-    stages = sorted(folder.rglob("*.npy"))
+    stages = sorted(path for path in folder.rglob("*.npy") if _STAGE.search(path.name))
     unlisted = [path for path in stages if path.resolve() not in listed]
     if stages and len(unlisted) == len(stages):
         hint = "to drop every stage, delete the folder"
