@@ -87,6 +87,17 @@ def test_the_scene_in_place_of_the_message_is_not_retrieved(tmp_path: Path) -> N
     assert retrieved(tmp_path, lambda _: picture(1, next(views))).top1 == 0
 
 
+def test_a_message_that_is_its_own_mirror_image_is_retrieved(tmp_path: Path) -> None:
+    retrieved(tmp_path, noise)  # writes scene and decoys
+    message, extraction = (
+        photographs(folder, 0, lambda image: (image + image[:, ::-1]) / 2)
+        for folder in (tmp_path / "pair" / "message", tmp_path / "v" / "renders" / "message")
+    )
+    words = [message, "--extractions", extraction, "--decoys", *tmp_path.glob("decoy_*"), "--out", tmp_path / "r.csv"]
+    assert main(["retrieve", *map(str, words)]) == 0
+    assert read_table(tmp_path / "r.csv", Retrieved)[0].retrieval[:2] == (1, 1)
+
+
 def test_candidates_of_other_sizes_and_views_off_the_path_do_not_count(tmp_path: Path) -> None:
     retrieved(tmp_path, lambda image: image)
     for folder in ("pair/scene", "pair/message", "gspure/renders/message"):

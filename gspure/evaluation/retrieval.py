@@ -80,14 +80,15 @@ def compare_candidates(pair: ImagePair, files: Sequence[Path]) -> Float64:
     """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
 
     `pair` holds photograph and extraction of the message. The false candidates are the photograph mirrored, upside down
-    and turned by 180 degrees, and the pictures of the same size among `files`, those of `false_candidates`.
+    and turned by 180 degrees, and the pictures of the same size among `files`, those of `false_candidates`. Copies of
+    candidates do not count, such as the mirrored photograph of a symmetric message.
 
     Raise `InputError` if an image cannot be read, the extraction has another size than the photograph, or a decoy is
     the photograph.
     """
     truth, extraction = read_image(pair.reference), read_image(pair.image)
-    candidates: list[Float32] = [truth, truth[:, ::-1], truth[::-1], truth[::-1, ::-1]]
-    for picture in map(read_image, files):
+    candidates: list[Float32] = [truth]
+    for picture in (truth[:, ::-1], truth[::-1], truth[::-1, ::-1], *map(read_image, files)):
         is_known = np.ptp(picture) and any(np.array_equal(picture, candidate) for candidate in candidates)
         if picture.shape == truth.shape and not is_known:
             candidates.append(picture)
