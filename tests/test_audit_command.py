@@ -160,9 +160,9 @@ def test_a_folder_that_a_killed_run_locked_is_refused_with_the_command_that_unlo
 
 def test_results_without_notes_of_what_they_were_made_from_are_refused(folder, words, capsys):
     audit = ["audit", "my model.ply", "--cameras", "orbit"]
-    record = Path("results/vanilla/bot/weights.npy.json")
-    record.parent.mkdir(parents=True)
-    record.touch()
+    report = Path("results/report.html")
+    report.parent.mkdir()
+    report.touch()
     for refused in (audit, [*audit, "--dry-run"]):
         assert main(refused) == 2
         assert "copy .snakemake, too" in capsys.readouterr().err

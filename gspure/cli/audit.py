@@ -64,8 +64,12 @@ def run(args: Arguments) -> int:
 
 def _require_provenance(options: Sequence[str]) -> None:
     """Refuse results without Snakemake's notes of what they were made from: any would count as up to date."""
-    results = (path for path in Path("results").rglob("*.json") if path.parts[1] not in {"logs", "benchmarks"})
-    if any(results) and not any(Path(".snakemake").glob("[im]*/*")) and not {"--forceall", "-F"} & {*options}:
+    paths = (path for path in Path("results").rglob("*") if path.parts[1] not in {"logs", "benchmarks", "audit.yaml"})
+    if (
+        any(path.is_file() for path in paths)
+        and not any(Path(".snakemake").glob("[im]*/*"))
+        and not {"--forceall", "-F"} & {*options}
+    ):
         hint = "copy .snakemake, too, or delete results, or add -- --forceall"
         raise InputError("results", ".snakemake", expected="notes of the run that made them", found="none", hint=hint)
 
