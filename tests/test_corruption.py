@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array, write_json, write_record
+from gspure.artifacts import digest, save_array, write_json, write_record
 from gspure.cli import main
 from gspure.corruption import set_aside, unfit
 from gspure.images import record_views, write_image
@@ -134,18 +134,20 @@ def test_a_missing_folder_cannot_be_verified(capsys):
 
 
 def test_stages_are_pruned_by_the_indices_alone(capsys):
-    save_array(STAGES / "a.old.npy", np.zeros(0, CONTRIBUTION))
-    noted(STAGES / "a.old.npy")
+    old = STAGES / f"a.{digest('old')}.npy"
+    save_array(old, np.zeros(0, CONTRIBUTION))
+    noted(old)
     assert main(["stages", "prune"]) == 0
     assert capsys.readouterr().out.startswith("1 stages deleted, ")
     assert sorted(path.name for path in STAGES.glob("*.npy")) == ["a.key.npy", "b.key.npy", "c.key.npy"]
 
 
 def test_stages_of_another_project_are_not_pruned(tmp_path, capsys):
-    save_array(tmp_path / "other" / "a.key.npy", np.zeros(0, CONTRIBUTION))
+    stage = tmp_path / "other" / f"a.{digest('other')}.npy"
+    save_array(stage, np.zeros(0, CONTRIBUTION))
     assert main(["stages", "prune", "--stages", str(tmp_path / "other")]) == 2
     assert "other: stages: expected some that" in capsys.readouterr().err
-    assert (tmp_path / "other" / "a.key.npy").exists()
+    assert stage.exists()
 
 
 def test_a_corrupt_artifact_is_kept_aside_without_its_checksum():

@@ -220,9 +220,9 @@ def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
     Return the number of deleted stages and of freed bytes. Raise `InputError` if the indices list none of the stages.
     """
     listed = {stage.path.resolve() for index in indices for stage in read_index(index)}
-    stages = sorted(path for path in folder.rglob("*.npy") if _STAGE.search(path.name))
-    unlisted = [path for path in stages if path.resolve() not in listed]
-    if stages and len(unlisted) == len(stages):
+    arrays = sorted(folder.rglob("*.npy"))
+    unlisted = [path for path in arrays if _STAGE.search(path.name) and path.resolve() not in listed]
+    if unlisted and listed.isdisjoint(path.resolve() for path in arrays):
         hint = "to drop every stage, delete the folder"
         raise InputError(folder, "stages", expected=f"some that {indices[0]} or others list", found="none", hint=hint)
     files = [file for stage in unlisted for file in (stage, record_file(stage)) if file.exists()]
