@@ -41,7 +41,6 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     outcomes = of_one_model(*PLANTED, variant("clean", 30.0, 8.5)) + VANILLA
     write_report(
         folder / "report.html",
-        "How robust is the watermark?",
         outcomes,
         figures=[attacks, tradeoff],
         viewers=[folder / ROOM / "figures" / "model" / "viewer.json"],
