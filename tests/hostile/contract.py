@@ -20,7 +20,7 @@ import traceback
 import unicodedata
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -29,8 +29,7 @@ from typing import Any
 import numpy as np
 
 from gspure.errors import InputError
-from tests.hostile.mutations import mutate
-from tests.hostile.readers import Reader
+from tests.hostile.mutations import Rng, choose, mutate
 
 SEED = 2026
 CPU_SECONDS = 2.0
@@ -57,6 +56,34 @@ _CHANGES = {
     "os.truncate": (0, None),
 }
 """Where an event of Python's audit has the path, and the folder that it is relative to."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One way into the package.
+
+    Parameters
+    ----------
+    build : function
+        Writes valid files into a folder.
+    read : function
+        Reads them from there, and asserts what must hold of what is read.
+    targets : mapping
+        The files to be corrupted, and their formats (`tests.hostile.mutations.FORMS`).
+    available : bool
+        False where a package that it needs is not installed.
+
+    """
+
+    name: str
+    build: Callable[[Path], Any]
+    read: Callable[[Path], Any]
+    targets: Mapping[str, str]
+    available: bool = True
+
+    def target(self, rng: Rng) -> tuple[str, str]:
+        return choose(rng, list(self.targets.items()))
+
 
 _FORBIDDEN = ("os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect", "pickle.find_class")
 

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from gspure.errors import InputError
-from tests.hostile.contract import Watch, corrupted, faults_of_line, outcome, prepared, torment
+from tests.hostile.contract import Reader, Watch, corrupted, faults_of_line, outcome, prepared, torment
 from tests.hostile.journal import kept
 from tests.hostile.mutations import FORMS, bomb, mutate, zip_bomb, zipped
-from tests.hostile.readers import BY_NAME, READERS, Reader
+from tests.hostile.readers import BY_NAME, READERS
 
 ROOT = Path(__file__).parents[2]
 CASES = 100
