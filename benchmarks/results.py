@@ -28,7 +28,8 @@ from gspure.evaluation.outcomes import GSPURE, MESSAGE, UNATTACKED, condition_of
 from gspure.evaluation.paper import beside, read_cells
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import Survival
-from gspure.report.table import UNKNOWN, Cell, Column, Row, Table, interval, plain, share, signed
+from gspure.numerals import UNKNOWN, decimal, percent, signed
+from gspure.report.table import Cell, Column, Row, Table, interval, share
 from gspure.report.tables import beside_table
 from gspure.schemes.scheme import ADAPTIVE
 from gspure.schemes.splats_in_splats.key import ORACLE
@@ -48,7 +49,9 @@ def before(run: Path) -> Table:
         scenes = [row.scene if row else None for row in (public, clean)]
         messages = [row.message if row else None for row in (public, wrong, clean)]
         retrieved = [share(row.retrieved.mean) if row and row.retrieved else Cell() for row in (public, clean)]
-        rows.append(Row([Cell(condition_name(*condition)), *map(interval, (*scenes, *messages)), *retrieved]))
+        means = (*scenes, *messages)
+        most = max(mean.scenes for mean in means if mean)
+        rows.append(Row([Cell(condition_name(*condition)), *(interval(mean, most) for mean in means), *retrieved]))
     columns = [Column("condition"), Column("public model", "scene:"), Column("clean model", "scene:")]
     columns += [Column(name, "message:") for name in ("right key", "wrong key", "clean model")]
     columns += [Column(name, "retrieved:") for name in ("right key", "clean model")]
@@ -64,7 +67,10 @@ def leads(run: Path) -> Table:
     body = []
     for row in (row for row in read_table(run / "survival.csv", Survival) if row.variant == GSPURE):
         views = retrieved[_shown(row)]
-        cells = [interval(row.message_drop), interval(row.scene_drop), Cell(plain(row.rms_ratio))]
+        cells = [
+            *(interval(drop, row.scenes) for drop in (row.message_drop, row.scene_drop)),
+            Cell(decimal(row.rms_ratio)),
+        ]
         cells.append(share(views.mean) if views else Cell())
         alike = [other for other in swept if _shown(other) == _shown(row)]
         cells += [_lead(alike, damage) for damage in at]
@@ -96,8 +102,11 @@ def measures(run: Path) -> Table:
     body = []
     for name, alike in groupby(rows, key=_shown):
         for i, row in enumerate(alike):
-            numbers = [interval(row.message_drop), interval(row.scene_drop), Cell(plain(row.rms_ratio))]
-            numbers += [Cell(plain(drop.mean if drop else nan)) for drop in (row.ms_ssim_drop, row.nc_drop)]
+            numbers = [
+                *(interval(drop, row.scenes) for drop in (row.message_drop, row.scene_drop)),
+                Cell(decimal(row.rms_ratio)),
+            ]
+            numbers += [Cell(decimal(drop.mean if drop else nan)) for drop in (row.ms_ssim_drop, row.nc_drop)]
             numbers += [share(left.mean if left else nan) for left in (row.share_left, row.region_left)]
             gone = row.present - row.survived - row.only_retrieved
             counts = [Cell(str(count)) for count in (row.survived, row.only_retrieved, gone)]
@@ -162,7 +171,7 @@ def capacity(run: Path) -> Table:
     body = []
     for row in rows:
         drops = [f"{row[f'{by}message_drop']} / {row[f'{by}scene_drop']}".replace("-", "−") for by in BY]
-        size = [row["bound"], row["rows"], f"{float(row['removed']):.0%}"]
+        size = [row["bound"], row["rows"], percent(float(row["removed"]), 0)]
         texts = [condition_name(row["scheme"], row["protocol"]), *size, f"{row['scene']} / {row['message']}", *drops]
         body.append(Row([Cell(text) for text in texts]))
     columns = [Column(title) for title in ("condition", "bound", "rows", "removed", "before: scene / message")]
@@ -237,7 +246,7 @@ def _as_run(variant: str) -> bool:
 def _drops(row: Survival | None) -> Cell:
     if row is None:
         return Cell()
-    message, scene = (plain(drop.mean if drop else nan) for drop in (row.message_drop, row.scene_drop))
+    message, scene = (decimal(drop.mean if drop else nan) for drop in (row.message_drop, row.scene_drop))
     retrieved = f", {row.only_retrieved} retrieved" if row.only_retrieved else ""
     return Cell(
         f"{message} / {scene}", f"({row.survived} of {row.present}{retrieved})" if row.present else f"({UNKNOWN})"
@@ -263,9 +272,9 @@ def _lead(rows: Sequence[Matched], damage: float) -> Cell:
 
 def _reached(row: Matched) -> Cell:
     """Return a drop, with the damage to the scene where it is not the wanted one."""
-    cell = interval(row.drop)
+    cell = interval(row.drop, row.drop.scenes)
     bound = "≥ " if row.scene_drop < row.damage else "≤ "
-    return cell if row.scene_drop == row.damage else Cell(f"{bound}{cell} at {plain(row.scene_drop)} dB")
+    return cell if row.scene_drop == row.damage else Cell(f"{bound}{cell} at {decimal(row.scene_drop)} dB")
 
 
 if __name__ == "__main__":

@@ -61,7 +61,7 @@ def test_every_condition_has_a_verdict_tables_and_a_figure_of_its_own(tmp_path: 
     assert verdicts == {SHARED: 2, OWN: 2, SCENE_POINTS: 2}
     write_report(tmp_path / "report.html", MIXED, survivals=survivals, contests=contests)
     page, tables = (tmp_path / "report.html").read_text(), conditions_markdown(survivals, contests)
-    latex = summary_table(summarize(MIXED)).latex()
+    latex = summary_table(MIXED).latex()
     for condition in DROPS:
         assert page.count(f'id="verdict/{condition.key}"') == page.count(f'id="compare/{condition.key}"') == 1
         assert f"## {condition_name(*condition)}\n" in tables

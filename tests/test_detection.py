@@ -266,7 +266,7 @@ def test_the_verdict_is_on_the_mark_if_there_is_no_other_message(outcomes, tmp_p
     assert (audit.extraction, audit.verdict, audit.strongest.variant) == ("mark", "judged", "gspure")
     write_report(tmp_path / "report.html", outcomes, survivals=survival(outcomes), contests=contest(outcomes, {}))
     page = (tmp_path / "report.html").read_text()
-    assert "mark (mark) did not survive GSPure, which lowers the mark (mark) by 38.0 points" in page
+    assert "mark (mark) did not survive GSPure, which lowers the mark (mark) by 38 points" in page
     assert "can tell whether a message survived" not in page
 
 
@@ -318,7 +318,7 @@ def test_a_page_about_a_mark_says_nothing_of_pictures(outcomes, tmp_path):
 
 def test_the_reading_of_a_wrong_key_is_compared_and_not_judged(outcomes, tmp_path):
     write_report(tmp_path / "page.html", outcomes, survivals=survival([*outcomes, outcome("wrong_key", 53.0)]))
-    assert "share of correct bits is 45.0 points lower.</span>" in (tmp_path / "page.html").read_text()
+    assert "share of correct bits is 45 points lower.</span>" in (tmp_path / "page.html").read_text()
 
 
 def test_tables_have_readings_rates_and_chance(outcomes, tmp_path):

@@ -11,7 +11,6 @@ from gspure.evaluation.contest import contest
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.matched import Matched, match, reached_name, variant_at, wanted_damage
 from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import survival
 from gspure.evaluation.tradeoff import MATCHED_DAMAGES
 from gspure.report.tables import condition_tables, conditions_markdown, matched_table, model_table, summary_table
@@ -170,7 +169,7 @@ def test_a_sweep_without_variants_is_refused(capsys) -> None:
 def test_tables_name_the_damage_that_a_search_reached_instead_of_the_wanted_one() -> None:
     rows = benchmark({"room": {"gspure": (1.0, 9.0), "noise@1dB": (0.17, 2.0), "crop@1dB": (1.03, 3.0)}})
     of_condition = condition_tables(rows[0].condition, survival(rows), contest(rows, {}))[:2]
-    for table in (model_table(rows), *of_condition, summary_table(summarize(rows))):
+    for table in (model_table(rows), *of_condition, summary_table(rows)):
         names = {cell.text for row in table.rows for cell in row.cells}
         assert {"noise, 1 dB: 0.17 dB reached", "crop, 1 dB"} <= names
     assert reached_name("noise@1dB", math.nan) == reached_name("noise@1dB", math.inf) == "noise, 1 dB"

@@ -303,7 +303,7 @@ def test_a_view_far_below_the_mean_is_named_in_a_warning() -> None:
     assert "8.5 dB" in warning
 
 
-@pytest.mark.parametrize(("psnrs", "low"), [([math.inf] * 3, "inf"), ([math.inf, 20.0, math.inf], "20.0000")])
+@pytest.mark.parametrize(("psnrs", "low"), [([math.inf] * 3, "∞"), ([math.inf, 20.0, math.inf], "20.0000")])
 def test_identical_views_give_no_warning(psnrs: list[float], low: str) -> None:
     rows = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate(psnrs)]
     lines = as_text(rows)

@@ -5,12 +5,11 @@ import re
 from dataclasses import replace
 from html import unescape
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.evaluation.intervals import Interval
-from gspure.report.table import Cell, Column, Row, Table, interval, markdown_document, plain, signed
+from gspure.report.table import Cell, Column, Row, Table, interval, markdown_document
 from gspure.report.templates import render
 
 TABLE = Table(
@@ -45,7 +44,11 @@ def test_every_format_shows_the_same_cells() -> None:
     markdown = [[cell.strip(" *") for cell in line.strip("|").split("|")] for line in TABLE.markdown().splitlines()]
     assert [markdown[0], *markdown[2:]] == [titles, *shown]
     latex = [line.removesuffix(r" \\").split(" & ") for line in TABLE.latex().splitlines() if line.endswith(r"\\")]
-    assert latex == [titles, ["GSPure", "12.50 (11.00 to 14.00)", "1.00"], ["clean <model>", "--", "$-$0.50"]]
+    assert latex == [
+        titles,
+        ["GSPure", "12.50 (11.00 to 14.00)", "1.00"],
+        [r"clean \textless{}model\textgreater{}", "--", "$-$0.50"],
+    ]
 
 
 def test_html_marks_kinds_of_rows() -> None:
@@ -76,18 +79,15 @@ def test_a_note_shared_by_tables_is_printed_once() -> None:
 
 
 def test_intervals_have_brackets_ranges_parentheses_and_single_scenes_neither() -> None:
-    assert str(interval(Interval(1.0, 0.5, 1.5, 0.95, 6))) == "1.00 [0.50, 1.50]"
-    assert str(interval(Interval(1.0, -0.5, 1.5, 0.75, 3))) == "1.00 (−0.50 to 1.50)"
-    assert str(interval(Interval(1.0, 1.0, 1.0, 0.0, 1))) == "1.00"
-    assert str(interval(None)) == "–"
+    assert str(interval(Interval(1.0, 0.5, 1.5, 0.95, 6), 6)) == "1.00 [0.50, 1.50]"
+    assert str(interval(Interval(1.0, -0.5, 1.5, 0.75, 3), 3)) == "1.00 (−0.50 to 1.50)"
+    assert str(interval(Interval(1.0, 1.0, 1.0, 0.0, 1), 1)) == "1.00"
+    assert str(interval(None, 3)) == "–"
 
 
-@pytest.mark.parametrize(
-    ("value", "shown"), [(0.0, "+0.00"), (-1.234, "−1.23"), (float("inf"), "–"), (float("nan"), "–")]
-)
-def test_differences_have_a_sign_and_unknown_ones_are_a_dash(value: float, shown: str) -> None:
-    assert signed(value) == shown
-    assert plain(-0.001) == "0.00"
+def test_a_mean_over_fewer_scenes_than_its_table_says_so() -> None:
+    assert str(interval(Interval(1.0, 1.0, 1.0, 0.0, 1), 3)) == "1.00 (1 of 3 scenes)"
+    assert str(interval(Interval(1.0, 0.5, 1.5, 0.5, 2), 3)) == "1.00 (0.50 to 1.50) (2 of 3 scenes)"
 
 
 @given(TEXTS, TEXTS)
@@ -97,8 +97,8 @@ def test_no_character_of_a_text_is_markup(first: str, second: str) -> None:
     assert list(csv.reader(table.csv().splitlines(), strict=True))[1] == [first, second]
     assert len(re.findall(r"(?<!\\)\|", table.markdown().splitlines()[-1])) == 3
     row = Table("t", [Column("a")], [Row([Cell(first)])]).latex().splitlines()[-3].removesuffix(r" \\")
-    commands = {r"\textbackslash{}": "\\", r"\textasciitilde{}": "~", r"\textasciicircum{}": "^"}
-    commands |= {f"\\{character}": character for character in "&%$#_{}"}
-    tokens = re.findall("|".join(map(re.escape, commands)) + "|[^\\\\{}$&#_%~^]", row)
+    commands = {r"\textbackslash{}": "\\", r"\textasciitilde{}": "~", r"\textasciicircum{}": "^", r"\textless{}": "<"}
+    commands |= {r"\textgreater{}": ">"} | {f"\\{character}": character for character in "&%$#_{}"}
+    tokens = re.findall("|".join(map(re.escape, commands)) + "|[^\\\\{}$&#_%~^<>]", row)
     assert "".join(commands.get(token, token) for token in tokens) == first
     assert "".join(tokens) == row

@@ -74,9 +74,12 @@ def test_scenes_that_do_not_know_a_number_are_not_counted():
 
 
 def test_every_extraction_of_the_message_has_a_row():
-    rows = summarize([outcome("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)])
-    assert [(row.extraction, row.message.mean) for row in rows] == [("message", 9.0), ("message_oracle", 12.0)]
-    assert "GSPure, message (oracle) & 1 & 29.00 & 12.00" in summary_table(rows).latex()
+    outcomes = [outcome("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)]
+    assert [(row.extraction, row.message.mean) for row in summarize(outcomes)] == [
+        ("message", 9.0),
+        ("message_oracle", 12.0),
+    ]
+    assert "GSPure, message (oracle) & 1 & 29.00 & 12.00" in summary_table(outcomes).latex()
 
 
 def test_a_mark_has_numbers_neither_off_the_camera_path_nor_from_the_paper():
@@ -93,7 +96,7 @@ def test_a_mark_has_numbers_neither_off_the_camera_path_nor_from_the_paper():
 def test_the_unit_of_a_mark_is_noted():
     shown = outcome("a", "1", "gspure", scene=29.0, message=9.0)
     read = replace(shown, detections={"bits": Detection(73.0, 1.0, 1.0, 1.0, True, 4, 32)})
-    assert ["percent" in summary_table(summarize([o])).note for o in (shown, read)] == [False, True]
+    assert ["percent" in summary_table([o]).note for o in (shown, read)] == [False, True]
 
 
 def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):
@@ -105,13 +108,13 @@ def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):
 
 
 def latex_rows(outcomes):
-    lines = summary_table(summarize(outcomes)).latex().splitlines()
+    lines = summary_table(outcomes).latex().splitlines()
     return [line for line in lines if line.endswith(r"\\") and not line.startswith("Scheme")]
 
 
 def test_the_latex_table_has_one_block_per_scheme(outcomes):
     assert [row.split(" & ")[0].strip() for row in latex_rows(outcomes)] == ["my scheme", "", "Splats in Splats"]
-    assert summary_table(summarize(outcomes)).latex().count(r"\midrule") == 2
+    assert summary_table(outcomes).latex().count(r"\midrule") == 2
 
 
 def test_brackets_are_intervals_and_parentheses_ranges(outcomes):

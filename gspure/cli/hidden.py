@@ -43,6 +43,7 @@ def run(args: Arguments) -> None:
     )
     from gspure.errors import InputError
     from gspure.model import model_file, read_model
+    from gspure.numerals import percent
     from gspure.progress import warn
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
     from gspure.schemes.registry import find_scheme
@@ -75,4 +76,4 @@ def run(args: Arguments) -> None:
     if share is None:
         warn("no row holds weight of the message: nothing is embedded, or the key does not fit the model")
     else:
-        print(f"{share:.1%} of the message's weight is on rows that plain_weight prunes")
+        print(f"{percent(share)} of the message's weight is on rows that plain_weight prunes")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.names import display_name
+from gspure.numerals import decimal, signed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,27 +52,33 @@ def run(args: Arguments) -> None:
 
 def _scores(checks: Sequence[Check], cells: Sequence[Cell]) -> Table:
     from gspure.evaluation.paper import score_interval
-    from gspure.report.table import interval, plain, signed
+    from gspure.report.table import interval
 
     rows = []
     for check in checks:
         claim = check.claim
         if claim.quantity == "score":
             names = [display_name(claim.scheme), display_name(claim.variant)]
-            recomputed = interval(score_interval(cells, claim.scheme, claim.variant))
-            rows.append([*names, plain(claim.value), str(recomputed), signed(check.difference), _follows(check)])
+            recomputed = score_interval(cells, claim.scheme, claim.variant)
+            rows.append(
+                [
+                    *names,
+                    decimal(claim.value),
+                    str(interval(recomputed, recomputed.scenes)),
+                    signed(check.difference),
+                    _follows(check),
+                ]
+            )
     columns = ["scheme", "attack", "printed", "recomputed", "difference", "follows"]
     return _table("Scores in dB, recomputed from Table 1 with the 95% interval over its scenes", columns, rows)
 
 
 def _without_scores(checks: Sequence[Check]) -> Table:
-    from gspure.report.table import signed
-
     rows = [
         [
             f"{c.claim.place}: {c.claim.words}",
-            f"{'< ' if c.claim.relation == '<' else ''}{c.claim.value:.2f}",
-            f"{c.recomputed:.2f}",
+            f"{'< ' if c.claim.relation == '<' else ''}{decimal(c.claim.value)}",
+            decimal(c.recomputed),
             signed(c.difference),
             _follows(c),
         ]

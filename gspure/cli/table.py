@@ -72,4 +72,4 @@ def run(args: Arguments) -> None:
         write_table(args.summary, Summary, summarize(outcomes))
         write_record(args.summary, inputs={"table": args.out}, settings={})
     if args.latex:
-        write_text(args.latex, summary_table(summarize(outcomes)).latex(), checksum=True)
+        write_text(args.latex, summary_table(outcomes).latex(), checksum=True)

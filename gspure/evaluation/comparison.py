@@ -14,6 +14,7 @@ from gspure.evaluation.controls import BLACK
 from gspure.evaluation.csv_tables import PerMetric, read_table, write_table
 from gspure.evaluation.metrics import METRICS
 from gspure.images import background_of, read_image, require_all_images, require_comparable
+from gspure.numerals import decimal
 
 Reference = Literal["truth", "render"]
 TRUTH: Final = "truth"
@@ -126,7 +127,7 @@ def worst(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
 def far_below(rows: Sequence[ViewMetrics]) -> list[str]:
     """Return one sentence per target whose worst view is far below the mean, which hides it."""
     return [
-        f"{_named(low)} has {low.psnr:.1f} dB, {mean.psnr - low.psnr:.1f} dB less than the mean PSNR: "
+        f"{_named(low)} has {decimal(low.psnr, 1)} dB, {decimal(mean.psnr - low.psnr, 1)} dB less than the mean PSNR: "
         "do the other views show the same surfaces?"
         for low, mean in zip(worst(rows), means(rows), strict=True)
         if low.psnr < mean.psnr - FAR_BELOW  # False if all views are identical: both are infinite
@@ -165,7 +166,7 @@ def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
     width = max(map(len, names))
     lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>12}" for metric in METRICS.values())]
     for name, row in zip(names, rows, strict=True):
-        lines.append(f"{name:<{width}}" + "".join(f"{row.values[metric]:12.4f}" for metric in METRICS))
+        lines.append(f"{name:<{width}}" + "".join(f"{decimal(row.values[metric], 4):>12}" for metric in METRICS))
     for target, count in same.items():
         if count < views[target]:
             place = "" if target == "." else f"{target}: "

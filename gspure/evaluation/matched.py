@@ -13,6 +13,7 @@ from gspure.evaluation.intervals import Interval, by_scene, mean_interval
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, by_condition, ordered
 from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE, MATCHED_DAMAGES, matched_message_drop
+from gspure.numerals import decimal
 
 Sweeps = Mapping[str, Sequence[str]]  # names of attacks, with the variants that are this attack at several strengths
 Drops = tuple[float, float]  # drop of the scene's and of the message's PSNR, dB
@@ -76,7 +77,7 @@ def reached_name(variant: str, *scene_drops: float) -> str:
     """Return the display name of a variant, with the drops of scenes, in dB, where any misses the `wanted_damage`."""
     wanted = wanted_damage(variant)
     missed = wanted is not None and any(DAMAGE_TOLERANCE < abs(drop - wanted) < math.inf for drop in scene_drops)
-    reached = " to ".join(dict.fromkeys(f"{drop:z.2f}" for drop in scene_drops))
+    reached = " to ".join(dict.fromkeys(decimal(drop) for drop in scene_drops))
     return f"{display_name(variant)}: {reached} dB reached" if missed else display_name(variant)
 
 

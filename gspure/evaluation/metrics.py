@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gspure.constants import MS_SSIM_WEIGHTS, SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
 from gspure.dtypes import Float64
 from gspure.errors import InputError
+from gspure.numerals import decimal
 
 
 def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -170,7 +171,7 @@ class Metric(NamedTuple):
 
     def text(self, value: float) -> str:
         """Return the text of a value in tables: ∞ for identical images, – if it is unknown."""
-        return "–" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.{self.decimals}f}"
+        return decimal(value, self.decimals)
 
 
 METRICS: Final[Mapping[str, Metric]] = {

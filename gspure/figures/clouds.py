@@ -16,6 +16,7 @@ from gspure.constants import NOISE_LABEL, SH_DC
 from gspure.dtypes import Bools, Float32, Float64, Indices, Int32, UInt8
 from gspure.figures import style
 from gspure.method.pruning import deciding_weights
+from gspure.numerals import percent
 
 _STEPS = 256  # of a scale
 
@@ -100,11 +101,11 @@ def _cluster_legend(sizes: Indices, kept: Bools, total: int) -> Legend:
     for fate, share, chosen in (("pruned", 0.0, ~kept), ("kept (pale)", _PALE, kept)):
         entries = [(f"{fate}:", "none")] * bool(chosen.any())
         largest = np.flatnonzero(chosen[:hues])
-        entries += [(f"{sizes[i] / total:.1%}", style.tint(style.CLUSTERS[i], share)) for i in largest]
+        entries += [(percent(sizes[i] / total), style.tint(style.CLUSTERS[i], share)) for i in largest]
         if rest := np.count_nonzero(chosen[hues:]):
-            entries.append((f"{rest} smaller: {sizes[hues:][chosen[hues:]].sum() / total:.1%}", "none"))
+            entries.append((f"{rest} smaller: {percent(sizes[hues:][chosen[hues:]].sum() / total)}", "none"))
         rows += [tuple(entries[i : i + _LEGEND]) for i in range(0, len(entries), _LEGEND)]
-    return (*rows, ((f"noise: {1 - sizes.sum() / total:.1%}", style.NOISE),))
+    return (*rows, ((f"noise: {percent((total - sizes.sum()) / total)}", style.NOISE),))
 
 
 def rank_cloud(means: Float32, labels: Int32, weights: Float32, tau_c: float = 1.0, tau_n: float = 1.0) -> Cloud:
@@ -133,7 +134,7 @@ def kept_cloud(means: Float32, pruned: Bools) -> Cloud:
     """Colour each Gaussian by the prune mask (bool [K])."""
     colours = np.array([style.rgb(style.KEPT), style.rgb(style.PRUNED)])[pruned.astype(np.intp)]
     share = float(pruned.mean()) if len(pruned) else 0.0
-    row = ((f"kept: {1 - share:.1%}", style.KEPT), (f"pruned: {share:.1%}", style.PRUNED))
+    row = ((f"kept: {percent(1 - share)}", style.KEPT), (f"pruned: {percent(share)}", style.PRUNED))
     return Cloud(means, colours, {"pruned": pruned.astype(np.uint8)}, (row,))
 
 

@@ -18,6 +18,7 @@ from gspure.figures.plots import write_weight_histogram
 from gspure.figures.portrait import portrait
 from gspure.figures.probe import gl_problem
 from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
+from gspure.numerals import percent
 from gspure.public_model import RenderView
 
 TITLES: Final = ("model", "message before pruning", "rank of the weight", "message after pruning")
@@ -142,7 +143,7 @@ def _pruned_weight(evidence: Evidence, hidden: Float32) -> str:
     if not hidden.any():
         return "No row holds weight of the message."
     message, scene = (_share(values, evidence.pruned) for values in (hidden, evidence.weights))
-    return f"Pruning removes {message:.1%} of the weight in the message and {scene:.1%} of that in the scene."
+    return f"Pruning removes {percent(message)} of the weight in the message and {percent(scene)} of that in the scene."
 
 
 def _share(values: Float32, chosen: Bools) -> float:
@@ -158,9 +159,9 @@ def _remarks(count: int, problem: str | None) -> Iterator[str]:
 
 
 def _histogram_caption(evidence: Evidence) -> str:
-    zero = float(np.mean(evidence.weights == 0))
+    zero = percent(float(np.mean(evidence.weights == 0)))
     return (
-        f"Histogram of the weights ω, with mean ω̄. {zero:.1%} are 0: no view shows these {evidence.rows}. GSPure "
+        f"Histogram of the weights ω, with mean ω̄. {zero} are 0: no view shows such {evidence.rows}. GSPure "
         f"prunes clusters whose mean weight is below ω̄/{evidence.tau_c:g}, and {evidence.rows} outside clusters whose "
         f"weight is below ω̄/{evidence.tau_n:g}. Clusters are pruned as a whole, so {evidence.rows} above the threshold "
         "can be pruned, and others below it kept."

@@ -12,6 +12,7 @@ from gspure.dtypes import Float32
 from gspure.evaluation.metrics import psnr
 from gspure.evaluation.names import display_name
 from gspure.figures import style
+from gspure.numerals import decimal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +43,7 @@ def write_panels(
             axes.set_title(display_name(title), pad=3)
         for view, row in zip(views, grid, strict=True):
             for axes, rendering in zip(row, renderings, strict=False):
-                label = view if rendering is reference else f"{psnr(reference[view], rendering[view]):.2f} dB"
+                label = view if rendering is reference else f"{decimal(psnr(reference[view], rendering[view]))} dB"
                 show(axes, rendering[view], label)
             if difference:
                 show(row[-1], GAIN * np.abs(last[view] - reference[view]), "")

@@ -13,6 +13,7 @@ from gspure.evaluation.matched import reached_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
 from gspure.figures import style
 from gspure.method.pruning import mean_weight
+from gspure.numerals import UNKNOWN, decimal, percent, signed
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -37,7 +38,7 @@ def write_weight_histogram(
     low, high = _range(decades[shown])
     edges, step = np.linspace(low, high, _BINS + 1, retstep=True)
     powers = np.arange(np.ceil(low), high)[:: 1 + int(high - low > 6)]
-    ticks = {float(power): f"$10^{{{power:.0f}}}$" for power in powers}
+    ticks = {float(power): f"$10^{{{int(power)}}}$" for power in powers}
     if zero.any():
         ticks[low - 3 * step] = "0"
 
@@ -46,10 +47,10 @@ def write_weight_histogram(
         keys: list[Artist] = []
         below, below_zero = np.zeros(_BINS), 0.0
         for name, colour, chosen in (("kept", style.KEPT, ~pruned), ("pruned", style.PRUNED, pruned)):
-            percent = 100 / max(len(weights), 1)
-            share = percent * np.histogram(np.clip(decades[chosen & shown], low, high), edges)[0]
-            share_zero = percent * np.count_nonzero(chosen & zero)
-            label = f"{name}: {percent * np.count_nonzero(chosen):.1f}%"
+            each = 1 / max(len(weights), 1)
+            share = 100 * each * np.histogram(np.clip(decades[chosen & shown], low, high), edges)[0]
+            share_zero = 100 * each * np.count_nonzero(chosen & zero)
+            label = f"{name}: {percent(np.count_nonzero(chosen) * each)}"
             keys.append(axes.stairs(below + share, edges, baseline=below, fill=True, color=colour, label=label))
             axes.bar(low - 3 * step, share_zero, 2 * step, below_zero, color=colour)
             below, below_zero = below + share, below_zero + share_zero
@@ -108,10 +109,10 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
                 color=_COLOURS[target],
             )
             axes.bar_label(bars, [_decibels(value) for value in values], padding=1.5, fontsize=5.5)
-        beside = [_signed(o.score) for o in shown]
+        beside = [signed(o.score).strip(UNKNOWN) for o in shown]
         title = "Score"
         if MESSAGE not in targets:
-            title, beside = "rows removed", ["" if np.isnan(o.pruned_share) else f"{o.pruned_share:.1%}" for o in shown]
+            title, beside = "rows removed", [percent(o.pruned_share).strip(UNKNOWN) for o in shown]
         for row, text in [(-0.9, title * any(beside)), *enumerate(beside)]:
             place: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
             axes.annotate(text, (1, row), (30, 0), va="center", ha="right", **place)
@@ -127,13 +128,4 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
 
 
 def _decibels(value: float) -> str:
-    return "" if np.isnan(value) else "identical" if np.isinf(value) else f"{value:{_format(value, 1)}}"
-
-
-def _signed(score: float) -> str:
-    return "" if np.isnan(score) else f"{score:+{_format(score, 2)}}".replace("-", "\N{MINUS SIGN}")
-
-
-def _format(value: float, decimals: int) -> str:
-    """Return the format of a number; one that is too long for a label has an exponent."""
-    return f".{decimals}f" if abs(value) < style.MOST_DECIBELS else ".1e"
+    return "" if np.isnan(value) else "identical" if value == np.inf else decimal(value, 1)

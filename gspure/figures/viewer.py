@@ -115,5 +115,5 @@ def _cuts(evidence: Evidence, removal: Float64) -> dict[str, Any]:
     return {
         "cuts": np.rint(65535 * cuts).astype(int).tolist(),
         "decision": int(np.searchsorted(cuts, decision)),
-        "removed": {name: share[below].round(4).tolist() for name, share in shares.items()},
+        "removed": {name: share[below].round(6).tolist() for name, share in shares.items()},
     }

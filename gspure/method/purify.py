@@ -22,6 +22,7 @@ from gspure.method.clustering.tree import coincident_points, spanning_tree
 from gspure.method.features import features
 from gspure.method.weights import Reduction, accumulate, require_in_view
 from gspure.model.gaussians import Gaussians
+from gspure.numerals import decimal, percent
 from gspure.progress import say, track
 from gspure.public_model import PublicModel
 
@@ -69,8 +70,8 @@ class Purification(Described):
         return {
             "rows": f"{diagnosis.gaussians:,}",
             "clusters": f"{diagnosis.clusters:,}",
-            "pruned rows": f"{diagnosis.pruned_share:.1%}",
-            "pruned weight": f"{diagnosis.pruned_weight_share:.2%}",
+            "pruned rows": percent(diagnosis.pruned_share),
+            "pruned weight": percent(diagnosis.pruned_weight_share, 2),
             "warnings": "; ".join(diagnosis.warnings) or "none",
         }
 
@@ -136,7 +137,7 @@ def purify(
     device = device or choose_device()
     say(f"{len(rows)} Gaussians, {len(cameras)} views, on {device}")
     if public.rows_are_gaussians:
-        say(f"memory: at most about {peak_memory(rows) / 1e9:.1f} GB")
+        say(f"memory: at most about {decimal(peak_memory(rows) / 1e9, 1)} GB")
     views = sorted(cameras, key=lambda camera: camera.name)
     stages = map(public.contributions(device, energy), track(views, "contributions"))
     weights = accumulate(stages, len(rows), reduction)

@@ -1,15 +1,13 @@
 """One model of a table, rendered as Markdown, LaTeX or CSV."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.csv_tables import csv_text
 from gspure.evaluation.intervals import LEVEL, Interval
 from gspure.evaluation.metrics import METRICS
-
-UNKNOWN: Final = "–"
+from gspure.numerals import UNKNOWN, decimal, percent, signed
 
 _LATEX: Final = str.maketrans(
     {
@@ -20,7 +18,10 @@ _LATEX: Final = str.maketrans(
         "−": "$-$",
         "–": "--",
         "∞": r"$\infty$",
+        "≤": r"$\le$",
         "≥": r"$\ge$",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
         "†": r"\dag{}",
     }
 )
@@ -128,26 +129,24 @@ def change(value: float) -> Cell:
 
 def share(value: float) -> Cell:
     """Return a share in percent."""
-    return Cell(f"{value:.1%}" if isfinite(value) else UNKNOWN)
+    return Cell(percent(value))
 
 
-def interval(value: Interval | None) -> Cell:
-    """Return a mean with its 95% interval in brackets, or with the range of fewer than six scenes in parentheses."""
+def interval(value: Interval | None, scenes: int, text: Callable[[float], str] = decimal) -> Cell:
+    """Return a mean with its 95% interval in brackets, or with the range of fewer than six scenes in parentheses.
+
+    Its scenes are counted if they are fewer than `scenes`, those that the place of the cell states.
+    """
     if value is None:
         return Cell()
-    low, high = plain(value.low), plain(value.high)
-    detail = f"[{low}, {high}]" if value.level >= LEVEL else f"({low} to {high})" if value.scenes > 1 else ""
-    return Cell(plain(value.mean), detail)
+    low, high = text(value.low), text(value.high)
+    spread = f"[{low}, {high}]" if value.level >= LEVEL else f"({low} to {high})" if value.scenes > 1 else ""
+    return Cell(text(value.mean), f"{spread} {few(value.scenes, scenes)}".strip())
 
 
-def plain(value: float) -> str:
-    """Return a number with two decimals and a true minus sign; – if it is unknown."""
-    return UNKNOWN if isnan(value) else f"{value:.2f}".replace("-0.00", "0.00").replace("-", "−")
-
-
-def signed(value: float) -> str:
-    """Return a difference with its sign; – if it is unknown or infinite."""
-    return f"{value:+.2f}".replace("-0.00", "+0.00").replace("-", "−") if isfinite(value) else UNKNOWN
+def few(measured: int, scenes: int) -> str:
+    """Return the count of scenes in parentheses if it is below `scenes`."""
+    return f"({measured} of {scenes} scenes)" if measured < scenes else ""
 
 
 def _latex_row(texts: Iterable[str]) -> str:

@@ -25,22 +25,10 @@ from gspure.evaluation.outcomes import (
     ordered,
 )
 from gspure.evaluation.paper import Beside
-from gspure.evaluation.summary import Summary
+from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import MARGIN, Survival
-from gspure.report.table import (
-    UNKNOWN,
-    Cell,
-    Column,
-    Row,
-    Table,
-    change,
-    interval,
-    markdown_document,
-    metric,
-    plain,
-    share,
-    signed,
-)
+from gspure.numerals import UNKNOWN, decimal, percent, signed, significant
+from gspure.report.table import Cell, Column, Row, Table, change, few, interval, markdown_document, metric, share
 from gspure.report.templates import say
 
 NOTES: Final = "notes.j2"
@@ -158,16 +146,17 @@ def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] =
             *(Column(name, above, main=False) for name in ("the floor", "wrong key")),
         ]
         columns += [Column("detectability", main=False)] * (scenes > 1)
-    rows = []
+    rows, text = [], _text(attacks[0].extraction)
     for row in attacks:
         name = row.name + (" †" if row.reached is False and row.variant != UNATTACKED else "")
-        cells = [_over(Cell(name), row.scenes, scenes), interval(row.message_drop), interval(row.scene_drop)]
-        cells += [*_cost(row.variant, cost), *[Cell(plain(row.rms_ratio))] * is_shown]
+        cells = [Cell(name, few(row.scenes, scenes)), interval(row.message_drop, row.scenes, text)]
+        cells += [interval(row.scene_drop, row.scenes), *_cost(row.variant, cost)]
+        cells += [Cell(decimal(row.rms_ratio))] * is_shown
         if has_floor:
             retrieved = f"(+{row.only_retrieved})" if row.only_retrieved else ""
             cells.append(Cell(f"{row.survived} of {row.present}", retrieved) if row.present else Cell())
             cells.append(share(row.share_left.mean if row.share_left else nan))
-            cells += [interval(row.above_floor), interval(row.above_wrong_key)]
+            cells += [interval(above, row.scenes, text) for above in (row.above_floor, row.above_wrong_key)]
             cells += [_detectability(row)] * (scenes > 1)
         rows.append(Row(cells))
     note = say(NOTES, "survival", scenes, has_floor, MARGIN, bool(cost), is_shown)
@@ -187,11 +176,13 @@ def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str] = 
     rows = []
     for attack, quantities in by_attack.items():
         shown = [quantities[name] for name in (SCORE, MESSAGE_DROP, SCENE_DROP) if name in quantities]
-        cells = [interval(row.difference) for row in shown]
-        if has_score and scenes > 1:
-            cells.append(Cell(f"{shown[0].p_adjusted:.2g}", f"(≥ {shown[0].p_attainable:.2g})"))
         compared = _scenes(row.difference for row in shown)
-        rows.append(Row([_over(Cell(names.get(attack, display_name(attack))), compared, scenes), *cells]))
+        texts = [decimal if row.quantity == SCENE_DROP else _text(extraction) for row in shown]
+        cells = [interval(row.difference, compared, text) for row, text in zip(shown, texts, strict=True)]
+        if has_score and scenes > 1:
+            p = [significant(value, 2) for value in (shown[0].p_adjusted, shown[0].p_attainable)]
+            cells.append(Cell(p[0], f"(≥ {p[1]})"))
+        rows.append(Row([Cell(names.get(attack, display_name(attack)), few(compared, scenes)), *cells]))
     title = f"GSPure minus other attacks: {extraction_name(extraction)}"
     return Table(title, columns, rows, say(NOTES, "other_attacks", scenes, has_score))
 
@@ -200,12 +191,10 @@ def equal_damage_table(contests: Sequence[Contest]) -> Table:
     """Return GSPure minus every other attack at equal damage to the scene."""
     by_attack = {row.attack: {c.damage: c for c in contests if c.attack == row.attack} for row in contests}
     damages, scenes = dict.fromkeys(row.damage for row in contests), _scenes(row.difference for row in contests)
-    rows = []
+    rows, extraction = [], contests[0].extraction
     for attack, by_damage in by_attack.items():
         known = [by_damage[damage].difference if damage in by_damage else None for damage in damages]
-        cells = [_over(interval(mean), mean.scenes, scenes) if mean else Cell() for mean in known]
-        rows.append(Row([Cell(display_name(attack)), *cells]))
-    extraction = contests[0].extraction
+        rows.append(Row([Cell(display_name(attack)), *(interval(mean, scenes, _text(extraction)) for mean in known)]))
     title = f"GSPure minus other attacks at equal damage to the scene: {extraction_name(extraction)}"
     note = say(NOTES, "equal_damage", scenes, is_picture(extraction))
     return Table(title, [Column("attack"), *_permitted(damages)], rows, note)
@@ -216,7 +205,7 @@ def matched_table(matched: Sequence[Matched], cost: Mapping[str, AttackCost] = N
     most: dict[float, float] = {}
     scenes = _scenes(row.drop for row in matched)
     for row in matched:
-        if row.scene_drop <= row.damage:
+        if row.scene_drop <= row.damage and row.drop.scenes == scenes:
             most[row.damage] = max(row.drop.mean, most.get(row.damage, -inf))
     damages, rows = sorted({row.damage for row in matched}), []
     for sweep, group in groupby(matched, key=lambda row: row.sweep):
@@ -232,21 +221,25 @@ def matched_table(matched: Sequence[Matched], cost: Mapping[str, AttackCost] = N
     return Table(title, columns, rows, note)
 
 
-def summary_table(rows: Sequence[Summary]) -> Table:
+def summary_table(outcomes: Sequence[Outcome]) -> Table:
     """Return the means over scenes, with what the paper prints for its scenes."""
-    numbers = ("Scenes", "Scene", "Message", "Score", "Score [paper]")
-    columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, numbers)]
-    body = []
-    for condition, group in groupby(rows, key=condition_of):
-        alike = [*group]
-        before = next((row.scene.mean for row in alike if row.variant == UNATTACKED and row.scene), nan)
+    titles = ("Scenes", "Scene", "Message", "Score", "Score [paper]")
+    columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, titles)]
+    rows, body = summarize(outcomes), []
+    for condition, alike in groupby(rows, key=condition_of):
         for i, row in enumerate(alike):
-            name = reached_name(row.variant, before - row.scene.mean if row.scene else nan)
+            drops = [o.psnr_drop(SCENE) for o in outcomes if (o.condition, o.variant) == (condition, row.variant)]
+            known = [*filter(isfinite, drops)] or [nan]
+            name = reached_name(row.variant, min(known), max(known))
             extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
             names = [Cell("" if i else condition_name(*condition)), Cell(name + extraction)]
-            scenes = Cell(f"{_scenes((row.scene, row.message, row.score))}")
-            psnr = [metric(value.mean if value else nan) for value in (row.scene, row.message)]
-            body.append(Row([*names, scenes, *psnr, interval(row.score), Cell(plain(row.paper_score))], begins=not i))
+            scenes = _scenes((row.scene, row.message, row.score))
+            means = [
+                Cell(text(value.mean), few(value.scenes, scenes)) if value else Cell()
+                for value, text in ((row.scene, decimal), (row.message, _text(row.extraction)))
+            ]
+            numbers = [*means, interval(row.score, scenes), Cell(decimal(row.paper_score))]
+            body.append(Row([*names, Cell(f"{scenes}"), *numbers], begins=not i))
     has_marks = not all(is_picture(row.extraction) for row in rows)
     return Table("Means over scenes", columns, body, say(NOTES, "summary", has_marks))
 
@@ -261,7 +254,7 @@ def beside_table(rows: Sequence[Beside]) -> Table:
             names = [Cell("" if i else condition_name(*condition)), Cell(display_name(row.variant))]
             paper = (row.paper_scene_drop, row.paper_message_drop, row.paper_score, row.paper_rms_ratio)
             ours = (row.scene_drop, row.message_drop, row.score, row.rms_ratio)
-            numbers = [Cell(plain(value)) for pair in zip(paper, ours, strict=True) for value in pair]
+            numbers = [Cell(decimal(value)) for pair in zip(paper, ours, strict=True) for value in pair]
             body.append(Row([*names, Cell(str(row.scenes or UNKNOWN)), *numbers], begins=not i))
     columns = [Column("condition"), Column("attack", text=True), Column("our scenes"), *pairs]
     return Table("The attacks of Table 1", columns, body, say(NOTES, "beside"))
@@ -286,8 +279,8 @@ def _detection(o: Outcome, name: str) -> list[Cell]:
     if name not in o.detections:
         return [Cell()] * 3
     read = o.detections[name]
-    level = f"{read.level:.1f}%" if read.bits else plain(read.level)
-    return [Cell(level, f"(± {read.spread:.2g})"), share(read.tpr), share(read.tpr_strict)]
+    level = percent(read.level / 100) if read.bits else significant(read.level)
+    return [Cell(level, f"(± {significant(read.spread, 2)})"), share(read.tpr), share(read.tpr_strict)]
 
 
 def _metrics(o: Outcome, target: str) -> Iterator[Cell]:
@@ -307,7 +300,9 @@ def _metrics(o: Outcome, target: str) -> Iterator[Cell]:
 
 def _detectability(row: Survival) -> Cell:
     auc = row.detectability
-    return Cell(f"{auc.auc:.2f}", f"[{auc.low:.2f}, {auc.high:.2f}], {display_name(row.control)}") if auc else Cell()
+    if auc is None:
+        return Cell()
+    return Cell(decimal(auc.auc), f"[{decimal(auc.low)}, {decimal(auc.high)}], {display_name(row.control)}")
 
 
 def _cost(attack: str, cost: Mapping[str, AttackCost]) -> list[Cell]:
@@ -315,27 +310,26 @@ def _cost(attack: str, cost: Mapping[str, AttackCost]) -> list[Cell]:
     if attack not in cost:
         return [Cell()] * len(_COST) * bool(cost)
     cpu = cost[attack].cpu
-    return [Cell(f"{cpu:.0f}" if cpu >= 10 else f"{cpu:.1f}"), Cell(f"{cost[attack].memory:.0f}")]
+    return [Cell(decimal(cpu, 0 if cpu >= 10 else 1)), Cell(decimal(cost[attack].memory, 0))]
 
 
 def _permitted(damages: Iterable[float]) -> list[Column]:
     return [Column(f"{damage:g} dB", "scene drop of") for damage in damages]
 
 
-def _over(cell: Cell, measured: int, scenes: int) -> Cell:
-    """Return a cell, with the number of its scenes if that is not the table's."""
-    few = f"({measured} of {scenes} scenes)" if 0 < measured < scenes else ""
-    return cell._replace(detail=f"{cell.detail} {few}".strip())
+def _text(extraction: str) -> Callable[[float], str]:
+    """Return how to write numbers of an extraction: dB with fixed decimals; scores of detectors have any magnitude."""
+    return decimal if is_picture(extraction) else significant
 
 
 def _drop_at(row: Matched, most: float | None, scenes: int) -> Cell:
     """Return a drop, with the drop of the scene where it is not the permitted one."""
-    cell = _over(interval(row.drop), row.drop.scenes, scenes)
+    cell = interval(row.drop, scenes, _text(row.extraction))
     cell = cell._replace(best=row.scene_drop <= row.damage and row.drop.mean == most)
     if row.scene_drop == row.damage:
         return cell
     bound = "≥ " if row.scene_drop < row.damage else "≤ "
-    return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {plain(row.scene_drop)} dB".lstrip())
+    return cell._replace(text=f"{bound}{cell.text}", detail=f"{cell.detail} at {decimal(row.scene_drop)} dB".lstrip())
 
 
 def _scenes(intervals: Iterable[Interval | None]) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -12,7 +12,8 @@ from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import is_picture
 from gspure.evaluation.survival import Survival
-from gspure.report import table
+from gspure.numerals import decimal, percent, significant
+from gspure.report.table import few
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -49,7 +50,6 @@ def _environment() -> Environment:
         "condition_name": lambda condition: condition_name(*condition),
         "model_name": lambda model: model_name(*model),
         "psnr": METRICS["psnr"].text,
-        "percent": lambda value: table.share(value).text,
         **{phrase.__name__: phrase for phrase in PHRASES},
     }
     return environment
@@ -75,8 +75,8 @@ def sentence_case(text: str) -> str:
 
 
 def tenths(value: float) -> str:
-    """Return a number with one decimal and a true minus sign."""
-    return f"{value:.1f}".replace("-0.0", "0.0").replace("-", "−")
+    """Return a number with one decimal."""
+    return decimal(value, 1)
 
 
 def unit(extraction: str) -> str:
@@ -84,27 +84,35 @@ def unit(extraction: str) -> str:
     return "dB" if is_picture(extraction) else "points"
 
 
-def db(value: Interval, unit: str = "dB") -> str:
-    """Return a mean with its unit and its spread; a single scene has none."""
-    spread = f" ({tenths(value.low)} to {tenths(value.high)})" if value.scenes > 1 else ""
-    return f"{tenths(value.mean)} {unit}{spread}"
+def db(value: Interval, unit: str = "dB", scenes: int = 0) -> str:
+    """Return a mean with its unit and spread, and the count of its scenes if they are fewer than `scenes`."""
+    text = tenths if unit == "dB" else significant
+    spread = f"({text(value.low)} to {text(value.high)})" if value.scenes > 1 else ""
+    return " ".join(filter(None, (text(value.mean), unit, spread, few(value.scenes, scenes))))
 
 
-def size(value: Interval, unit: str = "dB") -> str:
+def size(value: Interval, unit: str = "dB", scenes: int = 0) -> str:
     """Return how large a difference is, whatever its sign."""
     mirrored = value._replace(mean=-value.mean, low=-value.high, high=-value.low)
-    return db(value if value.mean >= 0 else mirrored, unit)
+    return db(value if value.mean >= 0 else mirrored, unit, scenes)
 
 
 def cost(row: Survival) -> str:
     """Return an attack with its change of the message's and the scene's PSNR."""
     of = unit(row.extraction)
     drops = (("message" if of == "dB" else "mark", row.message_drop, of), ("scene", row.scene_drop, "dB"))
-    known = [f"{name} {tenths(-drop.mean)} {of}" for name, drop, of in drops if drop]
+    known = [
+        f"{name} {(tenths if of == 'dB' else significant)(-drop.mean)} {of} {few(drop.scenes, row.scenes)}".rstrip()
+        for name, drop, of in drops
+        if drop
+    ]
     scenes = row.survived or row.only_retrieved
     counted = f"; {scenes} of {row.present} scenes" if 0 < scenes < row.present else ""
     return f"{row.name} ({', '.join(known) or 'drops unknown'}{counted})"
 
 
-PHRASES: Final = (plural, listed, sentence_case, tenths, unit, extraction_name, db, size, cost)
+PHRASES: Final[tuple[Callable[..., str], ...]] = (
+    *(plural, listed, sentence_case, unit, extraction_name, db, size, few, cost),
+    *(decimal, tenths, percent, significant),
+)
 """Those that templates know as filters."""

@@ -8,6 +8,7 @@ from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import GSPURE, MESSAGE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS, Cell
 from gspure.evaluation.paper.quantities import by_scene
+from gspure.numerals import decimal
 
 
 def same_columns(cells: Sequence[Cell]) -> Iterator[str]:
@@ -22,7 +23,7 @@ def same_cells(cells: Sequence[Cell]) -> Iterator[str]:
     for scheme, target, pair, scenes in _coincidences(cells):
         psnr = by_scene(cells, scheme, pair[0], target)
         if len(scenes) < len(psnr):
-            values = ", ".join(f"{scene} {psnr[scene]:.2f}" for scene in scenes)
+            values = ", ".join(f"{scene} {decimal(psnr[scene])}" for scene in scenes)
             yield f"{_where(scheme)}: {_both(pair)} print the same {target} PSNR: {values}"
 
 
@@ -34,7 +35,7 @@ def raised_messages(cells: Sequence[Cell]) -> Iterator[str]:
             gains = [after[scene] - before[scene] for scene in before]
             if min(gains) > 0:
                 text = f"{display_name(attack)} raises the message's PSNR in all {len(gains)} scenes"
-                yield f"{_where(scheme)}: {text}, by {min(gains):.2f} to {max(gains):.2f} dB"
+                yield f"{_where(scheme)}: {text}, by {decimal(min(gains))} to {decimal(max(gains))} dB"
 
 
 def largest_drops(cells: Sequence[Cell]) -> Iterator[str]:
@@ -44,7 +45,7 @@ def largest_drops(cells: Sequence[Cell]) -> Iterator[str]:
             after = by_scene(cells, scheme, GSPURE, target)
             drops = {scene: psnr - after[scene] for scene, psnr in by_scene(cells, scheme, UNATTACKED, target).items()}
             scene = max(drops, key=drops.__getitem__)
-            text = f"{display_name(GSPURE)} lowers the {target}'s PSNR by up to {drops[scene]:.2f} dB ({scene})"
+            text = f"{display_name(GSPURE)} lowers the {target}'s PSNR by up to {decimal(drops[scene])} dB ({scene})"
             yield f"{_where(scheme)}: {text}"
 
 
@@ -55,7 +56,7 @@ def wrong_bold(cells: Sequence[Cell]) -> Iterator[str]:
         for cell in column:
             if cell.bold and _rank(cell) > _rank(best):
                 where = f"Table {cell.table}, {cell.row}, {cell.column}"
-                yield f"{where}: {cell.value:.2f} is bold, {best.row} has {best.value:.2f}"
+                yield f"{where}: {decimal(cell.value)} is bold, {best.row} has {decimal(best.value)}"
 
 
 def missing_bold(cells: Sequence[Cell]) -> Iterator[str]:

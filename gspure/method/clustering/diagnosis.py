@@ -12,6 +12,7 @@ from gspure.errors import InputError
 from gspure.method.pruning import plain_prune_mask, prune_mask
 from gspure.method.weights import few_in_view, heavy_rows
 from gspure.model.finite import listed
+from gspure.numerals import percent
 
 _LARGEST_SHARE_WARNED = 0.5
 _CHANGED_SHARE_WARNED = 0.05
@@ -75,8 +76,8 @@ class Diagnosis:
         sentences = few_in_view(self.weighted, self.gaussians) if self.quantity == "weights" else []
         if self.largest_share > _LARGEST_SHARE_WARNED:
             sentences.append(
-                f"the largest cluster holds {self.largest_share:.0%} of all rows: the clustering has collapsed; "
-                "try selection eom_capped or leaf"
+                f"the largest cluster holds {percent(self.largest_share, 0)} of all rows: "
+                "the clustering has collapsed; try selection eom_capped or leaf"
             )
         if self.pruned_share == 1:
             sentences.append("every row is pruned: nothing remains to be written; larger factors prune less")
@@ -84,7 +85,7 @@ class Diagnosis:
             sentences.append("there is no cluster: the noise rule applies to every row")
         elif self.changed_share < _CHANGED_SHARE_WARNED:
             sentences.append(
-                f"clustering changes {self.changed_share:.1%} of the decision: "
+                f"clustering changes {percent(self.changed_share)} of the decision: "
                 "the rule without clustering prunes nearly the same rows"
             )
         if self.coincident:
@@ -94,22 +95,23 @@ class Diagnosis:
             )
         if self.heavy:
             sentences.append(
-                f"{len(self.heavy)} of {self.gaussians} rows hold {self.heavy_weight_share:.0%} of {self._total} "
-                f"({listed(self.heavy)}): they raise the thresholds and compress the {self.quantity} of all others"
+                f"{len(self.heavy)} of {self.gaussians} rows hold {percent(self.heavy_weight_share, 0)} of "
+                f"{self._total} ({listed(self.heavy)}): they raise the thresholds and compress the {self.quantity} of "
+                "all others"
             )
         return tuple(sentences)
 
     def lines(self) -> list[str]:
         """Return the diagnosis as lines of text, warnings last."""
-        pruned = f"{self.pruned_share:.1%} of {self.gaussians:,} rows"
+        pruned = f"{percent(self.pruned_share)} of {self.gaussians:,} rows"
         table = {
-            "clusters": f"{self.clusters} (largest {self.largest_share:.1%}, noise {self.noise_share:.1%})",
-            "pruned": f"{pruned}, {self.pruned_weight_share:.2%} of {self._total}",
-            "  with a cluster": f"{self.pruned_as_cluster:.1%}",
-            "  as noise": f"{self.pruned_as_noise:.1%}",
-            "plain rule": f"{self.plain_share:.1%} would be pruned without clustering",
-            "changed": f"{self.changed_share:.1%} of the rows that either rule prunes, "
-            f"{self.changed_share_clustered:.1%} of those in clusters",
+            "clusters": f"{self.clusters} (largest {percent(self.largest_share)}, noise {percent(self.noise_share)})",
+            "pruned": f"{pruned}, {percent(self.pruned_weight_share, 2)} of {self._total}",
+            "  with a cluster": percent(self.pruned_as_cluster),
+            "  as noise": percent(self.pruned_as_noise),
+            "plain rule": f"{percent(self.plain_share)} would be pruned without clustering",
+            "changed": f"{percent(self.changed_share)} of the rows that either rule prunes, "
+            f"{percent(self.changed_share_clustered)} of those in clusters",
         }
         return [f"{name:<16}  {text}" for name, text in table.items()] + [f"warning: {text}" for text in self.warnings]
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from gspure.dtypes import Float64
+from gspure.numerals import percent
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.pair import Pair
@@ -70,7 +71,7 @@ def embed(
         for _ in watched(run, iterations, lambda: _state(run, device)):
             pass
     if message_weight and density > 1:
-        say(f"RDO: up to {run.boxed:.0%} of the scene's Gaussians lay in the box of the hidden region")
+        say(f"RDO: up to {percent(run.boxed, 0)} of the scene's Gaussians lay in the box of the hidden region")
     return _outcome(run)
 
 
