@@ -18,7 +18,7 @@ from gspure.evaluation.intervals import Interval
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.results import write_results
 from gspure.evaluation.survival import MARGIN, survival
-from gspure.report.audit import ALLOWED, SIGNIFICANT, Audit, audits
+from gspure.report.audit import ALLOWED, EQUAL, SIGNIFICANT, Audit, audits
 from gspure.report.templates import cost, db, listed, render, say, size
 from tests.contest_cases import BEFORE, attacked, benchmark, measured, outcome
 from tests.test_report import Page
@@ -31,7 +31,8 @@ def audit_of(outcomes, sweeps=None) -> Audit:
 
 def told(outcomes, sweeps=None) -> tuple[str, dict[str, str]]:
     """Return the verdict and the sentences by label."""
-    text = render("audit.html.j2", audits=[audit_of(outcomes, sweeps)], margin=MARGIN, significant=SIGNIFICANT)
+    known = {"margin": MARGIN, "significant": SIGNIFICANT, "equal": EQUAL}
+    text = render("audit.html.j2", audits=[audit_of(outcomes, sweeps)], **known)
     plain = html.unescape(" ".join(text.split()))
     points = re.findall(r"<li><b>(.*?)</b> <span>(.*?)</span></li>", plain)
     assert len(dict(points)) == len(points)
@@ -69,7 +70,7 @@ def test_of_several_detectors_one_that_finds_the_mark_is_judged_and_attacks_are_
 
     audit = audit_of([detected(name, alpha=False, zeta=True) for name in ("unattacked", "gspure")])
     assert (audit.extraction, audit.verdict) == ("zeta", "judged")
-    assert [row.variant for row, _ in audit.scene_psnr] == ["gspure"]
+    assert [row.variant for row in audit.scene_psnr] == ["gspure"]
     audit = audit_of([detected(name, alpha=True, bits=False) for name in ("unattacked", "gspure")])
     assert audit.extraction == "bits"
 
@@ -285,7 +286,7 @@ def test_without_key_the_scene_alone_is_reported() -> None:
     ]
     audit = audit_of(outcomes)
     assert audit.verdict == "no key"
-    assert [(row.variant, scene.mean) for row, scene in audit.scene_psnr] == [("gspure", 35.52), ("gof", 30.0)]
+    assert [(row.variant, row.scene.mean) for row in audit.scene_psnr] == [("gspure", 35.52), ("gof", 30.0)]
     verdict, points = told(outcomes)
     assert (
         verdict == "Only the owner's key can tell whether this model holds a message, and whether an attack removed it."

@@ -150,11 +150,11 @@ def test_the_page_is_the_same_bytes_again(tmp_path: Path, figures: list[Path]) -
 
 def test_the_findings_of_a_model_are_its_changes_and_pruning(tmp_path: Path) -> None:
     facts = findings(PLANTED)
-    assert (facts.attacks, facts.views, facts.has_message, facts.against_photographs) == (2, 3, True, True)
+    assert (facts.attacks, facts.against_photographs, facts.views) == (2, True, {"scene": 3, "message": 3})
     assert [tuple(change) for change in facts.changes] == [("scene", 30.0, 29.0), ("message", 25.0, 9.0)]
     write_report(tmp_path / "report.html", PLANTED)
     text = Page(tmp_path / "report.html").text
-    for fact in ("40.0%", "87.5%", "95.0%", "from 25.00 to 9.00 dB", "from 30.00 to 29.00 dB"):
+    for fact in ("40.0%", "87.5%", "95.0%", "scene 30.00 and 29.00 dB, message 25.00 and 9.00 dB."):
         assert fact in text
     assert "nothing about any published watermarking scheme" in text
     assert "can tell whether a message survived" not in text
@@ -177,7 +177,9 @@ def test_a_model_without_key_has_scene_damage_alone(tmp_path: Path) -> None:
 def test_the_limit_of_one_scene_is_stated_once(tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", PLANTED + VANILLA)
     assert Page(tmp_path / "report.html").text.count("tested on one scene") == 1
-    assert limits([*PLANTED, *of_one_model(variant("gspure", 29.0, asset=("planted", "vault")))]).one_scene == []
+    vault = [variant("unattacked", 30.0, message, asset=("planted", "vault")) for message in (25.0, math.nan)]
+    assert limits([*PLANTED, vault[0]]).one_scene == []
+    assert len(limits([*PLANTED, vault[1]]).one_scene) == 1  # no message was extracted there
 
 
 def test_the_highest_score_is_marked(tmp_path: Path) -> None:

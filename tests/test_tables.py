@@ -90,7 +90,6 @@ def test_without_reference_variant_there_is_no_score(tmp_path: Path) -> None:
         ({"a": 29.0}, "scene: expected the views of unattacked, 2 in the mean PSNR, found 1; not in both: b"),
         ({"a": 29.0, "b": 31.0, "c": 30.0}, "not in both: c"),
         ({"a": 29.0, "c": 30.0}, "not in both: b, c"),
-        ({"a": np.inf, "b": np.inf}, "not in both: a, b"),
     ],
 )
 def test_a_variant_measured_in_other_views_is_refused(tmp_path: Path, of_variant: dict, message: str) -> None:
@@ -113,6 +112,17 @@ def test_a_view_that_is_identical_in_one_variant_counts_in_none(tmp_path: Path) 
         "gspure": (29.0, 1),
         "black": (9.0, 1),
     }
+
+
+@pytest.mark.parametrize(("black", "drop"), [({"a": np.inf}, 1.0), ({"a": np.inf, "b": 9.0}, np.nan)])
+def test_photographs_that_each_equal_some_variant_are_no_reason_to_refuse(tmp_path: Path, black: dict, drop) -> None:
+    views = {"unattacked": {"a": 30.0, "b": np.inf}, "gspure": {"a": 29.0, "b": 20.0}, "black": black}
+    for variant, psnrs in views.items():
+        rows = [measured("message", psnr, view=view) for view, psnr in psnrs.items() if view in black]
+        write_metrics(tmp_path / "planted" / "room" / variant / "metrics.csv", rows)
+    outcomes = {o.variant: o for o in collect(sorted(tmp_path.rglob("metrics.csv")))}
+    assert outcomes["black"].level("message") == np.inf
+    np.testing.assert_equal(outcomes["gspure"].psnr_drop("message"), drop)
 
 
 def test_a_variant_compared_with_renders_has_no_drop_from_photographs(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from gspure.cli.options import (
     unmoved,
 )
 from gspure.cli.parser import Arguments, Parser
-from gspure.progress import track
+from gspure.progress import track, warn
 
 EXAMPLES = """\
   gspure render point_cloud.ply --cameras cameras.json --out renders
@@ -52,8 +52,11 @@ def run(args: Arguments) -> None:
     background = read_background(args, "render", public.model.background)
     scene = public.scene(read_device(args), background, args.energy)
     with filling(args.out) as folder:
+        empty = []
         for camera in track(views, "render"):
             image = scene(camera)
+            if (image == image[0, 0]).all():
+                empty.append(camera.name)
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
@@ -64,5 +67,8 @@ def run(args: Arguments) -> None:
             write_cameras(folder / "cameras.json", views)
             motion = motion_of_views(args.cameras, args.model)
             write_record(folder / "cameras.json", inputs={}, settings={}, motion=motion)
+    if empty:
+        count = f"{len(empty)} of {len(views)} views, first {empty[0]}"
+        warn(f"{count}, are of one colour: do cameras and model belong together?")
     for camera in [] if args.npy else views:  # of an earlier run
         (args.out / f"{camera.name}.npy").unlink(missing_ok=True)

@@ -32,9 +32,12 @@ def attack_costs(outcomes: Sequence[Outcome], sweeps: Sweeps, folder: Path) -> l
         groups: dict[tuple[Kind, str], Sequence[str]] = {("variant", o.variant): [o.variant] for o in alike}
         groups |= {("sweep", name): variants for name, variants in sweeps.items()}
         for (kind, name), variants in groups.items():
-            files = (
-                cost_of(folder / o.scheme / o.folder / o.variant / "attack") for o in alike if o.variant in variants
-            )
-            if known := [read_cost(file) for file in files if file.is_file()]:
-                rows.append(AttackCost(*condition, kind, name, *Cost(*map(float, np.mean(known, axis=0)))))
+            costs: dict[str, list[Cost]] = {}
+            for o in (o for o in alike if o.variant in variants):
+                file = cost_of(folder / o.scheme / o.folder / o.variant / "attack")
+                if file.is_file():
+                    costs.setdefault(o.scene, []).append(read_cost(file))
+            if costs:
+                mean = np.mean([np.mean(of_scene, axis=0) for of_scene in costs.values()], axis=0)
+                rows.append(AttackCost(*condition, kind, name, *map(float, mean)))
     return rows

@@ -305,9 +305,10 @@ def _require_equal_references(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> 
 
 
 def _without_identical_views(rows_of: Mapping[Path, list[ViewMetrics]]) -> dict[Path, list[ViewMetrics]]:
-    """Leave out the views that equal their photograph in some variant of a model, unless a variant has no others.
+    """Leave out the views that equal their photograph in some variant of a model: no mean PSNR counts them there.
 
-    No mean PSNR counts them there, and a drop is a difference of means over the same views.
+    A drop is a difference of means over the same views. Where none is left, variants with such views keep them alone,
+    so that their mean PSNR is infinite, and no drop from it or to it is known.
     """
     identical_in: dict[Path, set[tuple[str, str]]] = {}
     for path, rows in rows_of.items():
@@ -316,8 +317,14 @@ def _without_identical_views(rows_of: Mapping[Path, list[ViewMetrics]]) -> dict[
     kept = {}
     for path, rows in rows_of.items():
         others = {(row.target, row.view) for row in rows} - identical_in[path.resolve().parents[1]]
-        targets = {target for target, _ in others}
-        kept[path] = [row for row in rows if (row.target, row.view) in others or row.target not in targets]
+        equal = {row.target for row in rows if _equals_photograph(row)}
+        lost = {row.target for row in rows} - {target for target, _ in others}
+        kept[path] = [
+            row
+            for row in rows
+            if (row.target, row.view) in others
+            or (row.target in lost and (_equals_photograph(row) or row.target not in equal))
+        ]
     return kept
 
 
@@ -327,7 +334,8 @@ def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
     for path, views in views_of.items():
         before = views_of.get(path.parent.parent / UNATTACKED / path.name, {})
         for target in views.keys() & before.keys():
-            if different := views[target] ^ before[target]:
+            different = views[target] ^ before[target]
+            if different and views[target] and before[target]:
                 expected = f"the views of {UNATTACKED}, {len(before[target])} in the mean PSNR"
                 names = ", ".join(sorted(different)[:3])
                 raise InputError(path, target, expected=expected, found=f"{len(views[target])}; not in both: {names}")

@@ -46,9 +46,13 @@ class Retrieved(NamedTuple):
 def retrieval(similarities: Sequence[Float64]) -> Retrieval:
     """Return how well a message is retrieved.
 
-    `similarities` [N] of every view are those of the extraction to each of two or more candidates, the true one
-    first.
+    `similarities` [N] of every view are those of the extraction to each candidate, the true one first. Views without a
+    false candidate do not count. Raise `InputError` if no view has one.
     """
+    similarities = [view for view in similarities if len(view) > 1]
+    if not similarities:
+        hint = "--decoys takes folders of further pictures of the size of the photographs"
+        raise InputError("retrieval", "candidates", expected="others than the message", found="none", hint=hint)
     true, false = np.array([view[0] for view in similarities]), np.concatenate([view[1:] for view in similarities])
     threshold = np.quantile(false, 1 - FALSE_POSITIVES, method="higher")
     return Retrieval(

@@ -145,7 +145,7 @@ def _survival(
     auc = {kind: detectability(_scene_means(after), _scene_means(levels[kind])) for kind in kinds}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
     return Survival(
-        *attacked[0].condition,
+        *alike[0].condition,
         extraction,
         variant,
         len(present_before & {scene for scene, _ in after}),

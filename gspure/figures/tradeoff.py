@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from gspure.evaluation.intervals import Cells, by_scene
 from gspure.evaluation.matched import damages, reached_name
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
@@ -35,16 +36,27 @@ class Place(NamedTuple):
 
 
 def places(outcomes: Sequence[Outcome]) -> list[Place]:
-    """Return the results of the variants of one scheme, by damage; variants that lack a scene are left out."""
-    known: dict[str, list[tuple[float, float]]] = {}
+    """Return the results of the variants of one scheme, by damage.
+
+    Variants are left out that lack a scene or seed in which others are known; every scene counts the same.
+    """
+    known: dict[str, dict[tuple[str, int], tuple[float, float]]] = {}
     for o in outcomes:
-        drops = np.array([o.psnr_drop(SCENE), o.psnr_drop(MESSAGE)])
-        if not o.is_control and (np.abs(drops) < style.MOST_DECIBELS).all():
-            known.setdefault(o.variant, []).append((o.psnr_drop(SCENE), o.targets[MESSAGE].psnr))
-    scenes = max(map(len, known.values()), default=0)
-    at = {name: np.mean(points, axis=0).tolist() for name, points in known.items() if len(points) == scenes}
+        point = (o.psnr_drop(SCENE), o.level(MESSAGE))
+        if not o.is_control and np.isfinite(o.psnr_drop(MESSAGE)) and (np.abs(point) < style.MOST_DECIBELS).all():
+            known.setdefault(o.variant, {})[o.scene, o.seed] = point
+    cells = max(known.values(), key=len, default={}).keys()
+    at = {
+        name: tuple(_mean_over_scenes({cell: point[i] for cell, point in points.items()}) for i in (0, 1))
+        for name, points in known.items()
+        if points.keys() == cells
+    }
     listed = groupby(sorted(at, key=lambda name: at[name]), key=lambda name: at[name])
     return [Place(damage, residual, tuple(names)) for (damage, residual), names in listed]
+
+
+def _mean_over_scenes(values: Cells) -> float:
+    return float(np.mean([seeds.mean() for seeds in by_scene(values)]))
 
 
 def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None = None) -> list[Place]:

@@ -5,11 +5,11 @@ This module gathers the facts; ``templates/audit.html.j2`` puts them into words.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isnan
+from math import inf, isfinite, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.contest import SCORE, Contest
-from gspure.evaluation.intervals import Interval, known_interval
+from gspure.evaluation.intervals import Interval, by_scene, known_interval, mean_interval
 from gspure.evaluation.outcomes import (
     BITS,
     GSPURE,
@@ -84,7 +84,7 @@ class Audit:
     gspure: Survival | None
     other_extractions: list[Survival]  # survival of the other extractions after GSPure
     not_reached: list[Survival]  # attacks that did not change the carrier of the extraction
-    scene_psnr: list[tuple[Summary, Interval]]  # after each attack, the gentlest first; empty if the drops are known
+    scene_psnr: list[Summary]  # after each attack, the gentlest first; empty if the drops are known
     pruned: Interval | None  # the share of the rows that GSPure removed
     against_photographs: bool
     off_path: OffPath | None
@@ -102,9 +102,9 @@ class Audit:
         return max((row.present for row in self.attacks), default=0)
 
     @property
-    def scene_after(self) -> dict[str, Interval]:
-        """`scene_psnr` by variant."""
-        return {row.variant: psnr for row, psnr in self.scene_psnr}
+    def scene_after(self) -> dict[str, Interval | None]:
+        """`scene_psnr` by variant; None if all renders are identical to those before it."""
+        return {row.variant: row.scene for row in self.scene_psnr}
 
     @property
     def only_retrieved(self) -> list[Survival]:
@@ -144,8 +144,9 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
     attacks = sorted((row for row in by_variant.values() if row.variant != UNATTACKED), key=_damage)
     most = max((row.scenes for row in attacks), default=0)
     judged = [row for row in attacks if row.present and row.reached is not False and row.scenes == most]
-    known = [o for o in outcomes if not o.failure and (is_picture(judged_by) or judged_by in o.messages)]
-    cells = {(o.scene, o.seed) for o in known}
+    has_messages = any(o.messages for o in outcomes)
+    known = [o for o in outcomes if not o.failure and (judged_by in o.messages or not has_messages)]
+    cells = {(o.scene, o.seed) for o in known if o.variant == UNATTACKED}
     scenes = {scene for scene, _ in cells}
     as_run = [c for c in contests if isnan(c.damage)]
     return Audit(
@@ -219,20 +220,23 @@ def _other_attacks(contests: Sequence[Contest]) -> OtherAttacks | None:
 
 
 def _off_path(gspure: Sequence[Outcome]) -> OffPath | None:
-    """Return the drops by GSPure off and on the camera path; its decision uses only views on the path."""
-    sides = (gspure, [o.off_path_outcome() for o in gspure])
-    on, off = (
-        [known_interval({(o.scene, o.seed): o.psnr_drop(target) for o in side}) for target in (MESSAGE, SCENE)]
-        for side in sides
-    )
-    drops = [drop for drop in (*off, *on) if drop]
-    return OffPath(*drops) if len(drops) == len(OffPath._fields) else None
+    """Return the drops by GSPure off and on the camera path, where all are known.
+
+    The decision of GSPure uses only views on the path.
+    """
+    drops = {
+        (o.scene, o.seed): [side.psnr_drop(target) for side in (o.off_path_outcome(), o) for target in (MESSAGE, SCENE)]
+        for o in gspure
+    }
+    known = {cell: values for cell, values in drops.items() if all(map(isfinite, values))}
+    columns = (by_scene({cell: values[i] for cell, values in known.items()}) for i in range(len(OffPath._fields)))
+    return OffPath(*map(mean_interval, columns)) if known else None
 
 
-def _scene_psnr(outcomes: Sequence[Outcome]) -> list[tuple[Summary, Interval]]:
-    attacks = [o for o in outcomes if o.variant != UNATTACKED and not o.is_control]
-    rows = {row.variant: (row, row.scene) for row in summarize(attacks) if row.scene}
-    return sorted(rows.values(), key=lambda pair: -pair[1].mean)
+def _scene_psnr(outcomes: Sequence[Outcome]) -> list[Summary]:
+    attacks = [o for o in outcomes if o.variant != UNATTACKED and not o.is_control and SCENE in o.targets]
+    rows = {row.variant: row for row in summarize(attacks)}
+    return sorted(rows.values(), key=lambda row: -row.scene.mean if row.scene else -inf)
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[Failure]:

@@ -23,8 +23,7 @@ class Findings:
     """The results of one model."""
 
     attacks: int
-    views: int
-    has_message: bool
+    views: dict[str, int]  # of the scene and, if it was extracted, of the message; empty if nothing was measured
     against_photographs: bool
     gspure: Outcome | None
     changes: list[Change]  # by GSPure: of the scene and of every extraction of the message
@@ -49,8 +48,11 @@ def findings(outcomes: Sequence[Outcome]) -> Findings:
     gspure = next((o for o in attacks if o.variant == GSPURE), None)
     return Findings(
         attacks=len(attacks),
-        views=max((count for o in outcomes for count in o.views.values()), default=0),
-        has_message=any(MESSAGE in o.targets for o in outcomes),
+        views={
+            target: max(o.views[target] for o in outcomes if target in o.views)
+            for target in (SCENE, MESSAGE)
+            if any(target in o.views for o in outcomes)
+        },
         against_photographs=all(o.against_truth for o in outcomes),
         gspure=gspure,
         changes=_changes(gspure) if gspure else [],
@@ -61,11 +63,12 @@ def limits(outcomes: Sequence[Outcome]) -> Limits:
     """Return the limits of the numbers of all models."""
     models = {(o.scheme, o.folder) for o in outcomes}
     extracted = [o for o in outcomes if o.messages]
-    judged = {o.condition for o in extracted}
-    scenes = {condition: {o.scene for o in alike} for condition, alike in by_condition(outcomes).items()}
+    scenes = {
+        condition: {o.scene for o in alike if not o.is_control} for condition, alike in by_condition(extracted).items()
+    }
     return Limits(
         planted=PLANTED in {scheme for scheme, _ in models},
-        one_scene=[condition for condition, known in sorted(scenes.items()) if len(known) == 1 and condition in judged],
+        one_scene=[condition for condition, known in sorted(scenes.items()) if len(known) == 1],
         without_key=sorted(models - {(o.scheme, o.folder) for o in extracted}),
         against_renders=sorted({(o.scheme, o.folder) for o in outcomes if not o.against_truth}),
         has_pictures=any(o.targets.keys() - {SCENE} for o in outcomes),

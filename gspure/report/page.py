@@ -16,7 +16,7 @@ from gspure.evaluation.matched import Matched
 from gspure.evaluation.outcomes import GSPURE, Outcome, by_model
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.model.suspicious import REASONS
-from gspure.report.audit import ALLOWED, SIGNIFICANT, Audit, audits
+from gspure.report.audit import ALLOWED, EQUAL, SIGNIFICANT, Audit, audits
 from gspure.report.findings import findings, limits
 from gspure.report.pictures import Lineup, Link, Picture, companions, lineup, link, picture, record
 from gspure.report.table import Table
@@ -144,6 +144,7 @@ def write_report(
         allowed=ALLOWED,
         margin=MARGIN,
         significant=SIGNIFICANT,
+        equal=EQUAL,
         findings=findings,
         limits=limits(outcomes),
         suspicions=REASONS,

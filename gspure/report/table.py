@@ -146,7 +146,7 @@ def interval(value: Interval | None, scenes: int, text: Callable[[float], str] =
 
 def few(measured: int, scenes: int) -> str:
     """Return the count of scenes in parentheses if it is below `scenes`."""
-    return f"({measured} of {scenes} scenes)" if measured < scenes else ""
+    return f"({measured} of {scenes} scene{'s' * (scenes != 1)})" if measured < scenes else ""
 
 
 def _latex_row(texts: Iterable[str]) -> str:
