@@ -4,7 +4,7 @@ import sys
 
 from gspure.artifacts import file_digest
 from gspure.attacks import find_attack
-from gspure.workflow.configuration import resolved, validated
+from gspure.workflow.configuration import require_distinct_names, resolved, validated
 from gspure.cost import COSTS, LOG
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS
@@ -27,6 +27,8 @@ TEMPLATE_DIGESTS = [file_digest(path) for path in TEMPLATES]
 
 source = ", ".join(map(os.path.relpath, workflow.configfiles)) or "--config"
 try:
+    for file in workflow.configfiles:
+        require_distinct_names(file)
     config = resolved(validated(config, Path(workflow.basedir) / "schemas" / "config.schema.yaml", source), source)
 except InputError as error:
     print(f"gspure: {error}", file=sys.stderr)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import digest, filling, load_array, load_arrays, replacing, save_array, save_arrays
+from gspure.artifacts import digest, filling, load_array, load_arrays, read_json, replacing, save_array, save_arrays
 from gspure.errors import InputError
 
 X = {"x": (np.int64, (None,))}
@@ -132,3 +132,9 @@ def test_named_arrays_are_read_back(tmp_path: Path) -> None:
 def test_digests_depend_on_type_shape_and_boundaries() -> None:
     zeros = [np.zeros(4, np.float32), np.zeros(2, np.float64), np.zeros((2, 2), np.float32)]
     assert len({digest(array) for array in zeros} | {digest("ab", "c"), digest("a", "bc"), digest("abc")}) == 6
+
+
+def test_json_that_repeats_a_name_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "cameras.json").write_text('[{"fx": 50, "view": {"fx": 1}, "fx": 128.7}]')
+    with pytest.raises(InputError, match="'fx' twice"):
+        read_json(tmp_path / "cameras.json")

@@ -27,7 +27,7 @@ from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.staging import NAMES, PROTOCOLS, scene_builder
 from gspure.schemes.pair import INITIALIZATIONS
 from gspure.schemes.registry import schemes
-from gspure.workflow.configuration import resolved, validated
+from gspure.workflow.configuration import require_distinct_names, resolved, validated
 from tests.models import blobs, camera
 from tests.training_cases import colmap_project, ring
 
@@ -198,6 +198,7 @@ EVERY = {"unattacked": {}, "gspure": {}}
             {"detectors": {"mark": {"command": "ls", "timeout": 1e30}}},
             "detectors.mark.timeout: expected at most 1",
         ),
+        ({"assets": {"bot": {**BOT, "cameras": "c.json", "generated": {"fov": 60}}}}, "assets.bot.generated: "),
         ({"assets": {"bot": {**BOT, "generated": {"fov": 180}}}}, "assets.bot.generated.fov: expected less than 180"),
         ({"assets": {"bot": {**BOT, "generated": {"up": [0, 0, 0]}}}}, "assets.bot.generated.up: expected "),
         *(({"variants": {**EVERY, name: {"attack": "crop"}}}, f"variants.{name}: ") for name in ("clean", "public")),
@@ -424,3 +425,24 @@ def test_a_photograph_with_braces_in_its_name_is_refused(tmp_path):
     write_cameras(tmp_path / "cameras.json", [replace(camera(40, 30), image=Path("{1}.png"))])
     with pytest.raises(InputError, match=r"photographs: expected a path without braces, found .*\{1\}\.png"):
         resolved(filled({"assets": {"bot": {"train": str(tmp_path / "cameras.json")}}}), "mine.yaml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "assets:\n  a: {cameras: orbit}\n  a: {cameras: shells}\n",
+        "variants: {gspure: {}, crop: {}, gspure: {}}",
+        "pairs: {}\nassets: {}\npairs: {}",
+        "decisions:\n  - {share: 1, share: 2}\n",
+    ],
+)
+def test_a_configuration_that_repeats_a_name_is_refused(tmp_path, text):
+    (file := tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(InputError, match="each name once"):
+        require_distinct_names(file)
+
+
+@pytest.mark.parametrize("text", ["a: &x {b: 1}\nc: *x\nd: {<<: *x, b: 2}", "a: &x [*x]", "", "a: {b: 1}\nc: {b: 1}"])
+def test_names_may_be_repeated_in_other_mappings_and_by_aliases(tmp_path, text):
+    (file := tmp_path / "mine.yaml").write_text(text)
+    require_distinct_names(file)

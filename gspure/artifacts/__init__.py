@@ -2,7 +2,7 @@
 
 from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.artifacts.checksums import digest, file_digest, intact, record_of, require_results, verify
-from gspure.artifacts.files import filling, read_json, replacing, require_place, write_json, write_text
+from gspure.artifacts.files import distinct, filling, read_json, replacing, require_place, write_json, write_text
 from gspure.artifacts.provenance import (
     UNMOVED,
     embedding_of,
@@ -21,6 +21,7 @@ from gspure.artifacts.provenance import (
 __all__ = [
     "UNMOVED",
     "digest",
+    "distinct",
     "embedding_of",
     "file_digest",
     "filling",

@@ -4,7 +4,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -111,4 +111,14 @@ def read_json(path: Path) -> Any:
     """Read JSON, or raise `InputError` with the line at which it goes wrong."""
     verify(path)
     with reading(path, "JSON"):
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        return json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=distinct)
+
+
+def distinct(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object, or raise `ValueError` if it repeats a name: JSON parsers keep the last value silently."""
+    content: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in content:
+            raise ValueError(f"{name!r} twice in an object")
+        content[name] = value
+    return content

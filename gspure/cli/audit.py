@@ -117,13 +117,13 @@ def _configuration(args: Arguments, target: Path) -> Path:
     from gspure.artifacts import write_text
     from gspure.model import model_file
     from gspure.model.compressed.sog import INDEX
+    from gspure.workflow.configuration import require_distinct_names
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
         if args.cameras or args.up:
             raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views")
-        with reading(source, "a configuration, as YAML"):
-            yaml.safe_load(source.read_text(encoding="utf-8"))
+        require_distinct_names(source)
         return source
     if not args.cameras:
         raise InputError("audit", "--cameras", expected="views of the model, or orbit", found="nothing")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.artifacts import file_digest
+from gspure.artifacts import distinct, file_digest
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.detection import LARGEST, Reading, share_correct
@@ -82,7 +82,7 @@ def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
         raise InputError("detector", command, expected="success", found=reason)
     last = (output.strip().splitlines() or [""])[-1]
     try:
-        answer = json.loads(last, object_pairs_hook=_distinct)
+        answer = json.loads(last, object_pairs_hook=distinct)
     except (ValueError, RecursionError):
         answer = None
     if not isinstance(answer, dict):
@@ -100,13 +100,6 @@ def _run(words: Sequence[str], timeout: float) -> tuple[str, str, int]:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             raise
-
-
-def _distinct(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object without repeated names."""
-    if len({name for name, _ in pairs}) < len(pairs):
-        raise ValueError("repeated names")
-    return dict(pairs)
 
 
 def _reading(view: str, value: object, message: str) -> Reading:

@@ -53,6 +53,26 @@ _EXPECTED = {
 """The expected value in words, by keyword of the schema."""
 
 
+def require_distinct_names(file: str | Path) -> None:
+    """Raise `InputError` if a mapping of a YAML file repeats a name: YAML parsers keep the last value silently."""
+    with reading(file, "a configuration, as YAML"):
+        nodes = [yaml.compose(Path(file).read_text(encoding="utf-8"), yaml.SafeLoader)]
+    visited = set()  # an alias is the node that it names
+    while nodes:
+        node = nodes.pop()
+        if id(node) in visited:
+            continue
+        visited.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            nodes += node.value
+        if isinstance(node, yaml.MappingNode):
+            names = [name.value for name, _ in node.value if isinstance(name, yaml.ScalarNode)]
+            if repeated := [name for name in names if names.count(name) > 1]:
+                line = node.start_mark.line + 1
+                raise InputError(file, f"line {line}", expected="each name once", found=f"{repeated[0]!r} twice")
+            nodes += [value for _, value in node.value]
+
+
 def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) -> dict[str, Any]:
     """Return a copy of `config`, which the user wrote in `source`, in which every absent setting has its default.
 
@@ -65,7 +85,11 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
         errors = _strict_validator(jsonschema.Draft202012Validator)(schema).iter_errors(filled)
         if error := jsonschema.exceptions.best_match(errors):
             raise _refusal(error, source)
-        return filled
+    for scene, asset in (config.get("assets") or {}).items():
+        if "generated" in asset and asset.get("cameras") not in GENERATED:
+            expected = f"nothing beside cameras other than {' and '.join(GENERATED)}"
+            raise InputError(source, f"assets.{scene}.generated", expected=expected, found="settings")
+    return filled
 
 
 def _require_text_keys(config: Any, source: str | Path, place: str = "config") -> None:
