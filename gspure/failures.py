@@ -80,7 +80,7 @@ def is_interrupted(log: Path) -> bool:
 
 def _ending(log: Path) -> tuple[list[str], int | None]:
     """Return the lines of a log, and the exit status in its last line; None if there is none."""
-    text = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
+    text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if not lines or not (ended := _EXIT.fullmatch(lines[-1])):
         return lines, None

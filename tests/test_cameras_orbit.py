@@ -150,3 +150,10 @@ def test_a_setting_out_of_range_is_refused_by_name(setting, field):
 
 def test_a_plane_that_is_as_upright_in_both_worlds_has_the_usual_up():
     assert guessed_up(np.eye(3), np.ones(3)).tolist() == [0, -1, 0]
+
+
+@pytest.mark.filterwarnings("error")
+def test_views_of_a_model_too_large_for_a_device_are_refused() -> None:
+    model = points_of(np.array([[0.0, 0, 0], [3e38, 0, 0], [0, 3e38, 0], [0, 0, 3e38]]), np.ones(4))
+    with pytest.raises(InputError, match="camera"):
+        orbit_cameras(model, up=(0, 0, 1))

@@ -188,6 +188,18 @@ def test_the_highest_score_is_marked(tmp_path: Path) -> None:
     assert marked == ["GSPure"]
 
 
+@pytest.mark.parametrize(
+    "entries", [1.5, [1], "text", {"warnings": 3}, {"clusters": "many"}, {"suspicious": {"unknown": [1]}}]
+)
+@pytest.mark.parametrize("part", ["diagnoses", "viewers"])
+def test_entries_that_cannot_be_shown_are_refused_with_their_file(tmp_path: Path, part: str, entries: object) -> None:
+    file = tmp_path / "vanilla" / "chair" / "entries.json"
+    write_json(file, entries)
+    with pytest.raises(InputError, match=r"entries\.json"):
+        write_report(tmp_path / "report.html", PLANTED + VANILLA, **{part: [file]})
+    assert not (tmp_path / "report.html").exists()
+
+
 def test_models_have_their_own_figures_and_diagnosis(tmp_path: Path, figures: list[Path]) -> None:
     diagnosis = tmp_path / "vanilla" / "chair" / "diagnosis.json"
     write_json(

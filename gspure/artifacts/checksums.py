@@ -6,6 +6,7 @@ no checksum and is read as it is. CRC-32 finds corruption, several times faster 
 
 import hashlib
 import json
+import os
 import reprlib
 import zlib
 from collections.abc import Mapping
@@ -62,7 +63,7 @@ def record_of(path: Path) -> dict[str, Any] | None:
     """
     file = record_file(path)
     if not file.is_file():
-        file = record_file(Path(path).resolve()) if Path(path).is_symlink() else file
+        file = record_file(Path(os.path.realpath(path)))
     if not file.is_file():
         return None
     with reading(file, "a checksum, as JSON"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 from gspure.constants import NEAR_PLANE, TEST_EVERY
 from gspure.display import Described
 from gspure.dtypes import Float64, Indices
+from gspure.errors import InputError
+
+LARGEST: Final = 1e18
+"""Largest number of a view: its square is finite in float32, in which devices compute. Ours."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,6 +42,11 @@ class Camera(Described):
         Of the lens, if not that of a pinhole, as in OpenCV: k1, k2, p1, p2, k3, k4, k5, k6, or the first of them. Only
         `gspure.cameras.undistortion` knows of it.
 
+    Raises
+    ------
+    InputError
+        A number is not finite, or above `LARGEST`.
+
     """
 
     name: str
@@ -47,6 +56,11 @@ class Camera(Described):
     viewmat: Float64
     image: Path | None = None
     distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the numbers, wherever they come from."""
+        if not (most := np.abs(self.numbers).max()) <= LARGEST:
+            raise InputError(self.name, "camera", expected=f"numbers within ±{LARGEST:g}", found=f"{most:g}")
 
     @property
     def facts(self) -> dict[str, str]:

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from gspure.cameras.camera import LARGEST
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 
 _MAX_SIDE = 65535  # pixels; far above any photograph, far below what would exhaust memory by accident
-_LARGEST = 1e100  # squares and cubes of what is read stay finite
 _RIGID_TOLERANCE = 1e-3  # admits rotations printed with four digits, not scaled, sheared or mirrored ones
 
 
@@ -61,7 +61,7 @@ class Entry:
         """Return a finite number."""
         value = self.raw(key, "a number")
         if not _is_finite(value):
-            raise self.refusal(key, expected=f"a number within ±{_LARGEST:g}", found=reprlib.repr(value))
+            raise self.refusal(key, expected=f"a number within ±{LARGEST:g}", found=reprlib.repr(value))
         return float(value)
 
     def distortion(self, names: Sequence[str]) -> tuple[float, ...]:
@@ -73,7 +73,7 @@ class Entry:
         """Return a finite number above zero."""
         value = self.raw(key, "a positive number")
         if not _is_finite(value) or float(value) <= 0:
-            raise self.refusal(key, expected=f"a positive number up to {_LARGEST:g}", found=reprlib.repr(value))
+            raise self.refusal(key, expected=f"a positive number up to {LARGEST:g}", found=reprlib.repr(value))
         return float(value)
 
     def pixels(self, key: str) -> int:
@@ -86,7 +86,7 @@ class Entry:
 
     def array(self, key: str, *shapes: tuple[int, ...]) -> Float64:
         """Return finite numbers nested in one of the given shapes."""
-        expected = f"numbers {' or '.join(str(list(shape)) for shape in shapes)} within ±{_LARGEST:g}"
+        expected = f"numbers {' or '.join(str(list(shape)) for shape in shapes)} within ±{LARGEST:g}"
         value = self.raw(key, expected)
         array = np.array(value, dtype=object)
         if array.shape not in shapes or not all(map(_is_finite, array.flat)):
@@ -104,4 +104,4 @@ class Entry:
 
 def _is_finite(value: Any) -> bool:
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and -_LARGEST <= value <= _LARGEST
+    return number and -LARGEST <= value <= LARGEST

@@ -1,15 +1,13 @@
 """The report: one self-contained HTML page about all models of a run."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from itertools import pairwise
-from operator import or_
 from pathlib import Path
 from typing import Any, Final
 
 from gspure.artifacts import read_json, write_text
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.evaluation.contest import Contest
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.matched import Matched
@@ -41,9 +39,9 @@ class Model:
     pictures: list[Picture]
     files: list[Link]  # figures that renders or viewer replace on the page
     lineup: Lineup | None
-    viewer: Mapping[str, Any]  # as `gspure.figures.viewer.write_viewer` wrote it; empty if there is none
+    viewer: str  # markup of what `gspure.figures.viewer.write_viewer` wrote; empty if there is none
     failures: Sequence[str]
-    diagnosis: Mapping[str, Any]
+    diagnosis: str  # markup
 
 
 @dataclass(frozen=True)
@@ -120,9 +118,9 @@ def write_report(
         attack = audit.strongest.variant if audit.strongest else GSPURE
         files = {file.stem: file for file in figures if _owns(key, file)}
         renders = lineup(files[_LINEUP], variants, attack) if _LINEUP in files else None
-        data: dict[str, Any] = next((read_json(file) for file in viewers if _owns(key, file)), {})
+        viewer = _part("viewer.html.j2", [file for file in viewers if _owns(key, file)])
         replaced = {_LINEUP, *(target for o in variants for target in o.targets)} if renders else set()
-        replaced |= {*_CLOUDS} if data else set()
+        replaced |= {*_CLOUDS} if viewer else set()
         return Model(
             *key,
             variants,
@@ -131,9 +129,9 @@ def write_report(
             [picture(file, path) for stem, file in files.items() if stem not in replaced],
             [other for stem, file in files.items() if stem in replaced for other in companions(file, path)],
             renders,
-            data,
+            viewer,
             failures(variants),
-            reduce(or_, (read_json(file) for file in diagnoses if _owns(key, file)), {}),
+            _part("diagnosis.html.j2", [file for file in diagnoses if _owns(key, file)]),
         )
 
     page = render(
@@ -147,7 +145,6 @@ def write_report(
         equal=EQUAL,
         findings=findings,
         limits=limits(outcomes),
-        suspicions=REASONS,
         links=[link(file, path) for file in links],
         records=[(file.as_posix(), record(file)) for file in records],
     )
@@ -156,6 +153,20 @@ def write_report(
 
 def _owns(key: tuple[str, str], file: Path) -> bool:
     return key in pairwise(file.resolve().parts)
+
+
+def _part(template: str, files: Iterable[Path]) -> str:
+    """Return the part of the page that shows the entries of JSON files; empty without files.
+
+    Raise `InputError` naming the file whose entries cannot be shown.
+    """
+    data: dict[str, Any] = {}
+    markup = ""
+    for file in files:
+        with reading(file, "entries that the report shows"):
+            data |= read_json(file)
+            markup = render(template, data=data, suspicions=REASONS)
+    return markup
 
 
 def _require_owner(files: Iterable[Path], keys: Sequence[tuple[str, str]]) -> None:
