@@ -96,6 +96,31 @@ def test_rows_that_stretch_the_positions_less_than_twice_count_and_are_warned_of
     assert capsys.readouterr().err.count(f"1 of {count}") == warned
 
 
+def rows_and_one_far(count: int, distance: float, axes: int = 1) -> np.ndarray:
+    """Means of which one in twelve per axis is away from the median, so that the extent is 1, and one is further."""
+    means = np.zeros((count, 3))
+    near = np.arange(0, count - 1, 12 // axes)
+    means[near, np.arange(len(near)) % axes] = 1 / np.sqrt(axes)
+    means[-1, 0] = distance
+    return means
+
+
+@pytest.mark.parametrize(
+    ("means", "counts"),
+    [
+        (rows_and_one_far(300, 10.0), True),
+        (rows_and_one_far(300, 10.5), False),
+        (rows_and_one_far(400, 10.5), False),
+        (rows_and_one_far(1600, 10.5), True),
+        (rows_and_one_far(1200, 10.5, axes=3), False),
+    ],
+    ids=["near", "far", "stretched 2.2 times", "stretched 1.4 times", "stretched 2.2 times along one axis"],
+)
+def test_rows_beyond_ten_extents_count_unless_they_stretch_the_positions_twice(means: np.ndarray, counts: bool) -> None:
+    expected = standardize(means) if counts else standardize(means, np.arange(len(means)) < len(means) - 1)
+    assert features(means, np.zeros(len(means)), np.zeros(len(means)))[:, :3].tobytes() == expected.tobytes()
+
+
 @given(COLUMNS)
 def test_parts_are_standardized_as_if_they_were_alone(columns: np.ndarray) -> None:
     assume((extent_and_distances(columns)[1] <= OUTLYING).all())

@@ -111,6 +111,15 @@ def test_one_scale_of_ms_ssim_is_scikit_image_s_ssim() -> None:
     assert ms_ssim(a, b) == pytest.approx(expected, abs=1e-9)
 
 
+def test_ms_ssim_of_an_image_as_large_as_the_window_is_ssim_at_its_centre() -> None:
+    from skimage.metrics import structural_similarity
+
+    a, b = image(3, 11, 11), (image(3, 11, 11) + image(4, 11, 11)) / 2
+    settings = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "full": True}
+    _, expected = structural_similarity(a, b, data_range=1.0, channel_axis=-1, **settings)
+    assert ms_ssim(a, b) == pytest.approx(expected[5, 5].mean(), abs=1e-9)
+
+
 def test_five_scales_of_ms_ssim_agree_with_another_implementation() -> None:
     a, b = image(5, 192, 256), (image(5, 192, 256) + image(6, 192, 256)) / 2
     assert ms_ssim(a, b) == pytest.approx(0.921504, abs=2e-5)  # of pytorch-msssim 1.0.0
@@ -133,6 +142,28 @@ def test_the_background_of_the_reference_is_no_part_of_its_region() -> None:
     darkened = 0.9 * a
     assert region_psnr(a, darkened) == pytest.approx(psnr(a[2:5, 3:7], darkened[2:5, 3:7]))
     assert region_psnr(a, np.zeros_like(a)) < psnr(a, np.zeros_like(a))
+
+
+@pytest.mark.parametrize("background", [(0, 0, 0), (1, 1, 1), (0, 255, 0), (0, 0, 255), (255, 255, 255)])
+@pytest.mark.parametrize("channel", range(3))
+@pytest.mark.parametrize("bit", range(8))
+def test_colours_that_differ_in_one_bit_are_two(background: tuple[int, ...], channel: int, bit: int) -> None:
+    a = np.tile(np.array(background), (3, 4, 1))
+    a[1, 2, channel] ^= 1 << bit
+    b = a.copy()
+    b[0, 0] ^= 128
+    assert region_psnr(a / 255, b / 255) == np.inf
+
+
+def test_colours_of_full_and_least_channels_differ() -> None:
+    a = np.tile(np.array([0.0, 1.0, 0.0]), (3, 4, 1))
+    a[1, 2] = 1 / 255, 0, 0
+    assert region_psnr(a, np.where(a == 1.0, 0.5, a)) == np.inf
+
+
+def test_the_region_of_images_of_different_shapes_is_refused() -> None:
+    with pytest.raises(InputError):
+        region_psnr(image(1, 4, 5), image(1, 4, 6))
 
 
 def test_all_pixels_of_one_colour_are_a_region() -> None:
@@ -338,7 +369,13 @@ def test_a_broken_metrics_table_is_refused(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "value", "text"),
-    [("psnr", 30.456, "30.46"), ("ssim", 0.98765, "0.988"), ("psnr", np.inf, "∞"), ("ssim", np.nan, "–")],
+    [
+        ("psnr", 30.4567, "30.46"),
+        ("region", 30.4567, "30.46"),
+        *((name, 0.98765, "0.988") for name in ("ssim", "ms_ssim", "nc", "structure")),
+        ("psnr", np.inf, "∞"),
+        ("ssim", np.nan, "–"),
+    ],
 )
 def test_tables_show_a_metric_with_its_decimals(name: str, value: float, text: str) -> None:
     assert METRICS[name].text(value) == text

@@ -39,6 +39,7 @@ def main() -> int:
     readers.set_defaults(run=corrupt_files)
     workflow = parts.add_parser("workflow", help="kill, starve and corrupt the jobs of every rule of the workflow")
     workflow.add_argument("--only", nargs="*", choices=WORKFLOW, default=WORKFLOW)
+    workflow.add_argument("--rules", nargs="*", default=sorted(rules()), metavar="RULE")
     workflow.add_argument("--folder", type=Path, default=FOLDER)
     workflow.set_defaults(run=torture_workflow)
     drivers = parts.add_parser("drivers", help="compare every driver with the float64 reference")
@@ -64,21 +65,23 @@ def corrupt_files(args: argparse.Namespace) -> bool:
         for reader in READERS
         if reader.available and reader.name in args.only
     ]
-    found: list[Violation] = []
+    violations: list[Violation] = []
     totals: dict[str, Record] = {}
     with get_context("fork").Pool(args.jobs, maxtasksperchild=1) as pool:
         records = pool.imap_unordered(partial(_chunk, journal), chunks, 1)
         for done, record in enumerate(records, start=1):
-            found += [Violation(**violation) for violation in record["violations"]]
-            total = totals.setdefault(record["reader"], record | {"cases": 0, "violations": []})
+            violations += [Violation(**violation) for violation in record["violations"]]
+            total = totals.setdefault(record["reader"], record | {"cases": 0, "endings": {}, "violations": []})
             total["cases"] += record["cases"]
             total["violations"] += record["violations"]
+            for target, endings in record["endings"].items():
+                total["endings"][target] = Counter(total["endings"].get(target, {})) + Counter(endings)
             progress = f"{done}/{len(chunks)}, {time.monotonic() - begun:.0f} s"
             say(f"{progress}: {record['reader']}: {len(record['violations'])} violations")
     if args.folder == FOLDER:  # those of another folder are a trial
-        keep("readers", totals.values(), "reader")
-    say("\n".join(_summary(found)))
-    return bool(found)
+        keep("readers", totals.values(), partial=True)
+    say("\n".join(_summary(violations)))
+    return bool(violations)
 
 
 def _chunk(journal: Journal, chunk: tuple[str, int, int]) -> Record:
@@ -91,22 +94,27 @@ def _chunk(journal: Journal, chunk: tuple[str, int, int]) -> Record:
 
 def _tormented(name: str, start: int, stop: int) -> Record:
     with tempfile.TemporaryDirectory(dir=MEMORY_FOLDER if MEMORY_FOLDER.is_dir() else None) as folder:
-        found = list(torment(BY_NAME[name], range(start, stop), Path(folder).resolve() / "reader"))
-    return {"reader": name, "cases": stop - start, "violations": [asdict(violation) for violation in found]}
+        cases = list(torment(BY_NAME[name], range(start, stop), Path(folder).resolve() / "reader"))
+    endings = {
+        target: Counter(c.ending for c in cases if c.target == target) for target in sorted({c.target for c in cases})
+    }
+    violations = [asdict(violation) for case in cases for violation in case.violations]
+    return {"reader": name, "cases": stop - start, "endings": endings, "violations": violations}
 
 
-def _summary(found: list[Violation]) -> Iterator[str]:
+def _summary(violations: list[Violation]) -> Iterator[str]:
     """Yield a line for each kind of violation, with the first case of it."""
-    first = {violation.signature: violation for violation in reversed(found)}
-    for signature, count in Counter(violation.signature for violation in found).most_common():
+    first = {violation.signature: violation for violation in reversed(violations)}
+    for signature, count in Counter(violation.signature for violation in violations).most_common():
         v = first[signature]
         case = f"case {v.case} ({v.mutation} of {v.target})"
         yield f"{count:6} {v.reader}: {v.kind} {v.place}, {case}: {v.detail[:160]!r}"
-    yield f"{len(found)} violations"
+    yield f"{len(violations)} violations"
 
 
 def torture_workflow(args: argparse.Namespace) -> bool:
     """Run the workflow once, then its jobs under all kinds of trouble; corrupt the files of every scheme."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # as for readers
     references = {"project": finished(args.folder.resolve() / "project")}
     if missing := rules() - {job.rule for job in jobs(references["project"])}:
         raise SystemExit(f"the project runs no job of {', '.join(sorted(missing))}")
@@ -117,13 +125,14 @@ def torture_workflow(args: argparse.Namespace) -> bool:
         for part in args.only:
             run, records = import_module(f"tests.hostile.{part}").run, []
             for name in references if part == "corruption" else ("project",):
-                for record in run(Journal(args.folder / part / name), references[name], Path(scratch).resolve()):
+                journal = Journal(args.folder / part / name)
+                for record in run(journal, references[name], Path(scratch).resolve(), args.rules):
                     records.append(record)
                     faults += len(record["faults"])
-                    told = "; ".join(record["faults"])[:300] or "as it should"
-                    say(f"{part}: {record.get('rule') or record['case']}: {told}")
+                    result = "; ".join(record["faults"])[:300] or "as it should"
+                    say(f"{part}: {record.get('rule') or record['case']}: {result}")
             if args.folder == FOLDER:
-                keep(part, records)
+                keep(part, records, partial={*args.rules} != rules())
     return bool(faults)
 
 
@@ -139,8 +148,8 @@ def run_again(args: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as folder:
         reader = BY_NAME[args.reader]
         pristine, work = prepared(reader, Path(folder).resolve() / "reader")
-        found = run_case(reader, args.case, pristine, work, Watch())
-    say("\n".join(map(str, found)) or "no violation")
+        case = run_case(reader, args.case, pristine, work, Watch())
+    say("\n".join([f"{case.target}: {case.ending}", *map(str, case.violations)]))
 
 
 if __name__ == "__main__":

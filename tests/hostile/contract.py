@@ -1,7 +1,7 @@
 """What every reader owes to every file: a valid result, or one line that says what is wrong; and nothing else happens.
 
-A reader is run in a process of its own, so that a crash, a hang or a runaway allocation is seen and belongs to a case.
-Case `n` of a reader is the same file whenever and wherever it is made: `python -m tests.hostile replay READER n`.
+A reader is run in a process of its own, so that a crash, a hang or a runaway allocation belongs to a case.
+Case `n` of a reader is the same file whenever and wherever it is written: `python -m tests.hostile replay READER n`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from gspure.errors import InputError
-from tests.hostile.mutations import Rng, choose, mutate
+from tests.hostile.mutations import SPECIAL, Rng, choose, mutate, place, remove
 
 SEED = 2026
 CPU_SECONDS = 2.0
@@ -45,6 +45,11 @@ GROWTH = 192 << 20
 """Bytes by which the memory in use may grow in one case."""
 
 LONGEST_LINE = 2000
+
+READ, REFUSED, CHECKSUM, UNCHANGED, CRASHED = "read", "refused", "refused by checksum", "unchanged", "crashed"
+ENDINGS = (READ, REFUSED, CHECKSUM, UNCHANGED, CRASHED)
+"""How a case ends; a corruption may leave a file as it is, and a checksum may hide it from the parser."""
+
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _CHANGES = {
     "os.mkdir": (0, 2),
@@ -106,12 +111,21 @@ class Violation:
         return self.reader, self.kind, self.place or self.detail[:40]
 
 
+@dataclass(frozen=True)
+class Case:
+    """Which file was corrupted, the ending, of `ENDINGS`, and the violations."""
+
+    target: str
+    ending: str
+    violations: list[Violation]
+
+
 class Watch:
     """What a process does beside returning: writes outside a folder, programs, connections, warnings."""
 
     def __init__(self) -> None:
         self.folder: Path | None = None
-        self.seen: list[tuple[str, str]] = []
+        self.events: list[tuple[str, str]] = []
         sys.addaudithook(self._hook)
 
     def _hook(self, event: str, arguments: tuple[Any, ...]) -> None:
@@ -123,25 +137,25 @@ class Watch:
         elif event in _CHANGES:
             path, base = (None if at is None else arguments[at] for at in _CHANGES[event])
         elif event in _FORBIDDEN:
-            self.seen.append(("executes", f"{event} {arguments!r}"[:200]))
+            self.events.append(("executes", f"{event} {arguments!r}"[:200]))
         if isinstance(path, str | bytes | os.PathLike):
             root = f"/proc/self/fd/{base}" if isinstance(base, int) and base >= 0 else ""
             place = os.path.realpath(os.path.join(root, os.fsdecode(path)))  # noqa: PTH118 -- may hold a NUL
             if not f"{place}{os.sep}".startswith(f"{self.folder}{os.sep}") and (event, place) != ("open", os.devnull):
-                self.seen.append(("writes outside", f"{event} {place}"[:200]))
+                self.events.append(("writes outside", f"{event} {place}"[:200]))
 
     @contextmanager
     def over(self, folder: Path) -> Iterator[list[tuple[str, str]]]:
-        """Watch while a folder is the only place to write to; yield what is seen."""
-        self.seen = []
+        """Watch while a folder is the only place to write to; yield what else happens."""
+        self.events = []
         with warnings.catch_warnings(record=True) as shown:
             warnings.simplefilter("always")
             self.folder = folder
             try:
-                yield self.seen
+                yield self.events
             finally:
                 self.folder = None
-        self.seen += [("warns", f"{each.category.__name__}: {each.message}"[:200]) for each in shown]
+        self.events += [("warns", f"{each.category.__name__}: {each.message}"[:200]) for each in shown]
 
 
 def faults_of_line(line: str, folder: Path) -> Iterator[tuple[str, str]]:
@@ -149,30 +163,32 @@ def faults_of_line(line: str, folder: Path) -> Iterator[tuple[str, str]]:
     unfit = sorted({f"U+{ord(c):04X}" for c in line if unicodedata.category(c) in {"Cc", "Cs", "Zl", "Zp"}})
     if unfit:
         yield "unprintable", f"{' '.join(unfit)} in {line[:200]!r}"
-    told = line.replace(str(folder), "")
-    if f".{os.getpid()}" in told or ".gspure-" in told:
-        yield "temporary name", told[:200]
-    if len(told) > LONGEST_LINE:
-        yield "long line", f"{len(told)} characters: {told[:120]}..."
+    text = line.replace(str(folder), "")
+    if f".{os.getpid()}" in text or ".gspure-" in text:
+        yield "temporary name", text[:200]
+    if len(text) > LONGEST_LINE:
+        yield "long line", f"{len(text)} characters: {text[:120]}..."
 
 
-def outcome(reader: Reader, folder: Path, watch: Watch) -> list[tuple[str, str, str]]:
-    """Let a reader read; return what it did wrong as (kind, detail, place), or nothing."""
+def outcome(reader: Reader, folder: Path, watch: Watch) -> tuple[str, list[tuple[str, str, str]]]:
+    """Let a reader read; return the ending, of `ENDINGS`, and what it did wrong as (kind, detail, place)."""
     faults: list[tuple[str, str, str]] = []
+    ending = READ
     start = time.process_time()
-    with watch.over(folder) as seen:
+    with watch.over(folder) as events:
         try:
             reader.read(folder)
         except InputError as error:
+            ending = CHECKSUM if error.expected.startswith("CRC-32 ") else REFUSED
             faults += [(kind, detail, "") for kind, detail in faults_of_line(str(error), folder)]
         except AssertionError as error:
             faults.append(("invalid result", str(error)[:200] or "an assertion", _place(error, "tests/")))
         except BaseException as error:  # noqa: BLE001 -- whatever comes is what is looked for
             faults.append((type(error).__name__, str(error)[:200], _place(error, "gspure/")))
-    faults += [(kind, detail, detail.split()[0]) for kind, detail in seen]
+    faults += [(kind, detail, detail.split()[0]) for kind, detail in events]
     if (seconds := time.process_time() - start) > CPU_SECONDS:
         faults.append(("slow", f"{seconds:.1f} s", ""))
-    return faults
+    return ending, faults
 
 
 def _place(error: BaseException, within: str) -> str:
@@ -192,19 +208,21 @@ def corrupted(reader: Reader, case: int, pristine: Path) -> tuple[str, str, byte
     return target, mutation, content
 
 
-def run_case(reader: Reader, case: int, pristine: Path, folder: Path, watch: Watch) -> list[Violation]:
+def run_case(reader: Reader, case: int, pristine: Path, folder: Path, watch: Watch) -> Case:
     """Corrupt one file of a copy of the valid ones, read them, and put everything back."""
     target, mutation, content = corrupted(reader, case, pristine)
     victim = folder / target
-    victim.unlink()  # not overwritten: a model that was read before may still be mapped
-    victim.write_bytes(content)
-    faults = outcome(reader, folder, watch)
+    place(victim, mutation, content)
+    ending, faults = outcome(reader, folder, watch)
+    remove(victim)
+    if mutation not in SPECIAL and content == (pristine / target).read_bytes():
+        ending = UNCHANGED
     if {path.name for path in folder.iterdir()} != {path.name for path in pristine.iterdir()}:
         shutil.rmtree(folder)
         shutil.copytree(pristine, folder)
     else:
         shutil.copy2(pristine / target, victim)
-    return [Violation(reader.name, case, target, mutation, *fault) for fault in faults]
+    return Case(target, ending, [Violation(reader.name, case, target, mutation, *fault) for fault in faults])
 
 
 def prepared(reader: Reader, root: Path) -> tuple[Path, Path]:
@@ -222,10 +240,10 @@ def prepared(reader: Reader, root: Path) -> tuple[Path, Path]:
 # Processes
 
 
-def torment(reader: Reader, cases: range, root: Path) -> Iterator[Violation]:
+def torment(reader: Reader, cases: range, root: Path) -> Iterator[Case]:
     """Run cases of a reader in processes of their own, each of which lasts until a case breaks it."""
     pristine, folder = prepared(reader, root)
-    report, board = root / "violations", mmap.mmap(-1, 8)
+    report, board = root / "cases", mmap.mmap(-1, 8)
     report.touch()
     begun = cases.start
     while begun < cases.stop:
@@ -238,12 +256,13 @@ def torment(reader: Reader, cases: range, root: Path) -> Iterator[Violation]:
         if status:
             target, mutation, _ = corrupted(reader, begun, pristine)
             kind = "hangs" if hung else f"crashes: {signal.Signals(-status).name}" if status < 0 else f"exits: {status}"
-            yield Violation(reader.name, begun, target, mutation, kind, "")
+            yield Case(target, CRASHED, [Violation(reader.name, begun, target, mutation, kind, "")])
             begun += 1
         shutil.rmtree(folder)
         shutil.copytree(pristine, folder)
     for line in report.read_text(encoding="utf-8").splitlines():
-        yield Violation(**json.loads(line))
+        case = json.loads(line)
+        yield Case(case["target"], case["ending"], [Violation(**violation) for violation in case["violations"]])
 
 
 def _awaited(child: int, board: mmap.mmap) -> tuple[int, bool]:
@@ -278,19 +297,19 @@ def _work(reader: Reader, cases: range, pristine: Path, folder: Path, report: Pa
             for case in cases:
                 board[:8] = struct.pack("<q", case)
                 before = _peak()
-                found = run_case(reader, case, pristine, folder, watch)
+                ended = run_case(reader, case, pristine, folder, watch)
                 if (grown := _peak() - before) > GROWTH:
                     target, mutation, _ = corrupted(reader, case, pristine)
-                    found.append(Violation(reader.name, case, target, mutation, "memory", f"{grown >> 20} MiB"))
-                for violation in found:
-                    stream.write(json.dumps(asdict(violation)) + "\n")
+                    violation = Violation(reader.name, case, target, mutation, "memory", f"{grown >> 20} MiB")
+                    ended.violations.append(violation)
+                stream.write(json.dumps(asdict(ended)) + "\n")
                 stream.flush()
                 if grown > GROWTH:
                     board[:8] = struct.pack("<q", case + 1)
                     os._exit(0)
         board[:8] = struct.pack("<q", cases.stop)
         status = 0
-    except BaseException:  # noqa: BLE001 -- told by the status
+    except BaseException:  # noqa: BLE001 -- the status reports it
         report.with_name("trouble").write_text(traceback.format_exc(), encoding="utf-8")
     finally:
         os._exit(status)

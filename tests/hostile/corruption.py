@@ -1,19 +1,29 @@
-"""Corrupt artifacts of every kind: whatever reads one names it, and the next runs of the workflow repair it."""
+"""Corrupt artifacts of every kind: whatever reads one names it, and the next runs of the workflow repair it.
+
+Forged artifacts, with checksums of their own, are read or refused in one line.
+"""
 
 from __future__ import annotations
 
+import json
 import os
-import random
 import re
-from collections.abc import Callable, Iterable, Iterator
+import shutil
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from gspure.artifacts.checksums import file_checksum, record_file, with_checksum
 from gspure.images import RENDERED
+from tests.hostile import commands
 from tests.hostile.journal import Journal, Record
-from tests.hostile.kills import copied, difference, told
+from tests.hostile.kills import copied, difference
+from tests.hostile.mutations import SPECIAL, mutate, place
+from tests.hostile.mutations import remove as remove_any
 from tests.hostile.project import Job, contents, ended, jobs, snakemake
 
 Corruption = Callable[[bytes, np.random.Generator], bytes]
@@ -37,24 +47,24 @@ def zero(content: bytes, rng: np.random.Generator) -> bytes:
 
 CORRUPTIONS: dict[str, Corruption] = {"flip": flip, "truncate": truncate, "zero": zero}
 DELETE = "delete"
-MOST = 12
-"""Files that are corrupted for each rule of a project: kinds that no earlier rule had, then others, drawn at random."""
+FORGERIES = 3
+"""Files with renewed checksums for each pair of a rule and a kind of artifact."""
+
+FORM_OF = {".json": "json", ".npy": "npy", ".npz": "npz", ".ply": "ply", ".png": "png", ".pth": "pth"}
+FORM_OF |= dict.fromkeys((".csv", ".tsv", ".svg", ""), "text")
+"""Formats of `tests.hostile.mutations` by suffix."""
 
 ROUNDS = 12
 """A corrupted file may hide others that are made of it; after so many runs all must be repaired."""
 
 
-def run(journal: Journal, reference: Path, scratch: Path) -> Iterator[Record]:
+def run(journal: Journal, reference: Path, scratch: Path, rules: Collection[str]) -> Iterator[Record]:
     """Corrupt what every rule reads, then one artifact of every kind at once; one record for each case."""
-    every = [*zip(readings(jobs(reference), reference), cycle(CORRUPTIONS))]
-    tried: set[str] = set()
-    for rule in {job.rule: None for (job, _), _ in every}:
-        cases = [case for case in every if case[0][0].rule == rule]
-        random.Random(rule).shuffle(cases)  # noqa: S311
-        for (job, name), how in sorted(cases, key=lambda case: kind(case[0][1]) in tried)[:MOST]:
-            tried.add(kind(name))
-            yield journal.record(f"{rule}.{kind(name)}", read_by, job, name, how, reference, scratch)
-    yield journal.record("all", repaired, reference, scratch) | {"of": len(every)}
+    folder = copied(reference, scratch)
+    for (job, name), how in zip(readings(jobs(reference), reference), cycle(CORRUPTIONS)):
+        if job.rule in rules:
+            yield journal.record(f"{job.rule}.{kind(name)}", read_by, job, name, how, reference, folder)
+    yield journal.record("all", repaired, reference, scratch)
 
 
 def kind(name: str) -> str:
@@ -79,16 +89,16 @@ def readings(every: Iterable[Job], folder: Path) -> Iterator[tuple[Job, str]]:
 
 def inputs(job: Job, folder: Path) -> list[str]:
     """Return the files that a job reads and the workflow has made, with their records."""
-    names = [name for given in job.inputs for name in _files(given, folder) if name.startswith("results/")]
+    names = [name for source in job.inputs for name in _files(source, folder) if name.startswith("results/")]
     if job.rule == "accumulate_weights":
         model = Path(job.outputs[0]).parts[1:3]
         names += [str(path.relative_to(folder)) for path in (folder / "stages").joinpath(*model).rglob("*.npy")]
     return list(dict.fromkeys([*names, *(f"{name}.json" for name in names if (folder / f"{name}.json").is_file())]))
 
 
-def _files(given: str, folder: Path) -> list[str]:
-    path = folder / given
-    return [str(p.relative_to(folder)) for p in path.rglob("[!.]*") if p.is_file()] if path.is_dir() else [given]
+def _files(name: str, folder: Path) -> list[str]:
+    path = folder / name
+    return [str(p.relative_to(folder)) for p in path.rglob("[!.]*") if p.is_file()] if path.is_dir() else [name]
 
 
 def corrupted(path: Path, how: str) -> None:
@@ -98,23 +108,63 @@ def corrupted(path: Path, how: str) -> None:
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
-def read_by(job: Job, name: str, how: str, reference: Path, scratch: Path) -> Record:
-    """Run a job on a corrupted file: it names the file, and makes nothing of it."""
-    folder = copied(reference, scratch)
+def read_by(job: Job, name: str, how: str, reference: Path, folder: Path) -> Record:
+    """Run a job on a corrupted file, which it names, and on forged ones, of which it makes a result or a refusal."""
     corrupted(folder / name, how)
     before = contents(folder)
-    done = ended(job.command, folder)
-    after = contents(folder)
-    said = done.printed + told(job, folder)
-    changed = [path for path in difference(after, before) if path != name and not path.endswith(".corrupt")]
-    faults = ["a traceback"] if "Traceback" in said else []
-    named = bool(done.status) and Path(name).name in said
-    if done.status and not named:
-        faults.append(f"not named: {said[-300:]!r}")
-    if changed and not named:
-        faults.append(f"read in silence: {changed[:3]}")
-    outcome = "named" if named else "silent" if faults else "not read"
-    return {"rule": job.rule, "file": kind(name), "how": how, "outcome": outcome, "said": said[-300:], "faults": faults}
+    corrupt = commands.run(job, folder)
+    changed = [path for path in difference(contents(folder), before) if path != name and not path.endswith(".corrupt")]
+    is_opened = str(folder / name) in corrupt.opened
+    faults = [*commands.breaches(corrupt, folder)]
+    if corrupt.status and Path(name).name not in corrupt.printed:
+        faults.append(f"not named: {corrupt.printed[-300:]!r}")
+    if corrupt.status and changed:
+        faults.append(f"refused, but changed: {changed[:3]}")
+    if is_opened and not corrupt.status:
+        faults.append("read in silence")
+    restore(name, folder, reference)
+    forged = {"read": 0, "refused": 0}
+    for number in range(FORGERIES if is_opened else 0):
+        mutation = forge(folder / name, np.random.default_rng([number, *f"{job.rule} {kind(name)}".encode()]))
+        ended = commands.run(job, folder)
+        forged["refused" if ended.status else "read"] += 1
+        faults += [f"forged by {mutation}, number {number}: {fault}" for fault in commands.breaches(ended, folder)]
+        restore(name, folder, reference)
+    outcome = "named" if corrupt.status else "not opened"
+    return {"rule": job.rule, "file": kind(name), "how": how, "outcome": outcome, "forged": forged, "faults": faults}
+
+
+def forge(path: Path, rng: np.random.Generator) -> str:
+    """Mutate a file, and renew its checksums as its author can, so that its parser is reached; return the mutations."""
+    mutation, content = mutate(FORM_OF.get(path.suffix, "bytes"), path.read_bytes(), rng)
+    place(path, mutation, content)
+    if mutation in SPECIAL:
+        return mutation
+    renew(path, {})
+    size, checksum = len(path.read_bytes()), file_checksum(path)
+    renew(record_file(path), {"bytes": size, "crc32": checksum})
+    if path.suffix == ".png":
+        renew(path.with_name(RENDERED), {"bytes": {path.stem: size}, "crc32": {path.stem: checksum}})
+    return mutation
+
+
+def renew(record: Path, changes: dict[str, Any]) -> None:
+    """Renew the checksum of a record after changes of its entries; other files stay."""
+    with suppress(OSError, ValueError, RecursionError):
+        entries = json.loads(record.read_bytes())
+        if isinstance(entries, dict) and "record" in entries:
+            for name, change in changes.items():
+                entries[name] = entries[name] | change if isinstance(change, dict) else change
+            record.write_text(json.dumps(with_checksum(entries)))
+
+
+def restore(name: str, folder: Path, reference: Path) -> None:
+    """Make a copy of a project equal to it again, after a file of this name and its records were changed."""
+    records = (f"{name}.json", str(Path(name).with_name(RENDERED)))
+    for path in {*difference(contents(folder), contents(reference)), name, *records}:
+        remove_any(folder / path)
+        if (reference / path).is_file():
+            shutil.copy2(reference / path, folder / path)
 
 
 def repaired(reference: Path, scratch: Path) -> Record:
@@ -140,6 +190,7 @@ def repaired(reference: Path, scratch: Path) -> Record:
     left = difference(contents(folder), expected)
     return {
         "rule": "all",
+        "case": reference.name,
         "corrupted": len(victims),
         "reported": len(reported),
         "runs": runs,

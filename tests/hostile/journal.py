@@ -1,4 +1,4 @@
-"""What a long run has found so far, one file per case, so that a run that was stopped goes on where it was.
+"""The records of a long run, one file per case, so that a run that was stopped goes on where it was.
 
 The records of a part that ran to its end are kept in the repository, one JSON file per part and one line per case; the
 page is written from them.
@@ -21,7 +21,7 @@ Record = dict[str, Any]
 KEPT = Path(__file__).parents[2] / "benchmarks" / "torture"
 """The records of the last run of each part."""
 
-PRINTED = "said"
+PRINTED = "printed"
 """What a job printed: in the records of a run, not in those that are kept."""
 
 
@@ -32,20 +32,25 @@ class Journal:
     folder: Path
 
     def record(self, name: str, make: Callable[..., Record], *arguments: Any) -> Record:
-        """Return the record of a case and of the commit; it is made unless it is there."""
+        """Return the record of a case and of the commit; it is written unless it is there."""
         path = self.folder / f"{name.replace('/', '_').replace(' ', '_')}.json"
         if path.is_file():
-            found: Record = json.loads(path.read_text(encoding="utf-8"))
-            return found
-        found = make(*arguments) | {"commit": commit()}
-        write_json(path, found)
-        return found
+            record: Record = json.loads(path.read_text(encoding="utf-8"))
+            return record
+        record = make(*arguments) | {"commit": commit()}
+        write_json(path, record)
+        return record
 
 
-def keep(part: str, records: Iterable[Record], case: str = "") -> None:
-    """Keep the records of a part; with the name of `case`, those of cases that did not run again stay."""
-    if case:
-        records = ({r[case]: r for r in kept(part)} | {r[case]: r for r in records}).values()
+CASE = ("reader", "rule", "kind", "file", "case", "module", "driver", "style")
+"""The entries that name a case."""
+
+
+def keep(part: str, records: Iterable[Record], *, partial: bool = False) -> None:
+    """Keep the records of a part; if it was run partially, those of cases that did not run again stay."""
+    every = [*(kept(part) if partial else ()), *records]
+    cases = {tuple(record.get(name) for name in CASE): record for record in every}
+    records = [cases[case] for case in sorted(cases, key=str)]
     lines = [json.dumps({k: v for k, v in record.items() if k != PRINTED}, sort_keys=True) for record in records]
     write_text(KEPT / f"{part}.json", "[\n" + ",\n".join(lines) + "\n]\n")
 

@@ -7,7 +7,7 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +19,18 @@ from tests.hostile.project import Job, contents, ended, environment, one_per_rul
 TIMED, PLANNED = 1, 2
 """Kills of each rule at a random time, and before a random change on disk."""
 
+TRIES = 4
+"""Times that a kill is tried which comes after the end of its job, each time earlier."""
+
 STARTUP = 0.4
 """Share of a job's time within which it is not killed: Python starts and imports."""
 
 HOOK = str(Path(__file__).with_name("sabotage"))
 
 
-def run(journal: Journal, reference: Path, scratch: Path) -> Iterator[Record]:
+def run(journal: Journal, reference: Path, scratch: Path, rules: Collection[str]) -> Iterator[Record]:
     """Kill a job of every rule several times; one record for each rule."""
-    for job in one_per_rule(reference):
+    for job in one_per_rule(reference, rules):
         yield journal.record(job.rule, killed, job, reference, scratch)
 
 
@@ -37,44 +40,55 @@ def killed(job: Job, reference: Path, scratch: Path) -> Record:
     expected = contents(reference)
     folder = copied(reference, scratch)
     products, seconds, changes = measured(job, folder, expected)
-    faults = [f"not reproduced: {name}" for name, digest in contents(folder).items() if expected.get(name) != digest]
+    faults = [f"not reproduced: {name}" for name in difference(contents(folder), expected)]
     folder = copied(reference, scratch)
     plans: list[dict[str, Any]] = [{"after": float(t)} for t in rng.uniform(STARTUP, 1.0, TIMED) * seconds]
     plans += [{"change": int(n)} for n in rng.integers(1, changes + 1, PLANNED)] if changes else []
     hits = []
     for plan in plans:
-        remove(folder, products)
-        hits.append({**plan, "hit": kill(job, folder, plan)})
+        hits.append(hit(job, folder, products, plan))
+        if not hits[-1]["hit"]:
+            faults.append(f"never killed by {plan}")
         torn = [name for name, digest in contents(folder).items() if expected.get(name) != digest]
         faults += [f"half-written after {plan}: {name}" for name in torn]
         again = ended(job.command, folder)
         if again.status:
-            faults.append(f"second run after {plan} ends with status {again.status}: {told(job, folder)}")
+            faults.append(f"second run after {plan} ends with status {again.status}: {last_lines(job, folder)}")
         faults += [f"differs after {plan}: {name}" for name in difference(contents(folder), expected)]
         if faults:
             folder = copied(reference, scratch)
     return {"rule": job.rule, "seconds": seconds, "changes": changes, "kills": hits, "faults": faults}
 
 
+def hit(job: Job, folder: Path, products: list[str], plan: dict[str, Any]) -> dict[str, Any]:
+    """Kill a job without its products; if the kill comes after the end, plan it earlier."""
+    for _ in range(TRIES):
+        remove(folder, products)
+        if kill(job, folder, plan):
+            return {**plan, "hit": True}
+        plan = {name: type(value)(0.75 * value) for name, value in plan.items()}
+    return {**plan, "hit": False}
+
+
 def measured(job: Job, folder: Path, expected: dict[str, str]) -> tuple[list[str], float, int]:
-    """Run a job from nothing; return what it makes, how long it takes, and how many changes it makes on disk."""
-    remove(folder, [name for name in expected if made_by(job, name)])
+    """Run a job from nothing, and again; return its products, and the seconds and changes on disk of the second run."""
+    remove(folder, [name for name in expected if is_of(job, name)])
     before = contents(folder)
-    counter = folder.with_name("changes")
-    counter.write_bytes(b"")
-    first = ended(job.command, folder, **hooked(folder, HOSTILE_COUNT=str(counter)))
+    first = ended(job.command, folder)
     if first.status:
-        raise RuntimeError(f"{job.rule}: {first.printed} {told(job, folder)}")
-    second_time = time.monotonic()
+        raise RuntimeError(f"{job.rule}: {first.printed} {last_lines(job, folder)}")
     after = contents(folder)
     products = [name for name in after if before.get(name) != after[name]]
+    if not products:
+        raise RuntimeError(f"{job.rule}: no product to be torn")
     remove(folder, products)
-    second_time = time.monotonic()
-    ended(job.command, folder)
-    return products, time.monotonic() - second_time, len(counter.read_bytes())
+    counter = folder.with_name("changes")
+    counter.write_bytes(b"")
+    second = ended(job.command, folder, **hooked(folder, HOSTILE_COUNT=str(counter)))
+    return products, second.seconds, len(counter.read_bytes())
 
 
-def made_by(job: Job, name: str) -> bool:
+def is_of(job: Job, name: str) -> bool:
     """Whether a file is one of a job's outputs, lies below one, or is the record of one."""
     return any(name == output or name.startswith((f"{output}/", f"{output}.")) for output in job.outputs)
 
@@ -117,11 +131,11 @@ def remove(folder: Path, names: list[str]) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def difference(found: dict[str, str], expected: dict[str, str]) -> list[str]:
-    return sorted(name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name))
+def difference(actual: dict[str, str], expected: dict[str, str]) -> list[str]:
+    return sorted(name for name in actual.keys() | expected.keys() if actual.get(name) != expected.get(name))
 
 
-def told(job: Job, folder: Path) -> str:
+def last_lines(job: Job, folder: Path) -> str:
     """The last lines of a job's log."""
     log = folder / job.log
     return " / ".join(log.read_text(errors="replace").splitlines()[-3:])[-400:] if log.is_file() else "no log"

@@ -11,12 +11,12 @@ import resource
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import cache, partial
 from pathlib import Path
 
 from tests.hostile.journal import Journal, Record
-from tests.hostile.kills import copied, difference, made_by, remove, told
+from tests.hostile.kills import copied, difference, is_of, last_lines, remove
 from tests.hostile.project import Ended, Job, contents, ended, one_per_rule
 
 HUNGRY = ("embed_message", "measure_contributions")
@@ -29,10 +29,10 @@ SHARES = (0.3, 0.5, 0.7, 0.8, 0.9, 0.97)
 """Of the address space that a job takes when there is enough."""
 
 
-def run(journal: Journal, reference: Path, scratch: Path) -> Iterator[Record]:
+def run(journal: Journal, reference: Path, scratch: Path, rules: Collection[str]) -> Iterator[Record]:
     """Run a job of every rule without room on disk, and some without memory; one record for each case."""
     cases: list[tuple[str, Job, Callable[[str, Job, Path, Path], Record]]] = []
-    for job in one_per_rule(reference):
+    for job in one_per_rule(reference, rules):
         cases += [("file size", job, too_large), *([("full disk", job, too_full)] if os.geteuid() == 0 else [])]
         if job.rule in HUNGRY:
             cases += [(f"memory {share}", job, too_little) for share in SHARES]
@@ -86,20 +86,20 @@ def address_space(job: Job, reference: Path, scratch: Path) -> int:
         middle = (low + high) // 2
         limits = partial(resource.setrlimit, resource.RLIMIT_AS, (middle, middle))
         done = ended(job.command, folder, limits, PATIENCE)
-        low, high = (low, middle) if _made(job, folder) and not done.status else (middle, high)
+        low, high = (low, middle) if _complete(job, folder) and not done.status else (middle, high)
     return high
 
 
-def _made(job: Job, folder: Path) -> bool:
-    made = all((folder / output).exists() for output in job.outputs)
-    remove(folder, [name for name in contents(folder) if made_by(job, name)])
-    return made
+def _complete(job: Job, folder: Path) -> bool:
+    complete = all((folder / output).exists() for output in job.outputs)
+    remove(folder, [name for name in contents(folder) if is_of(job, name)])
+    return complete
 
 
 def prepared(job: Job, reference: Path, scratch: Path) -> tuple[Path, list[int]]:
     """Return a copy of the project without what the job makes, and the sizes of what it makes."""
     folder = copied(reference, scratch)
-    products = [name for name in contents(folder) if made_by(job, name)]
+    products = [name for name in contents(folder) if is_of(job, name)]
     sizes = [(folder / name).stat().st_size for name in products]
     remove(folder, products)
     return folder, sizes
@@ -118,32 +118,32 @@ def judged(
     (folder / job.log).unlink(missing_ok=True)
     done = ended(job.command, folder, limits, PATIENCE)
     faults = [f"half-written: {name}" for name, digest in contents(folder).items() if expected.get(name) != digest]
-    said = done.printed + ((folder / job.log).read_text(errors="replace") if (folder / job.log).is_file() else "")
-    outcome = ending(done, said, whole=not difference(contents(folder), expected))
-    if not kind.startswith("memory") and outcome not in {"done", "refused"}:
-        faults.append(f"{outcome}: {said[-300:]!r}")
+    printed = done.printed + ((folder / job.log).read_text(errors="replace") if (folder / job.log).is_file() else "")
+    outcome = ending(done, printed, whole=not difference(contents(folder), expected))
+    if not kind.startswith("memory") and outcome != "refused":  # a limit under which the job is done is none
+        faults.append(f"{outcome}: {printed[-300:]!r}")
     if outcome != "done" and not done.status:
         faults.append("ends with status 0")
     if then:
         then()
     again = ended(job.command, folder)
     if again.status:
-        faults.append(f"second run ends with status {again.status}: {told(job, folder)}")
+        faults.append(f"second run ends with status {again.status}: {last_lines(job, folder)}")
     faults += [f"differs: {name}" for name in difference(contents(folder), expected)]
     return {
         "rule": job.rule,
         "kind": kind,
         "outcome": outcome,
         "status": done.status,
-        "said": said[-300:],
+        "printed": printed[-300:],
         "faults": faults,
     }
 
 
-def ending(done: Ended, said: str, *, whole: bool) -> str:
-    """Name the way in which a job ended; what it said may be lost for want of room."""
+def ending(done: Ended, printed: str, *, whole: bool) -> str:
+    """Name the way in which a job ended; what it printed may be lost for want of room."""
     if whole:
         return "done"
     if done.hangs:
         return "hangs"
-    return "crashed" if "Traceback" in said or done.status not in {1, 2, -signal.SIGXFSZ} else "refused"
+    return "crashed" if "Traceback" in printed or done.status not in {1, 2, -signal.SIGXFSZ} else "refused"

@@ -6,6 +6,7 @@ import ast
 import gzip
 import io
 import json
+import os
 import re
 import struct
 import warnings
@@ -13,6 +14,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -195,10 +197,10 @@ _GAPS = (
 
 
 def _replaced(content: bytes, pattern: re.Pattern[bytes], replacement: str, rng: Rng) -> bytes:
-    found = list(pattern.finditer(content))
-    if not found:
+    matches = list(pattern.finditer(content))
+    if not matches:
         return content
-    match = choose(rng, found)
+    match = choose(rng, matches)
     return content[: match.start()] + encoded(replacement) + content[match.end() :]
 
 
@@ -437,33 +439,33 @@ def zip_member(inner: Mutator) -> Mutator:
     """Corrupt one member, with the right checksum."""
 
     def mutate(content: bytes, rng: Rng) -> bytes:
-        found = members(content)
-        if not found:
+        files = members(content)
+        if not files:
             return flip(content, rng)
-        victim = choose(rng, list(found))
-        found[victim] = inner(found[victim], rng)
-        return zipped(list(found.items()))
+        victim = choose(rng, list(files))
+        files[victim] = inner(files[victim], rng)
+        return zipped(list(files.items()))
 
     return mutate
 
 
 def zip_names(content: bytes, rng: Rng) -> bytes:
     """Members are renamed, dropped, doubled, compressed, or become links."""
-    found = list((members(content) or {"x": b"x"}).items())
-    at = int(rng.integers(len(found)))
-    name, data = found[at]
+    entries = list((members(content) or {"x": b"x"}).items())
+    at = int(rng.integers(len(entries)))
+    name, data = entries[at]
     folder = name.rpartition("/")[0]
     match int(rng.integers(5)):
         case 0:
-            found[at] = choose(rng, NAMES), data
+            entries[at] = choose(rng, NAMES), data
         case 1:
-            found[at] = f"{folder}/{choose(rng, NAMES)}", data
+            entries[at] = f"{folder}/{choose(rng, NAMES)}", data
         case 2:
-            del found[at]
+            del entries[at]
         case 3:
-            found.append((choose(rng, (name, f"{name}/x", folder or "y", f"{folder}/../x")), data))
+            entries.append((choose(rng, (name, f"{name}/x", folder or "y", f"{folder}/../x")), data))
     method = choose(rng, (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA))
-    return zipped(found, rng, method)
+    return zipped(entries, rng, method)
 
 
 def zip_directory(content: bytes, rng: Rng) -> bytes:
@@ -477,13 +479,13 @@ def zip_directory(content: bytes, rng: Rng) -> bytes:
 
 def zip_bomb(content: bytes, rng: Rng) -> bytes:
     """One member unpacks to half a gigabyte, whatever the directory says of its size."""
-    found = list(members(content) or {"x": b"x"})
-    victim = choose(rng, found)
+    names = list(members(content) or {"x": b"x"})
+    victim = choose(rng, names)
     data, crc, size = bomb()
-    told = choose(rng, (size, 100))
+    stated = choose(rng, (size, 100))
     name = victim.encode()
-    common = struct.pack("<HHHHHIIIHH", 20, 0, zipfile.ZIP_DEFLATED, 0, 33, crc, len(data), told, len(name), 0)
-    rest = zipped([(other, (members(content) or {}).get(other, b"")) for other in found if other != victim])
+    common = struct.pack("<HHHHHIIIHH", 20, 0, zipfile.ZIP_DEFLATED, 0, 33, crc, len(data), stated, len(name), 0)
+    rest = zipped([(other, (members(content) or {}).get(other, b"")) for other in names if other != victim])
     stream = io.BytesIO(rest)
     with zipfile.ZipFile(stream, "a") as archive:
         offset = archive.start_dir
@@ -491,7 +493,7 @@ def zip_bomb(content: bytes, rng: Rng) -> bytes:
         archive.fp.write(b"PK\x03\x04" + common + name + data)
         archive.start_dir = archive.fp.tell()
         info = zipfile.ZipInfo(victim)
-        info.compress_type, info.CRC, info.compress_size, info.file_size = zipfile.ZIP_DEFLATED, crc, len(data), told
+        info.compress_type, info.CRC, info.compress_size, info.file_size = zipfile.ZIP_DEFLATED, crc, len(data), stated
         info.header_offset = offset
         archive.filelist.append(info)
         archive._didModify = True
@@ -543,8 +545,43 @@ def gzip_content(content: bytes, rng: Rng) -> bytes:
         return flip(content, rng)
 
 
+# Images
+
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+
+def png_chunk(content: bytes, rng: Rng) -> bytes:
+    """Corrupt one chunk, or the pixels that are compressed in it, with the right checksums."""
+    chunks, place = [], len(_PNG_SIGNATURE)
+    while place + 12 <= len(content):
+        size = int.from_bytes(content[place : place + 4], "big")
+        chunks.append((content[place + 4 : place + 8], content[place + 8 : place + 8 + size]))
+        place += 12 + size
+    if not chunks:
+        return flip(content, rng)
+    at = int(rng.integers(len(chunks)))
+    kind, data = chunks[at]
+    if kind == b"IDAT" and rng.random() < 0.5:
+        try:
+            data = zlib.compress(choose(rng, BYTES)(zlib.decompress(data), rng))
+        except zlib.error:
+            data = flip(data, rng)
+    else:
+        data = choose(rng, BYTES)(data, rng)
+    chunks[at] = kind, data
+    if rng.random() < 0.1:
+        chunks.insert(int(rng.integers(len(chunks) + 1)), chunks.pop(at))
+    return _PNG_SIGNATURE + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
+
+
 def npy_any(content: bytes, rng: Rng) -> bytes:
     return choose(rng, (npy_header, npy_body, *BYTES))(content, rng)
+
+
+def bytes_any(content: bytes, rng: Rng) -> bytes:
+    return choose(rng, BYTES)(content, rng)
 
 
 FORMS: dict[str, tuple[Mutator, ...]] = {
@@ -556,7 +593,8 @@ FORMS: dict[str, tuple[Mutator, ...]] = {
     "npz": (*[zip_member(npy_any)] * 6, *[zip_names] * 2, *[zip_directory] * 2, *BYTES),
     "pth": (*[zip_member(pickled)] * 6, *[zip_names] * 2, *[zip_directory] * 2, *BYTES),
     "gzip": (*[gzip_content] * 6, *BYTES),
-    "zip": (*[zip_names] * 6, *[zip_directory] * 3, *BYTES),
+    "zip": (*[zip_names] * 6, *[zip_member(bytes_any)] * 6, *[zip_directory] * 3, *BYTES),
+    "png": (*[png_chunk] * 9, *BYTES),
 }
 """By format, what may happen to a file of it; what stands twice happens twice as often."""
 
@@ -564,8 +602,37 @@ BOMBED = frozenset({"npz", "pth", "zip"})
 BOMB_SHARE = 0.002
 
 
+SPECIAL: dict[str, Callable[[Path], None]] = {
+    "missing": lambda path: None,
+    "folder": lambda path: path.mkdir(),
+    "link to itself": lambda path: path.symlink_to(path.name),
+    "link to nothing": lambda path: path.symlink_to("nothing"),
+    "endless device": lambda path: path.symlink_to("/dev/zero"),
+    "pipe": os.mkfifo,
+}
+"""What a file may be instead of a regular one."""
+
+SPECIAL_SHARE = 0.01
+
+
+def place(path: Path, mutation: str, content: bytes) -> None:
+    """Replace a file by its mutation, or by something special."""
+    remove(path)
+    SPECIAL.get(mutation, lambda path: path.write_bytes(content))(path)
+
+
+def remove(path: Path) -> None:
+    """Remove a file, whatever it is; a model that was read before may still be mapped."""
+    if path.is_dir() and not path.is_symlink():
+        path.rmdir()
+    else:
+        path.unlink(missing_ok=True)
+
+
 def mutate(form: str, content: bytes, rng: Rng) -> tuple[str, bytes]:
-    """Return the names of the mutators that were applied, and what they made of the content."""
+    """Return the names of the mutators that were applied, or of `SPECIAL`, and the content that they return."""
+    if rng.random() < SPECIAL_SHARE:
+        return choose(rng, list(SPECIAL)), content
     if form in BOMBED and rng.random() < BOMB_SHARE:
         return "zip_bomb", zip_bomb(content, rng)
     applied = []

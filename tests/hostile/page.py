@@ -7,13 +7,18 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from gspure.artifacts import write_text
+from tests.hostile.contract import CHECKSUM, READ, REFUSED
 from tests.hostile.journal import Record, kept
 
 PAGE = Path(__file__).parents[2] / "benchmarks" / "torture.md"
+LARGEST_ERROR = 1e-4
+"""Of a driver, against the float64 reference."""
+
 GOAL = 0.85
 """Share of the mutants that tests must notice."""
 
 ENDINGS = ("done", "refused", "crashed", "hangs")
+ENDINGS_OF_FILES = (READ, REFUSED, CHECKSUM)
 
 INTRODUCTION = """\
 # Torture
@@ -25,14 +30,18 @@ page` writes this page from them. What is expected:
 
 - **Files.** Every reader gives a valid result or one printable line, whatever a file holds: no other exception, no
   crash, no warning, nothing written outside its folder, no program started, no pickle, at most 2 s of processor time
-  and 192 MiB of memory. `python -m tests.hostile replay READER CASE` runs a case again.
+  and 192 MiB of memory. A file counts as refused by checksum if it did not reach its parser. `python -m tests.hostile
+  replay READER CASE` runs a case again.
 - **Kills.** A job of every rule is killed with SIGKILL at random times while it works, and before random changes on
-  disk. Its outputs are whole or absent, and a second run gives the bytes of an undisturbed one.
+  disk; a kill that comes after its end is tried again, earlier. Its outputs are whole or absent, and a second run gives
+  the bytes of an undisturbed one.
 - **Want.** On a full disk, and under limits of file sizes and of memory, jobs leave nothing half-written, and give the
   same bytes afterwards. Without room on disk, they are refused in one line. Without address space, libraries may crash
   or hang, PoCL and OpenBLAS among them.
-- **Corruption.** Whatever reads a corrupt artifact names it, and the next runs of the workflow repair it to the same
-  bytes.
+- **Corruption.** Every rule runs on every kind of artifact that it reads, corrupted: if it opens the file, it names it,
+  and changes nothing. The next runs of the workflow repair the file to the same bytes. Then the artifact is forged,
+  mutated with a checksum that fits: the rule makes a result or refuses in one line.
+- **Drivers.** Errors against the float64 reference are at most 1e-4.
 - **Mutants.** Tests notice small changes to the numerical core. `--sample` tries some of a module, drawn at random.
 """
 
@@ -45,11 +54,12 @@ def write() -> bool:
     readers, kills, limits, corruption, together, mutants, drivers = map(kept, PARTS)
     faults = [
         f"{part}: {r.get('rule') or r['case']}: {f}"
-        for part, found in {"kills": kills, "want": limits, "corruption": corruption, "together": together}.items()
-        for r in found
+        for part, records in {"kills": kills, "want": limits, "corruption": corruption, "together": together}.items()
+        for r in records
         for f in r["faults"]
     ]
     faults += [f"files: {v['reader']}, case {v['case']}: {v['kind']}" for r in readers for v in r["violations"]]
+    faults += [f"driver {d['driver']}, {d['style']}: {name} {d[name]}" for d in drivers for name in off(d)]
     noticed, changed = sum(score(m)[0] for m in mutants), sum(score(m)[1] for m in mutants)
     if changed and noticed < GOAL * changed:
         faults.append(f"mutants: {noticed / changed:.0%} are noticed, fewer than {GOAL:.0%}")
@@ -65,6 +75,7 @@ def write() -> bool:
                 ("rules killed", len(kills)),
                 ("jobs in want of disk or memory", len(limits)),
                 ("corrupt artifacts", sum(r.get("corrupted", 1) for r in corruption)),
+                ("forged artifacts", sum(sum(r["forged"].values()) for r in corruption if "forged" in r)),
                 ("mutants noticed", f"{noticed} of {changed} ({noticed / changed:.1%})" if changed else "none tried"),
                 ("open defects", len(faults)),
             ],
@@ -75,14 +86,14 @@ def write() -> bool:
         "## Open defects\n",
         *([f"- {fault[:300]}" for fault in faults] or ["None."]),
         "\n## Files\n",
-        *table(("reader", "mutated files", "broke the contract"), files(readers)),
+        *table(("reader", "mutated files", *ENDINGS_OF_FILES, "broke the contract"), files(readers)),
         "\n## Kills\n",
         *table(("rule", "s", "changes on disk", "kills", "commit"), killed(kills)),
         "\n## Want\n",
         *table(("limit", "jobs", *ENDINGS), wanting(limits)),
         "\n## Corruption\n",
-        f"Drawn at random from {sum(r.get('of', 0) for r in corruption)} pairs of a rule and a kind of artifact:\n",
-        *table(("artifact", "corruptions", "named by the next reader", "not read by it"), corrupted(corruption)),
+        "Every pair of a rule and a kind of artifact that it may read:\n",
+        *table(("artifact", "corrupted", "named", "not opened", "forged", "read", "refused"), corrupted(corruption)),
         "\nOne artifact of every kind at once:\n",
         *table(
             ("artifacts", "listed by `gspure stages --verify`", "runs until all are repaired"),
@@ -92,8 +103,8 @@ def write() -> bool:
         *(f"- {r['case']}: {'; '.join(r['faults']) or 'as it should'}" for r in together),
         "\n## Mutants\n",
         *table(
-            ("module", "mutants", "tried", "noticed"),
-            [(m["module"], m["of"], m["mutants"], f"{score(m)[0] / m['mutants']:.0%}") for m in mutants],
+            ("module", "mutants", "tried", "noticed", "commit"),
+            [(m["module"], m["of"], m["mutants"], f"{score(m)[0] / m['mutants']:.0%}", m["commit"]) for m in mutants],
         ),
         "\nSurvivors:\n",
         *(
@@ -130,30 +141,42 @@ def commits(part: str) -> str:
     return ", ".join(f"{count} at {commit}" for commit, count in Counter(r["commit"] for r in kept(part)).most_common())
 
 
+def off(driver: Record) -> list[str]:
+    """Return the products in which a driver is wrong."""
+    return [name for name in ("image", "contributions", "gradients") if not float(driver[name]) <= LARGEST_ERROR]
+
+
 def score(record: Record) -> tuple[int, int]:
     return record["mutants"] - len(record["survivors"]), record["mutants"]
 
 
-def files(found: list[Record]) -> Iterator[tuple[object, ...]]:
-    cases, broken = Counter(), Counter()
-    for record in found:
-        cases[record["reader"]] += record["cases"]
-        broken[record["reader"]] += len(record["violations"])
-    yield from ((reader, f"{cases[reader]:,}", broken[reader]) for reader in cases)
+def files(records: list[Record]) -> Iterator[tuple[object, ...]]:
+    for r in sorted(records, key=lambda r: r["reader"]):
+        endings = sum(map(Counter, r.get("endings", {}).values()), Counter())
+        counts = (f"{endings[ending]:,}" for ending in ENDINGS_OF_FILES)
+        yield r["reader"], f"{r['cases']:,}", *counts, len(r["violations"])
 
 
-def killed(found: list[Record]) -> Iterator[tuple[object, ...]]:
-    for r in found:
+def killed(records: list[Record]) -> Iterator[tuple[object, ...]]:
+    for r in records:
         yield r["rule"], f"{r['seconds']:.1f}", r["changes"], sum(kill["hit"] for kill in r["kills"]), r["commit"]
 
 
-def wanting(found: list[Record]) -> Iterator[tuple[object, ...]]:
-    for kind in sorted({r["kind"] for r in found}):
-        outcomes = Counter(r["outcome"] for r in found if r["kind"] == kind)
+def wanting(records: list[Record]) -> Iterator[tuple[object, ...]]:
+    for kind in sorted({r["kind"] for r in records}):
+        outcomes = Counter(r["outcome"] for r in records if r["kind"] == kind)
         yield kind, outcomes.total(), *(outcomes[ending] for ending in ENDINGS)
 
 
-def corrupted(found: list[Record]) -> Iterator[tuple[object, ...]]:
-    for kind in sorted({r["file"] for r in found if "file" in r}):
-        outcomes = Counter(r["outcome"] for r in found if r.get("file") == kind)
-        yield kind, outcomes.total(), outcomes["named"], outcomes["not read"]
+def corrupted(records: list[Record]) -> Iterator[tuple[object, ...]]:
+    for kind in sorted({r["file"] for r in records if "file" in r}):
+        alike = [r for r in records if r.get("file") == kind]
+        outcomes = Counter(r["outcome"] for r in alike)
+        forged = sum((Counter(r.get("forged", {})) for r in alike), Counter())
+        yield (
+            kind,
+            len(alike),
+            outcomes["named"],
+            outcomes["not opened"],
+            *(forged.total(), forged["read"], forged["refused"]),
+        )

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -163,7 +163,7 @@ def snakemake(folder: Path, *arguments: str) -> Ended:
 
 
 def finished(folder: Path) -> Path:
-    """Return the folder of one of `PROJECTS`, in which its workflow has run; it is made once."""
+    """Return the folder of one of `PROJECTS`, in which its workflow has run, once."""
     if not (folder / PROJECTS[folder.name][1]).is_file():
         shutil.rmtree(folder, ignore_errors=True)
         build(folder)
@@ -204,13 +204,14 @@ def _stages(outputs: list[str], folder: Path) -> list[str]:
     return [_relative(str(stage.path), folder) for index in indices for stage in read_index(index)]
 
 
-def one_per_rule(folder: Path) -> list[Job]:
-    """Return the longest command of every rule."""
-    return list({job.rule: job for job in sorted(jobs(folder), key=lambda job: len(job.command))}.values())
+def one_per_rule(folder: Path, rules: Collection[str]) -> list[Job]:
+    """Return the longest command of each of some rules."""
+    longest = {job.rule: job for job in sorted(jobs(folder), key=lambda job: len(job.command))}
+    return [job for rule, job in longest.items() if rule in rules]
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Digests of all that a project has made; temporary files, which killed jobs leave, are hidden and left out."""
+    """Digests of all products of a project; temporary files, which killed jobs leave, are hidden and left out."""
     files = (path for name in KEPT for path in sorted((folder / name).rglob("*")) if path.is_file())
     relative = {path: path.relative_to(folder) for path in files}
     return {

@@ -32,11 +32,14 @@ from gspure.artifacts import (
 from gspure.artifacts.checksums import record_file, with_checksum
 from gspure.cameras.reading import read_transform
 from gspure.cost import Cost, read_cost
+from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics, write_metrics
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import Reading, read_detections
+from gspure.evaluation.outcomes import collect
 from gspure.evaluation.results import read_results, write_results
-from gspure.failures import Failure, read_failure
+from gspure.evaluation.retrieval import Retrieval, Retrieved
+from gspure.failures import Failure, is_interrupted, read_failure, reason_in
 from gspure.images import (
     RENDERED,
     background_of,
@@ -140,10 +143,48 @@ def _read_table(folder: Path) -> None:
         read_json(folder / name)
 
 
+def _log(folder: Path) -> None:
+    lines = ("device cpu", "gspure attack: model.ply: file: expected a .ply, found nothing", "exit status 2")
+    (folder / "attack.log").write_text("\n".join(lines))
+
+
+def _read_log(folder: Path) -> None:
+    assert isinstance(is_interrupted(folder / "attack.log"), bool)
+    assert len(reason_in(folder / "attack.log", "attack_model").splitlines()) == 1
+
+
+VARIANTS = {"unattacked": 0.0, "gspure": 5.0}
+
+
+def _run(folder: Path) -> None:
+    model = folder / "planted" / "room"
+    for variant, drop in VARIANTS.items():
+        rows = [measured(target, 20.0 + i - drop, view=f"v{i}") for target in ("scene", "message") for i in range(2)]
+        write_metrics(model / variant / "metrics.csv", rows)
+        save_array(model / variant / "public" / "prune_mask.npy", np.arange(ROWS) < drop)
+        write_json(model / variant / "verdict.json", {"reached": {"message": True}, "strength": "tau=4"})
+    save_array(model / "key" / "message_rows.npy", np.arange(ROWS) < 3)
+    rows = [Retrieved(variant, "message", Retrieval(0.5, 0.75, 0.5, 2, 4)) for variant in VARIANTS]
+    write_table(model / "retrieval.csv", Retrieved, rows)
+
+
+def _read_run(folder: Path) -> None:
+    model = folder / "planted" / "room"
+    files = ("metrics.csv", "public/prune_mask.npy", "verdict.json")
+    metrics, masks, verdicts = ([model / variant / file for variant in VARIANTS] for file in files)
+    retrievals = [model / "retrieval.csv"]
+    if links := [path for path in (*metrics, *masks, *verdicts, *retrievals) if path.is_symlink()]:
+        raise InputError(links[0], "path", expected="a file", found="a link")  # as the command line refuses loops
+    for outcome in collect(metrics, masks, [model / "key" / "message_rows.npy"], verdicts, retrievals=retrievals):
+        assert outcome.variant in VARIANTS
+        assert not outcome.pruned_share < 0
+        assert not outcome.pruned_share > 1
+
+
 def _signed(file: Path) -> None:
     """Renew the checksum of a record, as its author can."""
-    with suppress(ValueError, RecursionError):
-        record = json.loads(file.read_text())
+    with suppress(OSError, ValueError, RecursionError):
+        record = json.loads(file.read_text() if file.is_file() and not file.is_symlink() else "")
         if isinstance(record, dict):
             file.write_text(json.dumps(with_checksum(record)))
 
@@ -278,6 +319,19 @@ READERS = (
         _readings,
         _read_readings,
         {f"scheme/scene/{name}/detections/mark.csv": "text" for name in ("marked", "clean")},
+    ),
+    Reader("log of a job", _log, _read_log, {"attack.log": "text"}),
+    Reader(
+        "outcomes of a run",
+        _run,
+        _read_run,
+        {
+            "planted/room/gspure/metrics.csv": "text",
+            "planted/room/gspure/verdict.json": "json",
+            "planted/room/gspure/public/prune_mask.npy": "npy",
+            "planted/room/key/message_rows.npy": "npy",
+            "planted/room/retrieval.csv": "text",
+        },
     ),
     Reader("metrics.csv", _metrics, _read_metrics, {"metrics.csv": "text"}),
     Reader("results.csv", _table, lambda f: read_results(f / "results.csv"), {"results.csv": "text"}),

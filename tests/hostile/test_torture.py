@@ -8,18 +8,23 @@ import sys
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from benchmarks import drivers
-from gspure.artifacts import save_array
+from gspure.artifacts import load_array, read_json, save_array
+from gspure.artifacts.checksums import file_checksum
+from gspure.errors import InputError
+from gspure.images import RENDERED, record_views, require_all_images
+from gspure.model import write_model
 from gspure.opencl.device import choose_device
 from gspure.schemes.registry import BUILT_IN, find_scheme
-from tests.hostile import corruption, journal, page, project
+from tests.hostile import commands, corruption, journal, kills, page, project
 from tests.hostile.corruption import CORRUPTIONS
 from tests.hostile.journal import Journal
 from tests.hostile.kills import hooked
 from tests.hostile.mutants import CORE, ROOT, mutants
 from tests.hostile.project import Job
-from tests.models import AWKWARD
+from tests.models import AWKWARD, blobs
 
 WRITER = "from pathlib import Path\nfor i in range(5):\n    Path(f'{i}.txt').write_text('x')\n"
 
@@ -38,6 +43,64 @@ def test_a_job_is_killed_before_the_change_on_disk_that_was_chosen(tmp_path):
     assert written(tmp_path / "whole", HOSTILE_COUNT=str(counter)) == (0, [f"{i}.txt" for i in range(5)])
     assert len(counter.read_bytes()) == 5
     assert written(tmp_path / "killed", HOSTILE_KILL="3") == (-9, ["0.txt", "1.txt"])
+
+
+@pytest.mark.parametrize(("change", "hit"), [(7, {"change": 5, "hit": True}), (90, {"change": 27, "hit": False})])
+def test_a_kill_after_the_end_of_a_job_is_tried_again_earlier(tmp_path, change, hit):
+    (tmp_path / "write.py").write_text(WRITER)
+    job = Job("write", f"{sys.executable} write.py", (), (), "log")
+    assert kills.hit(job, tmp_path, [f"{i}.txt" for i in range(5)], {"change": change}) == hit
+
+
+def breaches_of(command, folder):
+    """How a command breaches the contract of jobs, its status, and whether it opened the model."""
+    ended = commands.run(Job("rule", f"python -m gspure {command} > log 2>&1", (), (), "log"), folder)
+    return [*commands.breaches(ended, folder)], ended.status, str(folder / "model.ply") in ended.opened
+
+
+def test_commands_end_with_a_result_or_a_refusal(tmp_path):
+    write_model(tmp_path / "model.ply", blobs(4))
+    assert breaches_of("info model.ply", tmp_path) == ([], 0, True)
+    assert breaches_of("info absent.ply", tmp_path) == ([], 2, False)
+
+
+def test_errors_and_warnings_of_commands_are_breaches(tmp_path, monkeypatch):
+    def fail(_):
+        raise KeyError("x")
+
+    monkeypatch.setattr("gspure.cli.info.run", fail)
+    (error,), status, _ = breaches_of("info model.ply", tmp_path)
+    assert (status, "KeyError" in error) == (1, True)
+    (warning,) = commands.breaches(
+        commands.Run(0, "a.py:3: RuntimeWarning: overflow\n  x = y\n", frozenset()), tmp_path
+    )
+    assert "RuntimeWarning" in warning
+
+
+@pytest.mark.parametrize("name", ["weights.npy", "weights.npy.json"])
+def test_forged_artifacts_get_past_their_checksums(tmp_path, name):
+    texts = set()
+    for seed in range(30):
+        save_array(tmp_path / "weights.npy", np.ones(3, np.float32), checksum=True)
+        corruption.forge(tmp_path / name, np.random.default_rng(seed))
+        try:
+            load_array(tmp_path / "weights.npy", dtype=np.float32, shape=(3,))
+        except InputError as error:
+            texts.add(error.expected)
+    assert len(texts) > 2
+    assert not any(text.startswith("CRC-32") for text in texts) or name.endswith(".json")
+
+
+def test_forged_images_fit_the_record_of_their_folder(tmp_path):
+    checksums = set()
+    for seed in range(10):
+        Image.new("RGB", (4, 3)).save(tmp_path / "view.png")
+        record_views(tmp_path, {"view": []})
+        corruption.forge(tmp_path / "view.png", np.random.default_rng(seed))
+        checksums.add(file_checksum(tmp_path / "view.png"))
+        assert read_json(tmp_path / RENDERED)["crc32"]["view"] == file_checksum(tmp_path / "view.png")
+        require_all_images(tmp_path)
+    assert len(checksums) > 5
 
 
 @pytest.mark.parametrize("how", CORRUPTIONS)
@@ -84,14 +147,14 @@ def test_artifacts_of_every_scheme_and_their_records_are_corrupted(tmp_path):
     ]
     for name in public:
         save_array(tmp_path / name, np.ones(3), checksum=True)
-    made = [Job(rule, "", (name,), (), "") for rule in ("attack_model", "render_scene") for name in public]
-    cases = [(job.rule, corruption.kind(name)) for job, name in corruption.readings(made, tmp_path)]
+    jobs = [Job(rule, "", (name,), (), "") for rule in ("attack_model", "render_scene") for name in public]
+    cases = [(job.rule, corruption.kind(name)) for job, name in corruption.readings(jobs, tmp_path)]
     assert sorted(kind for _, kind in cases if kind.endswith(".json")) == [f"{kind}.json" for kind in kinds]
     assert {(rule, kind) for rule in ("attack_model", "render_scene") for kind in kinds} < {*cases}
     assert len(cases) == 6
 
 
-def test_a_record_is_made_once(tmp_path):
+def test_a_case_runs_once(tmp_path):
     journal = Journal(tmp_path)
     assert [journal.record("a case", lambda n: {"n": n}, n)["n"] for n in (1, 2)] == [1, 1]
 
@@ -113,8 +176,8 @@ def test_the_page_counts_and_lists_open_defects(tmp_path, monkeypatch, fault):
 
 def test_cases_that_did_not_run_again_keep_their_records(tmp_path, monkeypatch):
     monkeypatch.setattr(journal, "KEPT", tmp_path)
-    journal.keep("readers", [{"reader": name, "commit": "old"} for name in "ab"], "reader")
-    journal.keep("readers", [{"reader": "b", "commit": "new", "said": "much"}], "reader")
+    journal.keep("readers", [{"reader": name, "commit": "old"} for name in "ab"])
+    journal.keep("readers", [{"reader": "b", "commit": "new", "printed": "much"}], partial=True)
     assert journal.kept("readers") == [{"reader": "a", "commit": "old"}, {"reader": "b", "commit": "new"}]
     assert journal.kept("kills") == []
 

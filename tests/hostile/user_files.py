@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import warnings
+from argparse import Namespace
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -19,7 +20,9 @@ from gspure.artifacts import (
 from gspure.artifacts.checksums import forget
 from gspure.cameras import read_cameras, read_points, write_cameras
 from gspure.cameras.photographs import photograph_size
+from gspure.cli.audit import _configuration as configuration_of
 from gspure.datasets import Archive, extract
+from gspure.datasets.fetching import _recorded as recorded_digest
 from gspure.errors import InputError
 from gspure.images import (
     read_image,
@@ -30,7 +33,7 @@ from gspure.model.points import read_point_ply, write_point_ply
 from gspure.schemes import marked_clones
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import COLUMNS as FEATURE_COLUMNS
-from gspure.schemes.gs_hider.layout import read_rows
+from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import fresh
 from gspure.schemes.keyss.network import random_key as random_vector
@@ -41,6 +44,7 @@ from gspure.schemes.secure_gs.public_model import AnchorModel
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
+from gspure.training.dataset import read_dataset, read_photographs
 from gspure.workflow.configuration import resolved, validated
 from tests.anchor_cases import random_key, random_public
 from tests.compressed_cases import files, model, sog_of_version_1, unpacked_sog
@@ -48,7 +52,7 @@ from tests.hostile.contract import Reader
 from tests.hostile.mutations import zipped
 from tests.models import blobs, camera
 from tests.test_cameras_colmap import binary, text
-from tests.training_cases import state
+from tests.training_cases import colmap_project, ring, state
 
 ROWS = 12
 SCHEMA = Path(__file__).parents[2] / "schemas" / "config.schema.yaml"
@@ -285,6 +289,20 @@ def _read_dataset(folder: Path) -> None:
     assert {path.relative_to(folder / "out").parts[0] for path in unpacked} == {"images", "sparse", "origin.json"}
 
 
+def _capture(folder: Path) -> None:
+    views = ring(3, 8, 6)
+    colmap_project(folder, views, np.random.default_rng(0).uniform(-0.5, 0.5, (40, 3)))
+
+
+def _read_capture(folder: Path) -> None:
+    dataset = read_dataset(folder, "native")
+    assert dataset.train
+    assert np.isfinite(dataset.xyz).all()
+    for view, image in zip(dataset.train, read_photographs(dataset.train), strict=True):
+        assert image.shape == (view.height, view.width, 3)
+        assert ((image >= 0) & (image <= 1)).all()
+
+
 def _configuration(folder: Path) -> None:
     write_model(folder / "model.ply", blobs(4))
     config = {
@@ -301,12 +319,9 @@ def _configuration(folder: Path) -> None:
 
 
 def _read_configuration(folder: Path) -> None:
-    path = folder / "config.yaml"
-    try:
-        config = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # told by Snakemake
-        raise InputError(path, "file", expected="YAML", found=type(error).__name__) from None
-    if not isinstance(config, dict):
+    path = configuration_of(Namespace(source=folder / "config.yaml", cameras=None, up=None), folder / "audit.yaml")
+    config = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if not isinstance(config, dict):  # reported by Snakemake
         raise InputError(path, "file", expected="settings", found=type(config).__name__)
     settled = resolved(validated(config, SCHEMA, path), path)
     for name in (*settled["assets"], *settled["pairs"], *settled["variants"], *settled["decisions"]):
@@ -322,7 +337,10 @@ READERS = (
     ),
     Reader("model, ASCII", _ascii_model, lambda f: _read_model(f / "model.ply"), {"model.ply": "ply"}),
     Reader(
-        "model of GS-Hider", _feature_model, lambda f: _read_model(f / "model.ply", read_rows), {"model.ply": "ply"}
+        "model of GS-Hider",
+        _feature_model,
+        lambda f: _read_model(f / "model.ply", lambda path: FeatureModel.read(path).model),
+        {"model.ply": "ply"},
     ),
     Reader(
         "model of SecureGS, .pth",
@@ -384,7 +402,7 @@ READERS = (
         {"points3D.bin": "bytes"},
     ),
     Reader("points3D.ply", _point_ply, lambda f: _read_points(read_point_ply(f / "points.ply")), {"points.ply": "ply"}),
-    Reader("image", _images, _read_images, dict.fromkeys(IMAGES, "bytes")),
+    Reader("image", _images, _read_images, {name: "png" if name.endswith(".png") else "bytes" for name in IMAGES}),
     Reader(
         "key of Splats in Splats",
         _splats_key,
@@ -410,5 +428,22 @@ READERS = (
     ),
     Reader("checkpoint", _checkpoint, _read_checkpoint, {"checkpoint.npz": "npz"}),
     Reader("data set", _dataset, _read_dataset, {"scenes.zip": "zip"}),
+    Reader(
+        "digest of a download",
+        lambda f: (f / "scenes.zip.sha256").write_text(f"{'0a' * 32}  scenes.zip\n"),
+        lambda f: int(recorded_digest(f / "scenes.zip.sha256"), 16),
+        {"scenes.zip.sha256": "text"},
+    ),
+    Reader(
+        "capture",
+        _capture,
+        _read_capture,
+        {
+            "sparse/0/cameras.txt": "text",
+            "sparse/0/images.txt": "text",
+            "sparse/0/points3D.txt": "text",
+            "images/orbit_001.png": "png",
+        },
+    ),
     Reader("configuration", _configuration, _read_configuration, {"config.yaml": "text"}),
 )
