@@ -67,6 +67,14 @@ def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: P
     assert math.isnan(read_table(tmp_path / "r.csv", Sample)[0].number)
 
 
+@pytest.mark.parametrize("number", ["1e400", "-1e400"])
+def test_a_number_too_large_for_a_float_is_refused(tmp_path: Path, number: str) -> None:
+    write_table(tmp_path / "r.csv", Sample, [ONE._replace(number=12345.5)])
+    (tmp_path / "r.csv").write_text((tmp_path / "r.csv").read_text().replace("12345.5", number))
+    with pytest.raises(InputError, match=number):
+        read_table(tmp_path / "r.csv", Sample)
+
+
 def test_a_new_metric_is_a_column_of_every_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(METRICS, "mse", Metric(lambda _a, _b: 0.0, "MSE", 3))
     write_table(tmp_path / "r.csv", Sample, [ONE._replace(values={**dict.fromkeys(METRICS, 1.0), "mse": 3.0})])

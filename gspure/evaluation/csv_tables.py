@@ -121,12 +121,19 @@ def _metrics(columns: PerMetric) -> _Field:
 
     def read(cells: Cells) -> dict[str, float]:
         texts = {metric: next(cells) for metric in names}
-        values = {metric: float(text) for metric, text in texts.items() if text or columns.complete}
+        values = {metric: _number(text) for metric, text in texts.items() if text or columns.complete}
         if any(map(math.isnan, values.values())):
             raise ValueError("a metric is not a number")
         return values
 
     return _Field([*names.values()], write, read)
+
+
+def _number(text: str) -> float:
+    number = float(text)
+    if math.isinf(number) and "inf" not in text:
+        raise ValueError(f"{text} is too large")
+    return number
 
 
 def _one_of(text: str, choices: tuple[str, ...]) -> str:
@@ -147,6 +154,6 @@ _SCALARS: Final[Mapping[Any, Callable[[str], Any]]] = {
     str: str,
     int: int,
     int | None: lambda text: int(text) if text else None,
-    float: lambda text: float(text) if text else math.nan,
+    float: lambda text: _number(text) if text else math.nan,
     bool | None: lambda text: {"true": True, "false": False, "": None}[_one_of(text, ("true", "false", ""))],
 }
