@@ -219,6 +219,12 @@ def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):
     assert "| GSPure " in line
 
 
+def test_a_message_that_was_never_present_does_not_stand_beside_the_papers():
+    rows = survival(benchmark({s: {"gspure": (1.0, 3.0)} for s in "ab"}, scheme="gs_hider"))
+    assert {r.scenes for r in beside(CELLS, rows)} == {0, 2}
+    assert {r.scenes for r in beside(CELLS, [row._replace(present=0) for row in rows])} == {0}
+
+
 def test_the_command_prints_every_number_and_writes_a_row_for_each(tmp_path, capsys):
     assert main(["paper-check", "--out", str(tmp_path / "paper.csv")]) == 0
     printed = capsys.readouterr().out

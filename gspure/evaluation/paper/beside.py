@@ -55,8 +55,8 @@ def beside(cells: Sequence[Cell], survivals: Sequence[Survival] = ()) -> list[Be
 
 
 def _measured(printed: Beside, row: Survival | None) -> Beside:
-    """Return a row with our numbers."""
-    if row is None or row.scene_drop is None or row.message_drop is None:
+    """Return a row with our numbers, if the message was present in any scene."""
+    if row is None or not row.present or row.scene_drop is None or row.message_drop is None:
         return printed
     scene, message = row.scene_drop.mean, row.message_drop.mean
     ours = printed._replace(scenes=row.message_drop.scenes, scene_drop=scene, message_drop=message)
