@@ -284,6 +284,16 @@ def test_an_unknown_target_is_refused(tmp_path: Path) -> None:
         pair_images(a, b, {"scenes": "scene"})
 
 
+def test_targets_that_are_not_chosen_are_left_out(tmp_path: Path) -> None:
+    a, b = folders(tmp_path, "scene")
+    write_image(b / "message_oracle" / "000.png", np.zeros((4, 4, 3)))  # of an earlier configuration
+    with pytest.raises(InputError, match="message_oracle"):
+        pair_images(a, b)
+    assert {pair.target for pair in pair_images(a, b, targets=["scene"])[0]} == {"scene"}
+    with pytest.raises(InputError, match="found 'message'"):
+        pair_images(a, b, targets=["scene", "message"])
+
+
 def test_images_of_different_sizes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a, b = folders(tmp_path, "scene")
     write_image(b / "scene" / "002.png", image(0, 20, 31))

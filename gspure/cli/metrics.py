@@ -26,6 +26,7 @@ def add_arguments(parser: Parser) -> None:
         RENDER,
     )
     parser.pairs("--against", "TARGET=OTHER", "compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A")
+    parser.text("--targets", "TARGET", "subfolders of DIR_B to compare (default: all)", nargs="+")
     parser.choice(
         "--baseline", BASELINES, "compare DIR_A with images of one colour instead of DIR_B: black, or the mean of DIR_A"
     )
@@ -34,7 +35,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    pairs, unused = pair_images(args.images, args.other, args.against)
+    pairs, unused = pair_images(args.images, args.other, args.against, args.targets or ())
     rows = [compare(pair, args.reference, args.baseline) for pair in track(pairs, "metrics")]
     if unused:
         say(f"metrics: {unused} images of {args.images} have no counterpart in {args.other}")

@@ -1,7 +1,7 @@
 """Two folders of images compared view by view, and the table ``metrics.csv`` of the result."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Final, Literal, NamedTuple
@@ -47,19 +47,23 @@ class ImagePair(NamedTuple):
     background: tuple[float, ...] = (0.0, 0.0, 0.0)  # shown by transparent pixels: that of the renders
 
 
-def pair_images(reference: Path, images: Path, against: Mapping[str, str] | None = None) -> tuple[list[ImagePair], int]:
+def pair_images(
+    reference: Path, images: Path, against: Mapping[str, str] | None = None, targets: Iterable[str] = ()
+) -> tuple[list[ImagePair], int]:
     """Pair the PNG files below two folders by their relative paths, sorted by target and view.
 
-    Targets (subfolders) of `images` in `against` are compared with a differently named target of `reference`. Also
-    return the number of images of `reference` without a counterpart: a reference may cover more views.
+    Targets (subfolders) of `images` in `against` are compared with a differently named target of `reference`. If there
+    are `targets`, all others are left out. Also return the number of images of `reference` without a counterpart: a
+    reference may cover more views.
 
     Raise `InputError` if a folder holds no PNG file or lacks one of its record, or `images` has one that `reference`
-    lacks, no target of `against`, or views by other cameras, or on another background or with another energy.
+    lacks, no target of `against` or `targets`, views by other cameras, or on another background or with another energy.
     """
-    available, compared = _png_files(reference), _png_files(images)
-    renamed, targets = against or {}, {path.parent.as_posix() for path in compared}
-    for target in renamed.keys() - targets:
-        raise InputError(images, "target", expected=f"one of {', '.join(sorted(targets))}", found=repr(target))
+    renamed, chosen = against or {}, frozenset(targets)
+    available, compared = _png_files(reference), _png_files(images, chosen)
+    shown = {path.parent.as_posix() for path in compared}
+    for target in (renamed.keys() | chosen) - shown:
+        raise InputError(images, "target", expected=f"one of {', '.join(sorted(shown))}", found=repr(target))
     counterparts = {p: Path(renamed.get(p.parent.as_posix(), p.parent)) / p.name for p in compared}
     for path, counterpart in sorted(counterparts.items()):
         if counterpart not in available:
@@ -182,8 +186,9 @@ def _named(row: ViewMetrics) -> str:
     return row.view if row.target == "." else f"{row.target}/{row.view}"
 
 
-def _png_files(folder: Path) -> set[Path]:
+def _png_files(folder: Path, targets: Container[str] = ()) -> set[Path]:
     files = {path.relative_to(folder) for path in folder.rglob("*.png")}
+    files = {path for path in files if not targets or path.parent.as_posix() in targets}
     files = {path for path in files if not path.parts[0].startswith(".")}  # what a killed process left
     if not files:
         raise InputError(folder, "folder", expected="PNG files", found="none" if folder.is_dir() else "no such folder")

@@ -2,14 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
-from gspure.artifacts import settings_of
 from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
 from gspure.cost import COSTS, cost_of
-from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CLEAN, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.outcomes import BITS
 from gspure.schemes.scheme import ADAPTIVE
@@ -143,14 +140,6 @@ class Variant:
         searched = self.attack.strength.setting if "damage" in self.settings and self.attack.strength else ""
         return {name: value for name, value in values.items() if name in {*self.attack.settings} - {searched}}
 
-    def require_settings(self, attacked: Path) -> None:
-        """Raise `InputError` if the record of an attacked model names another attack, seed or setting."""
-        recorded = settings_of(attacked)
-        for name, value in {"attack": self.attack.name, "seed": self.seed, **self.attack_settings}.items():
-            known = recorded.get(name)
-            if value is not None and known is not None and type(known)(value) != known:
-                raise InputError(attacked, name, expected=f"{value}, as of {self.name}", found=str(known))
-
     @property
     def attack_options(self) -> str:
         """Evidence, seed, scheme and settings of its attack as options."""
@@ -213,8 +202,9 @@ class Variant:
 
     @property
     def comparison_options(self) -> str:
-        """The references of its images as options: for all extractions, the photographs of the message."""
+        """The targets of its images and their references as options: extractions are compared with the message."""
+        targets = ["--targets", *(folder.rpartition("/")[2] for folder in self.renders)]
         reference = ["--reference", "render" if self.model.scheme == VANILLA else "truth"]
         against = [f"--against {target}=message" for target in self.model.targets[2:]]
         baseline = [f"--baseline {self.name}"] if self.name in BASELINES else []
-        return " ".join([*reference, *against, *baseline])
+        return " ".join([*targets, *reference, *against, *baseline])
