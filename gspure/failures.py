@@ -72,10 +72,10 @@ def reason_in(log: Path, rule: str) -> str:
     return last if last.startswith("gspure ") else f"{rule}: {last}"
 
 
-def is_interrupted(log: Path) -> bool:
-    """Return whether the job with this log was interrupted."""
+def is_interrupted(log: Path, *, stopped: bool) -> bool:
+    """Return whether the job with this log was interrupted: a shell that ends with a `stopped` run writes no status."""
     status = _ending(log)[1]
-    return status is not None and status - _SIGNALED in INTERRUPTIONS
+    return stopped if status is None else status - _SIGNALED in INTERRUPTIONS
 
 
 def _ending(log: Path) -> tuple[list[str], int | None]:

@@ -22,7 +22,6 @@ rule attack_model:
         code=lambda wildcards: get_variant(wildcards).code,
         attack=lambda wildcards: get_variant(wildcards).attack.name,
         options=lambda wildcards: get_variant(wildcards).attack_options,
-        content=get_model_content,
         cost=lambda wildcards: get_variant(wildcards).cost_options,
     message:
         "Attacking {wildcards.scheme}/{wildcards.scene}: {wildcards.variant}"

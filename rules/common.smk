@@ -5,7 +5,7 @@ import sys
 from gspure.artifacts import file_digest
 from gspure.attacks import find_attack
 from gspure.workflow.configuration import require_distinct_names, resolved, validated
-from gspure.cost import COSTS, LOG
+from gspure.cost import COSTS, LOG, cost_of
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS
 from gspure.evaluation.detector import words_of
@@ -13,7 +13,7 @@ from gspure.evaluation.outcomes import BITS
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
 from gspure.scenes.procedural import DECOYS
-from gspure.workflow.captures import capture_files, content_digest
+from gspure.workflow.captures import capture_files
 from gspure.workflow.decisions import DEFAULT
 from gspure.workflow.models import OWNER, Model, Plan
 from gspure.workflow.options import options, repeated
@@ -74,10 +74,6 @@ def get_model(wildcards):
 
 def get_public_model(wildcards):
     return get_model(wildcards).public
-
-
-def get_model_content(wildcards):
-    return get_model(wildcards).content
 
 
 def get_scheme(wildcards):

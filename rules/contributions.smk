@@ -24,7 +24,6 @@ rule measure_contributions:
         part=lambda wildcards: wildcards.scatteritem.replace("-of-", "/"),
         options=get_method_options("energy"),
         scheme=get_scheme,
-        content=get_model_content,
     message:
         "Measuring contributions in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}, part {wildcards.scatteritem}"
     shell:

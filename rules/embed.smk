@@ -23,7 +23,6 @@ rule make_pair:
         code=code_digest("gspure.cli.pair"),
         folder="results/pairs/{scene}",
         arguments=get_pair_arguments,
-        content=lambda wildcards: content_digest(get_pair_files(wildcards)),
     message:
         "Making pair {wildcards.scene}"
     shell:
@@ -49,7 +48,6 @@ rule train_message:
         code=code_digest("gspure.cli.train"),
         data=lambda wildcards: PLAN.messages[wildcards.message]["message"],
         options=lambda wildcards: options(PLAN.messages[wildcards.message], "iterations", "resolution", "seed"),
-        content=lambda wildcards: content_digest(get_message_files(wildcards)),
     message:
         "Training a model of message {wildcards.message}"
     shell:

@@ -101,7 +101,6 @@ rule detect_mark:
     params:
         code=code_digest("gspure.cli.detect"),
         options=lambda wildcards: get_variant(wildcards).detection_options(wildcards.detector),
-        content=lambda wildcards: content_digest(get_detector_files(wildcards)),
     message:
         "Reading {wildcards.detector} from {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:

@@ -7,9 +7,10 @@ import sys
 
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
-from gspure.corruption import discard, set_aside, unfit
+from gspure.corruption import problem_of
 from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary, unfinished
 from gspure.workflow.job_progress import COMMAND
+from gspure.workflow.notes import note_of
 from gspure.workflow.options import profile_options
 
 # In that process: the failures of the first run. If a figure fails in it, a third process leaves this figure out, too.
@@ -40,7 +41,9 @@ def record_failures(run):
         for path in job.log:
             status_of(path).unlink(missing_ok=True)
     failed = map(get_jobs, workflow.scheduler.failed)
-    return [record_failure(jobs, run) for jobs in failed if not is_interrupted(Path(get_last(jobs).log[0]))]
+    stopped = bool(workflow.scheduler._user_kill)
+    logs = {get_last(jobs).log[0]: jobs for jobs in failed}
+    return [record_failure(jobs, run) for log, jobs in logs.items() if not is_interrupted(Path(log), stopped=stopped)]
 
 
 def get_last(jobs):
@@ -77,34 +80,14 @@ def summarize(run):
     subprocess.run(command, env={**os.environ, "GSPURE_FAILED_RUNS": runs}, check=False)
 
 
-def set_corrupt_aside():
-    """Rename corrupt inputs of failed jobs and delete their dependent files, so that the next run makes them again.
-
-    Snakemake does not remake a missing file whose dependent files exist and are up to date.
-    """
+def forget_corrupt():
+    """Delete the notes of the jobs that made corrupt inputs of failed jobs, so that the next run does them again."""
     failed = set().union(*map(get_jobs, workflow.scheduler.failed))
-    corrupt = set_aside({Path(path) for job in failed for path in job.input})
-    makers = [job for job in workflow.dag.jobs if corrupt.keys() & set(map(Path, job.output))]
-    dependent = set(workflow.dag.bfs(workflow.dag.depending, *makers)) - set(makers) - get_summaries()
-    discard(Path(path) for job in dependent for path in job.output)
-    for problem in corrupt.values():
-        print(f"gspure: set aside, to be made again by the next run: {problem}", file=sys.stderr)
-
-
-def build_dag(build=workflow._build_dag):
-    """Force the jobs whose artifacts are unfit, which Snakemake takes for up to date if their products are."""
-    variants = [Variant(model, name) for model in PLAN.models for name in VARIANTS]
-    problems = unfit((Path(variant.public), variant.require_settings) for variant in variants)
-    workflow.dag.forcefiles |= {str(path) for file in problems for path in (file, *file.parents)}
-    build()
-    forced = {path for job in workflow.dag.jobs for path in map(Path, job.output)}
-    for file, problem in problems.items():
-        if forced & {file, *file.parents}:
-            print(f"gspure: to be made again: {problem}", file=sys.stderr)
-
-
-if workflow.is_main_process and not RUNS:
-    workflow._build_dag = build_dag
+    read = {path for job in failed for path in job.input}
+    for job in workflow.dag.jobs:
+        for problem in filter(None, (problem_of(Path(path)) for path in read.intersection(job.output))):
+            note_of(job.log[0]).unlink(missing_ok=True)
+            print(f"gspure: to be made again by the next run: {problem}", file=sys.stderr)
 
 
 def print_failures(failures, run):
@@ -128,6 +111,6 @@ onerror:
     stopped = workflow.scheduler.running or workflow.scheduler.open_jobs
     if workflow.execution_settings.keep_going and not stopped and len(RUNS) < 2:
         summarize(log[0])
-    set_corrupt_aside()
+    forget_corrupt()
     if failures:
         atexit.register(print_failures, failures, log[0])  # after Snakemake's last message

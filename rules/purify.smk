@@ -17,7 +17,6 @@ rule measure_opacities:
     params:
         code=code_digest("gspure.cli.opacities"),
         scheme=get_scheme,
-        content=get_model_content,
     message:
         "Computing the opacities of {wildcards.scheme}/{wildcards.scene}"
     shell:

@@ -41,7 +41,6 @@ rule prepare_cameras:
         code=code_digest("gspure.cli.cameras"),
         source=lambda wildcards: get_model(wildcards).camera_source(get_target(wildcards)),
         options=lambda wildcards: get_model(wildcards).camera_options,
-        content=lambda wildcards: content_digest([*get_camera_files(wildcards), get_public_model(wildcards)]),
     message:
         "Preparing the cameras of {wildcards.scheme}/{wildcards.scene}"
     shell:

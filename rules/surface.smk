@@ -20,7 +20,6 @@ rule measure_surface:
         kernels=KERNELS,
         code=code_digest("gspure.cli.surface"),
         scheme=get_scheme,
-        content=get_model_content,
     message:
         "Measuring distances from the surface of {wildcards.scheme}/{wildcards.scene}"
     shell:

@@ -22,7 +22,6 @@ rule train_model:
         data=lambda wildcards: config["assets"][wildcards.scene]["train"],
         folder="results/vanilla/{scene}/trained",
         options=get_training_options,
-        content=lambda wildcards: content_digest(get_training_files(wildcards)),
     message:
         "Training a model of {wildcards.scene}"
     shell:

@@ -158,22 +158,6 @@ def test_a_folder_that_a_killed_run_locked_is_refused_with_the_command_that_unlo
     assert main(audit) == 0
 
 
-def test_results_without_notes_of_what_they_were_made_from_are_refused(folder, words, capsys):
-    audit = ["audit", "my model.ply", "--cameras", "orbit"]
-    report = Path("results/report.html")
-    report.parent.mkdir()
-    report.touch()
-    for refused in (audit, [*audit, "--dry-run"]):
-        assert main(refused) == 2
-        assert "copy .snakemake, too" in capsys.readouterr().err
-    assert not words
-    assert main([*audit, "--", "--forceall"]) == 0
-    note = Path(".snakemake/metadata/cmVzdWx0cw")
-    note.parent.mkdir(parents=True)
-    note.touch()
-    assert main(audit) == 0
-
-
 def test_of_two_runs_that_start_at_once_the_second_is_refused(folder, monkeypatch, capsys):
     audit, statuses = ["audit", "my model.ply", "--cameras", "orbit"], []
 

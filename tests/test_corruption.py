@@ -1,4 +1,4 @@
-"""Corrupt artifacts of a workflow: listed, set aside, and made again."""
+"""Corrupt artifacts of a workflow, listed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from gspure.artifacts import digest, save_array, write_json, write_record
 from gspure.cli import main
-from gspure.corruption import set_aside, unfit
+from gspure.corruption import problem_of
 from gspure.images import record_views, write_image
 from gspure.method.contributions import Measurement, Stage, write_index
 from gspure.renderer import CONTRIBUTION
@@ -88,27 +88,6 @@ def test_deleted_artifacts_are_listed_by_their_records(capsys):
     status, lines = verify(capsys, "results")
     assert status == 1
     assert [line.split(": ")[0] for line in lines[:-1]] == sorted(map(str, (CAMERAS, INDEX, OMEGA)))
-    assert unfit().keys() == {CAMERAS, INDEX, OMEGA}
-
-
-def test_the_check_for_missing_or_cut_artifacts_reads_no_file():
-    flipped(OMEGA)
-    assert unfit() == {}
-
-
-def test_renders_that_lack_an_image_are_missing_one():
-    for view in ("a", "b"):
-        write_image(SCENE / "renders" / f"{view}.png", np.zeros((2, 2, 3)))
-    record_views(SCENE / "renders", {"b": [], "a": []})
-    assert unfit() == {}
-    (SCENE / "renders" / "b.png").write_bytes((SCENE / "renders" / "a.png").read_bytes() + b"longer")
-    (problem,) = unfit().items()
-    assert problem[0] == SCENE / "renders"
-    assert "b.png: content: expected" in problem[1]
-    (SCENE / "renders" / "b.png").unlink()
-    (problem,) = unfit().items()
-    assert problem[0] == SCENE / "renders"
-    assert "b.png" in problem[1]
 
 
 def test_renders_that_are_corrupt_or_missing_are_listed(capsys):
@@ -150,43 +129,23 @@ def test_stages_of_another_project_are_not_pruned(tmp_path, capsys):
     assert stage.exists()
 
 
-def test_a_corrupt_artifact_is_kept_aside_without_its_checksum():
+def test_an_artifact_is_corrupt_by_its_own_content():
+    assert problem_of(OMEGA) == ""
     flipped(OMEGA)
-    content = OMEGA.read_bytes()
-    (problem,) = set_aside([INDEX, OMEGA]).values()
-    assert problem.startswith(f"{OMEGA}: content: expected CRC-32")
-    assert (SCENE / "weights.npy.corrupt").read_bytes() == content
-    assert not OMEGA.exists()
-    assert not Path(f"{OMEGA}.json").exists()
-    assert INDEX.exists()
-    assert set_aside([INDEX, OMEGA]) == {}
+    assert problem_of(OMEGA).startswith(f"{OMEGA}: content: expected CRC-32")
 
 
 @pytest.mark.parametrize("corrupted", [flipped, Path.unlink], ids=["flipped", "removed"])
-def test_an_index_is_set_aside_when_one_of_its_stages_is_corrupt(corrupted):
+def test_an_index_is_corrupt_when_one_of_its_stages_is(corrupted):
+    assert problem_of(INDEX) == ""
     corrupted(STAGES / "b.key.npy")
-    (found,) = set_aside([INDEX]).values()
-    assert "b.key.npy: " in found
-    assert not INDEX.exists()
-    assert (STAGES / "a.key.npy").exists()
+    assert "b.key.npy: " in problem_of(INDEX)
 
 
-def test_a_folder_is_set_aside_as_a_whole_as_often_as_it_is_corrupt():
-    for _ in range(2):
-        (SCENE / "key").mkdir()
-        save_array(SCENE / "key" / "message_rows.npy", np.ones(3, bool))
-        noted(SCENE / "key" / "message_rows.npy")
-        flipped(SCENE / "key" / "message_rows.npy")
-        (found,) = set_aside([SCENE / "key"]).values()
-        assert "key/message_rows.npy: content" in found
-        assert not (SCENE / "key").exists()
-        kept = sorted(path.name for path in (SCENE / "key.corrupt").iterdir())
-        assert kept == ["message_rows.npy", "message_rows.npy.json"]
-
-
-def test_a_users_own_file_is_never_moved():
-    write_json(Path("views.json"), [])
-    noted(Path("views.json"))
-    flipped(Path("views.json"), 0)
-    assert set_aside([Path("views.json")]) == {}
-    assert Path("views.json").is_file()
+def test_a_folder_is_corrupt_when_one_of_its_files_is():
+    rows = SCENE / "key" / "message_rows.npy"
+    save_array(rows, np.ones(3, bool))
+    noted(rows)
+    assert problem_of(rows.parent) == ""
+    flipped(rows)
+    assert "key/message_rows.npy: content" in problem_of(rows.parent)

@@ -46,8 +46,9 @@ def test_the_reason_of_a_failure_is_in_its_log(tmp_path, text, reason):
 @pytest.mark.parametrize(("status", "interrupted"), [(130, True), (143, True), (129, True), (137, False), (2, False)])
 def test_a_job_interrupted_by_a_signal_has_not_failed(tmp_path, status, interrupted):
     (tmp_path / "attack.log").write_text(f"reading\nexit status {status}\n")
-    assert is_interrupted(tmp_path / "attack.log") == interrupted
-    assert not is_interrupted(tmp_path / "absent.log")
+    assert is_interrupted(tmp_path / "attack.log", stopped=False) == interrupted
+    assert not is_interrupted(tmp_path / "absent.log", stopped=False)
+    assert is_interrupted(tmp_path / "absent.log", stopped=True)
 
 
 def test_a_status_lies_beside_its_log_and_is_read_back(tmp_path):

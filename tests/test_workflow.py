@@ -329,8 +329,8 @@ def reported(tmp_path_factory, started):
     return project
 
 
-UNVERIFIED = {"logs", "benchmarks", ".snakemake_timestamp"}
-"""What Snakemake and commands write about jobs; nothing reads it."""
+UNVERIFIED = {"jobs", "logs", "benchmarks", ".snakemake_timestamp"}
+"""What is written about jobs: a job whose note is corrupt runs again, and nothing else is read."""
 
 
 def test_every_artifact_is_verified(tmp_path, reported, monkeypatch):

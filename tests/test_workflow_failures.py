@@ -129,7 +129,8 @@ def test_without_a_finished_cell_there_is_no_table(tmp_path, started):  # noqa: 
     assert not (project.folder / TABLE).exists()
 
 
-def test_an_interrupted_run_makes_no_tables_and_has_no_failures(tmp_path, started):  # noqa: F811
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["interrupted", "terminated"])
+def test_a_stopped_run_makes_no_tables_and_has_no_failures(tmp_path, started, number):  # noqa: F811
     project = started.copy(tmp_path / "project")
     (tmp_path / "slow").mkdir()
     (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_WRITES)
@@ -146,7 +147,7 @@ def test_an_interrupted_run_makes_no_tables_and_has_no_failures(tmp_path, starte
     while not project.stages():
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    os.killpg(run.pid, signal.SIGINT)
+    os.killpg(run.pid, number)
     printed = run.communicate()[0]
     assert run.returncode != 0
     assert "tabulate_metrics" not in printed.partition("Terminating processes")[2]

@@ -1,14 +1,13 @@
 """Files and options of jobs, from the resolved configuration."""
 
 import json
-import os
 import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gspure.workflow.captures import camera_files, capture_files, content_digest, model_files
+from gspure.workflow.captures import camera_files, capture_files, model_files
 from gspure.workflow.configuration import resolved
 from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import (
@@ -94,16 +93,6 @@ def test_the_held_out_views_of_a_blender_scene_are_files_of_its_training(tmp_pat
     assert capture_files(".", photographs) == ["transforms_train.json", "transforms_test.json", *photographs]
 
 
-def test_another_content_has_another_digest_even_if_its_file_is_older(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("a.ply").write_text("one model")
-    before = content_digest(["a.ply"])
-    Path("b.ply").write_text("two model")
-    os.utime("b.ply", (1, 1))
-    Path("b.ply").replace("a.ply")
-    assert content_digest(["a.ply"]) != before
-
-
 @pytest.mark.parametrize("ply", ["point_cloud.ply", "point_cloud/iteration_7/point_cloud.ply"])
 @pytest.mark.parametrize("name", ["cfg_args", "chkpnt7_net.pth", "checkpoints.pth", "color_mlp.pt"])
 def test_the_files_beside_a_model_are_part_of_it(tmp_path, monkeypatch, ply, name):
@@ -117,16 +106,6 @@ def test_the_files_beside_a_model_are_part_of_it(tmp_path, monkeypatch, ply, nam
     assert model_files("run") == [str(model), f"run/{name}"]
     pair = {name: value for name, value in PHOTOGRAPHED.items() if name != "message_photographs"}
     assert {str(model), f"run/{name}"} < {*pair_files({**pair, "message": "run"})}
-
-
-def test_names_times_and_results_do_not_count_as_content(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for name in ("a.ply", "moved/b.ply", "results/c.ply"):
-        Path(name).parent.mkdir(exist_ok=True)
-        Path(name).write_text("one model")
-        os.utime(name, (len(name), 1))
-    files = ["moved", "results/c.ply", "results/later.ply"]
-    assert content_digest(["a.ply"]) == content_digest(["moved/b.ply", *files]) == content_digest(["./a.ply"])
 
 
 def test_an_asset_is_a_pair_and_a_repetition():

@@ -6,7 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -49,7 +49,6 @@ def run(args: Arguments) -> int:
     """Write the configuration of a model, and become Snakemake; a dry run writes to a temporary folder only."""
     if not os.access(Path.cwd(), os.W_OK):
         raise InputError(Path.cwd(), "permissions", expected="a folder to write results to", found="a read-only one")
-    _require_provenance(args.passed_on)
     if args.dry_run or any(_DRY_RUN.fullmatch(word) for word in args.passed_on):
         with TemporaryDirectory() as folder:
             configuration = _configuration(args, Path(folder) / _CONFIGURATION.name)
@@ -60,18 +59,6 @@ def run(args: Arguments) -> int:
         environment[SHOWN] = "problems" if args.quiet else "jobs"
     with nullcontext() if {"--unlock", "--nolock"} & {*args.passed_on} else _only_run(configuration):
         return os.execve(sys.executable, _command(args, configuration), environment)  # noqa: S606
-
-
-def _require_provenance(options: Sequence[str]) -> None:
-    """Refuse results without Snakemake's notes of what they were made from: any would count as up to date."""
-    paths = (path for path in Path("results").rglob("*") if path.parts[1] not in {"logs", "benchmarks", "audit.yaml"})
-    if (
-        any(path.is_file() for path in paths)
-        and not any(Path(".snakemake").glob("[im]*/*"))
-        and not {"--forceall", "-F"} & {*options}
-    ):
-        hint = "copy .snakemake, too, or delete results, or add -- --forceall"
-        raise InputError("results", ".snakemake", expected="notes of the run that made them", found="none", hint=hint)
 
 
 @contextmanager

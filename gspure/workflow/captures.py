@@ -1,13 +1,9 @@
 """Files of a capture or model: they are inputs of the workflow, so an edit of one makes its results stale."""
 
-from collections.abc import Iterable, Sequence
-from functools import cache
+from collections.abc import Sequence
 from pathlib import Path
 
-from gspure.artifacts import digest
-from gspure.artifacts.checksums import file_checksum
 from gspure.cameras.reading import CAMERA_FILES
-from gspure.corruption import RESULTS
 from gspure.model import model_file
 from gspure.model.compressed.sog import INDEX
 from gspure.schemes.registry import schemes
@@ -39,20 +35,6 @@ def model_files(source: str) -> list[str]:
     patterns = ["cfg_args", *images, *(pattern for scheme in schemes().values() for pattern in scheme.beside)]
     beside = {str(file) for folder in folders for pattern in patterns for file in folder.glob(pattern)}
     return [str(model), *sorted(beside)]
-
-
-def content_digest(files: Iterable[str]) -> str:
-    """Return a digest of the content of the user's files, as Snakemake does not notice a file replaced by an older one.
-
-    Results, folders and missing files are passed over. Names do not count: a project may be moved.
-    """
-    paths = [path for path in map(Path, files) if path.is_file() and RESULTS not in path.parents]
-    return digest(*(_checksum(path, path.stat().st_ctime_ns) for path in paths))
-
-
-@cache
-def _checksum(path: Path, _changed: int) -> str:
-    return file_checksum(path)
 
 
 def _files(source: str, names: Sequence[str]) -> list[str]:

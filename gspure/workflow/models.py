@@ -15,7 +15,7 @@ from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, Condition, is_pictu
 from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
-from gspure.workflow.captures import camera_files, content_digest, model_files
+from gspure.workflow.captures import camera_files
 from gspure.workflow.decisions import Decisions, Settings, decisions, factors_of, is_swept, sweeps
 from gspure.workflow.options import options, repeated
 from gspure.workflow.pairs import is_photographed, other_pairs, pair_of, repetition_of, trained_message
@@ -121,11 +121,6 @@ class Model:
     def public(self) -> str:
         """The public model: the user's file in place, or the one trained here."""
         return str(self.settings.get("model", f"{self.folder}/public/point_cloud.ply"))
-
-    @property
-    def content(self) -> str:
-        """A digest of the public model and the files beside it, if they are the user's."""
-        return content_digest(model_files(self.public))
 
     @property
     def scheme_option(self) -> str:

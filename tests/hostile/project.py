@@ -27,7 +27,7 @@ from tests.training_cases import colmap_project, ring
 
 ROOT = Path(__file__).parents[2]
 KEPT = ("results", "stages")
-VARYING = {"logs", "benchmarks", "contest.md", "contest.md.json", "report.html", "report.html.json"}
+VARYING = {"jobs", "logs", "benchmarks", "contest.md", "contest.md.json", "report.html", "report.html.json"}
 VARYING |= {"cfg_args", "cfg_args.json"}
 """What differs between runs or folders: what jobs print and cost, and a file with absolute paths."""
 
