@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import read_json, replacing, verify, write_json
+from gspure.artifacts import file_digest, read_json, replacing, require_agreement, verify, write_json
 from gspure.artifacts.checksums import file_checksum, record_checksum, with_checksum
 from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
@@ -133,8 +133,9 @@ def record_views(
 ) -> None:
     """Write the record of a finished folder of images: their sizes and checksums, and their cameras' numbers, if known.
 
-    Renders of a scene also have their background and energy. `origin` is what images of a model show: `target`, the
-    digest of the `model`, its `embedding` (`gspure.artifacts.embedding_of`), and that of the `key`.
+    Renders of a scene also have their background and energy. `origin` is what images show: their `target`, and, of a
+    model, its digest (`model`), its `embedding` (`gspure.artifacts.embedding_of`), that of the `key`, and the digest of
+    the record of the `photographs` that it was trained on.
     """
     names = sorted(views)
     record = {
@@ -206,6 +207,14 @@ def origin_of(folder: Path, name: str) -> str:
     return str(_recorded(folder).get(name, ""))
 
 
+def photographs_of(folder: Path) -> dict[str, str]:
+    """Return which photographs images are, or which they show, if known: the digest of their record, by target."""
+    record = _recorded(folder)
+    target = str(record.get("target", "")).partition("_")[0]  # all extractions show one message
+    photographs = record.get("photographs", "") if record.get("model") else target and file_digest(folder / RENDERED)
+    return {target: str(photographs)} if photographs else {}
+
+
 def with_records(images: Iterable[Path]) -> dict[str, Path]:
     """Return images and the records of their folders by path, as inputs of a table about them."""
     files = {file for image in images for file in (image, image.with_name(RENDERED)) if file.is_file()}
@@ -219,13 +228,20 @@ def background_of(*folders: Path) -> tuple[float, ...]:
 
 
 def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
-    """Refuse images of one view by different cameras, energies or backgrounds, as far as records name them."""
+    """Refuse images of different targets or photographs, or of one view by different cameras, energies or backgrounds.
+
+    What records do not name is not compared.
+    """
     record, record_of_other = _recorded(folder), _recorded(other)
     for setting in ("background", "energy"):
         first, second = record.get(setting), record_of_other.get(setting)
         if first and second and first != second:
             hint = f"render both with one --{setting}"
             raise InputError(other, setting, expected=f"{first}, as {folder}", found=second, hint=hint)
+    first, second = (origin_of(images, "target").partition("_")[0] for images in (folder, other))
+    if first and second and first != second:
+        raise InputError(other, "target", expected=f"{first}, as {folder}", found=second)
+    require_agreement(folder, other, photographs_of(folder), photographs_of(other))
     for view in views:
         first, second = (known["views"].get(view, []) for known in (record, record_of_other))
         if len(first) and len(second) and (len(first) != len(second) or not np.allclose(first, second, 1e-6, 1e-6)):

@@ -92,6 +92,9 @@ class PublicModel:
     rows_are_gaussians: ClassVar[bool] = True
     """Whether rows are Gaussians; false if Gaussians are computed from them for each view."""
 
+    code: ClassVar[Sequence[Path]] = ()
+    """Files of the code that computes Gaussians from rows."""
+
     def __init__(self, model: Gaussians) -> None:
         self.model = model
 

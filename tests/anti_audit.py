@@ -67,10 +67,10 @@ def planted() -> tuple[Gaussians, dict[str, list[int]]]:
         "flake": grazing(FLAKE, views()[4], 60, 3),
         "far": gaussians(means=[[1e30, 0, 4], [0, -3e38, 4]], scales=0.1),
         "pile": gaussians(means=np.tile([0.2, -0.2, 3.8], (40, 1)), scales=rng.uniform(0.05, 0.1, (40, 3))),
-        "non_finite": gaussians(means=rng.normal([0, 0, 3.5], 0.1, (len(NOT_FINITE), 3)), scales=0.1),
+        "undrawable": gaussians(means=rng.normal([0, 0, 3.5], 0.1, (len(NOT_FINITE), 3)), scales=0.1),
     }
     for row, (column, value) in enumerate(NOT_FINITE.items()):
-        groups["non_finite"].table[column][row] = value
+        groups["undrawable"].table[column][row] = value
     scene = honest()
     groups["duplicate"] = scene[np.arange(len(scene)) < 5]
     rows, start = {}, len(scene)

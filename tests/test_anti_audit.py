@@ -64,16 +64,16 @@ def test_lines_name_the_first_rows_and_count_all() -> None:
 def test_rows_that_cannot_be_drawn_become_invisible_and_no_other_changes(capsys) -> None:
     model, expected = planted()
     shown = drawable(model, "model.ply")
-    assert suspicious_rows(shown).keys() == suspicious_rows(model).keys() - {"non_finite"}
+    assert suspicious_rows(shown).keys() == suspicious_rows(model).keys() - {"undrawable"}
     finite = np.ones(len(model), bool)
-    finite[expected["non_finite"]] = False
+    finite[expected["undrawable"]] = False
     assert shown.table[finite].tobytes() == model.table[finite].tobytes()
     assert (shown.opacities[~finite] == 0).all()
     assert all(np.isfinite(shown.table[name]).all() for name in shown.table.dtype.names)
     assert np.isfinite(shown.scales).all()
     said = capsys.readouterr().err
     assert f"{len(NOT_FINITE)} of {len(model)} rows" in said
-    assert str(expected["non_finite"][0]) in said
+    assert str(expected["undrawable"][0]) in said
 
 
 def test_a_model_without_such_rows_is_left_as_it_is(capsys) -> None:
@@ -104,7 +104,7 @@ def test_purify_continues_and_names_suspicious_rows(folder: Path, capsys) -> Non
     weights, pruned = (np.load(folder / "out" / f"{name}.npy") for name in ("weights", "prune_mask"))
     assert np.isfinite(weights).all()
     assert (weights >= 0).all()
-    assert (weights[expected["non_finite"]] == 0).all()
+    assert (weights[expected["undrawable"]] == 0).all()
     assert len(read_model(folder / "out" / "purified.ply")) == len(model) - pruned.sum()
     assert pruned[WALL : WALL + HIDDEN].mean() > 0.9
     assert {path.name for path in (folder / "out" / "figures").glob("*.png")} == {

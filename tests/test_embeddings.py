@@ -151,15 +151,17 @@ def test_results_of_another_variant_are_not_tabulated(planted, pair_folder, tmp_
         collect(*paths)
 
 
-def test_a_key_learns_from_photographs_of_its_own_message_only(planted, pair_folder, tmp_path):
-    args = SimpleNamespace(key=planted / "1" / "key", transform=None, device=None, photographs=pair_folder / "message")
+def test_a_key_learns_from_photographs_of_its_own_message_only(planted, pair_folder, tmp_path, capsys):
+    public, key = planted / "1" / "public", planted / "1" / "key"
+    args = SimpleNamespace(key=key, transform=None, device=None, photographs=pair_folder / "message")
     assert len(_lesson(args).images) > 0
-    args.photographs = shutil.copytree(pair_folder / "message", tmp_path / "message")
-    views = read_json(args.photographs / "rendered.json")["views"]
-    write_image(args.photographs / f"{min(views)}.png", np.zeros((36, 48, 3)))
-    record_views(args.photographs, views)
-    with pytest.raises(InputError, match=r"message: expected .*rendered\.json, digest"):
-        _lesson(args)
+    assert extract(public, key, pair_folder, tmp_path / "a", "--photographs", str(pair_folder / "message")) == 0
+    copied = shutil.copytree(pair_folder / "message", tmp_path / "message")
+    views = read_json(copied / "rendered.json")["views"]
+    write_image(copied / f"{min(views)}.png", np.zeros((36, 48, 3)))
+    record_views(copied, views, target="message")
+    assert extract(public, key, pair_folder, tmp_path / "b", "--photographs", str(copied)) == 2
+    assert "message: expected" in capsys.readouterr().err
 
 
 def test_pruned_rows_are_not_compared_with_the_rows_of_the_message_of_another_model(planted, tmp_path):

@@ -219,11 +219,11 @@ def test_models_have_their_own_figures_and_diagnosis(tmp_path: Path, figures: li
 
 def test_suspicious_rows_are_counted_with_the_reason_beside_the_clustering(tmp_path: Path) -> None:
     diagnosis = tmp_path / "vanilla" / "chair" / "diagnosis.json"
-    for suspects, shown in (({"non_finite": [3], "needle": [5, 6]}, True), ({}, False)):
+    for suspects, shown in (({"undrawable": [3], "needle": [5, 6]}, True), ({}, False)):
         write_json(diagnosis, {"clusters": 2, "suspicious": suspects})
         write_report(tmp_path / "report.html", PLANTED + VANILLA, diagnoses=[diagnosis])
         text = Page(tmp_path / "report.html").text
-        assert (f"1 non-finite ({REASONS['non_finite']})" in text) == shown
+        assert (f"1 undrawable ({REASONS['undrawable']})" in text) == shown
         assert (f"2 needle ({REASONS['needle']})" in text) == shown
         assert ("diagnosis.json" in text) == shown
 

@@ -1,7 +1,6 @@
 """Where a file comes from: a record beside it."""
 
 from collections.abc import Iterable, Mapping
-from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,16 +26,17 @@ def write_record(
     kind: str = "",
     embedding: str = "",
     motion: NDArray[np.float64] | None = None,
+    ancestors: Mapping[str, str] | None = None,
 ) -> None:
     """Write ``<path>.json`` beside an artifact: size, checksum, digest, digests of its inputs, settings and version.
 
     The digest of an input with a record is taken from there, as the input was verified when it was read. Inputs
     that are folders are left out.
 
-    `geometry` is the digest of the model that it was made from (`gspure.model.Gaussians.geometry_digest`). If `inputs`
-    has no model, it is that of all inputs, if they have the same. `kind` names what an array holds, where others have
-    its type and shape. `require_made_from` compares ancestors: the digests of the inputs of this geometry that have a
-    kind, and of the ancestors of these inputs.
+    `geometry` is the digest of the model that it was made from (`gspure.schemes.registry.geometry_of`). If `inputs`
+    has no model, it is that of all inputs, if they have the same. `kind` names what a file holds, where others have
+    its type and shape. `ancestors` are digests of what else it was made from, by name. Further ones are the inputs of
+    this geometry that have a kind, and the ancestors of these inputs.
 
     `embedding` is common to the public model, the files beside it and the key that one run of `gspure embed` writes:
     the digest of the public model (`embedding_of`). By default, it is that of the input `model`. `motion` is
@@ -58,7 +58,8 @@ def write_record(
         "inputs": digests,
         "settings": dict(settings),
     }
-    ancestors = {kind: digest for source in files.values() for kind, digest in _ancestors(source, geometry).items()}
+    earlier = {name: origin for source in files.values() for name, origin in _ancestors(source, geometry).items()}
+    ancestors = earlier | dict(ancestors or {})
     if "model" in files:
         embedding = embedding or embedding_of(files["model"])
     moved = None if motion is None else motion.tolist()
@@ -67,21 +68,14 @@ def write_record(
     write_json(record_file(path), with_checksum(record))
 
 
-def require_made_from(geometry: str, *artifacts: Path) -> None:
-    """Check that artifacts are of one model, and made from each other; those without records pass.
+def facts_of(artifact: Path) -> dict[str, str]:
+    """Return what the record of a file says about its origin, by name; nothing without a record.
 
-    If `geometry`, the digest of a model (`gspure.model.Gaussians.geometry_digest`), is empty, all should be of any one
-    model. Raise `InputError` naming the first that was made from another, or two that were made from different
-    artifacts of one kind, such as clusters of other weights.
+    `model` is the digest of its geometry. See `write_record` for `embedding` and the ancestors.
     """
-    for artifact in artifacts:
-        origin = _geometry_of(artifact)
-        geometry = geometry or origin
-        if origin not in {"", geometry}:
-            hint = f"made from another model; if it fits this one too, delete {record_file(artifact).name}"
-            raise InputError(artifact, "model", expected=f"geometry {geometry}", found=origin, hint=hint)
-    for first, second in combinations(artifacts, 2):
-        _require_agreement(first, second, _ancestors(first, geometry), _ancestors(second, geometry))
+    geometry, embedding = _geometry_of(artifact), (record_of(artifact) or {}).get("embedding")
+    facts = {"embedding": embedding, "model": geometry, **_ancestors(artifact, geometry)}
+    return {name: str(origin) for name, origin in facts.items() if origin}
 
 
 def embedding_of(*artifacts: Path) -> str:
@@ -126,9 +120,10 @@ def motion_of(artifact: Path) -> NDArray[np.float64] | None:
         return None
     with reading(record_file(artifact), "a rigid transform", "motion"):
         motion = np.array(record["motion"], np.float64).reshape(4, 4)
-        error = np.abs(motion[:3, :3] @ motion[:3, :3].T - np.eye(3)).max()
-        if not (error < _RIGID_TOLERANCE and np.isfinite(motion).all() and motion[3].tolist() == [0, 0, 0, 1]):
-            raise ValueError(f"|R R^T - 1| = {error:.3g}")
+        error, volume = np.abs(motion[:3, :3] @ motion[:3, :3].T - np.eye(3)).max(), np.linalg.det(motion[:3, :3])
+        is_rotation = error < _RIGID_TOLERANCE and volume > 0
+        if not (is_rotation and np.isfinite(motion).all() and motion[3].tolist() == [0, 0, 0, 1]):
+            raise ValueError(f"|R R^T - 1| = {error:.3g}, det R = {volume:.3g}")
     return motion
 
 
@@ -136,14 +131,16 @@ def require_same_origin(artifact: Path, *others: Path) -> None:
     """Raise `InputError` if two artifacts differ in an input or setting that both have; without records, they pass."""
     origin = {**settings_of(artifact), **recorded_inputs(artifact)}
     for other in others:
-        _require_agreement(artifact, other, origin, {**settings_of(other), **recorded_inputs(other)})
+        require_agreement(artifact, other, origin, {**settings_of(other), **recorded_inputs(other)})
 
 
-def _require_agreement(first: Path, second: Path, expected: Mapping[str, Any], found: Mapping[str, Any]) -> None:
-    """Refuse two artifacts if what they were made from, by name, differs for some name."""
+def require_agreement(
+    first: Path, second: Path, expected: Mapping[str, Any], found: Mapping[str, Any], hint: str = ""
+) -> None:
+    """Raise `InputError` if what two artifacts were made from differs for a name that both have."""
     for name, origin in expected.items():
         if origin != found.get(name, origin):
-            hint = f"not made from the same {name}; if they belong together, delete {record_file(second).name}"
+            hint = hint or f"not of the same {name}; if they belong together, delete the record of either"
             raise InputError(second, name, expected=f"{origin}, as of {first}", found=str(found[name]), hint=hint)
 
 
@@ -184,8 +181,8 @@ def recorded_inputs(artifact: Path) -> dict[str, str]:
 
 
 def _ancestors(artifact: Path, geometry: str) -> dict[str, str]:
-    """Return the digests of an artifact of this geometry and of those that it was made from, by kind."""
-    if not geometry or _geometry_of(artifact) != geometry:
+    """Return the digests of an artifact of this geometry and of those that it was made from, by name."""
+    if _geometry_of(artifact) != geometry:
         return {}
     record = record_of(artifact) or {}
     ancestors = record.get("ancestors")

@@ -1,6 +1,6 @@
 """Cameras: poses and intrinsics of views, read from all common formats or generated."""
 
-from gspure.cameras.camera import Camera, intrinsics, split
+from gspure.cameras.camera import Camera, intrinsics, split, views_digest
 from gspure.cameras.colmap import read_points
 from gspure.cameras.inria import write_cameras
 from gspure.cameras.off_path import off_path_cameras
@@ -22,5 +22,6 @@ __all__ = [
     "scaled",
     "shell_cameras",
     "split",
+    "views_digest",
     "write_cameras",
 ]

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.artifacts import digest
 from gspure.constants import NEAR_PLANE, TEST_EVERY
 from gspure.display import Described
 from gspure.dtypes import Float64, Indices
@@ -117,6 +118,11 @@ def split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
     test = ordered[::TEST_EVERY]
     train = [camera for i, camera in enumerate(ordered) if i % TEST_EVERY]
     return train, test
+
+
+def views_digest(cameras: Sequence[Camera]) -> str:
+    """Return a digest of views, by which the records of what was measured in them name them."""
+    return digest(*(camera.numbers for camera in sorted(cameras, key=lambda camera: camera.name)))
 
 
 def spread(cameras: Sequence[Camera]) -> float:

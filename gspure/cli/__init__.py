@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
 from gspure import __version__, progress
+from gspure.cli.lineage import require_related
 from gspure.cli.parser import Arguments, Parser, require_distinct, suggestion
 from gspure.cost import LOG, cost_of, spent
 from gspure.errors import InputError, printable
@@ -69,6 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         args = parser_of(argv[0]).parse_args(argv[1:])
         progress.quiet = getattr(args, "quiet", False)
         require_distinct(args)
+        require_related(args)
         return _costed(args)
     except InputError as error:
         return _refuse(argv[0], str(error))

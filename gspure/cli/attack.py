@@ -15,7 +15,6 @@ from gspure.artifacts import (
     load_array,
     motion_of,
     require_kind,
-    require_made_from,
     save_array,
     write_json,
     write_record,
@@ -44,7 +43,7 @@ from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH
 from gspure.images import read_image
 from gspure.method.clustering.store import read_clusters
-from gspure.model import model_file, read_model, require_writable
+from gspure.model import model_file, require_writable
 from gspure.progress import say, warn
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import find_scheme
@@ -195,7 +194,6 @@ def _write_cost(args: Arguments, searching: float, inputs: Mapping[str, Path], s
 
 def _read(args: Arguments, files: Mapping[str, Path]) -> tuple[PublicModel, Evidence]:
     """Read the public model, and the evidence in `files`."""
-    require_made_from(read_model(args.model).geometry_digest(), *files.values())
     public = read_public(args)
     evidence: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
     types = {"weights": np.float32, "prune_mask": np.bool_, "opacities": np.float32, "surface": np.float32}

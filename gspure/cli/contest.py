@@ -1,7 +1,7 @@
 """``gspure contest``: survival of the message, and GSPure against every other attack."""
 
 from gspure.cli.options import add_sweeps, read_sweeps
-from gspure.cli.parser import Arguments, Parser
+from gspure.cli.parser import Arguments, Parser, Unrelated
 
 EXAMPLES = """\
   gspure contest --table results.csv --out contest.csv --survival survival.csv --matched matched.csv \\
@@ -18,13 +18,14 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--out", "CSV", "GSPure minus every other attack")
     parser.writes("--survival", "CSV", "the message after each attack, against controls")
     parser.writes("--matched", "CSV", "the message's drop at equal damage to the scene")
-    parser.reads("--benchmarks", "DIR", "folder with the costs SCHEME/SCENE/VARIANT/attack.cost.json", required=False)
+    meaning = "folder with the costs SCHEME/SCENE/VARIANT/attack.cost.json"
+    parser.reads("--benchmarks", "DIR", meaning, required=False, type=Unrelated)
     parser.writes("--costs", "CSV", "the cost of each attack, from --benchmarks", required=False)
     parser.writes("--markdown", "MD", "all of these as readable tables")
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import replacing, write_record, write_text
+    from gspure.artifacts import write_record, write_text
     from gspure.evaluation.contest import Contest, contest
     from gspure.evaluation.costs import AttackCost, attack_costs
     from gspure.evaluation.csv_tables import write_table
@@ -38,11 +39,10 @@ def run(args: Arguments) -> None:
     contests, survivals, matched = contest(outcomes, sweeps), survival(outcomes), match(outcomes, sweeps)
     costs = attack_costs(outcomes, sweeps, args.benchmarks) if args.benchmarks else []
     if args.costs:
-        with replacing(args.costs, checksum=True) as file:  # with a record, it may be replaced in its input folder
-            write_table(file, AttackCost, costs)
+        write_table(args.costs, AttackCost, costs)
     write_table(args.out, Contest, contests)
     write_table(args.survival, Survival, survivals)
     write_table(args.matched, Matched, matched)
     write_text(args.markdown, conditions_markdown(survivals, contests, matched, costs))
-    for path in (args.out, args.survival, args.matched, args.markdown):
+    for path in filter(None, (args.out, args.survival, args.matched, args.markdown, args.costs)):
         write_record(path, inputs={"table": args.table}, settings={"sweeps": sweeps})

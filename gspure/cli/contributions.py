@@ -3,7 +3,7 @@
 import argparse
 
 from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
-from gspure.cli.parser import Arguments, Parser
+from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.progress import say
 
 EXAMPLES = """\
@@ -17,7 +17,7 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--model", "MODEL", "the model's file")
     add_scheme(parser)
     add_views(parser, split="train")
-    parser.reads("--stages", "DIR", "folder of the stage files")
+    parser.reads("--stages", "DIR", "folder of the stage files", type=Unrelated)
     parser.add_argument(
         "--part",
         type=_part,
@@ -32,9 +32,11 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     from gspure.artifacts import write_record
+    from gspure.cameras import views_digest
     from gspure.method.contributions import Measurement, contribute, write_index
     from gspure.model import read_model
     from gspure.model.suspicious import lines, suspicious_rows
+    from gspure.schemes.registry import geometry_of
 
     part, parts = args.part
     views = read_views(args)
@@ -43,9 +45,11 @@ def run(args: Arguments) -> None:
         say(line)
     device = read_device(args)
     stages = contribute(public, views[part - 1 :: parts], args.stages, device=device, energy=args.energy)
-    write_index(args.index, stages, Measurement.of(public, model, views, args.energy, device))
+    geometry = geometry_of(args.model)
+    write_index(args.index, stages, Measurement.of(public, geometry, views, args.energy, device))
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
-    write_record(args.index, inputs={"model": args.model, "cameras": args.cameras}, settings=settings)
+    inputs, ancestors = {"model": args.model, "cameras": args.cameras}, {"views": views_digest(views)}
+    write_record(args.index, inputs=inputs, settings=settings, geometry=geometry, ancestors=ancestors)
 
 
 def _part(text: str) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from gspure.artifacts import UNMOVED, file_digest, filling, require_results, wri
 from gspure.cli.options import add_device, described, parsed_settings, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
-from gspure.images import RENDERED
+from gspure.images import RENDERED, photographs_of
 from gspure.progress import say
 from gspure.schemes.pair import INITIALIZATIONS, read_pair
 from gspure.schemes.readability import Readability, bit_readability, readability
@@ -70,8 +70,9 @@ def run(args: Arguments) -> None:
             artifacts.append(folder / "key" / "readability.json")
             write_json(artifacts[-1], asdict(check) | {"readable": check.readable})
         inputs = {"cameras": args.pair / "cameras.json", "message": args.pair / "message" / RENDERED}
+        photographs = photographs_of(args.pair / "scene") | photographs_of(args.pair / "message")
         for path in artifacts:
-            write_record(path, inputs=inputs, settings=used, embedding=embedding, motion=UNMOVED)
+            write_record(path, inputs=inputs, settings=used, embedding=embedding, motion=UNMOVED, ancestors=photographs)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()

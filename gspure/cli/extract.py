@@ -94,13 +94,22 @@ def run(args: Arguments) -> None:
             is_flat &= not np.ptp(levels(image), axis=(0, 1)).any()
         model = known_digest(model_file(args.model))
         owner = WRONG_KEY if args.wrong_key is not None else embedding_of(args.key)
-        record_views(folder, unmoved(args, views), target=extraction, model=model, key=owner)
+        shown, photographs = unmoved(args, views), _photographs(args.key)
+        record_views(folder, shown, target=extraction, model=model, key=owner, photographs=photographs)
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)
             motion = motion_of_views(args.cameras, args.model)
             write_record(folder / "cameras.json", inputs={}, settings={}, motion=motion)
     if is_flat and args.wrong_key is None:
         warn("every extracted image is of one colour: the key does not fit the model, or an attack removed the message")
+
+
+def _photographs(key: Path) -> str:
+    """Return the digest of the record of the photographs of a key's message; empty if unknown."""
+    from gspure.artifacts import facts_of
+    from gspure.schemes.scheme import MESSAGE
+
+    return next((known for file in sorted(key.iterdir()) if (known := facts_of(file).get(MESSAGE))), "")
 
 
 def _require_original(file: Path, embedding: str) -> None:
@@ -117,19 +126,14 @@ def _lesson(args: Arguments) -> Lesson:
     """Return what the key learns from: photographs of the message, in training views that move with the model."""
     import numpy as np
 
-    from gspure.artifacts import require_input
     from gspure.cameras.reading import read_transform
     from gspure.cli.options import read_device
     from gspure.errors import InputError
-    from gspure.images import RENDERED
     from gspure.public_model import Lesson
     from gspure.schemes.pair import Capture
 
     if not args.photographs:
         raise InputError("extract", "--photographs", expected="photographs of the message to learn from", found="none")
-    if (record := args.photographs / RENDERED).is_file():
-        for file in args.key.iterdir():
-            require_input(file, "message", record)
     capture = Capture.read(args.photographs)
     transform = read_transform(args.transform) if args.transform else np.eye(4)
     views = [camera.moved(transform) for camera in capture.views]

@@ -18,21 +18,20 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     import numpy as np
 
-    from gspure.artifacts import load_array, require_kind, require_made_from, save_array, write_record
+    from gspure.artifacts import load_array, require_kind, save_array, write_record
     from gspure.method.features import features
     from gspure.model import read_model
     from gspure.model.finite import drawable
+    from gspure.schemes.registry import geometry_of
 
-    stored = read_model(args.model)
-    model, geometry = drawable(stored, args.model), stored.geometry_digest()
+    model = drawable(read_model(args.model), args.model)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(model),), least=0)
     evidence = {"weights": args.weights}
     opacities = model.opacities
     if args.opacities:
         evidence["opacities"] = args.opacities
         opacities = load_array(args.opacities, dtype=np.float32, shape=(len(model),), least=0)
-    require_made_from(geometry, *evidence.values())
     for kind, path in evidence.items():
         require_kind(path, kind)
     save_array(args.out, features(model.means, opacities, weights))
-    write_record(args.out, inputs={"model": args.model, **evidence}, settings={}, geometry=geometry)
+    write_record(args.out, inputs={"model": args.model, **evidence}, settings={}, geometry=geometry_of(args.model))

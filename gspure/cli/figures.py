@@ -69,7 +69,7 @@ def run(args: Arguments) -> None:
 def _draw_model(args: Arguments) -> Drawn:
     import numpy as np
 
-    from gspure.artifacts import load_array, require_kind, require_made_from
+    from gspure.artifacts import load_array, require_kind
     from gspure.figures.gallery import Evidence, drawings
     from gspure.figures.splats import splats
     from gspure.figures.viewer import write_viewer
@@ -80,14 +80,12 @@ def _draw_model(args: Arguments) -> Drawn:
     from gspure.model.signature import Signature
     from gspure.schemes.registry import read_public_model
 
-    stored = read_public_model(args.model, args.scheme)
-    public = stored.drawable(args.model)
+    public = read_public_model(args.model, args.scheme).drawable(args.model)
     model = public.model
     shape = (len(model),)
     labels = read_clusters(args.clusters).labels
     if labels.shape != shape:
         raise InputError(args.clusters, "labels", expected=f"{len(model)}, as in {args.model}", found=str(len(labels)))
-    require_made_from(stored.model.geometry_digest(), *filter(None, (args.clusters, args.weights, args.hidden)))
     require_kind(args.weights, "weights")
     if args.hidden:
         require_kind(args.hidden, "hidden")

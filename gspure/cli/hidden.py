@@ -1,5 +1,7 @@
 """``gspure hidden``: the share of the message's weight on rows that plain_weight prunes."""
 
+from typing import Any
+
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
@@ -32,29 +34,29 @@ def run(args: Arguments) -> None:
 
     from gspure.artifacts import (
         embedding_of,
+        facts_of,
         load_array,
+        require_agreement,
         require_embedding,
         require_kind,
-        require_made_from,
         save_array,
         settings_of,
         write_json,
         write_record,
     )
+    from gspure.cameras import views_digest
     from gspure.errors import InputError
-    from gspure.model import model_file, read_model
+    from gspure.model import model_file
     from gspure.numerals import percent
     from gspure.progress import warn
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
-    from gspure.schemes.registry import find_scheme
+    from gspure.schemes.registry import find_scheme, geometry_of
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
     require_embedding(embedding_of(model_file(args.model)), args.key)
     public, key = scheme.read_public(args.model), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
-    geometry = read_model(args.model).geometry_digest()
-    require_made_from(geometry, args.weights)
     require_kind(args.weights, "weights")
     measured = settings_of(args.weights)
     settings = {name: getattr(args, name) for name in ("energy", "reduction", "split")}
@@ -62,6 +64,8 @@ def run(args: Arguments) -> None:
         if (found := measured.get(name, chosen)) != chosen:
             hint = f"--{name} {found} measures the message in the same way"
             raise InputError(args.weights, name, expected=chosen, found=str(found), hint=hint)
+    ancestors = {"views": views_digest(views)}
+    require_agreement(args.cameras, args.weights, ancestors, facts_of(args.weights))
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     tau_n = scheme.tau_n if args.tau_n is None else args.tau_n
@@ -72,7 +76,8 @@ def run(args: Arguments) -> None:
     write_record(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
     if args.hidden:
         save_array(args.hidden, hidden)
-        write_record(args.hidden, inputs=inputs, settings=settings, geometry=geometry, kind="hidden")
+        origin: dict[str, Any] = {"geometry": geometry_of(args.model), "ancestors": ancestors}
+        write_record(args.hidden, inputs=inputs, settings=settings, kind="hidden", **origin)
     if share is None:
         warn("no row holds weight of the message: nothing is embedded, or the key does not fit the model")
     else:

@@ -83,7 +83,8 @@ def _draw_attacks(args: Arguments) -> Drawn:
     changed = UNATTACKED if reference != UNATTACKED else GSPURE if GSPURE in folders else others[0]
     view, count = _typical_view([folders[reference], folders[changed]], compared)
     views = dict.fromkeys(targets, view)
-    if not (_target_folder(folders[reference], SCENE) / f"{view}.png").is_file():  # a message with views of its own
+    if SCENE in targets and not (_target_folder(folders[reference], SCENE) / f"{view}.png").is_file():
+        # the message has views of its own
         views[SCENE], _ = _typical_view([folders[reference], folders[UNATTACKED]], SCENE)
 
     shown = chosen(outcomes, read_sweeps(args, results))
@@ -95,6 +96,7 @@ def _draw_attacks(args: Arguments) -> Drawn:
         images = {target: _target_folder(folders[title], target) / f"{views[target]}.png" for target in rendered}
         columns.append(_variant(title, images, outcome, backgrounds))
         files |= {f"{title} {target}": path for target, path in images.items()}
+        _require_measured(args, "" if outcome is None else title, [path.parent for path in images.values()])
         for target, path in images.items():
             require_comparable(_target_folder(folders[reference], target), path.parent, [views[target]])
     write_lineup(args.out, targets, columns)
@@ -106,6 +108,20 @@ def _draw_attacks(args: Arguments) -> Drawn:
         strength = "with the highest Score" if any(isfinite(o.score) for o in outcomes) else "that is listed first"
         caption += f" Attacks with several strengths are shown at the one {strength}, GSPure at its default."
     return {args.out: caption}, {"table": args.table, **files}, {}
+
+
+def _require_measured(args: Arguments, variant: str, folders: Iterable[Path]) -> None:
+    """Refuse images that were not measured for a variant of the table, or for any variant, as far as records tell."""
+    from gspure.artifacts import file_digest, settings_of
+    from gspure.images import RENDERED
+
+    measured = settings_of(args.table).get("images", {})
+    of_variant = f"{args.name}/{variant}" if variant else args.name
+    known = {d for name, digests in measured.items() if f"{name}/".startswith(f"{of_variant}/") for d in digests}
+    for folder in folders:
+        if known and (record := folder / RENDERED).is_file() and file_digest(record) not in known:
+            expected = f"those that the table measures for {of_variant}"
+            raise InputError(folder, "images", expected=expected, found="others")
 
 
 def _variant(
@@ -138,7 +154,10 @@ def _typical_view(folders: Sequence[Path], target: str) -> tuple[str, int]:
 
 def _target_folder(folder: Path, target: str) -> Path:
     """Return the folder of a target's images; the truth of all extractions is that of the message."""
-    return next((path for path in (folder / target, folder / target.partition("_")[0]) if path.is_dir()), folder)
+    for path in (folder / target, folder / target.partition("_")[0]):
+        if path.is_dir():
+            return path
+    raise InputError(folder, "folder", expected=f"images in {target}/", found="no such folder")
 
 
 def _common_views(folders: Iterable[Path]) -> list[str]:

@@ -17,9 +17,12 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     from gspure.artifacts import save_array, write_record
-    from gspure.model import read_model
+    from gspure.cameras import views_digest
+    from gspure.schemes.registry import geometry_of
 
-    public = read_public(args)
-    save_array(args.out, public.opacities(read_views(args)))
-    inputs, geometry = {"model": args.model, "cameras": args.cameras}, read_model(args.model).geometry_digest()
-    write_record(args.out, inputs=inputs, settings={"split": args.split}, geometry=geometry, kind="opacities")
+    public, views = read_public(args), read_views(args)
+    save_array(args.out, public.opacities(views))
+    inputs, geometry = {"model": args.model, "cameras": args.cameras}, geometry_of(args.model)
+    ancestors = {} if public.rows_are_gaussians else {"views": views_digest(views)}  # those of Gaussians are stored
+    settings = {"split": args.split}
+    write_record(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="opacities", ancestors=ancestors)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.parser import Arguments, Parser, filled
+from gspure.cli.parser import Arguments, Parser, Unrelated, filled
 from gspure.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def camera_source(text: str) -> Path | str:
     """Return a path, or the name of a way to generate views; an argument type."""
     from gspure.cameras import GENERATED
 
-    return text if text in GENERATED else filled(Path, text)
+    return text if text in GENERATED else filled(Unrelated, text)
 
 
 def add_cameras(parser: Parser, purpose: str = "views", *, required: bool = True) -> None:
@@ -186,7 +186,9 @@ def add_views(parser: Parser, split: str) -> None:
 
 def add_off_path(parser: Parser) -> None:
     """Add ``--off-path``, for `read_views`."""
-    parser.reads("--off-path", "FILE", "additional views, from `gspure cameras --off-path`", required=False)
+    parser.reads(
+        "--off-path", "FILE", "additional views, from `gspure cameras --off-path`", required=False, type=Unrelated
+    )
 
 
 def read_split(args: Arguments, *, moves: bool = False) -> list[Camera]:
@@ -252,10 +254,10 @@ def require_least(args: Arguments, command: str, least: Mapping[str, int]) -> No
             raise InputError(command, f"--{name.replace('_', '-')}", expected=f"at least {bound}", found=str(value))
 
 
-def add_files(parser: Parser, files: Mapping[str, tuple[str, str]]) -> None:
+def add_files(parser: Parser, files: Mapping[str, tuple[str, str]], **settings: Any) -> None:
     """Add options that take any number of files, each with its metavar and help."""
     for option, (metavar, meaning) in files.items():
-        parser.reads(option, metavar, meaning, nargs="*", default=[])
+        parser.reads(option, metavar, meaning, nargs="*", default=[], **settings)
 
 
 def add_sweeps(parser: Parser) -> None:

@@ -88,7 +88,8 @@ def run(args: Arguments) -> None:
         settings |= make(args)
         for folder, images in ((args.out, args.out / "scene"), (args.out / "message", args.out / "message")):
             known = {camera.name: camera.numbers.tolist() for camera in read_cameras(folder / "cameras.json")}
-            record_views(images, {image.stem: known.get(image.stem, []) for image in images.glob("*.png")})
+            views = {image.stem: known.get(image.stem, []) for image in images.glob("*.png")}
+            record_views(images, views, target=images.name)
             for name in ("cameras.json", "points3D.ply"):
                 write_record(folder / name, inputs={"photographs": images / RENDERED}, settings=settings)
 

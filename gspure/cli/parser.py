@@ -17,18 +17,22 @@ class Output(PosixPath):
     """The type of arguments that name a file or folder to write, never an input."""
 
 
+class Unrelated(PosixPath):
+    """The type of arguments that name a file or folder to read, of any origin."""
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that refuses a wrong command line in one line, and empty texts: an empty path is the current folder."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self._words: list[str] = []
-        for kind in (None, Path, Output):
+        for kind in (None, Path, Output, Unrelated):
             self.register("type", kind, partial(filled, kind or str))
 
     def reads(self, name: str, metavar: str, meaning: str, **settings: Any) -> None:
         """Add a file or folder to read; an option without a default is required unless `required` is false."""
-        self._add_path(name, meaning, type=Path, metavar=metavar, **settings)
+        self._add_path(name, meaning, **{"type": Path, "metavar": metavar, **settings})
 
     def writes(self, name: str, metavar: str, meaning: str, **settings: Any) -> None:
         """Add a file or folder to write; an option without a default is required unless `required` is false."""
@@ -129,7 +133,7 @@ def require_distinct(args: Arguments) -> None:
     """
     from gspure.artifacts.checksums import record_of
 
-    paths = [*_paths(vars(args).values())]
+    paths = [*paths_of(vars(args).values())]
     outputs = [path for path in paths if isinstance(path, Output)]
     inputs = {path.resolve() for path in paths if not isinstance(path, Output)}
     taken = set(inputs)
@@ -141,11 +145,12 @@ def require_distinct(args: Arguments) -> None:
         taken.add(file)
 
 
-def _paths(values: Iterable[object]) -> Iterator[Path]:
+def paths_of(values: Iterable[object]) -> Iterator[Path]:
+    """Yield the paths among some values, and among those in lists and mappings."""
     for value in values:
         if isinstance(value, Path):
             yield value
         elif isinstance(value, list | tuple):
-            yield from _paths(value)
+            yield from paths_of(value)
         elif isinstance(value, dict):
-            yield from _paths(value.values())
+            yield from paths_of(value.values())

@@ -16,7 +16,7 @@ from gspure import __version__
 from gspure.artifacts import embedding_of, filling, motion_of, require_results, save_array, write_json, write_record
 from gspure.artifacts.checksums import forget
 from gspure.attacks.learning import ITERATIONS, Teacher
-from gspure.cameras import Camera, scaled, split, write_cameras
+from gspure.cameras import Camera, scaled, split, views_digest, write_cameras
 from gspure.cameras.reading import motion_of_views
 from gspure.cameras.scale import TRAINING_RULE
 from gspure.cli.cluster import add_selection
@@ -121,13 +121,13 @@ def run(args: Arguments) -> None:
     with filling(args.out) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train, args.repair, device)
-        inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.model.geometry_digest()
+        inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.geometry_digest()
         used = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
-        origin: dict[str, Any] = {"inputs": inputs, "settings": used, "geometry": geometry}
+        origin: dict[str, Any] = {"inputs": inputs, "settings": used}
         _write_model(models["purified"], folder, args.out, origin)
         if writes_views:
-            _write_views(args, folder, cameras, origin)
-        _write_arrays(folder, purification, **origin)
+            _write_views(args, folder, cameras)
+        _write_arrays(folder, purification, **origin, geometry=geometry, ancestors={"views": views_digest(train)})
         rows = _compare(folder, models, test, device, embedding_of(inputs["model"])) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
@@ -153,10 +153,10 @@ def _write_model(model: PublicModel, folder: Path, place: Path, origin: Mapping[
             write_record(path, motion=motion_of(origin["inputs"]["model"]), **origin)
 
 
-def _write_views(args: Arguments, folder: Path, cameras: Sequence[Camera], origin: Mapping[str, Any]) -> None:
+def _write_views(args: Arguments, folder: Path, cameras: Sequence[Camera]) -> None:
     file = folder / "cameras.json"
     write_cameras(file, [replace(camera, image=None) for camera in cameras])
-    write_record(file, motion=motion_of_views(args.cameras, args.model), **origin)
+    write_record(file, inputs={}, settings={}, motion=motion_of_views(args.cameras, args.model))
 
 
 def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:

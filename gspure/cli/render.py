@@ -37,7 +37,15 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Render every view."""
-    from gspure.artifacts import embedding_of, filling, known_digest, require_results, save_array, write_record
+    from gspure.artifacts import (
+        embedding_of,
+        facts_of,
+        filling,
+        known_digest,
+        require_results,
+        save_array,
+        write_record,
+    )
     from gspure.cameras import write_cameras
     from gspure.cameras.reading import motion_of_views
     from gspure.evaluation.outcomes import SCENE
@@ -62,6 +70,7 @@ def run(args: Arguments) -> None:
                 save_array(folder / f"{camera.name}.npy", image)
         file = model_file(args.model)
         origin = {"target": SCENE, "model": known_digest(file), "embedding": embedding_of(file)}
+        origin["photographs"] = facts_of(file).get(SCENE, "")
         record_views(folder, unmoved(args, views), background, args.energy, **origin)
         if isinstance(args.cameras, str):
             write_cameras(folder / "cameras.json", views)

@@ -1,7 +1,7 @@
 """``gspure report``: one page about all models of a run."""
 
 from gspure.cli.options import add_files
-from gspure.cli.parser import Arguments, Parser
+from gspure.cli.parser import Arguments, Parser, Unrelated
 
 EXAMPLES = """\
   gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
@@ -12,7 +12,6 @@ EXAMPLES = """\
 
 
 _FILES = {
-    "--figures": ("PNG", "from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/CONDITION"),
     "--diagnosis": ("JSON", "from `gspure prune` or `gspure hidden`, in folders SCHEME/SCENE"),
     "--viewer": ("JSON", "from `gspure figures model`, in folders SCHEME/SCENE"),
     "--records": ("JSON", "records of artifacts to list"),
@@ -24,12 +23,13 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--table", "CSV", "from `gspure table`")
     for option in ("--contest", "--survival", "--matched", "--costs"):
         parser.reads(option, "CSV", "from `gspure contest`", required=False)
-    add_files(parser, _FILES)
+    meaning = "from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/CONDITION"
+    add_files(parser, {"--figures": ("PNG", meaning)})
+    add_files(parser, _FILES, type=Unrelated)
     parser.writes("--out", "HTML", "the page")
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import require_input
     from gspure.evaluation.contest import Contest
     from gspure.evaluation.costs import AttackCost
     from gspure.evaluation.csv_tables import read_table
@@ -39,8 +39,6 @@ def run(args: Arguments) -> None:
     from gspure.report.page import write_report
 
     derived = [file for file in (args.survival, args.contest, args.matched) if file]
-    for file in (*derived, *args.figures):
-        require_input(file, "table", args.table)
     write_report(
         args.out,
         read_results(args.table),

@@ -48,6 +48,7 @@ def _condition(text: str) -> tuple[str, str]:
 def run(args: Arguments) -> None:
     from gspure.artifacts import write_record, write_text
     from gspure.evaluation.csv_tables import write_table
+    from gspure.evaluation.origins import measured_images
     from gspure.evaluation.outcomes import collect
     from gspure.evaluation.recall import MESSAGE_ROWS
     from gspure.evaluation.results import write_results
@@ -60,7 +61,8 @@ def run(args: Arguments) -> None:
     outcomes = collect(args.metrics, *files, conditions=args.condition)
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
-    write_record(args.out, inputs=inputs, settings={"conditions": args.condition})
+    settings = {"conditions": args.condition, "images": measured_images(args.metrics)}
+    write_record(args.out, inputs=inputs, settings=settings, kind="table")
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
     for scheme, folder in not_embedded(outcomes):
         warn(

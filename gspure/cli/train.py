@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gspure.cli.options import add_background, add_device, read_background, read_device, require_least
-from gspure.cli.parser import Arguments, Parser
+from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.progress import say, track
 
 if TYPE_CHECKING:
@@ -58,7 +58,8 @@ def add_arguments(parser: Parser) -> None:
         "image size: Wpx, at most W pixels wide; 1/N; native; or photographs, if those are smaller",
         "320px",
     )
-    parser.reads("--images", "DIR", "photographs, named as the views, instead of those that DATA names", required=False)
+    meaning = "photographs, named as the views, instead of those that DATA names"
+    parser.reads("--images", "DIR", meaning, required=False, type=Unrelated)
     add_background(parser, "the model and transparent photographs", "DATA")
     parser.number(
         "--max-gaussians", "N", "upper bound of growth (default: one per point of DATA and one per pixel of a view)"

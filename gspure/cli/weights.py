@@ -26,9 +26,10 @@ def run(args: Arguments) -> None:
     from gspure.method.contributions import read_index, read_stage, require_result_of
     from gspure.method.weights import accumulate, evenly_spread, few_in_view, require_in_view
     from gspure.model import read_model
+    from gspure.schemes.registry import geometry_of
 
     model = read_model(args.model)
-    geometry = model.geometry_digest()
+    geometry = geometry_of(args.model)
     require_result_of(geometry, args.index)
     stages = read_index(*args.index)
     if args.views is not None:

@@ -1,6 +1,6 @@
 """Whether artifacts in the folder of a variant are of this variant, as far as records tell."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -32,6 +32,16 @@ def origin_checks(variant: Path) -> Iterator[tuple[Path, Check]]:
         yield record.parent, partial(_require_images_of, variant)
     for table in (variant / "metrics.csv", *variant.glob(f"{DETECTIONS}/*.csv"), variant.parent / "retrieval.csv"):
         yield table, partial(_require_measured_in, variant)
+
+
+def measured_images(tables: Iterable[Path]) -> dict[str, list[str]]:
+    """Return the digests of the records of the images that tables ``SCHEME/SCENE/VARIANT/metrics.csv`` measure."""
+    return {
+        "/".join(table.resolve().parts[-4:-1]): sorted(
+            digest for path, digest in recorded_inputs(table).items() if Path(path).name == RENDERED
+        )
+        for table in tables
+    }
 
 
 def _require_images_of(variant: Path, images: Path) -> None:

@@ -26,7 +26,7 @@ from gspure.artifacts import digest, intact, load_array, save_array, verify, wri
 from gspure.artifacts.checksums import record_file
 from gspure.cameras import Camera
 from gspure.errors import InputError, reading
-from gspure.model import Gaussians, require_finite
+from gspure.model import require_finite
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import device_identity
 from gspure.opencl.frame import Energy
@@ -41,19 +41,17 @@ _STAGE = re.compile(r"\.[0-9a-f]{32}\.npy$")  # ends the name of a stage, {view}
 class Measurement(NamedTuple):
     """What the indices of all parts share."""
 
-    model: str  # digest of the rows as stored (`Gaussians.geometry_digest`)
-    settings: str  # digest of all views, energy, rendering code and files beside the model
+    model: str  # digest of the model as stored (`PublicModel.geometry_digest`)
+    settings: str  # digest of all views, energy and rendering code
     device: str  # driver, device and kernel style (`gspure.opencl.engine.device_identity`)
     views: int  # number of views in all parts
 
     @classmethod
-    def of(
-        cls, public: PublicModel, rows: Gaussians, cameras: Sequence[Camera], energy: Energy, device: Device
-    ) -> Self:
-        """Describe the contributions of `public`, stored as `rows`, to all views."""
-        geometry = public.geometry_digest()
+    def of(cls, public: PublicModel, model: str, cameras: Sequence[Camera], energy: Energy, device: Device) -> Self:
+        """Describe the contributions of `public`, stored with the digest `model`, to all views."""
+        geometry = _content(public)
         views = [digest(camera.name, contribution_key(geometry, camera, energy, "")) for camera in cameras]
-        return cls(rows.geometry_digest(), digest(*views), device_identity(device), len(views))
+        return cls(model, digest(*views), device_identity(device), len(views))
 
 
 INDEX_COLUMNS = ["view", "key", "path", *Measurement._fields]
@@ -83,7 +81,7 @@ def contribute(
     """
     require_finite(public.model, "model")
     device = device or choose_device()
-    geometry, target = public.geometry_digest(), device_identity(device)
+    geometry, target = _content(public), device_identity(device)
     stages = []
     for camera in cameras:
         key = contribution_key(geometry, camera, energy, target)
@@ -99,10 +97,15 @@ def contribute(
     return stages
 
 
+def _content(public: PublicModel) -> str:
+    """Return a digest of a model and of the code that computes its Gaussians."""
+    return digest(public.geometry_digest(), *(file.read_bytes() for file in public.code))
+
+
 def contribution_key(geometry: str, camera: Camera, energy: str, device: str) -> str:
     """Return the key of one view's contributions, a digest of everything that they depend on.
 
-    `geometry` is the digest of the model (`PublicModel.geometry_digest`), `device` its name
+    `geometry` is a digest of the model and its code, `device` a name
     (`gspure.opencl.engine.device_identity`). The camera's numbers count, not its name.
     """
     return digest(geometry, camera.numbers, energy, rendering_digest(), device)

@@ -20,7 +20,7 @@ PILE: Final = 10  # least number of rows with the same centre that are a pile
 BULK: Final = (0.05, 0.95)  # the extent is the diagonal of the box between these quantiles of the centres
 
 REASONS: Final = {
-    "non_finite": "infinity or not-a-number; not drawn",
+    "undrawable": "infinity or not-a-number, or a scale that overflows; not drawn",
     "needle": f"longest axis more than {NEEDLE_ASPECT:,.0f} times the second longest",
     "oversized": "scale larger than the extent of the scene",
     "far": f"centre farther away than {FAR:,.0f} times the extent of the scene",
@@ -40,7 +40,7 @@ def suspicious_rows(model: Gaussians) -> dict[str, Rows]:
     extent, distances = extent_and_distances(means)
     pile, repeated = coincident_rows(model.means[rows])
     by_reason = {
-        "non_finite": undrawable,
+        "undrawable": undrawable,
         "needle": rows[scales[:, 2] > NEEDLE_ASPECT * scales[:, 1]],
         "oversized": rows[(scales[:, 2] > extent) & (extent > 0)],
         "far": rows[distances > FAR],

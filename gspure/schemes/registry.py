@@ -39,6 +39,11 @@ def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
     return known.read_public(path) if known else PublicModel.read(path)
 
 
+def geometry_of(path: Path) -> str:
+    """Return the digest of a model that records name: of its rows without colours, and of the networks of anchors."""
+    return read_public_model(path).geometry_digest()
+
+
 def recognized(model: Gaussians) -> Scheme | None:
     """Return the scheme whose signature is among a model's columns, built-in ones first; None for vanilla 3DGS."""
     columns = set(model.table.dtype.names or ())

@@ -17,12 +17,12 @@ from scipy.sparse.csgraph import connected_components
 from gspure import images
 from gspure.artifacts import (
     embedding_of,
+    facts_of,
     load_array,
     motion_of,
     read_json,
     require_input,
     require_kind,
-    require_made_from,
     require_same_origin,
     save_array,
     settings_of,
@@ -203,7 +203,7 @@ def _read_model_record(folder: Path) -> None:
     if (motion := motion_of(model)) is not None:  # else some other JSON has replaced the record
         assert np.allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=0.01)
         assert np.isfinite(motion).all()
-    require_made_from("a1", model)
+    assert facts_of(model)["model"] == "a1"
     require_kind(model, "weights")
     require_same_origin(model, model)
     require_input(model, "pair", model)

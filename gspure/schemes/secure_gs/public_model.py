@@ -49,6 +49,8 @@ class AnchorModel(PublicModel):
 
     rows_are_gaussians: ClassVar[bool] = False
 
+    code: ClassVar[Sequence[Path]] = [Path(__file__).with_name(f"{n}.py") for n in ("networks", "neural", "visibility")]
+
     def __init__(self, model: Gaussians, networks: Networks) -> None:
         super().__init__(model)
         self.networks = networks
@@ -155,7 +157,6 @@ class AnchorModel(PublicModel):
         return of_view
 
     def geometry_digest(self) -> str:
-        """Return a digest of the rows, the networks, and the code that computes Gaussians from them."""
+        """Return a digest of the rows and the networks."""
         weights = [network[name] for network in self.networks.values() for name in sorted(network)]
-        code = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("networks", "neural", "visibility")]
-        return digest(self.model.geometry_digest(), *self.networks, *weights, *code)
+        return digest(self.model.geometry_digest(), *self.networks, *weights)

@@ -1,0 +1,62 @@
+"""Whether the inputs of a command belong together, as far as their records tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import combinations, product
+from pathlib import Path
+from typing import Final
+
+from gspure.cli.parser import Arguments, Output, Unrelated, paths_of
+
+_CONTROL: Final = "--control accepts the key of another model, a negative control"
+
+
+def require_related(args: Arguments) -> None:
+    """Refuse inputs that are not of one model, embedding or pair, or not made from each other, by their records.
+
+    Several files of one option may be of different models: they are compared with single inputs only. With
+    ``--control`` or ``--wrong-key``, the model may be another than that of the key. `Unrelated` inputs are not
+    compared.
+    """
+    from gspure.artifacts import require_agreement
+
+    model = getattr(args, "model", None)
+    is_control = getattr(args, "control", False) or getattr(args, "wrong_key", None) is not None
+    values = [value for name, value in vars(args).items() if not (is_control and name in {"model", "images"})]
+    single = sorted(_inputs(value for value in values if isinstance(value, Path)), key=lambda path: path != model)
+    several = _inputs(value for value in values if not isinstance(value, Path))
+    facts = {path: _facts(path) for path in (*single, *several)}
+    if model in facts:
+        is_compared = any("model" in known for path, known in facts.items() if path != model)
+        facts[model] = _facts_of_model(model, is_compared=is_compared)
+    hint = _CONTROL if "control" in args and not is_control else ""
+    for first, second in (*combinations(single, 2), *product(single, several)):
+        require_agreement(first, second, facts[first], facts[second], hint)
+
+
+def _inputs(values: Iterable[object]) -> list[Path]:
+    return [path for path in paths_of(values) if not isinstance(path, Output | Unrelated)]
+
+
+def _facts(path: Path) -> dict[str, str]:
+    """Return what records say about the origin of a file, or of images; of the files of other folders, if all agree."""
+    from gspure.artifacts import facts_of
+    from gspure.images import photographs_of
+
+    if not path.is_dir():
+        return facts_of(path)
+    known = [facts_of(file) for file in sorted(path.glob("[!.]*")) if file.suffix != ".json"]
+    facts = {name: origin for each in known for name, origin in each.items()}
+    agreed = {name: origin for name, origin in facts.items() if all(each.get(name, origin) == origin for each in known)}
+    return agreed | photographs_of(path)
+
+
+def _facts_of_model(path: Path, *, is_compared: bool) -> dict[str, str]:
+    """Return the facts of a model; the digest of its content only if it `is_compared`, since that reads the model."""
+    from gspure.artifacts import facts_of
+    from gspure.model import model_file
+    from gspure.schemes.registry import geometry_of
+
+    file = model_file(path)
+    return {**facts_of(file), "model": geometry_of(file)} if is_compared else facts_of(file)

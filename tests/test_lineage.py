@@ -1,0 +1,297 @@
+"""Inputs of another model, embedding, pair, measurement or table: refused by every command, or mixed for a reason."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.artifacts import record_of, save_array
+from gspure.cli import COMMANDS, main, parser_of
+from gspure.cli.lineage import require_related
+from gspure.cli.parser import Output, Unrelated, paths_of
+from gspure.errors import InputError
+from gspure.schemes.registry import geometry_of
+from gspure.schemes.secure_gs.public_model import AnchorModel
+from tests.anchor_cases import random_public
+
+UNRELATED = {
+    "cameras": "a model is rendered, measured and attacked in any views; records name those of a measurement",
+    "off_path": "as cameras",
+    "source": "of cameras: as cameras",
+    "decoys": "messages of other pairs",
+    "images": "of train: photographs at another resolution, or edited ones",
+    "stages": "the names of stages identify their content",
+    "results": "searched for indices of any model",
+    "benchmarks": "costs are named by scheme, scene and variant, not by their records",
+    "diagnosis": "of any model of the table; the report shows it under the name of its folder",
+    "viewer": "as diagnosis",
+    "records": "shown as they are",
+    "link": "linked, not read",
+}
+"""Inputs of any origin, and why."""
+
+SHORT = {
+    "MODEL": "R/public/point_cloud.ply",
+    "CAMERAS": "R/pair/cameras.json",
+    "KEY": "--scheme planted --key R/key",
+    "VARIANT": "R/planted/room/unattacked",
+    "OTHER": "R/planted/room/random_pruning",
+}
+
+LINES = """
+render R/public --cameras orbit --transform R/transform.npy --out out
+metrics R/pair/scene VARIANT/renders/scene
+extract R/public KEY --cameras orbit --photographs R/pair/message --original R/public --out out
+extract R/public KEY --cameras orbit --transform R/transform.npy --out out
+detect VARIANT/renders/scene KEY --out out
+attack gspure --model MODEL --weights R/weights.npy --prune-mask R/mask.npy --labels R/clusters.npz --out out
+attack gof --model MODEL --weights R/weights.npy --opacities R/opacities.npy --surface R/surface.npy --out out
+attack noise --model MODEL --photographs R/pair/scene --measured R/cost.json --out out
+contributions --model MODEL --cameras orbit --transform R/transform.npy --stages stages --index out
+weights --index R/index.tsv --model MODEL --out out
+opacities --model MODEL --cameras orbit --transform R/transform.npy --out out
+hidden --model MODEL KEY --cameras orbit --weights R/weights.npy --transform R/transform.npy --out out
+surface --model MODEL --cameras orbit --transform R/transform.npy --out out
+features --model MODEL --weights R/weights.npy --opacities R/opacities.npy --out out
+prune --clusters R/clusters.npz --weights R/weights.npy --model MODEL --out out
+prune --clusters R/clusters.npz --weights R/weights.npy --out out
+retrieve R/pair/message --extractions VARIANT/renders/message --out out
+figures model --model MODEL --weights R/weights.npy --clusters R/clusters.npz --hidden R/hidden.npy --out out
+report --table R/results.csv --contest R/contest.csv --survival R/survival.csv --matched R/matched.csv --out out
+report --table R/results.csv --costs R/costs.csv --figures R/outcomes.png --out out
+"""
+
+MADE = """
+pair SCENES --out R/pair --views 9 --width 48 --height 36
+embed planted R/pair --set gaussians=400 --out R --seed SEED
+contributions --model MODEL --cameras CAMERAS --stages R/stages --index R/index.tsv
+weights --index R/index.tsv --model MODEL --out R/weights.npy
+opacities --model MODEL --cameras CAMERAS --out R/opacities.npy
+surface --model MODEL --cameras CAMERAS --method depth --out R/surface.npy
+features --model MODEL --weights R/weights.npy --opacities R/opacities.npy --out R/features.npy
+tree --features R/features.npy --out R/tree.npy
+cluster --tree R/tree.npy --out R/clusters.npz
+prune --clusters R/clusters.npz --weights R/weights.npy --out R/mask.npy
+hidden --model MODEL KEY --cameras CAMERAS --weights R/weights.npy --out R/hidden.json --hidden R/hidden.npy
+attack rigid_transform --model MODEL --transform R/transform.npy --cost R/cost.json --out R/moved.ply
+attack random_pruning --model MODEL --out OTHER/public/point_cloud.ply
+attack unattacked --model MODEL --out VARIANT/public/point_cloud.ply
+render OTHER/public --cameras CAMERAS --split test --out OTHER/renders/scene
+extract OTHER/public KEY --cameras CAMERAS --split test --out OTHER/renders/message
+metrics R/pair OTHER/renders --reference truth --out OTHER/metrics.csv
+render VARIANT/public --cameras CAMERAS --split test --out VARIANT/renders/scene
+extract VARIANT/public KEY --cameras CAMERAS --split test --out VARIANT/renders/message
+metrics R/pair VARIANT/renders --reference truth --out VARIANT/metrics.csv
+table --metrics VARIANT/metrics.csv OTHER/metrics.csv --out R/results.csv --markdown R/results.md
+contest --table R/results.csv --out R/contest.csv --survival R/survival.csv --matched R/matched.csv \
+    --markdown R/contest.md --benchmarks R/stages --costs R/costs.csv
+figures outcomes --table R/results.csv --name planted/room --out R/outcomes.png
+"""
+
+
+def words_of(lines: str, run: str = "R") -> list[list[str]]:
+    """Return the words of command lines; R stands for the folder of a run."""
+    for short, long in SHORT.items():
+        lines = lines.replace(short, long)
+    lines = lines.replace("R/", f"{run}/").replace(" R ", f" {run} ").replace("SEED", str(ord(run)))
+    lines = lines.replace("SCENES", "room vault" if run == "R" else "vault room")
+    return [line.split() for line in lines.replace("\\\n", "").strip().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Two runs, R and S, with pairs that share their cameras."""
+    folder = tmp_path_factory.mktemp("runs")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for run in "RS":
+            for words in words_of(MADE, run):
+                assert main(words) == 0
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def inside(runs, monkeypatch):
+    monkeypatch.chdir(runs)
+
+
+def parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """Yield the parsers of all commands, and of all kinds of figures, by name."""
+    for command in COMMANDS:
+        parser = parser_of(command)
+        kinds = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+        known = {f"{command} {name}": kind for name, kind in kinds[0].choices.items()} if kinds else {command: parser}
+        yield from known.items()
+
+
+def read_by(parser: argparse.ArgumentParser) -> dict[str, tuple[type, bool]]:
+    """Return the type of every option that names files or folders to read, and whether it names several."""
+    known = {}
+    for action in parser._actions:
+        parse = getattr(action, "_parse", action.type)
+        try:
+            path = parse("path") if callable(parse) else None
+        except (ValueError, argparse.ArgumentTypeError):
+            continue
+        if isinstance(path, Path) and not isinstance(path, Output):
+            known[action.dest] = (type(path), parse is not action.type or action.nargs in {"*", "+"})
+    return known
+
+
+def parsed(words: list[str]) -> tuple[str, argparse.Namespace]:
+    args = parser_of(words[0]).parse_args(words[1:])
+    return " ".join(words[: 2 if words[0] == "figures" else 1]), args
+
+
+def inputs(args: argparse.Namespace) -> list[str]:
+    return [n for n, v in vars(args).items() if any(not isinstance(p, Output | Unrelated) for p in paths_of([v]))]
+
+
+def test_inputs_of_any_origin_have_a_reason():
+    options = [option for _, parser in parsers() for option in read_by(parser).items()]
+    assert {name for name, (kind, _) in options if kind is Unrelated} == UNRELATED.keys()
+
+
+def test_all_other_inputs_of_all_commands_are_compared_below():
+    """But not several files of one option, such as those of `gspure table`: they may be of many models."""
+    compared: dict[str, set[str]] = {}
+    for command, args in map(parsed, words_of(LINES)):
+        compared.setdefault(command, set()).update(inputs(args))
+    for command, parser in parsers():
+        related = {name: several for name, (kind, several) in read_by(parser).items() if kind is not Unrelated}
+        if len(related) > 1 and not all(related.values()) and command != "figures attacks":  # it compares them itself
+            assert compared.get(command) == related.keys(), command
+
+
+@pytest.mark.parametrize("words", words_of(LINES), ids=" ".join)
+def test_inputs_of_one_run_are_accepted_and_each_of_another_run_is_refused(words):
+    _, args = parsed(words)
+    require_related(args)
+    for name in inputs(args):
+        value = getattr(args, name)
+        others = [Path("S", path.relative_to("R")) for path in paths_of([value])]
+        assert all(path.exists() for path in others)
+        mixed = argparse.Namespace(**vars(args) | {name: others if isinstance(value, list) else others[0]})
+        with pytest.raises(InputError, match=r", as of [RS]/"):
+            require_related(mixed)
+
+
+def test_a_command_compares_its_inputs_before_it_runs(capsys):
+    (words,) = words_of("features --model MODEL --weights S/weights.npy --out out")
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "S/weights.npy: embedding: expected " in line
+    assert not Path("out").exists()
+
+
+def drawn(columns: dict[str, str], name: str = "planted/room", table: str = "R/results.csv") -> int:
+    words = [f"--column={title}={folder}" for title, folder in columns.items()]
+    return main(["figures", "attacks", "--table", table, "--name", name, *words, "--out", "attacks.png"])
+
+
+COLUMNS = {
+    "truth": "R/pair",
+    "unattacked": "R/planted/room/unattacked/renders",
+    "random_pruning": "R/planted/room/random_pruning/renders",
+}
+
+
+@pytest.mark.parametrize(
+    ("title", "folder"),
+    [
+        ("random_pruning", "R/planted/room/unattacked/renders"),
+        ("random_pruning", "S/planted/room/random_pruning/renders"),
+        ("random_pruning", "R/planted/room/random_pruning/renders/scene"),
+        ("unattacked", "S/planted/room/unattacked/renders"),
+        ("truth", "S/pair"),
+        ("truth", "R/pair/scene"),
+    ],
+)
+def test_a_figure_shows_only_images_that_its_table_measures(title, folder, capsys):
+    assert drawn(COLUMNS) == 0
+    capsys.readouterr()
+    assert drawn(COLUMNS | {title: folder}) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert folder in line
+
+
+def test_a_figure_of_another_table_is_refused():
+    assert drawn(COLUMNS, table="S/results.csv") == 2
+
+
+@pytest.mark.parametrize(
+    "command", ["metrics R/pair S/planted/room/unattacked/renders", "retrieve R/pair/message --out out"]
+)
+def test_images_are_not_compared_with_photographs_of_another_pair(command, capsys):
+    extractions = ["--extractions", "S/planted/room/unattacked/renders/message"]
+    assert main(command.split() + extractions * command.startswith("retrieve")) == 2
+    assert "not of the same" in capsys.readouterr().err
+
+
+def test_images_of_two_targets_are_not_compared(capsys):
+    renders = "R/planted/room/unattacked/renders"
+    assert main(["metrics", f"{renders}/scene", f"{renders}/message"]) == 2
+    assert "target: expected scene" in capsys.readouterr().err
+
+
+def test_a_control_uses_the_key_of_another_model():
+    for options in ("--control", "--wrong-key 1"):
+        ((_, args),) = map(parsed, words_of(f"extract S/public KEY --cameras orbit --out out {options}"))
+        require_related(args)
+        args.original = Path("S/public")
+        with pytest.raises(InputError, match="embedding"):
+            require_related(args)
+
+
+def test_files_without_records_are_of_any_origin(tmp_path):
+    save_array(tmp_path / "weights.npy", np.ones(3, np.float32))
+    ((_, args),) = map(parsed, words_of("features --model MODEL --weights R/weights.npy --out out"))
+    args.weights = tmp_path / "weights.npy"
+    require_related(args)
+
+
+def test_weights_of_anchors_with_other_networks_are_refused(tmp_path, monkeypatch, capsys):
+    """And an index of their contributions, though rows and types are equal."""
+    monkeypatch.chdir(tmp_path)
+    first, second = random_public(seed=1), random_public(seed=2)
+    for name, public in {"a": first, "b": AnchorModel(first.model, second.networks)}.items():
+        public.write(Path(name, "model.ply"))
+        measured = [
+            "--model",
+            f"{name}/model.ply",
+            "--cameras",
+            "orbit",
+            "--stages",
+            "stages",
+            "--index",
+            f"{name}/1.tsv",
+        ]
+        assert main(["contributions", *measured]) == 0
+        assert (
+            main(["weights", "--index", f"{name}/1.tsv", "--model", f"{name}/model.ply", "--out", f"{name}/w.npy"]) == 0
+        )
+        assert record_of(Path(name, "w.npy"))["geometry"] == geometry_of(Path(name, "model.ply"))
+    for command in ("attack plain_weight --weights b/w.npy --out out.ply", "weights --index b/1.tsv --out out.npy"):
+        capsys.readouterr()
+        assert main([*command.split(), "--model", "a/model.ply"]) == 2
+        assert "not of the same model" in capsys.readouterr().err
+        assert main([*command.replace("b/", "a/").split(), "--model", "a/model.ply"]) == 0
+
+
+def test_results_of_other_views_are_refused_together(monkeypatch, tmp_path, capsys):
+    shutil.copytree("R", tmp_path / "R")
+    monkeypatch.chdir(tmp_path)
+    measure, weigh, hide = words_of(MADE)[2], words_of(MADE)[3], words_of(MADE)[10]
+    assert main([*measure, "--split", "test"]) == 0
+    assert main(weigh) == 0
+    arrays = "--weights R/weights.npy --clusters R/clusters.npz --hidden R/hidden.npy"
+    (figure,) = words_of(f"figures model --model MODEL {arrays} --out out")
+    capsys.readouterr()
+    assert main(figure) == 2
+    assert ": views: expected" in capsys.readouterr().err
+    assert main([*hide, "--split", "test"]) == 0
