@@ -32,7 +32,7 @@ def write_clusters(path: Path, clusters: Clusters, settings: Mapping[str, int | 
 def read_clusters(path: Path) -> Clusters:
     """Read clusters, or raise `InputError` if the file is not one of `write_clusters`."""
     kinds: dict[str, Kind] = {"labels": (np.int32, (None,)), "coincident": (np.integer, ())}
-    labels, coincident = load_arrays(path, kinds, "an .npz of `gspure cluster`").values()
+    labels, coincident = load_arrays(path, kinds, "clusters, as .npz, from `gspure cluster`").values()
     lowest, highest = labels.min(initial=NOISE_LABEL), labels.max(initial=NOISE_LABEL)
     if lowest < NOISE_LABEL or highest >= len(labels):
         expected, found = f"{NOISE_LABEL} to {len(labels) - 1}", f"{lowest} to {highest}"
