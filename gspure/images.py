@@ -228,7 +228,7 @@ def background_of(*folders: Path) -> tuple[float, ...]:
 
 
 def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
-    """Refuse images of different targets or photographs, or of one view by different cameras, energies or backgrounds.
+    """Refuse images of one view by different cameras, energies or backgrounds, and renders of other targets or scenes.
 
     What records do not name is not compared.
     """
@@ -238,10 +238,11 @@ def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
         if first and second and first != second:
             hint = f"render both with one --{setting}"
             raise InputError(other, setting, expected=f"{first}, as {folder}", found=second, hint=hint)
-    first, second = (origin_of(images, "target").partition("_")[0] for images in (folder, other))
-    if first and second and first != second:
-        raise InputError(other, "target", expected=f"{first}, as {folder}", found=second)
-    require_agreement(folder, other, photographs_of(folder), photographs_of(other))
+    if record.get("model") or record_of_other.get("model"):  # photographs are compared with any others
+        first, second = (origin_of(images, "target").partition("_")[0] for images in (folder, other))
+        if first and second and first != second:
+            raise InputError(other, "target", expected=f"{first}, as {folder}", found=second)
+        require_agreement(folder, other, photographs_of(folder), photographs_of(other))
     for view in views:
         first, second = (known["views"].get(view, []) for known in (record, record_of_other))
         if len(first) and len(second) and (len(first) != len(second) or not np.allclose(first, second, 1e-6, 1e-6)):

@@ -24,7 +24,8 @@ UNRELATED = {
     "off_path": "as cameras",
     "source": "of cameras: as cameras",
     "decoys": "messages of other pairs",
-    "images": "of train: photographs at another resolution, or edited ones",
+    "images": "of train: photographs at another resolution, or edited ones; of metrics: see other",
+    "other": "images are compared one by one, and of each pair the targets, photographs and cameras",
     "stages": "the names of stages identify their content",
     "results": "searched for indices of any model",
     "benchmarks": "costs are named by scheme, scene and variant, not by their records",
@@ -45,7 +46,6 @@ SHORT = {
 
 LINES = """
 render R/public --cameras orbit --transform R/transform.npy --out out
-metrics R/pair/scene VARIANT/renders/scene
 extract R/public KEY --cameras orbit --photographs R/pair/message --original R/public --out out
 extract R/public KEY --cameras orbit --transform R/transform.npy --out out
 detect VARIANT/renders/scene KEY --out out

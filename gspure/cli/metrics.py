@@ -2,7 +2,7 @@
 
 from gspure.artifacts import write_record
 from gspure.cli.options import add_quiet
-from gspure.cli.parser import Arguments, Parser
+from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
 from gspure.evaluation.controls import BASELINES
 from gspure.images import with_records
@@ -17,8 +17,8 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("images", "DIR_A", "reference images; may hold more views than DIR_B")
-    parser.reads("other", "DIR_B", "images to compare, with the same names, sizes and subfolders")
+    parser.reads("images", "DIR_A", "reference images; may hold more views than DIR_B", type=Unrelated)
+    parser.reads("other", "DIR_B", "images to compare, with the same names, sizes and subfolders", type=Unrelated)
     parser.choice(
         "--reference",
         REFERENCES,
