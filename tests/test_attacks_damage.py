@@ -149,7 +149,7 @@ def folder(tmp_path_factory) -> Path:
 def test_the_command_does_the_damage_and_records_strength_and_damage(folder: Path, tmp_path: Path, name: str) -> None:
     outputs = [tmp_path / "one.ply", tmp_path / "other.ply"]
     for out in outputs:
-        options = ("--damage", "1", "--photographs", str(folder), "--out", str(out), "--verdict", str(out) + ".verdict")
+        options = ("--damage", "1", "--photographs", str(folder), "--out", str(out), "--verdict", f"{out}.verdict.json")
         assert attack(folder, name, *options) == 0
     assert outputs[0].read_bytes() == outputs[1].read_bytes()
     setting = find_attack(name).strength.setting
@@ -161,7 +161,7 @@ def test_the_command_does_the_damage_and_records_strength_and_damage(folder: Pat
     assert record["damage_reference"] == "truth"
     assert f"{setting}={record[setting]}" in attacked.comments[-2]
     assert f"{damage:.3f} dB of 1 dB" in attacked.comments[-1]
-    assert read_json(Path(f"{outputs[0]}.verdict"))["strength"] == f"{setting}={record[setting]:.4g}"
+    assert read_json(Path(f"{outputs[0]}.verdict.json"))["strength"] == f"{setting}={record[setting]:.4g}"
 
 
 def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, tmp_path: Path, capsys) -> None:
@@ -179,11 +179,11 @@ def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, 
 @pytest.mark.parametrize("name", ["random_pruning", "crop"])
 def test_a_damage_that_only_an_empty_model_would_have_leaves_rows(folder: Path, tmp_path: Path, capsys, name) -> None:
     out = tmp_path / "out.ply"
-    assert attack(folder, name, "--damage", "200", "--out", str(out), "--verdict", str(out) + ".verdict", "-q") == 0
+    assert attack(folder, name, "--damage", "200", "--out", str(out), "--verdict", f"{out}.verdict.json", "-q") == 0
     drop = read_json(tmp_path / "out.ply.json")["settings"]["scene_drop"]
     assert len(read_model(out))
     assert f"{drop:.2f} dB, not by 200 dB" in capsys.readouterr().err
-    assert read_json(Path(f"{out}.verdict"))["strength"].endswith(f", {drop:.2f} dB reached")
+    assert read_json(Path(f"{out}.verdict.json"))["strength"].endswith(f", {drop:.2f} dB reached")
 
 
 @pytest.mark.parametrize(

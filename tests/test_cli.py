@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 import shlex
 import shutil
@@ -18,6 +19,7 @@ from gspure import cli
 from gspure.cameras import read_cameras, split, write_cameras
 from gspure.cli import COMMANDS, JOBS, USER_COMMANDS, main
 from gspure.cli.contributions import _part
+from gspure.cli.parser import Output
 from gspure.images import read_image, write_image
 from gspure.method.contributions import read_index, read_stage
 from gspure.model import read_model, write_model
@@ -188,7 +190,7 @@ def test_a_wrong_command_line_ends_in_one_line_with_status_2(argv, capsys):
         ("paper_check", "paper-check"),
         ("render m.ply --camera-s c.json --out x", "--cameras"),
         ("render m.ply --cameras c.json --otu=x", "--out"),
-        ("figures outcomes --tabel t.csv --name a/b --out x", "--table"),
+        ("figures outcomes --tabel t.csv --name a/b --out x.png", "--table"),
         ("--verison", "--version"),
     ],
 )
@@ -235,6 +237,27 @@ def test_an_empty_path_is_refused(argv, capsys):
         main(argv)
     assert leaving.value.code == 2
     assert "found an empty text" in capsys.readouterr().err
+
+
+def parsers(parser):
+    """A parser, and those of its kinds, such as the kinds of figures."""
+    yield parser
+    for action in parser._actions:
+        for kind in (action.choices or {}).values() if isinstance(action, argparse._SubParsersAction) else ():
+            yield from parsers(kind)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_output_has_the_suffix_of_its_format(command):
+    for parser in parsers(cli.parser_of(command)):
+        for action in parser._actions:
+            if action.type is Output and action.metavar != "DIR":
+                namespace = argparse.Namespace()
+                for suffix in (f".{kind.lower()}" for kind in action.metavar.split("|")):
+                    action(parser, namespace, Output(f"folder/name{suffix}"))
+                for name in ("name", "name.txt", "name.jpg", "name.svg.bak", f"name{suffix}x"):
+                    with pytest.raises(argparse.ArgumentError, match=f"expected a name that ends with .*found '{name}'"):
+                        action(parser, namespace, Output(name))
 
 
 def test_bad_input_is_reported_in_one_line_with_status_2(asset, capsys):
@@ -451,7 +474,7 @@ def test_a_part_is_read(text, part):
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "/", "1/0", "-1/2", "a/b", "1/2/3"])
 def test_an_invalid_part_is_refused(text, capsys):
     with pytest.raises(SystemExit):
-        main(["contributions", "--model", "m", "--cameras", "c", "--stages", "s", "--index", "i", f"--part={text}"])
+        main(["contributions", "--model", "m", "--cameras", "c", "--stages", "s", "--index", "i.tsv", f"--part={text}"])
     assert "expected I/N with 1 <= I <= N" in capsys.readouterr().err
 
 

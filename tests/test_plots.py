@@ -56,6 +56,18 @@ def test_odd_weights_have_a_histogram_too(tmp_path: Path, weights: np.ndarray) -
     assert (tmp_path / "weights.png").read_bytes().startswith(PNG)
 
 
+@pytest.mark.parametrize(("name", "start"), [("a.png", PNG), ("a.SVG", b"<?xml"), ("a.pdf", b"%PDF")])
+@pytest.mark.parametrize("vector", [False, True])
+def test_a_figure_is_what_its_suffix_says_and_always_the_same_bytes(tmp_path: Path, name, start, vector) -> None:
+    for folder in ("first", "second"):
+        with style.page(tmp_path / folder / name, 1, 1, vector=vector) as figure:
+            figure.text(0, 0, "A")
+    assert (tmp_path / "first" / name).read_bytes().startswith(start)
+    assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes()
+    beside = {path.name for path in (tmp_path / "first").iterdir()} - {name}
+    assert beside == ({"a.svg", "a.svg.json"} if vector and name != "a.SVG" else set())
+
+
 def outcome(variant: str, scene: float, message: float | None = None, scheme: str = "planted") -> Outcome:
     targets, reference = {"scene": measured("scene", scene)}, {}
     if message is not None:

@@ -75,7 +75,7 @@ def add_arguments(parser: Parser) -> None:
         evidence.add_argument(option, type=Path, metavar="FILE", help=origin)
     parser.number("--seed", "N", "random seed", 0)
     parser.pairs("--set", "NAME=VALUE", "a setting of the attack")
-    parser.writes("--out", "PLY", "the attacked model to write")
+    parser.writes("--out", "PLY|SPZ", "the attacked model to write")
     parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
     add_scheme(parser)
     parser.writes(

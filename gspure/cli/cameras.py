@@ -36,7 +36,7 @@ def add_arguments(parser: Parser) -> None:
         help="cameras.json, transforms.json (nerfstudio, Blender), or a folder with one of them or a COLMAP sparse "
         "model; or `orbit` or `shells` to generate views around --model",
     )
-    parser.writes("--out", "FILE", "the cameras.json to write")
+    parser.writes("--out", "JSON", "the cameras.json to write")
     parser.text(
         "--scale",
         "RULE",

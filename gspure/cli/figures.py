@@ -52,7 +52,7 @@ def _add_model(parser: Parser) -> None:
 def _add_outcomes(parser: Parser) -> None:
     parser.reads("--table", "CSV", "from `gspure table`")
     parser.text("--name", "SCHEME/SCENE", "the model whose variants to show", required=True)
-    parser.writes("--out", "PNG", "the figure")
+    parser.writes("--out", "PNG|SVG|PDF", "the figure")
     parser.set_defaults(draw=_draw_outcomes)
 
 

@@ -25,7 +25,7 @@ def _add_panels(parser: Parser) -> None:
     parser.pairs("--column", "TITLE=DIR", meaning, Path, required=True)
     parser.number("--rows", "N", "how many views to show", 3)
     parser.flag("--difference", "add the difference between the last column and the first")
-    parser.writes("--out", "PNG", "the figure")
+    parser.writes("--out", "PNG|SVG|PDF", "the figure")
     parser.set_defaults(draw=_draw_panels)
 
 
@@ -35,7 +35,7 @@ def _add_attacks(parser: Parser) -> None:
     meaning = "a variant and its folder of TARGET/VIEW.png, the reference first"
     parser.pairs("--column", "TITLE=DIR", meaning, Path, required=True)
     add_sweeps(parser)
-    parser.writes("--out", "PNG", "the figure")
+    parser.writes("--out", "PNG|SVG|PDF", "the figure")
     parser.set_defaults(draw=_draw_attacks)
 
 

@@ -35,8 +35,11 @@ class Parser(argparse.ArgumentParser):
         self._add_path(name, meaning, **{"type": Path, "metavar": metavar, **settings})
 
     def writes(self, name: str, metavar: str, meaning: str, **settings: Any) -> None:
-        """Add a file or folder to write; an option without a default is required unless `required` is false."""
-        self._add_path(name, meaning, type=Output, metavar=metavar, **settings)
+        """Add a folder (DIR) or file to write; an option without a default is required unless `required` is false.
+
+        The metavar of a file is its format, such as CSV, or PNG|SVG: its name must end with .csv, .png or .svg.
+        """
+        self._add_path(name, meaning, type=Output, action=_Written, metavar=metavar, **settings)
 
     def _add_path(self, name: str, meaning: str, **settings: Any) -> None:
         if name.startswith("-") and "default" not in settings:
@@ -111,6 +114,19 @@ class _Assignments(argparse.Action):
         if parsed is None:
             raise argparse.ArgumentError(self, f"expected {self.metavar}, found {text!r}")
         setattr(namespace, self.dest, {**known, name: parsed})
+
+
+class _Written(argparse.Action):
+    """Stores a file or folder to write; the name of a file ends as its content requires."""
+
+    def __call__(self, _parser: Any, namespace: Arguments, path: Any, _option: str | None = None) -> None:
+        """Store the path, or refuse a file with another suffix than its metavar names."""
+        formats = str(self.metavar)
+        suffixes = [f".{name.lower()}" for name in formats.split("|")]
+        if formats != "DIR" and not path.name.lower().endswith((*suffixes,)):
+            expected = f"a name that ends with {' or '.join(suffixes)}"
+            raise argparse.ArgumentError(self, f"expected {expected}, found {path.name!r}")
+        setattr(namespace, self.dest, path)
 
 
 def filled(kind: Callable[[str], Any], text: str) -> Any:

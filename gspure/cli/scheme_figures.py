@@ -36,7 +36,7 @@ def _add_condition(parser: Parser) -> None:
         "whose variants to compare; the scheme alone if the table names neither protocol nor initialization",
         required=True,
     )
-    parser.writes("--out", "PNG", "the figure")
+    parser.writes("--out", "PNG|SVG|PDF", "the figure")
 
 
 def _factors(text: str) -> tuple[float, float]:

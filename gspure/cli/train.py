@@ -50,7 +50,7 @@ def add_arguments(parser: Parser) -> None:
         "transforms_train.json, the views of transforms_test.json (or _val) are held out",
     )
     parser.writes("--out", "DIR", "folder for the model")
-    parser.writes("--model", "PLY", "also copy the model there", required=False)
+    parser.writes("--model", "PLY|SPZ", "also copy the model there", required=False)
     parser.number("--iterations", "N", "steps", 3000)
     parser.text(
         "--resolution",

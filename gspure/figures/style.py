@@ -1,4 +1,4 @@
-"""The common style of all figures: sizes, fonts, colours, and writing of PNG and SVG files."""
+"""The common style of all figures: sizes, fonts, colours, and writing of PNG, SVG and PDF files."""
 
 from __future__ import annotations
 
@@ -69,6 +69,14 @@ _RC: Final[dict[str, Any]] = {
 }
 
 
+_VARYING: Final = {
+    "png": ("Software",),
+    "svg": ("Creator", "Date"),
+    "pdf": ("Creator", "Producer", "CreationDate"),
+}
+"""By format: the entries without which the bytes depend neither on matplotlib's version nor on the date."""
+
+
 @contextmanager
 def page(
     path: Path,
@@ -78,7 +86,7 @@ def page(
     *,
     vector: bool = False,
 ) -> Iterator[Figure]:
-    """Yield an empty figure of this size in inches, and write it as the PNG `path` after the block.
+    """Yield an empty figure of this size in inches, and write it to `path`, a PNG, SVG or PDF, after the block.
 
     A `vector` figure, a chart without pictures, is also written as an SVG beside it.
     """
@@ -88,12 +96,11 @@ def page(
     with mpl.rc_context(_RC):
         figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="white")
         yield figure
-        # Without these entries, the bytes depend neither on matplotlib's version nor on the date.
-        with replacing(path) as temporary:
-            figure.savefig(temporary, format="png", metadata={"Software": None})
-        if vector:
-            with replacing(path.with_suffix(".svg"), checksum=True) as temporary:
-                figure.savefig(temporary, format="svg", metadata={"Creator": None, "Date": None})
+        files = {path: False} | ({path.with_suffix(".svg"): True} if vector and path.suffix.lower() != ".svg" else {})
+        for file, checksum in files.items():
+            kind = file.suffix.lower().removeprefix(".")
+            with replacing(file, checksum=checksum) as temporary:
+                figure.savefig(temporary, format=kind, metadata=dict.fromkeys(_VARYING[kind]))
 
 
 def rgb(colour: str) -> UInt8:
