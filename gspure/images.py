@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache
@@ -22,8 +23,19 @@ if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
 
-FORMATS: Final = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
-"""What photographs come in. Pillow knows more formats, some of which start other programs."""
+FORMATS: Final = {
+    "BMP": (".bmp",),
+    "GIF": (".gif",),
+    "JPEG": (".jpg", ".jpeg"),
+    "PNG": (".png",),
+    "PPM": (".ppm", ".pgm", ".pbm"),
+    "TIFF": (".tif", ".tiff"),
+    "WEBP": (".webp",),
+}
+"""What photographs come in, and their suffixes. Pillow knows more formats, some of which start other programs."""
+
+_SEVERAL: Final = "MPO"  # JPEG files of some cameras, with the photograph first and previews after it
+_DEEP: Final = re.compile(";16[BLN]")  # part of the name of 16-bit channels, which Pillow cuts to 8 bits
 
 MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes as many; ours
 RENDERED: Final = "rendered.json"  # record of the images that a folder has to hold, and of how they were rendered
@@ -38,20 +50,21 @@ logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks o
 def opened(path: str | Path) -> Iterator[ImageFile]:
     """Open an image; its pixels are not decoded.
 
-    Raise `InputError` if the file is missing or none of `FORMATS`, differs from its record or that of its folder, or
-    has more than `MOST_PIXELS`; or the block fails.
+    Raise `InputError` if the file is missing or none of `FORMATS`, differs from its record or that of its folder, has
+    more than `MOST_PIXELS`, more than 8 bits per channel or several pictures; or the block fails.
     """
     from PIL import Image
 
     with reading(path, "an image"):
         verify(Path(path))
         _require_recorded(Path(path))
-        with Image.open(str(path), formats=FORMATS) as image:
+        with Image.open(str(path), formats=(*FORMATS,)) as image:
             image.verify()  # compares the checksums of a PNG; decoding does not
-        with Image.open(str(path), formats=FORMATS) as image:
+        with Image.open(str(path), formats=(*FORMATS,)) as image:
             if image.width * image.height > MOST_PIXELS:
                 found = f"{image.width}x{image.height}"
                 raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=found)
+            _require_one_picture_of_bytes(path, image)
             yield image
 
 
@@ -72,8 +85,6 @@ def read_image(
     from PIL import Image
 
     with opened(path) as image:
-        if image.mode in {"I", "F"} or image.mode.startswith("I;"):
-            raise InputError(path, "pixels", expected="8 bits per channel", found=f"mode {image.mode}")
         if image.format == "TIFF":
             _require_all_strips(path, image)
         with _quiet() if image.format == "TIFF" else nullcontext():
@@ -254,6 +265,15 @@ def require_intact(path: Path) -> None:
     """Refuse an image that disagrees with its own checksums, as PNG files have them, or with that in its record."""
     with opened(path):
         pass
+
+
+def _require_one_picture_of_bytes(path: str | Path, image: ImageFile) -> None:
+    """Refuse an image of more than 8 bits per channel, and an animation, of which one picture would count."""
+    is_deep = image.mode[0] in "IF" or any(_DEEP.search(str(tile.args)) for tile in image.tile)
+    if is_deep or any(tile.codec_name == "ppm" and tile.args[1] > 255 for tile in image.tile):
+        raise InputError(path, "pixels", expected="8 bits per channel", found="more")
+    if image.format != _SEVERAL and getattr(image, "is_animated", False):
+        raise InputError(path, "pictures", expected="one", found="several")
 
 
 def _require_all_strips(path: str | Path, image: ImageFile) -> None:

@@ -272,7 +272,9 @@ def test_command_applies_settings_in_the_type_of_their_defaults(tmp_path: Path) 
     assert found.comments == expected.comments
 
 
-@pytest.mark.parametrize("outputs", [["--out", "in.ply"], ["--out", "x.ply", "--removed", "x.npy", "--transform", "./x.npy"]])
+@pytest.mark.parametrize(
+    "outputs", [["--out", "in.ply"], ["--out", "x.ply", "--removed", "x.npy", "--transform", "./x.npy"]]
+)
 def test_command_overwrites_neither_its_input_nor_another_output(tmp_path: Path, monkeypatch, capsys, outputs) -> None:
     monkeypatch.chdir(tmp_path)
     write_model(Path("in.ply"), model())

@@ -256,7 +256,9 @@ def test_every_output_has_the_suffix_of_its_format(command):
                 for suffix in (f".{kind.lower()}" for kind in action.metavar.split("|")):
                     action(parser, namespace, Output(f"folder/name{suffix}"))
                 for name in ("name", "name.txt", "name.jpg", "name.svg.bak", f"name{suffix}x"):
-                    with pytest.raises(argparse.ArgumentError, match=f"expected a name that ends with .*found '{name}'"):
+                    with pytest.raises(
+                        argparse.ArgumentError, match=f"expected a name that ends with .*found '{name}'"
+                    ):
                         action(parser, namespace, Output(name))
 
 

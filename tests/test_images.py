@@ -1,5 +1,7 @@
+import re
 import struct
 import zlib
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -8,10 +10,13 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from gspure.artifacts import write_record
-from gspure.cameras.photographs import photograph_size
+from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
 from gspure.evaluation.detector import read_marks
-from gspure.images import read_image, record_views, require_intact, write_image
+from gspure.images import FORMATS, read_image, record_views, require_intact, write_image
+from gspure.training.dataset import _with_photographs
+from tests.documentation import ROOT
+from tests.models import camera
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -75,13 +80,14 @@ def test_a_missing_broken_or_deep_image_is_refused_by_name(tmp_path):
     with pytest.raises(InputError, match=r"cut\.png: file: expected an image"):
         read_image(tmp_path / "cut.png")
     Image.fromarray(np.zeros((2, 2), np.uint16)).save(tmp_path / "deep.png")
-    with pytest.raises(InputError, match=r"deep\.png: pixels: expected 8 bits per channel, found mode I;16"):
+    with pytest.raises(InputError, match=r"deep\.png: pixels: expected 8 bits per channel"):
         read_image(tmp_path / "deep.png")
 
 
-def png_header(width, height):
-    """A PNG file that claims a size and holds next to nothing."""
-    chunks = {b"IHDR": struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0), b"IDAT": zlib.compress(b""), b"IEND": b""}
+def png(width, height, depth=8, colour=2, pixels=b""):
+    """A PNG file; by default, it claims a size and holds next to nothing."""
+    header = struct.pack(">2I5B", width, height, depth, colour, 0, 0, 0)
+    chunks = {b"IHDR": header, b"IDAT": zlib.compress(pixels), b"IEND": b""}
     parts = (struct.pack(">I", len(c)) + t + c + struct.pack(">I", zlib.crc32(t + c)) for t, c in chunks.items())
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
@@ -89,14 +95,14 @@ def png_header(width, height):
 @pytest.mark.parametrize("read", [read_image, photograph_size])
 @pytest.mark.parametrize("size", [(10_000, 14_000), (2**27 + 1, 1)])
 def test_an_image_with_too_many_pixels_is_refused_before_it_is_decoded(tmp_path, read, size):
-    (tmp_path / "a.png").write_bytes(png_header(*size))
+    (tmp_path / "a.png").write_bytes(png(*size))
     with pytest.raises(InputError, match=r"a\.png: size: expected at most 134217728 pixels"):
         read(tmp_path / "a.png")
 
 
 @pytest.mark.parametrize("size", [(20_000, 20_000), (0, 5), (5, 0)])
 def test_an_impossible_size_is_refused_too(tmp_path, size):
-    (tmp_path / "a.png").write_bytes(png_header(*size))
+    (tmp_path / "a.png").write_bytes(png(*size))
     with pytest.raises(InputError, match=r"a\.png: file: expected an image"):
         photograph_size(tmp_path / "a.png")
 
@@ -112,11 +118,47 @@ def test_formats_in_which_no_photographs_come_are_refused_without_starting_other
         read(tmp_path / "a.png")
 
 
-@pytest.mark.parametrize("kind", ["BMP", "GIF", "JPEG", "MPO", "PNG", "PPM", "TIFF", "WEBP"])
-def test_formats_in_which_photographs_come_are_read(tmp_path, kind):
-    Image.new("RGB", (4, 3), (255, 0, 0)).save(tmp_path / "a", kind)
-    assert photograph_size(tmp_path / "a") == (4, 3)
-    assert read_image(tmp_path / "a")[1, 1] == pytest.approx([1, 0, 0], abs=0.02)
+SUFFIXES = [(suffix, kind) for kind, suffixes in FORMATS.items() for suffix in suffixes] + [(".JPG", "MPO")]
+
+
+@pytest.mark.parametrize(("suffix", "kind"), SUFFIXES)
+def test_photographs_of_every_format_are_recognized_by_their_suffix_and_read(tmp_path, suffix, kind):
+    Image.new("RGB", (4, 3), (255, 0, 0)).save(tmp_path / f"a{suffix}", kind)
+    (view,) = _with_photographs([camera(4, 3, name="a")], tmp_path)
+    assert photograph_size(photograph(view)) == (4, 3)
+    assert read_image(photograph(view))[1, 1] == pytest.approx([1, 0, 0], abs=0.02)
+
+
+def test_the_page_of_formats_lists_all_formats_of_photographs():
+    page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    (listed,) = re.findall(r"^Photographs are (.*?) files", page, re.MULTILINE | re.DOTALL)
+    assert re.findall(r"[A-Z]{3,}", listed) == [*FORMATS]
+    assert re.findall(r"`(\.\w+)`", listed) == [*chain(*FORMATS.values())]
+
+
+DEEP = {
+    f"{colour}.png": png(4, 3, 16, colour, 3 * (b"\0" + bytes(range(8 * n))))
+    for colour, n in {0: 1, 2: 3, 4: 2, 6: 4}.items()
+}
+DEEP |= {f"{kind}.ppm": b"P%d 4 3 1023\n" % kind + bytes(24 * n) for kind, n in ((5, 1), (6, 3))}
+
+
+@pytest.mark.parametrize(("name", "content"), DEEP.items(), ids=DEEP)
+def test_more_than_8_bits_per_channel_are_refused_and_not_cut(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    for read in (read_image, photograph_size):
+        with pytest.raises(InputError, match="pixels: expected 8 bits per channel"):
+            read(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", ["GIF", "PNG", "TIFF", "WEBP"])
+def test_an_animation_is_refused(tmp_path, kind):
+    first, second = (Image.new("RGB", (4, 3), colour) for colour in ("red", "blue"))
+    first.save(tmp_path / "a", kind, save_all=True, append_images=[second])
+    with pytest.raises(InputError, match="pictures: expected one, found several"):
+        read_image(tmp_path / "a")
+    first.save(tmp_path / "b", "MPO", save_all=True, append_images=[second])
+    assert read_image(tmp_path / "b")[1, 1] == pytest.approx([1, 0, 0], abs=0.02)
 
 
 def test_a_png_with_a_changed_byte_is_refused(tmp_path):

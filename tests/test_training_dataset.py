@@ -50,6 +50,14 @@ def test_a_missing_photograph_is_named(project):
     assert "orbit_003.png" in refusal(project)
 
 
+def test_two_photographs_of_one_view_are_refused(project):
+    photographs = project / "images"
+    (photographs / "note.txt").touch()
+    assert read_dataset(project, "16px", photographs=photographs).train
+    Image.new("RGB", (32, 24)).save(photographs / "orbit_003.jpg")
+    assert "orbit_003: expected one photograph" in refusal(project, photographs=photographs)
+
+
 def test_a_photograph_that_is_not_an_image_is_named(project):
     (project / "images" / "orbit_003.png").write_bytes(b"no image")
     assert "orbit_003.png: file: expected an image" in refusal(project)

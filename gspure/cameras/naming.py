@@ -4,18 +4,20 @@ import hashlib
 import re
 import unicodedata
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 from gspure.cameras.camera import Camera
 from gspure.cameras.entry import Entry
 from gspure.errors import InputError
+from gspure.images import FORMATS
 
 LONGEST_NAME: Final = 120
 """Bytes of a name in UTF-8. File systems take 255 (some 143); stages add a key and temporary files a process number."""
 
 _DIGEST: Final = 16
-_PHOTO_SUFFIXES = re.compile(r"( *\.(bmp|exr|jpe?g|png|tiff?|webp))+$", re.IGNORECASE)
+_PHOTO_SUFFIXES = re.compile(f"( *({'|'.join(map(re.escape, chain(*FORMATS.values())))}))+$", re.IGNORECASE)
 _PHOTO_FOLDER = re.compile(r"images(_\d+)?")
 
 

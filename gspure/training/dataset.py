@@ -119,8 +119,12 @@ def _with_photographs(cameras: list[Camera], photographs: Path | None) -> list[C
     """Return the cameras with the photographs of their names in the folder `photographs`, if it is not None."""
     if photographs is None:
         return cameras
-    files = sorted(path for path in photographs.rglob("*") if path.is_file())
-    named = {safe_name(path.relative_to(photographs).as_posix()): path for path in files}
+    named: dict[str, Path] = {}
+    views = {camera.name for camera in cameras}
+    for file in sorted(path for path in photographs.rglob("*") if path.is_file()):
+        name = safe_name(file.relative_to(photographs).as_posix())
+        if name in views and (first := named.setdefault(name, file)) != file:
+            raise InputError(photographs, name, expected="one photograph", found=f"{first.name} and {file.name}")
     return [replace(c, image=named.get(c.name, photographs / c.name)) for c in cameras]
 
 
