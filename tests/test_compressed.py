@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import struct
 import sys
 import tracemalloc
 import zipfile
@@ -182,6 +183,68 @@ def test_a_model_trained_with_antialiasing_has_a_remark(tmp_path, capsys, flags,
     (tmp_path / "m.spz").write_bytes(gzip.compress(data))
     assert main(["info", str(tmp_path / "m.spz")]) == 0
     assert capsys.readouterr().out.count("antialiasing") == remarks
+
+
+EXTENSIONS = {  # type and payload of an extension: whether the model is read
+    "axes right, up, back": (0xADBE0003, 4, True),
+    "axes of a PLY": (0xADBE0003, 6, False),
+    "no axes": (0xADBE0003, 0, True),
+    "scaled harmonics": (0xADBE0001, 4, False),
+    "limits of an orbit": (0xADBE0002, 6, True),
+}
+
+
+@pytest.mark.parametrize("version", [3, 4])
+@pytest.mark.parametrize(("kind", "value", "is_read"), EXTENSIONS.values(), ids=EXTENSIONS)
+def test_an_spz_file_of_other_axes_or_scales_is_refused(tmp_path, version, kind, value, is_read):
+    needs_zstandard(f"v{version}.spz")
+    path, other = tmp_path / "m.spz", struct.pack("<III", 0x12340001, 4, 9)
+    records = other + struct.pack("<III", kind, 4, value)
+    data = bytearray((SPLAT_TRANSFORM / f"v{version}.spz").read_bytes())
+    if version == 3:
+        data = bytearray(gzip.decompress(data))
+        path.write_bytes(gzip.compress(data[:14] + b"\2" + data[15:] + records))
+    else:
+        (table,) = struct.unpack_from("<I", data, 16)
+        struct.pack_into("<I", data, 16, table + len(records))
+        path.write_bytes(data[:14] + b"\2" + data[15:table] + records + data[table:])
+    if is_read:
+        expected = read_model(SPLAT_TRANSFORM / f"v{version}.spz").table
+        assert read_model(path).table.tobytes() == expected.tobytes()
+    else:
+        with pytest.raises(InputError, match="extension: expected axes right, up, back"):
+            read_model(path)
+
+
+def test_other_content_under_the_name_of_a_splat_file_is_refused(tmp_path):
+    """The format has no header."""
+    files = write_all(tmp_path / "files")
+    for path in files.values():
+        content = path.read_bytes()
+        if path.suffix != ".splat":
+            (tmp_path / "m.splat").write_bytes(content[: len(content) // 32 * 32])
+            with pytest.raises(InputError, match="rotations: expected unit quaternions"):
+                read_model(tmp_path / "m.splat")
+
+
+@pytest.mark.parametrize("level", range(3))
+def test_room_of_an_empty_section_of_a_ksplat_file_is_skipped(tmp_path, level):
+    content = bytearray(ksplat(model(), level))
+    (tmp_path / "m.ksplat").write_bytes(content)
+    expected = read_model(tmp_path / "m.ksplat").table[7:]
+    struct.pack_into("<I", content, 4096, 0)  # rows of the first of two sections
+    (tmp_path / "m.ksplat").write_bytes(content)
+    found = read_model(tmp_path / "m.ksplat").table
+    assert all(np.array_equal(found[name], expected[name]) for name in found.dtype.names)
+    assert len(found) == 5
+
+
+def test_buckets_of_another_size_are_refused(tmp_path):
+    content = bytearray(ksplat(model(), 1))
+    struct.pack_into("<H", content, 4096 + 20, 16)
+    (tmp_path / "m.ksplat").write_bytes(content + bytes(100))
+    with pytest.raises(InputError, match="buckets of 16 bytes, not 12"):
+        read_model(tmp_path / "m.ksplat")
 
 
 @pytest.mark.parametrize(("scale", "kept"), [(0.0, True), (1e-42, True), (-1.0, False)])

@@ -38,6 +38,7 @@ _SECTION: Final = np.dtype(
 _TYPES: Final = (("<f4", "<f4", "<f4"), ("<u2", "<f2", "<f2"), ("<u2", "<f2", "u1"))
 """By level of compression: types of positions, of scales and quaternions, and of spherical harmonics."""
 
+_CENTRE: Final = np.dtype(("<f4", 3))
 _RANGE: Final = 32767  # range of positions, if a section names none
 
 _LIMITS: Final = ("least", "largest")
@@ -53,12 +54,13 @@ def read_ksplat(path: Path) -> Gaussians:
         if major or not minor or level >= len(_TYPES):
             raise InputError(path, "version", expected="0.1, level 0 to 2", found=f"{major}.{minor}, level {level}")
         sections = _part(data, _HEADER.itemsize, _SECTION, int(header["sections"]))
-        sections = sections[sections["rows"] > 0]
-        coefficients = COEFFICIENTS[int(sections["degree"].max(initial=0))]
+        coefficients = COEFFICIENTS[int(sections["degree"][sections["rows"] > 0].max(initial=0))]
         require_room(path, len(data), int(sections["rows"].sum(dtype=np.int64)), coefficients)
         at, tables = _HEADER.itemsize + int(header["sections"]) * _SECTION.itemsize, []
         for section in sections:
             rows, means, at = _rows(data, at, section, level)
+            if not len(rows):
+                continue
             colours = colour_coeffs(rows["rgba"][:, None, :3] / 255)
             tables.append(
                 Gaussians.from_stored(
@@ -97,12 +99,14 @@ def _rows(data: UInt8, at: int, section: np.void, level: int) -> tuple[NDArray[n
     end = begin + stored * row.itemsize
     if not level:
         return rows, rows["mean"], end
+    if section["bytes"] != _CENTRE.itemsize:
+        raise ValueError(f"buckets of {section['bytes']} bytes, not {_CENTRE.itemsize}")
     if full + partial > buckets or capacity * full + int(lengths.sum(dtype=np.int64)) < count:
         raise ValueError("rows without a bucket")
     ends = capacity * full + np.cumsum(lengths, dtype=np.int64)
     bucket = np.arange(count) // max(capacity, 1)
     bucket = np.where(bucket < full, bucket, full + np.searchsorted(ends, np.arange(count), side="right"))
-    middle = _part(data, centres, np.dtype(("<f4", 3)), buckets)[bucket]
+    middle = _part(data, centres, _CENTRE, buckets)[bucket]
     reach = int(section["range"]) or _RANGE
     offsets = (rows["mean"].astype(np.float64) - reach) * (float(section["width"]) / 2 / reach)
     return rows, np.asarray(offsets + middle, np.float32), end

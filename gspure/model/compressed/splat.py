@@ -10,6 +10,7 @@ from gspure.model.compressed.quantization import byte_logits, colour_coeffs, pos
 from gspure.model.gaussians import Gaussians
 
 _ROW: Final = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("quat", "u1", 4)])
+_TOLERANCE: Final = 0.1  # of the length of quaternions; that of other content is at random
 
 
 def read_splat(path: Path) -> Gaussians:
@@ -19,9 +20,12 @@ def read_splat(path: Path) -> Gaussians:
         if not size or size % _ROW.itemsize:
             raise InputError(path, "file", expected=f"rows of {_ROW.itemsize} bytes", found=f"{size} bytes")
         rows = np.fromfile(path, _ROW)
+        quats = (rows["quat"].astype(np.float32) - 128) / 128
+        if not np.median(np.abs(np.linalg.norm(quats, axis=1) - 1)) < _TOLERANCE:
+            raise InputError(path, "rotations", expected="unit quaternions", found="others, as in other files")
         return Gaussians.from_stored(
             means=rows["mean"],
-            quats=(rows["quat"].astype(np.float32) - 128) / 128,
+            quats=quats,
             log_scales=positive_log(rows["scale"]),
             opacity_logits=byte_logits(rows["rgba"][:, 3]),
             sh_coeffs=colour_coeffs(rows["rgba"][:, None, :3] / 255),

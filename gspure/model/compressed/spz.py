@@ -33,8 +33,13 @@ _COMMENTED: Final = 16  # their value if only a comment follows, which ends with
 
 _HEADER: Final = struct.Struct("<4sIIBBBB")
 _PLAIN_HEADER: Final = 32
+_EXTENSION: Final = struct.Struct("<II")
 _ANTIALIASED: Final = 1  # flag of models trained with antialiasing, which is not applied
-_EXTENDED: Final = 2  # flag of files with further streams, which are not read
+_EXTENDED: Final = 2  # flag of files with extensions: records of type, length and payload
+_SCALED: Final = 0xADBE0001  # type of the extension that scales spherical harmonics
+_AXES: Final = 0xADBE0003  # type of the extension that names the axes
+_OWN_AXES: Final = (b"\0\0\0\0", b"\4\0\0\0")  # none named, and right, up, back
+_MOST_EXTENSIONS: Final = 1 << 16  # bytes
 _ANTIALIASED_REMARK: Final = "SPZ: trained with antialiasing, which is not applied"  # comment of such a model
 
 _COLOUR_SCALE: Final = 0.15
@@ -71,7 +76,9 @@ def read_spz(path: Path) -> Gaussians:
             found = f"degree {header.degree}, {header.fraction_bits} bits"
             raise InputError(path, "header", expected="degree 0 to 3, at most 24 fractional bits", found=found)
         require_room(path, len(data), header.rows, COEFFICIENTS[header.degree])
-        body = _unzipped(unpack, header) if gzipped else _unpacked(path, data, header)
+        body, extensions = _unzipped(unpack, header) if gzipped else _unpacked(path, data, header)
+        if header.flags & _EXTENDED:
+            _require_usual_values(path, extensions)
         model = _model(header, np.frombuffer(body, np.uint8))
         remarks = (_ANTIALIASED_REMARK,) if header.flags & _ANTIALIASED else ()
         return Gaussians(model.table, (*(_comments(data) if gzipped else ()), *remarks))
@@ -91,15 +98,27 @@ def _comments(data: bytes) -> tuple[str, ...]:
     return tuple(data[_GZIP_HEADER : data.index(b"\0", _GZIP_HEADER)].decode("ascii").splitlines())
 
 
-def _unzipped(unpack: zlib._Decompress, header: _Header) -> bytes:
+def _require_usual_values(path: Path, extensions: bytes) -> None:
+    """Refuse extensions after which values have other axes or another scale; all others are skipped."""
+    while len(extensions) >= _EXTENSION.size:
+        kind, length = _EXTENSION.unpack_from(extensions)
+        payload, extensions = extensions[_EXTENSION.size :][:length], extensions[_EXTENSION.size + length :]
+        if kind == _SCALED or (kind == _AXES and payload not in _OWN_AXES):
+            found = f"extension {kind:#x} with {payload.hex() or 'nothing'}"
+            raise InputError(path, "extension", expected="axes right, up, back, and unscaled colours", found=found)
+
+
+def _unzipped(unpack: zlib._Decompress, header: _Header) -> tuple[bytes, bytes]:
+    """Return the streams and the extensions."""
     size = sum(header.sizes())
-    body = unpack.decompress(unpack.unconsumed_tail, size + 1)
+    body = unpack.decompress(unpack.unconsumed_tail, size + _MOST_EXTENSIONS)
     if len(body) < size or not ((unpack.eof and len(body) == size) or header.flags & _EXTENDED):
         raise ValueError(f"streams of other sizes than its {header.rows} rows")
-    return body[:size]
+    return body[:size], body[size:]
 
 
-def _unpacked(path: Path, data: bytes, header: _Header) -> bytes:
+def _unpacked(path: Path, data: bytes, header: _Header) -> tuple[bytes, bytes]:
+    """Return the streams and the extensions."""
     try:
         import zstandard
     except ImportError as error:
@@ -117,7 +136,7 @@ def _unpacked(path: Path, data: bytes, header: _Header) -> bytes:
         if len(streams[-1]) < size:
             raise ValueError("a stream that ends early")
         at += packed
-    return b"".join(streams)
+    return b"".join(streams), data[_PLAIN_HEADER:table]
 
 
 def _model(header: _Header, body: UInt8) -> Gaussians:
