@@ -269,11 +269,18 @@ def require_intact(path: Path) -> None:
 
 def _require_one_picture_of_bytes(path: str | Path, image: ImageFile) -> None:
     """Refuse an image of more than 8 bits per channel, and an animation, of which one picture would count."""
-    is_deep = image.mode[0] in "IF" or any(_DEEP.search(str(tile.args)) for tile in image.tile)
-    if is_deep or any(tile.codec_name == "ppm" and int(tile.args[1]) > 255 for tile in image.tile):
+    if image.mode[0] in "IF" or any(_is_deep(tile.codec_name, tile.args) for tile in image.tile):
         raise InputError(path, "pixels", expected="8 bits per channel", found="more")
     if image.format != _SEVERAL and getattr(image, "is_animated", False):
         raise InputError(path, "pictures", expected="one", found="several")
+
+
+def _is_deep(codec: str, args: object) -> bool:
+    """Return whether Pillow cuts what it decodes to 8 bits per channel."""
+    match codec, args:
+        case "ppm", (_, int(largest)):
+            return largest > 255
+    return _DEEP.search(str(args)) is not None
 
 
 def _require_all_strips(path: str | Path, image: ImageFile) -> None:

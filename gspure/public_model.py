@@ -1,6 +1,7 @@
 """A public model, as its scheme publishes it."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar, Final, NamedTuple, Self
 
@@ -12,7 +13,9 @@ from gspure.cameras.camera import Camera, spread
 from gspure.dtypes import Float32, Indices
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
+from gspure.model.filtered import FILTER
 from gspure.model.finite import drawable
+from gspure.model.gaussians import CORE, NORMALS
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
@@ -112,6 +115,12 @@ class PublicModel:
             attribute: tuple(name for pattern in patterns for name in matching(pattern))
             for attribute, patterns in self.attributes.items()
         }
+
+    @property
+    def unused_columns(self) -> list[str]:
+        """Columns that change nothing in its images, in the file's order."""
+        used = {*CORE, *NORMALS, FILTER, *chain(*self.columns.values())}
+        return [name for name in self.model.table.dtype.names or () if name not in used]
 
     @classmethod
     def read(cls, path: Path) -> Self:

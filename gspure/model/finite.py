@@ -8,6 +8,7 @@ import numpy as np
 
 from gspure.dtypes import Indices
 from gspure.errors import InputError
+from gspure.model.filtered import FILTER, filtered
 from gspure.model.gaussians import COLOUR, CORE, Gaussians
 from gspure.model.signature import Signature
 from gspure.progress import warn
@@ -40,13 +41,14 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
     """Return a model that can be drawn: rows with numbers that are not finite become invisible, with a warning.
 
     So a planted row cannot stop an audit. In such a row, numbers that are not finite are replaced by the median of
-    their column, and the opacity by 0. A model without such rows is returned unchanged.
+    their column, and the opacity by 0. A 3-D filter becomes part of scales and opacities. Other models are returned
+    unchanged.
 
     Raise `InputError` if no row can be drawn, or rows are anchors, whose opacity a network computes.
     """
     undrawable = _undrawable(model)
     if not undrawable:
-        return model
+        return filtered(model)
     rows = undrawable_rows(model)
     if len(rows) == len(model) or Signature.of(model.table.dtype.names or ()).rows != "Gaussians":
         name = next(iter(undrawable))
@@ -57,7 +59,7 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
     for name, at in undrawable.items():
         values[name][at] = np.median(np.delete(values[name], at))
     values["opacity"][rows] = _INVISIBLE
-    return model.with_columns(values)
+    return filtered(model.with_columns(values))
 
 
 def require_finite(model: Gaussians, source: str | Path) -> None:
@@ -71,9 +73,10 @@ def require_finite(model: Gaussians, source: str | Path) -> None:
 
 
 def _drawn_columns(model: Gaussians) -> Sequence[str]:
-    """Return the columns that an image depends on: geometry, opacity, and colours or features."""
+    """Return the columns that an image depends on: geometry, opacity, filter, and colours or features."""
     colour = (*COLOUR, *model.columns_named("f_rest_")) if model.sh_degree >= 0 else ()
-    return (*CORE, *colour, *model.columns_named("semantic_"))
+    smoothing = {FILTER} & {*(model.table.dtype.names or ())}
+    return (*CORE, *colour, *model.columns_named("semantic_"), *smoothing)
 
 
 def _undrawable(model: Gaussians) -> dict[str, Indices]:
@@ -92,6 +95,6 @@ def _refuse(model: Gaussians, source: str | Path, name: str, rows: Indices) -> N
     raise InputError(source, name, expected="finite numbers", found=found, hint="`gspure info` counts them all")
 
 
-def listed(rows: Sequence[int] | Indices) -> str:
-    """Return the first rows as text."""
+def listed(rows: Sequence[int | str] | Indices) -> str:
+    """Return the first rows, or names, as text."""
     return ", ".join(map(str, rows[:_LISTED])) + ", ..." * (len(rows) > _LISTED)

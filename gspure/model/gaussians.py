@@ -26,6 +26,9 @@ CORE = ("x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 """Columns of the zeroth spherical harmonic, absent from models whose colours come from a network."""
 
+NORMALS = ("nx", "ny", "nz")
+"""Columns that trainers write, with zeros, and nobody uses."""
+
 _COLOURS = ("f_dc_", "f_rest_", "semantic_")  # prefixes of the columns that colours or features to decode are stored in
 
 _BACKGROUND = re.compile(r"gspure background ([01]\.\d+) ([01]\.\d+) ([01]\.\d+)")
@@ -222,7 +225,7 @@ class Gaussians(Described):
         count, bands = sh_coeffs.shape[:2]
         rest = sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(count, 3 * (bands - 1))
         named: dict[str, NDArray[Any]] = dict(zip("xyz", np.asarray(means).T, strict=True))
-        named |= {name: np.zeros(count) for name in ("nx", "ny", "nz")}
+        named |= {name: np.zeros(count) for name in NORMALS}
         named |= {f"f_dc_{i}": sh_coeffs[:, 0, i] for i in range(3)}
         named |= {f"f_rest_{i}": rest[:, i] for i in range(3 * (bands - 1))}
         named["opacity"] = opacity_logits

@@ -11,10 +11,10 @@ from plyfile import PlyData, PlyElement
 from gspure.artifacts import replacing
 from gspure.dtypes import Float64, Indices, UInt8
 from gspure.errors import InputError
+from gspure.model.gaussians import NORMALS
 from gspure.model.vertices import Vertices
 
 _POSITION: Final = ("x", "y", "z")
-_NORMAL: Final = ("nx", "ny", "nz")
 _COLOUR: Final = ("red", "green", "blue")
 _GREY: Final = 128
 
@@ -45,7 +45,7 @@ def read_point_ply(path: Path) -> tuple[Float64, UInt8]:
 
 def write_point_ply(path: Path, xyz: NDArray[Any], rgb: UInt8) -> None:
     """Write points as 3DGS's input.ply (float32 positions, zero normals, 8-bit colours), whole or not at all."""
-    table = np.zeros(len(xyz), [(name, "<f4") for name in _POSITION + _NORMAL] + [(name, "u1") for name in _COLOUR])
+    table = np.zeros(len(xyz), [(name, "<f4") for name in _POSITION + NORMALS] + [(name, "u1") for name in _COLOUR])
     for names, values in ((_POSITION, xyz), (_COLOUR, rgb)):
         for name, column in zip(names, values.T, strict=True):
             table[name] = column

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection
 from enum import Enum
 
+from gspure.model.filtered import FILTER
+
 
 class Signature(Enum):
     """Kinds of models with their characteristic columns; the first kind whose columns are present applies."""
 
     SCAFFOLD_GS = ("Scaffold-GS or SecureGS (rows are anchors)", ("f_anchor_feat_0", "f_offset_0"))
     GS_HIDER = ("GS-Hider", ("semantic_0",))
-    GOF = ("GOF or Mip-Splatting (3-D filter)", ("filter_3D",))
+    GOF = ("GOF or Mip-Splatting (3-D filter)", (FILTER,))
     VANILLA = ("vanilla 3DGS (Splats in Splats looks the same)", ("f_dc_0",))
     UNKNOWN = ("unknown", ())
 

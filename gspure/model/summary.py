@@ -8,13 +8,11 @@ from numpy.typing import NDArray
 
 from gspure.dtypes import Float32, Indices
 from gspure.model.finite import non_finite_rows
-from gspure.model.gaussians import COLOUR, CORE, Gaussians
+from gspure.model.gaussians import COLOUR, CORE, NORMALS, Gaussians
 from gspure.model.signature import Signature
 from gspure.model.suspicious import suspicious_rows
 
 LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)  # quantile levels: extremes, the middle 90 %, quartiles and median
-
-_NORMALS = ("nx", "ny", "nz")
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ def summarize(model: Gaussians) -> Summary:
 
 
 def _summarized(model: Gaussians, columns: tuple[str, ...]) -> Summary:
-    vanilla = {*CORE, *COLOUR, *_NORMALS, *model.columns_named("f_rest_")}
+    vanilla = {*CORE, *COLOUR, *NORMALS, *model.columns_named("f_rest_")}
     non_finite = non_finite_rows(model, columns)
     return Summary(
         gaussians=len(model),

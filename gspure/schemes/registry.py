@@ -4,7 +4,9 @@ from pathlib import Path
 
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
+from gspure.model.finite import listed
 from gspure.plugins import registered
+from gspure.progress import warn
 from gspure.public_model import PublicModel
 from gspure.schemes import gs_hider, keyss, marked_clones, planted, secure_gs, splats_in_splats
 from gspure.schemes.scheme import REQUIRED, Scheme
@@ -34,9 +36,15 @@ def find_scheme(name: str) -> Scheme:
 
 
 def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
-    """Read a public model of the named scheme, else of the scheme with its columns, else vanilla 3DGS."""
+    """Read a public model of the named scheme, else of the scheme with its columns, else vanilla 3DGS.
+
+    Warn of columns that are not used, since other programs may draw another image from them.
+    """
     known = find_scheme(scheme) if scheme else recognized(read_model(path))
-    return known.read_public(path) if known else PublicModel.read(path)
+    public = known.read_public(path) if known else PublicModel.read(path)
+    if unused := public.unused_columns:
+        warn(f"{path}: {len(unused)} columns are kept, but change nothing that is drawn: {listed(unused)}")
+    return public
 
 
 def geometry_of(path: Path) -> str:
