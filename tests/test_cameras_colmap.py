@@ -207,12 +207,17 @@ def test_bytes_after_the_last_record_are_refused(tmp_path):
         read_cameras(written(tmp_path, files | {"images.bin": files["images.bin"] + b"abc"}))
 
 
-def test_fewer_images_than_the_header_counts_are_warned_of(tmp_path, capsys):
+@pytest.mark.parametrize("records", ["cameras", "images", "points"])
+def test_fewer_records_than_the_header_counts_are_warned_of(tmp_path, capsys, records):
     files = text(poses=[(i, (1, 0, 0, 0), (0, 0, 0), 7, f"{i}.jpg", []) for i in range(3)])
-    for count, warned in ((3, False), (4, True)):
-        header = f"# Number of images: {count}, mean observations per image: 0\n".encode()
-        read_cameras(written(tmp_path, files | {"images.txt": header + files["images.txt"]}))
-        assert ("its header counts" in capsys.readouterr().err) == warned
+    name = {"points": "points3D.txt"}.get(records, f"{records}.txt")
+    lines = sum(not line.startswith(b"#") for line in files[name].splitlines()) // (1 + (records == "images"))
+    for count, warned in ((lines, False), (lines + 1, True)):
+        header = f"# Number of {records}: {count}, mean observations per image: 0\n".encode()
+        folder = written(tmp_path, files | {name: header + files[name]})
+        read_cameras(folder)
+        read_points(folder)
+        assert (f"{name} has {lines} {records}, its header counts {count}" in capsys.readouterr().err) == warned
 
 
 def test_a_text_file_that_lost_its_empty_lines_is_refused_instead_of_losing_views(tmp_path):

@@ -33,11 +33,47 @@ def test_a_nerfstudio_file_is_read_with_its_intrinsics_and_photographs(tmp_path)
     assert camera.image == tmp_path / "images" / "frame_00001.png"
 
 
-def test_intrinsics_of_a_frame_win_over_those_of_the_file(tmp_path):
-    frames = [FRAME | {"fl_x": 300, "w": 320.0}, FRAME | {"file_path": "images/b.png"}]
-    first, second = read_cameras(written(tmp_path, {**SHARED, "frames": frames}))
-    assert (first.K[0, 0], first.width) == (300, 320)
+def test_intrinsics_of_frames_are_those_of_their_views(tmp_path):
+    shared = {key: value for key, value in SHARED.items() if key not in {"fl_x", "w"}}
+    frames = [FRAME | {"fl_x": 350, "w": 600.0, "h": 480.0}, FRAME | {"file_path": "b.png", "fl_x": 500, "w": 640}]
+    first, second = read_cameras(written(tmp_path, {**shared, "frames": frames}))
+    assert (first.K[0, 0], first.width) == (350, 600)
     assert (second.K[0, 0], second.width) == (500, 640)
+
+
+@pytest.mark.parametrize("key", ["fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "p2"])
+def test_optics_that_differ_between_a_frame_and_its_file_are_refused(tmp_path, key):
+    """Programs take the one or the other."""
+    with pytest.raises(InputError, match=rf"frames\[0\].{key}: expected .*, as in the file"):
+        read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME | {key: 77}]}))
+
+
+@pytest.mark.parametrize(
+    "change", [{"from_na": True}, {"from_mitsuba": True}, {"distortion_params": [0.1, 0, 0, 0, 0, 0]}]
+)
+@pytest.mark.parametrize("shared", [False, True])
+def test_other_axes_and_lists_of_coefficients_are_refused(tmp_path, change, shared):
+    content = SHARED | change | {"frames": [FRAME]} if shared else SHARED | {"frames": [FRAME | change]}
+    with pytest.raises(InputError, match=next(iter(change))):
+        read_lenses(written(tmp_path, content))
+    nothing = {key: [0] * 6 if key == "distortion_params" else False for key in change}
+    assert read_cameras(written(tmp_path, SHARED | nothing | {"frames": [FRAME]}))
+
+
+ODD = {
+    "normalized": {"cx": 0.5, "cy": 0.5},
+    "normalized focal": {"fl_x": 0.8, "fl_y": 0.8},
+    "another size": {"w": 1280, "h": 960},
+}
+ODD |= {"unequal": {"fl_x": 500.0, "fl_y": 1500}}
+
+
+@pytest.mark.parametrize(
+    ("change", "warned"), [*((odd, True) for odd in ODD.values()), ({}, False), ({"cx": 200}, False)]
+)
+def test_optics_that_do_not_fit_the_size_of_their_image_are_warned_of(tmp_path, capsys, change, warned):
+    read_cameras(written(tmp_path, {**SHARED, **change, "frames": [FRAME]}))
+    assert ("1 of 1 views, such as frame_00001, does not fit the image size" in capsys.readouterr().err) == warned
 
 
 def test_a_photograph_with_too_long_a_name_is_missing(tmp_path):
@@ -134,7 +170,9 @@ def test_lenses_that_are_switched_off_are_no_distortion(tmp_path):
     ],
 )
 def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
-    path = written(tmp_path, {**SHARED, "frames": [FRAME | change]})
+    path = written(
+        tmp_path, {**{key: SHARED[key] for key in SHARED.keys() - change.keys()}, "frames": [FRAME | change]}
+    )
     with pytest.raises(InputError) as caught:
         read_cameras(path)
     assert caught.value.source == str(path)

@@ -1,4 +1,7 @@
-"""COLMAP's text files: one record per line, images on two lines, comments after ``#``."""
+"""COLMAP's text files: one record per line, images on two lines, comments after ``#``.
+
+The header counts the records. Readers warn of fewer, since the file may be cut at the end of a line.
+"""
 
 import re
 from collections.abc import Iterator
@@ -26,14 +29,12 @@ def lenses(path: Path) -> list[Lens]:
         if len(values) != len(names):
             raise _refusal(path, number, f"{len(names)} parameters of {fields[1]}", str(len(values)))
         out.append(Lens(camera_id, width, height, dict(zip(names, values, strict=True))))
+    _warn_if_cut(path, len(out))
     return out
 
 
 def poses(path: Path) -> list[Pose]:
-    """Read images.txt; the second line of each image, its 2-D points, is skipped and may be empty.
-
-    Warn if the header counts more images, since the file may be cut.
-    """
+    """Read images.txt; the second line of each image, its 2-D points, is skipped and may be empty."""
     out = []
     lines = _lines(path)
     for number, line in lines:
@@ -48,9 +49,7 @@ def poses(path: Path) -> list[Pose]:
         number, points_2d = next(lines, (number + 1, ""))  # noqa: PLW2901
         if len(points_2d.split()) % 3:
             raise _refusal(path, number, "the image's 2-D points as X Y POINT3D_ID (the line may be empty)", points_2d)
-    count = re.search(r"^# Number of images: (\d{1,9})", path.read_text(encoding="utf-8"), re.MULTILINE)
-    if count and int(count[1]) > len(out):
-        warn(f"{path} has {len(out)} images, its header counts {count[1]}: it may be cut")
+    _warn_if_cut(path, len(out))
     return out
 
 
@@ -61,8 +60,16 @@ def points(path: Path) -> Points:
         if len(fields) < 8:
             raise _refusal(path, number, "POINT3D_ID X Y Z R G B ERROR TRACK[]", " ".join(fields))
     xyz = np.array([_floats(path, number, fields[1:4]) for number, fields in rows]).reshape(-1, 3)
+    _warn_if_cut(path, len(rows))
     rgb = np.array([_bytes(path, number, fields[4:7]) for number, fields in rows], np.uint8).reshape(-1, 3)
     return Points(xyz, rgb)
+
+
+def _warn_if_cut(path: Path, count: int) -> None:
+    """Warn if the header counts more records."""
+    head = re.search(r"^# Number of (\w+): (\d{1,9})", path.read_text(encoding="utf-8"), re.MULTILINE)
+    if head and int(head[2]) > count:
+        warn(f"{path} has {count} {head[1]}, its header counts {head[2]}: it may be cut")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:

@@ -65,7 +65,11 @@ class Entry:
         return float(value)
 
     def distortion(self, names: Sequence[str]) -> tuple[float, ...]:
-        """Return the coefficients of a lens, 0 where missing; nothing if all are 0."""
+        """Return the coefficients of a lens, 0 where missing; nothing if all are 0. Lists of them are refused."""
+        for key in ("distortion", "distortion_params"):
+            if np.array(self.values.get(key, 0), object).any():
+                found = reprlib.repr(self.values[key])
+                raise self.refusal(key, expected=f"a key for each of {', '.join(names)}", found=found)
         values = tuple(self.number(name) if name in self else 0.0 for name in names)
         return values if any(values) else ()
 

@@ -9,7 +9,6 @@ the lens. Programs that read the original format read ours.
 
 import json
 import os
-import reprlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -45,9 +44,6 @@ def _camera(entry: Entry, folder: Path) -> Camera:
     width, height = entry.pixels("width"), entry.pixels("height")
     cx = entry.number("cx") if "cx" in entry else width / 2
     cy = entry.number("cy") if "cy" in entry else height / 2
-    if np.array(entry.values.get("distortion", 0), object).any():
-        found = reprlib.repr(entry.values["distortion"])
-        raise entry.refusal("distortion", expected=f"a key for each of {', '.join(COEFFICIENTS)}", found=found)
     viewmat = np.eye(4)
     viewmat[:3, :3] = entry.rotation("rotation", entry.array("rotation", (3, 3))).T
     viewmat[:3, 3] = -viewmat[:3, :3] @ entry.array("position", (3,))

@@ -28,6 +28,8 @@ from gspure.dtypes import Float64
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")
 """Flags and coefficients of Instant NGP's lenses, next to its pinhole, and further ones, on which readers disagree."""
+_OTHER_AXES = ("from_na", "from_mitsuba")  # flags of Instant NGP
+_OPTICS = frozenset({"w", "h", "fl_x", "fl_y", "cx", "cy", "camera_angle_x", "camera_angle_y", *COEFFICIENTS})
 _HINT = "undistort the photographs first, for example with colmap image_undistorter"
 _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
 
@@ -44,7 +46,7 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
         raise entry.refusal("frames", expected="a list", found=type(frames).__name__)
     shared = {key: value for key, value in content.items() if key != "frames"}
     entries = [Entry.of(source, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
-    entries = [Entry(source, e.where, {**shared, **e.values}) for e in entries]
+    entries = [_completed(e, shared) for e in entries]
     names = [view_name(e, "file_path") for e in entries]
     files = [source.parent / e.text("file_path") for e in entries]
     images = [file if file.suffix else file.with_suffix(".png") for file in files]  # Blender scenes omit it
@@ -52,8 +54,18 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     return distinct([_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)], source)
 
 
+def _completed(entry: Entry, shared: Mapping[str, Any]) -> Entry:
+    """Return a frame with the values of the file; optics must not be in both, unless they are equal."""
+    for key in sorted(_OPTICS & shared.keys() & entry.values.keys()):
+        if entry.values[key] != shared[key]:
+            expected, found = f"{shared[key]!r}, as in the file", repr(entry.values[key])
+            hint = "delete one of them: Instant NGP reads that of the frame, nerfstudio that of the file"
+            raise entry.refusal(key, expected=expected, found=found, hint=hint)
+    return Entry(entry.source, entry.where, {**shared, **entry.values})
+
+
 def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:
-    _refuse_other_lenses(entry)
+    _require_opengl_pinhole(entry)
     measured = image if is_present(image) else existing or image
     width, height = (entry.pixels("w"), entry.pixels("h")) if "w" in entry else photograph_size(measured)
     fx = _focal(entry, "x", width)
@@ -71,13 +83,16 @@ def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Came
     )
 
 
-def _refuse_other_lenses(entry: Entry) -> None:
+def _require_opengl_pinhole(entry: Entry) -> None:
     model = entry.text("camera_model") if "camera_model" in entry else "PINHOLE"
     if model not in _PINHOLES:
         raise entry.refusal("camera_model", expected="a pinhole camera", found=model, hint=_HINT)
     for key in _OTHER_LENSES:
         if value := entry.values.get(key):
             raise entry.refusal(key, expected="a pinhole camera", found=repr(value), hint=_HINT)
+    for key in _OTHER_AXES:
+        if value := entry.values.get(key):
+            raise entry.refusal(key, expected="OpenGL axes", found=repr(value))
 
 
 def _focal(entry: Entry, axis: str, length: int) -> float:

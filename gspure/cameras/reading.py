@@ -13,8 +13,12 @@ from gspure.cameras.entry import Entry
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.model import model_file
+from gspure.progress import warn
 
 _IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
+
+_MOST_SHIFT: Final = 0.25  # of a principal point from the centre, as a share of the image's side
+_LEAST_FOCAL: Final = 0.1  # share of the width: a field of view of 157 degrees
 
 CAMERA_FILES: Final = ("cameras.bin", "images.bin", "cameras.txt", "images.txt", *_IN_FOLDER)
 """Names of the files that cameras are read from, of all formats."""
@@ -48,9 +52,23 @@ def read_lenses(path: str | Path) -> list[Camera]:
 
     """
     path = Path(path)
-    if path.is_dir() and find_sparse(path):
-        return read_colmap(path)
-    path = _camera_file(path)
+    cameras = read_colmap(path) if path.is_dir() and find_sparse(path) else _read_file(_camera_file(path))
+    if odd := [camera.name for camera in cameras if not _fits(camera)]:
+        views = f"{len(odd)} of {len(cameras)} views, such as {odd[0]}"
+        warn(f"{path}: focal length or principal point of {views}, does not fit the image size: of another size?")
+    return cameras
+
+
+def _fits(camera: Camera) -> bool:
+    """Return whether optics are those of a photograph of this size, and not normalized or of another size."""
+    size = np.array([camera.width, camera.height])
+    focal, centre = camera.K[[0, 1], [0, 1]], camera.K[:2, 2]
+    is_central = (np.abs(centre / size - 0.5) <= _MOST_SHIFT).all()
+    return bool(is_central and focal[0] >= _LEAST_FOCAL * size[0] and 0.5 <= focal[0] / focal[1] <= 2)
+
+
+def _read_file(path: Path) -> list[Camera]:
+    """Read the cameras of a file."""
     content = read_json(path)
     if isinstance(content, list):
         return inria.parse(path, content)
