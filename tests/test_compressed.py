@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from gspure.attacks import Evidence, find_attack
-from gspure.cli import main
 from gspure.errors import InputError
 from gspure.model import model_file, read_model, write_model
 from gspure.model.finite import undrawable_rows
@@ -176,13 +175,25 @@ def test_rows_that_are_not_finite_are_written_as_invisible(tmp_path, capsys, suf
     assert "3 of 60 rows are not finite" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("flags", "remarks"), [(0, 0), (1, 1)])
-def test_a_model_trained_with_antialiasing_has_a_remark(tmp_path, capsys, flags, remarks):
+@pytest.mark.parametrize(("flags", "mode"), [(0, ""), (1, "mip")])
+def test_an_spz_model_names_its_render_mode(tmp_path, flags, mode):
     data = bytearray(gzip.decompress((SPLAT_TRANSFORM / "v3.spz").read_bytes()))
     data[14] = flags
     (tmp_path / "m.spz").write_bytes(gzip.compress(data))
-    assert main(["info", str(tmp_path / "m.spz")]) == 0
-    assert capsys.readouterr().out.count("antialiasing") == remarks
+    assert read_model(tmp_path / "m.spz").render_mode == mode
+
+
+@pytest.mark.parametrize(
+    ("entry", "mode"),
+    [({}, ""), ({"model": "antialiased"}, "mip"), ({"model": "2dgs"}, "2dgs"), ({"antialias": True}, "mip")],
+)
+def test_a_sog_model_names_its_render_mode(tmp_path, entry, mode):
+    index = write_all(tmp_path)["version 2/meta.json"]
+    index.write_text(json.dumps(json.loads(index.read_text()) | entry))
+    assert read_model(index).render_mode == mode
+    index.write_text(json.dumps(json.loads(index.read_text()) | {"antialias": False, "model": "other"}))
+    with pytest.raises(InputError, match="model: expected one of default, antialiased, 2dgs, found 'other'"):
+        read_model(index)
 
 
 EXTENSIONS = {  # type and payload of an extension: whether the model is read

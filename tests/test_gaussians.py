@@ -18,6 +18,23 @@ def table_of(columns, rows=3):
     return table
 
 
+@pytest.mark.parametrize(
+    ("comments", "mode"),
+    [
+        ([], ""),
+        (["Exported from Brush", "SplatRenderMode: mip"], "mip"),
+        (["splatrendermode: 2dgs"], "2dgs"),
+        (["SplatRenderMode: mip", "SplatRenderMode: default"], ""),
+        (["postshot.anti_aliasing=1"], "mip"),
+        (["postshot.anti_aliasing=0"], ""),
+        (["antialiased 1"], "mip"),
+        (["a note on antialiased 1"], ""),
+    ],
+)
+def test_the_last_comment_about_the_render_mode_names_it(comments, mode):
+    assert Gaussians(blobs(2).table, tuple(comments)).render_mode == mode
+
+
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
 def test_f_rest_is_channel_major(degree):
     per_channel = (degree + 1) ** 2 - 1

@@ -34,6 +34,11 @@ _COLOURS = ("f_dc_", "f_rest_", "semantic_")  # prefixes of the columns that col
 _BACKGROUND = re.compile(r"gspure background ([01]\.\d+) ([01]\.\d+) ([01]\.\d+)")
 """The comment that names the colour behind a model."""
 
+_RENDER_MODE = re.compile(
+    r"splatrendermode:? *(default|mip|2dgs)|(postshot\.anti_aliasing=|antialiased )[01]", re.IGNORECASE
+)
+"""Comments of Brush, Postshot and PlayCanvas that name how a model is to be rendered."""
+
 _BLOCK_ROWS = 4096
 
 
@@ -183,6 +188,17 @@ class Gaussians(Described):
         """The colour that the model was trained on, if a comment names it, else black."""
         shades = (_BACKGROUND.fullmatch(comment) for comment in self.comments)
         return next((tuple(map(float, shade.groups())) for shade in shades if shade), (0.0, 0.0, 0.0))
+
+    @property
+    def render_mode(self) -> str:
+        """The render mode that comments name: mip (antialiased), 2dgs, or none; the last comment applies."""
+        named = [comment.strip().lower() for comment in self.comments if _RENDER_MODE.fullmatch(comment.strip())]
+        last = named[-1] if named else ""
+        return "2dgs" if last.endswith("2dgs") else "mip" if last.endswith(("mip", "1")) else ""
+
+    def with_render_mode(self, mode: str) -> Gaussians:
+        """Return the same rows with a comment that names the render mode."""
+        return self.with_comment(f"SplatRenderMode: {mode}")
 
     def with_background(self, background: Sequence[float]) -> Gaussians:
         """Return the same rows with a comment that names the background, unless it is black or a comment names one."""

@@ -26,6 +26,7 @@ Member = Callable[[str], bytes]
 INDEX: Final = "meta.json"
 _PARTS: Final = {"means": 2, "quats": 1, "scales": 1, "sh0": 1, "shN": 2}  # number of images of each
 
+_RENDER_MODES: Final = {"default": "", "antialiased": "mip", "2dgs": "2dgs"}
 _PER_ROW: Final = 64  # entries in each row of the image of spherical harmonics
 
 _LONGEST_NAME: Final = 255
@@ -61,6 +62,9 @@ def _model(path: Path, member: Member) -> Gaussians:
     meta = json.loads(member(INDEX))
     if (version := meta.get("version", 1)) not in (1, 2):
         raise InputError(path, "version", expected="1 or 2", found=str(version))
+    trained = "antialiased" if meta.get("antialias") else meta.get("model", "default")
+    if (mode := _RENDER_MODES.get(trained)) is None:
+        raise InputError(path, "model", expected=f"one of {', '.join(_RENDER_MODES)}", found=repr(trained))
     rows = meta["count"] if version == 2 else meta["means"]["shape"][0]
     if not isinstance(rows, int):
         raise InputError(path, "count", expected="a whole number", found=repr(rows))
@@ -85,13 +89,14 @@ def _model(path: Path, member: Member) -> Gaussians:
         low, high = pixels("shN")[0][:, :2].astype(np.intp).T
         sh = entries[low | high << 8]
     rgba = _values(meta["sh0"], colours)
-    return Gaussians.from_stored(
+    model = Gaussians.from_stored(
         means=_means(meta["means"], *pixels("means")),
         quats=_quats(quats),
         log_scales=_values(meta["scales"], scales[:, :3]),
         opacity_logits=rgba[:, 3] if version == 1 else byte_logits(colours[:, 3]),
         sh_coeffs=np.concatenate([rgba[:, None, :3], sh], 1),
     )
+    return model.with_render_mode(mode) if mode else model
 
 
 def _pixels(data: bytes, most: int) -> Bytes:

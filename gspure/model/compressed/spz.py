@@ -34,13 +34,12 @@ _COMMENTED: Final = 16  # their value if only a comment follows, which ends with
 _HEADER: Final = struct.Struct("<4sIIBBBB")
 _PLAIN_HEADER: Final = 32
 _EXTENSION: Final = struct.Struct("<II")
-_ANTIALIASED: Final = 1  # flag of models trained with antialiasing, which is not applied
+_ANTIALIASED: Final = 1  # flag of models trained with antialiasing
 _EXTENDED: Final = 2  # flag of files with extensions: records of type, length and payload
 _SCALED: Final = 0xADBE0001  # type of the extension that scales spherical harmonics
 _AXES: Final = 0xADBE0003  # type of the extension that names the axes
 _OWN_AXES: Final = (b"\0\0\0\0", b"\4\0\0\0")  # none named, and right, up, back
 _MOST_EXTENSIONS: Final = 1 << 16  # bytes
-_ANTIALIASED_REMARK: Final = "SPZ: trained with antialiasing, which is not applied"  # comment of such a model
 
 _COLOUR_SCALE: Final = 0.15
 _STEPS: Final = 511  # largest magnitude of a rotation's component: 9 bits, beside the sign
@@ -80,8 +79,8 @@ def read_spz(path: Path) -> Gaussians:
         if header.flags & _EXTENDED:
             _require_usual_values(path, extensions)
         model = _model(header, np.frombuffer(body, np.uint8))
-        remarks = (_ANTIALIASED_REMARK,) if header.flags & _ANTIALIASED else ()
-        return Gaussians(model.table, (*(_comments(data) if gzipped else ()), *remarks))
+        commented = Gaussians(model.table, _comments(data) if gzipped else ())
+        return commented.with_render_mode("mip") if header.flags & _ANTIALIASED else commented
 
 
 def with_comments(data: bytes, comments: Sequence[bytes]) -> bytes:
