@@ -9,6 +9,7 @@ from typing import Final
 
 TILE: Final = 16  # side of a square screen tile, in pixels
 
+LARGEST: Final = 1e18  # number of a view or a point: its square is finite in float32, in which devices compute; ours
 NEAR_PLANE: Final = 0.2
 """Gaussians whose centre has a view-space depth of at most this are dropped; so are ray maxima at or before it."""
 

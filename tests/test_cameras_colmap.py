@@ -197,7 +197,9 @@ def test_a_count_beyond_the_files_size_is_refused_before_anything_is_allocated(t
 @pytest.mark.parametrize("write", [binary, text])
 def test_a_point_that_is_not_finite_is_refused(tmp_path, write):
     points = [POINTS[0], (9, (np.nan, 5.0, 6.0), (1, 2, 3), 0.1, [])]
-    with pytest.raises(InputError, match=r"points3D\.\w+: point 1: expected finite coordinates, found nan 5.0 6.0"):
+    with pytest.raises(
+        InputError, match=r"points3D\.\w+: point 1: expected coordinates within ±1e\+18, found nan 5.0 6.0"
+    ):
         read_points(written(tmp_path, write(points=points)))
 
 

@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import digest
-from gspure.constants import NEAR_PLANE, TEST_EVERY
+from gspure.constants import LARGEST, NEAR_PLANE, TEST_EVERY
 from gspure.display import Described
 from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
-
-LARGEST: Final = 1e18
-"""Largest number of a view: its square is finite in float32, in which devices compute. Ours."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

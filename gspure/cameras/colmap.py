@@ -16,6 +16,7 @@ from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, view_name
 from gspure.cameras.undistortion import COEFFICIENTS
 from gspure.errors import InputError
+from gspure.model.points import require_coordinates
 from gspure.model.rotations import rotation_matrices
 
 _FORMATS = {".bin": colmap_binary, ".txt": colmap_text}
@@ -57,9 +58,7 @@ def read_points(folder: Path) -> Points:
     """Read the sparse point cloud: xyz [P,3] in world units and 8-bit rgb [P,3]."""
     path = _file(folder, "points3D")
     points: Points = _FORMATS[path.suffix].points(path)
-    if bad := np.flatnonzero(~np.isfinite(points.xyz).all(axis=1)).tolist():
-        found = " ".join(map(str, points.xyz[bad[0]].tolist()))
-        raise InputError(path, f"point {bad[0]}", expected="finite coordinates", found=found)
+    require_coordinates(path, points.xyz)
     return points
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.cameras.camera import LARGEST
+from gspure.constants import LARGEST
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
 from gspure.artifacts import replacing
+from gspure.constants import LARGEST
 from gspure.dtypes import Float64, Indices, UInt8
 from gspure.errors import InputError
 from gspure.model.gaussians import NORMALS
@@ -23,7 +24,7 @@ def read_point_ply(path: Path) -> tuple[Float64, UInt8]:
     """Read positions [P,3] and 8-bit colours [P,3]; points without colour are grey.
 
     Raise `InputError` if the file is missing, corrupt or no PLY, or has no positions, colours that are not 8-bit,
-    or coordinates that are not finite.
+    or a coordinate is not finite or above `LARGEST`.
     """
     vertices = Vertices.of(path, "a PLY of points")
     for name in _POSITION:
@@ -36,11 +37,17 @@ def read_point_ply(path: Path) -> tuple[Float64, UInt8]:
     rows = vertices.rows()
     with np.errstate(invalid="ignore"):  # signalling not-a-numbers
         xyz = np.column_stack([rows[name].astype(np.float64) for name in _POSITION])
-    if bad := np.flatnonzero(~np.isfinite(xyz).all(axis=1)).tolist():
-        raise InputError(path, f"point {bad[0]}", expected="finite coordinates", found=" ".join(map(str, xyz[bad[0]])))
+    require_coordinates(path, xyz)
     if not coloured:
         return xyz, np.full(xyz.shape, _GREY, np.uint8)
     return xyz, np.column_stack([rows[name] for name in _COLOUR])
+
+
+def require_coordinates(path: Path, xyz: Float64) -> None:
+    """Refuse positions [P,3] that are not finite, or above `LARGEST`."""
+    if bad := np.flatnonzero(~(np.abs(xyz) <= LARGEST).all(axis=1)).tolist():
+        expected = f"coordinates within ±{LARGEST:g}"
+        raise InputError(path, f"point {bad[0]}", expected=expected, found=" ".join(map(str, xyz[bad[0]].tolist())))
 
 
 def write_point_ply(path: Path, xyz: NDArray[Any], rgb: UInt8) -> None:

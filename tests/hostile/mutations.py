@@ -365,7 +365,7 @@ def npy_header(content: bytes, rng: Rng) -> bytes:
     header, body = content[10 : 10 + size], content[10 + size :]
     try:
         fields = ast.literal_eval(header.decode("latin-1").strip())
-    except (ValueError, SyntaxError, RecursionError, MemoryError):
+    except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
         fields = {}
     if not isinstance(fields, dict):
         fields = {}

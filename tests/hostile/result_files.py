@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import chdir, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -53,6 +53,7 @@ from gspure.method.clustering.store import Clusters, read_clusters, read_tree, w
 from gspure.method.contributions import Measurement, Stage, read_index, read_stage, write_index
 from gspure.model import read_model, write_model
 from gspure.renderer import CONTRIBUTION
+from gspure.workflow.notes import misfit, write_note
 from tests.contest_cases import attacked, measured
 from tests.hostile.contract import Reader
 from tests.hostile.mutations import Rng
@@ -149,8 +150,22 @@ def _log(folder: Path) -> None:
 
 
 def _read_log(folder: Path) -> None:
-    assert isinstance(is_interrupted(folder / "attack.log"), bool)
+    assert isinstance(is_interrupted(folder / "attack.log", stopped=False), bool)
     assert len(reason_in(folder / "attack.log", "attack_model").splitlines()) == 1
+
+
+JOB = ("results/logs/weights.log", "settings", ["results/weights.npy"])
+
+
+def _note(folder: Path) -> None:
+    with chdir(folder):
+        save_array(Path(JOB[2][0]), np.ones(3))
+        write_note(*JOB, {})
+
+
+def _read_note(folder: Path) -> None:
+    with chdir(folder):
+        assert isinstance(misfit(*JOB), str)
 
 
 VARIANTS = {"unattacked": 0.0, "gspure": 5.0}
@@ -321,6 +336,7 @@ READERS = (
         {f"scheme/scene/{name}/detections/mark.csv": "text" for name in ("marked", "clean")},
     ),
     Reader("log of a job", _log, _read_log, {"attack.log": "text"}),
+    Reader("note of a job", _note, _read_note, {"results/jobs/weights.json": "json"}),
     Reader(
         "outcomes of a run",
         _run,

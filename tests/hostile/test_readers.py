@@ -23,6 +23,8 @@ from tests.hostile.readers import BY_NAME, READERS
 
 ROOT = Path(__file__).parents[2]
 CASES = 100
+NEVER_REFUSED = {"attack.log", "results/jobs/weights.json"}
+"""Logs have any text; a job without a readable note runs again."""
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +66,7 @@ def test_corrupted_files_get_past_their_checksums(records, reader):
     endings = records[reader.name]["endings"]
     assert endings.keys() == reader.targets.keys()
     assert sum(counts.get(READ, 0) for counts in endings.values()) > 0
-    for target in reader.targets.keys() - {name.removesuffix(".json") for name in reader.targets}:
+    for target in reader.targets.keys() - {name.removesuffix(".json") for name in reader.targets} - NEVER_REFUSED:
         assert endings[target].get(REFUSED, 0) > 0, target
 
 
