@@ -118,9 +118,9 @@ class PublicModel:
 
     @property
     def unused_columns(self) -> list[str]:
-        """Columns that change nothing in its images, in the file's order."""
-        used = {*CORE, *NORMALS, FILTER, *chain(*self.columns.values())}
-        return [name for name in self.model.table.dtype.names or () if name not in used]
+        """Columns that change nothing in its images, in the file's order, but those with one value in all rows."""
+        used, table = {*CORE, *NORMALS, FILTER, *chain(*self.columns.values())}, self.model.table
+        return [name for name in table.dtype.names or () if name not in used and (table[name] != table[name][0]).any()]
 
     @classmethod
     def read(cls, path: Path) -> Self:

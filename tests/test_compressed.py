@@ -1,6 +1,7 @@
 """Models in the compressed formats of converters and viewers."""
 
 import gzip
+import io
 import json
 import struct
 import sys
@@ -9,6 +10,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from gspure.attacks import Evidence, find_attack
 from gspure.errors import InputError
@@ -194,6 +196,42 @@ def test_a_sog_model_names_its_render_mode(tmp_path, entry, mode):
     index.write_text(json.dumps(json.loads(index.read_text()) | {"antialias": False, "model": "other"}))
     with pytest.raises(InputError, match="model: expected one of default, antialiased, 2dgs, found 'other'"):
         read_model(index)
+
+
+def changed(image: bytes, mode: str, **settings) -> bytes:
+    """A WebP image after a conversion."""
+    stream = io.BytesIO()
+    Image.open(io.BytesIO(image)).convert(mode).save(stream, "WEBP", **settings)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "mode", "lossless", "message"),
+    [
+        ("quats.webp", "RGB", True, "rotations without their largest component"),
+        ("quats.webp", "RGBA", False, "a lossy image"),
+        ("means_l.webp", "RGB", False, "a lossy image"),
+        ("means_l.webp", "RGB", True, None),
+        ("shN_centroids.webp", "RGB", True, None),
+    ],
+)
+def test_images_of_a_sog_model_that_lost_numbers_are_refused(tmp_path, name, mode, lossless, message):
+    index = write_all(tmp_path)["version 2/meta.json"]
+    expected, image = read_model(index).table.tobytes(), index.with_name(name)
+    image.write_bytes(changed(image.read_bytes(), mode, lossless=lossless, exact=True))
+    if message:
+        refused(index, message)
+    else:
+        assert read_model(index).table.tobytes() == expected
+
+
+@pytest.mark.parametrize("change", [{"bands": 9}, {"bands": 3}, {"count": 5}])
+def test_harmonics_of_a_sog_model_beyond_its_counts_are_refused(tmp_path, change):
+    index = write_all(tmp_path)["version 2/meta.json"]
+    meta = json.loads(index.read_text())
+    meta["shN"] |= change
+    index.write_text(json.dumps(meta))
+    refused(index, "a SOG model")
 
 
 EXTENSIONS = {  # type and payload of an extension: whether the model is read

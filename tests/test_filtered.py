@@ -89,7 +89,9 @@ def test_a_render_mode_that_is_not_applied_is_named(tmp_path, monkeypatch, capsy
 def test_columns_that_change_nothing_are_named(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_cameras("cameras.json", [camera(40, 30)])
-    for name, model in {"beta": with_column(blobs(9), "beta", 1), "plain": with_column(blobs(9), FILTER, 1)}.items():
+    columns = {"beta": ("beta", np.arange(9)), "constant": ("state", 1), "filter": (FILTER, np.arange(9))}
+    for name, column in columns.items():
+        model = with_column(blobs(9), *column)
         write_model(f"{name}.ply", model)
         assert main(f"render {name}.ply --cameras cameras.json --out {name}".split()) == 0
         assert ("change nothing that is drawn: beta\n" in capsys.readouterr().err) == (name == "beta")

@@ -6,6 +6,7 @@ two images, of their lower and upper 8 bits. Spherical harmonics are indices int
 
 import io
 import json
+import struct
 import zipfile
 from collections.abc import Callable
 from functools import partial
@@ -28,6 +29,9 @@ _PARTS: Final = {"means": 2, "quats": 1, "scales": 1, "sh0": 1, "shN": 2}  # num
 
 _RENDER_MODES: Final = {"default": "", "antialiased": "mip", "2dgs": "2dgs"}
 _PER_ROW: Final = 64  # entries in each row of the image of spherical harmonics
+
+_RIFF_HEADER: Final = 12  # bytes of a WebP file before its chunks
+_CHUNK: Final = struct.Struct("<4sI")  # kind and length; padded to an even number of bytes
 
 _LONGEST_NAME: Final = 255
 _MOST_ENTRIES: Final = 1 << 16
@@ -87,7 +91,7 @@ def _model(path: Path, member: Member) -> Gaussians:
     if "shN" in meta:
         entries = _entries(meta["shN"], files["shN"].pop(0))
         low, high = pixels("shN")[0][:, :2].astype(np.intp).T
-        sh = entries[low | high << 8]
+        sh = entries[: meta["shN"].get("count")][low | high << 8]
     rgba = _values(meta["sh0"], colours)
     model = Gaussians.from_stored(
         means=_means(meta["means"], *pixels("means")),
@@ -103,10 +107,23 @@ def _pixels(data: bytes, most: int) -> Bytes:
     """Return an image [H,W,4]."""
     from PIL import Image
 
+    if _is_lossy(data):
+        raise ValueError("a lossy image, whose numbers are others than those that were stored")
     with Image.open(io.BytesIO(data), formats=("WEBP",)) as image:
         if image.width * image.height > most:
             raise ValueError(f"an image of {image.width}x{image.height}, with more than {most} pixels")
         return np.asarray(image.convert("RGBA"))
+
+
+def _is_lossy(data: bytes) -> bool:
+    """Return whether a WebP file has a chunk of lossy pixels."""
+    at = _RIFF_HEADER
+    while at + _CHUNK.size <= len(data):
+        kind, length = _CHUNK.unpack_from(data, at)
+        if kind == b"VP8 ":
+            return True
+        at += _CHUNK.size + length + length % 2
+    return False
 
 
 def _values(settings: Any, stored: Bytes) -> Float32:
@@ -126,7 +143,7 @@ def _means(settings: Any, low: Bytes, high: Bytes) -> Float32:
 
 
 def _quats(stored: Bytes) -> Float32:
-    if (stored[:, 3] < _LARGEST_IS_W).any():
+    if (stored[:, 3] < _LARGEST_IS_W).any() or (len(stored) > 1 and (stored[:, 3] == 255).all()):  # as without alpha
         raise ValueError("rotations without their largest component")
     three = (stored[:, :3] / np.float32(127.5) - 1) / np.float32(np.sqrt(2))
     return smallest_three(three, stored[:, 3].astype(np.intp) - _LARGEST_IS_W)
@@ -138,4 +155,6 @@ def _entries(settings: Any, data: bytes) -> Float32:
     coefficients = image.shape[1] // _PER_ROW
     if coefficients not in COEFFICIENTS[1:]:
         raise ValueError(f"an image of {image.shape[1]} columns, not 192, 512 or 960")
+    if (bands := settings.get("bands", COEFFICIENTS.index(coefficients))) != COEFFICIENTS.index(coefficients):
+        raise ValueError(f"{bands} bands in an image of {coefficients} coefficients")
     return _values(settings, image.reshape(-1, coefficients, 4)[..., :3])
