@@ -134,9 +134,9 @@ def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
 @pytest.mark.parametrize(
     ("name", "settings", "message"),
     [
-        ("finetune", {"iterations": 0}, "iterations: expected at least 1"),
+        ("finetune", {"iterations": 0}, "iterations: expected a whole number from 1"),
         ("finetune", {"learn": "sky"}, "attack finetune: learn: expected one of all, appearance, colour"),
-        ("distil", {"iterations": 0}, "iterations: expected at least 1"),
+        ("distil", {"iterations": 0}, "iterations: expected a whole number from 1"),
     ],
 )
 def test_bad_settings_are_refused(name: str, settings: dict, message: str) -> None:

@@ -151,11 +151,11 @@ def test_attacks_on_missing_attributes_refuse_anchors(name: str, settings: dict)
     [
         ("quantize", {"bits": 9}, "bits: expected 1 to 8, or 16, found 9"),
         ("quantize", {"attributes": "colour,colour"}, "attributes: expected one or more of colour,base_colour,opacity"),
-        ("sh_truncation", {"degree": -1}, "degree: expected 0 to 2, found -1"),
-        ("opacity_noise", {"sigma": -0.1}, "sigma: expected a number of at least 0"),
-        ("position_noise", {"sigma": float("inf")}, "sigma: expected a number of at least 0, found inf"),
-        ("crop", {"fraction": 2}, "fraction: expected 0 to 1, found 2"),
-        ("inject", {"fraction": float("nan")}, "fraction: expected 0 to 1, found nan"),
+        ("sh_truncation", {"degree": -1}, "degree: expected a whole number from 0 to 3, found -1"),
+        ("opacity_noise", {"sigma": -0.1}, "sigma: expected a number from 0"),
+        ("position_noise", {"sigma": float("inf")}, "sigma: expected a number from 0 .* found inf"),
+        ("crop", {"fraction": 2}, "fraction: expected a number from 0 to 1, found 2"),
+        ("inject", {"fraction": float("nan")}, "fraction: expected a number from 0 to 1, found nan"),
         ("rigid_transform", {"axis": "0,0,0"}, "axis: expected an axis, found 0,0,0"),
         ("rigid_transform", {"axis": "up"}, "axis: expected three numbers separated by commas, found up"),
         (
@@ -165,7 +165,7 @@ def test_attacks_on_missing_attributes_refuse_anchors(name: str, settings: dict)
         ),
         ("rigid_transform", {"translation": "0,1e39,0"}, "translation: expected at most 10000 radii"),
         ("rigid_transform", {"translation": "-1e38,0,0"}, "translation: expected at most 10000 radii"),
-        ("rigid_transform", {"angle": float("inf")}, "angle: expected a number, found inf"),
+        ("rigid_transform", {"angle": float("inf")}, "angle: expected a number .* found inf"),
         ("compression", {"codec": "sog"}, "codec: expected one of compressed_ply, spz, found sog"),
     ],
 )
@@ -177,16 +177,15 @@ def test_settings_out_of_range_are_refused(name: str, settings: dict, message: s
 @pytest.mark.parametrize(
     ("name", "settings", "column"),
     [
-        ("gaussian_noise", {"sigma": 1e38}, "f_dc_0"),
-        ("gaussian_noise", {"sigma": 1e300, "attributes": "opacity"}, "opacity"),
-        ("position_noise", {"sigma": 1e38}, "x"),
-        ("feature_scaling", {"factor": 3e38}, "f_dc_0"),
-        ("feature_scaling", {"factor": 1e300}, "f_dc_0"),
+        ("position_noise", {"sigma": 1e6}, "x"),
+        ("feature_scaling", {"factor": 1e6}, "f_dc_0"),
     ],
 )
 def test_numbers_that_overflow_are_refused_with_column_and_setting(name: str, settings: dict, column: str) -> None:
+    large = blobs(400)
+    large = large.with_columns({column: 1e35 * large.table[column] for column in ("x", "f_dc_0")})
     with pytest.raises(InputError) as caught:
-        attacked(name, blobs(400), **settings)
+        attacked(name, large, **settings)
     assert (caught.value.source, caught.value.field) == (f"attack {name}", column)
     assert all(f"{setting}={value}" in str(caught.value.hint) for setting, value in settings.items())
 

@@ -141,17 +141,17 @@ def edit_cameras(edit):
 BAD_CAMERAS = {
     "zero focal length": (
         lambda views: views[3].update(fx=0),
-        "[3].fx: expected a positive number up to 1e+100, found 0",
+        "[3].fx: expected a positive number up to 1e+18, found 0",
     ),
     "NaN focal length": (
         lambda views: views[3].update(fy=float("nan")),
-        "[3].fy: expected a positive number up to 1e+100, found nan",
+        "[3].fy: expected a positive number up to 1e+18, found nan",
     ),
     "size in words": (lambda views: views[2].update(width="wide"), "[2].width: expected a whole number of pixels"),
-    "huge focal length": (lambda views: views[3].update(fx=1e300), "[3].fx: expected a positive number up to 1e+100"),
+    "huge focal length": (lambda views: views[3].update(fx=1e300), "[3].fx: expected a positive number up to 1e+18"),
     "no position": (
         lambda views: views[2].pop("position"),
-        "[2].position: expected numbers [3] within ±1e+100, found nothing",
+        "[2].position: expected numbers [3] within ±1e+18, found nothing",
     ),
     "no rotation": (lambda views: views[0].update(rotation=[[1, 0, 0]] * 3), "[0].rotation: expected a rotation"),
     "a name twice": (lambda views: views.append(views[0]), "view names: expected each name once, found 'view_0'"),
@@ -224,16 +224,9 @@ def test_bad_images_are_refused(folder, capsys, spoil, line):
 
 
 BAD_OPTIONS = {
-    "purify --tau-c 0": "pruning: tau_c: expected a number above 0, found 0.0",
-    "purify --min-samples 0": "clustering: min_samples: expected at least 1, found 0",
-    "purify --min-cluster-size 1": "clustering: min_cluster_size: expected at least 2, found 1",
-    "render --background 0 0 nan": "render: --background: expected three numbers from 0 to 1, found 0.0 0.0 nan",
     "cameras --scale half": "scale rule: value: expected native, photographs, 1/N or Wpx",
-    "cameras orbit --count 0": "orbit views: count: expected 1 to 10000, found 0",
-    "cameras orbit --count 100000000": "orbit views: count: expected 1 to 10000, found 100000000",
-    "attack --set tau=x": "attack plain_weight: tau: expected a number, found 'x'",
-    "attack --set size=1": "attack plain_weight: setting: expected one of tau, found size",
-    "attack --seed -1": "attack plain_weight: seed: expected at least 0, found -1",
+    "attack --set tau=x": "attack plain_weight: tau: expected a number above 0, at most 1000000, found 'x'",
+    "attack --set size=1": "attack plain_weight: size: expected one of tau, found an unknown key",
 }
 
 

@@ -199,19 +199,25 @@ EVERY = {"unattacked": {}, "gspure": {}}
             "detectors.mark.timeout: expected at most 1",
         ),
         ({"assets": {"bot": {**BOT, "cameras": "c.json", "generated": {"fov": 60}}}}, "assets.bot.generated: "),
-        ({"assets": {"bot": {**BOT, "generated": {"fov": 180}}}}, "assets.bot.generated.fov: expected less than 180"),
+        ({"assets": {"bot": {**BOT, "generated": {"fov": 180}}}}, "assets.bot.generated.fov: expected at most 179"),
         ({"assets": {"bot": {**BOT, "generated": {"up": [0, 0, 0]}}}}, "assets.bot.generated.up: expected "),
         *(({"variants": {**EVERY, name: {"attack": "crop"}}}, f"variants.{name}: ") for name in ("clean", "public")),
         ({"variants": {**EVERY, "unattacked": {"attack": "crop"}}}, "variants.unattacked.attack: expected unattacked"),
         ({"variants": {**EVERY, "gspure": {"attack": "crop"}}}, "variants.gspure.attack: expected gspure"),
         ({"variants": {**EVERY, "crop": {"damage": [1, 1.0000001]}}}, "variants.crop.damage: .* found crop@1dB twice"),
-        ({"variants": {**EVERY, "crop": {"fraction": 2}}}, "variants.crop.fraction: expected 0 to 1, found 2"),
+        (
+            {"variants": {**EVERY, "crop": {"fraction": 2}}},
+            "variants.crop.fraction: expected a number from 0 to 1",
+        ),
         (
             {"variants": {**EVERY, "less": {"attack": "plain_weight", "tau": 0}}},
-            "variants.less.tau: .* above 0",
+            "variants.less.tau: .* above 0, .* found 0",
         ),
         ({"variants": {**EVERY, "gspure_scaled": {"tau_c": -1}}}, "variants.gspure_scaled.tau_c: "),
-        ({"variants": {**EVERY, "finetune": {"iterations": 0}}}, "variants.finetune.iterations: expected at least 1"),
+        (
+            {"variants": {**EVERY, "finetune": {"iterations": 0}}},
+            "variants.finetune.iterations: expected a whole number from 1",
+        ),
         ({"variants": {**EVERY, "distil": {"iterations": 2.5}}}, "variants.distil.iterations: expected a whole number"),
         (
             {"variants": {**EVERY, "prune_repair": {"learn": "none"}}},
@@ -219,18 +225,24 @@ EVERY = {"unattacked": {}, "gspure": {}}
         ),
         (
             {"schemes": {"planted": {"message_weight": 0.5}}},
-            "schemes.planted.message_weight: expected a whole number, found 0.5",
+            "schemes.planted.message_weight: expected a whole number from 0 to 1, found 0.5",
         ),
         (
             {"schemes": {"planted": {"message_weight": 0}}},
             "schemes.planted.message_weight: expected more than 0",
         ),
-        ({"schemes": {"gs_hider": {"message_weight": -1}}}, "schemes.gs_hider.message_weight: expected at least 0"),
-        ({"schemes": {"keyss": {"network_rate": 0}}}, "schemes.keyss.network_rate: expected at least 1e-09, found 0"),
-        ({"schemes": {"secure_gs": {"max_anchors": 1}}}, "schemes.secure_gs.max_anchors: expected at least 8, found 1"),
+        (
+            {"schemes": {"gs_hider": {"message_weight": -1}}},
+            "schemes.gs_hider.message_weight: expected a number from 0",
+        ),
+        (
+            {"schemes": {"keyss": {"network_rate": 0}}},
+            "schemes.keyss.network_rate: expected a number from 1e-09 to 1",
+        ),
+        ({"schemes": {"secure_gs": {"max_anchors": 1}}}, "schemes.secure_gs.max_anchors: expected .* 8 to .* found 1"),
         (
             {"schemes": {"splats_in_splats": {"shift": 40}}},
-            "schemes.splats_in_splats.shift: expected 9 to 20",
+            "schemes.splats_in_splats.shift: expected a whole number from 9 to 20",
         ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
@@ -336,7 +348,7 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
                 **PLANTED,
                 "variants": {"unattacked": {}, "gspure": {}, "random_pruning": {"fraction": "x"}},
             },
-            "variants.random_pruning.fraction: expected a number, found 'x'",
+            "variants.random_pruning.fraction: expected a number.* found 'x'",
         ),
         (
             {**PLANTED, "variants": {"unattacked": {"sigma": 1}, "gspure": {}}},
@@ -404,7 +416,7 @@ def test_a_configuration_nested_too_deep_is_refused(nested):
 
 
 @pytest.mark.parametrize("field", ["model", "cameras"])
-@pytest.mark.parametrize("path", ["a" * 5000, "a\0b", "\ud800"])
+@pytest.mark.parametrize("path", ["a" * 4000, "a\0b", "\ud800"])
 def test_a_path_that_cannot_exist_is_refused(tmp_path, field, path):
     (tmp_path / "bot.ply").touch()
     asset = {"model": str(tmp_path / "bot.ply"), "cameras": "orbit"} | {field: path}

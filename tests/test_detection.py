@@ -18,6 +18,7 @@ from scipy.stats import binom
 from gspure.artifacts import read_json, write_record
 from gspure.cli import detect, main
 from gspure.errors import InputError
+from gspure.evaluation import detector
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
 from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
 from gspure.evaluation.csv_tables import read_table, write_table
@@ -98,6 +99,16 @@ def test_any_other_answer_is_refused_in_one_line(renders, answer, message, reaso
 def test_a_command_that_cannot_answer_is_refused(renders, command, reason):
     with pytest.raises(InputError, match=reason):
         read_marks(command, renders, "", 0.5 if "sleep" in command else 60)
+
+
+def test_only_the_last_line_of_a_detector_is_held(renders, monkeypatch):
+    monkeypatch.setattr(detector, "LONGEST_LINE", 1 << 20)
+    answer = '{"a": 1, "b": 2}'
+    code = f"print(('x' * 99 + chr(10)) * 50_000); print({answer!r})"
+    assert len(read_marks(shlex.join([sys.executable, "-c", code]), renders, "", 60)) == 2
+    endless = "while True: print('x' * 4096, end='')"
+    with pytest.raises(InputError, match="a last line of at most 1 MiB"):
+        read_marks(shlex.join([sys.executable, "-c", endless]), renders, "", 60)
 
 
 def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, tmp_path):

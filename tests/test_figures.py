@@ -181,10 +181,6 @@ def test_panels_take_the_views_that_all_columns_have(tmp_path: Path, capsys) -> 
     with Image.open(tmp_path / "panels.png") as image:
         assert image.width == style.PAGE * style.DPI
 
-    for rows in ("0", "-1"):
-        assert main(["figures", "panels", *columns, "--rows", rows, "--out", "x.png"]) == 2
-        assert f"--rows: expected at least 1, found {rows}" in capsys.readouterr().err
-
     (tmp_path / "empty").mkdir()
     assert main(["figures", "panels", *columns, f"--column=x={tmp_path / 'empty'}", "--out", "x.png"]) == 2
     assert "expected a view of all columns" in capsys.readouterr().err

@@ -96,5 +96,5 @@ def test_the_message_does_not_train_opacities_that_no_view_of_the_scene_shows(ow
 
 
 def test_a_learning_rate_of_zero_is_refused(pair_folder):
-    with pytest.raises(InputError, match="network_rate: expected at least 1e-09"):
+    with pytest.raises(InputError, match="network_rate: expected a number from 1e-09"):
         hide(SCHEME, read_pair(pair_folder), network_rate=0.0)

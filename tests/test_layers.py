@@ -14,7 +14,8 @@ TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sor
 
 # A part imports from its own layer and from those above it.
 LAYERS = (
-    {"constants", "display", "dtypes", "errors", "numerals", "artifacts", "cost", "failures", "progress", "plugins"},
+    {"bounds", "constants", "display", "dtypes", "errors", "numerals", "settings"}
+    | {"artifacts", "cost", "failures", "progress", "plugins"},
     {"model", "cameras", "images", "datasets"},
     {"opencl"},
     {"renderer"},

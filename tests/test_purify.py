@@ -405,11 +405,3 @@ def test_repair_raises_the_psnr_of_the_scene_and_keeps_the_rows(tmp_path: Path, 
     assert "psnr_before_repair" not in diagnosis
     assert len(read_model(out / "purified.ply")) == rows
     assert not (out / "renders" / "pruned").exists()
-
-
-def test_a_repair_without_iterations_is_refused_before_anything_is_computed(
-    command: list[str], monkeypatch, capsys
-) -> None:
-    monkeypatch.setattr("gspure.cli.purify.purify", None)
-    assert main([*command, "--repair", "0"]) == 2
-    assert "purify: --repair: expected at least 1, found 0" in capsys.readouterr().err

@@ -185,7 +185,7 @@ def test_the_whole_message_may_be_on_rows_without_weight():
 
 
 def test_no_message_gives_the_clean_model_of_the_same_form_and_no_key(embedded):
-    public, key = hide(embedded.scheme, embedded.pair, message_weight=0.0, **embedded.settings)
+    public, key = hide(embedded.scheme, embedded.pair, message_weight=0, **embedded.settings)
     assert key is None
     assert type(public) is type(embedded.public)
     assert public.model.table.dtype == embedded.public.model.table.dtype

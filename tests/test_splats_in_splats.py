@@ -205,12 +205,12 @@ def test_the_same_seed_gives_the_same_bits(pair):
 @pytest.mark.parametrize(
     ("settings", "line"),
     [
-        ({"iterations": 0}, "iterations: expected at least 1, found 0"),
-        ({"message_weight": -1.0}, "message_weight: expected at least 0, found -1.0"),
-        ({"max_gaussians": 3}, "max_gaussians: expected at least 4, found 3"),
-        ({"shift": 21}, "shift: expected 9 to 20, found 21"),
-        ({"bits": 3}, "setting: expected one of iterations, .*, found bits"),
-        ({"seed": -1}, "seed: expected at least 0, found -1"),
+        ({"iterations": 0}, "iterations: expected a whole number from 1 .* found 0"),
+        ({"message_weight": -1.0}, "message_weight: expected a number from 0 .* found -1.0"),
+        ({"max_gaussians": 3}, "max_gaussians: expected a whole number from 4 .* found 3"),
+        ({"shift": 21}, "shift: expected a whole number from 9 to 20, found 21"),
+        ({"bits": 3}, "bits: expected one of iterations, .*, found an unknown key"),
+        ({"seed": -1}, "seed: expected a whole number from 0 .* found -1"),
     ],
 )
 def test_settings_out_of_range_are_refused_before_training(pair, settings, line):

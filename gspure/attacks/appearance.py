@@ -1,11 +1,13 @@
 """Attacks that change how rows look: scaling, rounding, fewer spherical harmonics."""
 
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, Rng, named, require, require_nonnegative, select_columns
+from gspure.attacks.attack import Attacked, Rng, named, require, select_columns
 from gspure.attacks.strength import Strength
+from gspure.bounds import Amount, Range
+from gspure.constants import MAX_SH_DEGREE
 from gspure.dtypes import Float32
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
@@ -20,14 +22,13 @@ HALF: Final = 16  # bits of IEEE-754 half precision
 
 
 def feature_scaling(
-    model: Gaussians, _rng: Rng, columns: Columns, *, factor: float = FACTOR, attributes: str = "colour"
+    model: Gaussians, _rng: Rng, columns: Columns, *, factor: Amount = FACTOR, attributes: str = "colour"
 ) -> Attacked:
     """Multiply attributes of every row by `factor`, 0 or more (paper, §Intuitive Methods, 2).
 
     Attributes are ``colour`` (stored coefficients or features), ``base_colour``, and ``opacity`` (the activated one).
     The paper scales both in §Intuitive Methods and colour alone in §Baselines, the default here.
     """
-    require_nonnegative("feature_scaling", "factor", factor)
     names = select_columns(columns, attributes, ("colour", "base_colour", "opacity"))
     scaled = {name: model.table[name] * np.float32(factor) for name in names}
     if "opacity" in scaled:
@@ -36,7 +37,12 @@ def feature_scaling(
 
 
 def quantize(
-    model: Gaussians, _rng: Rng, columns: Columns, *, bits: int = BITS, attributes: str = QUANTIZED
+    model: Gaussians,
+    _rng: Rng,
+    columns: Columns,
+    *,
+    bits: Annotated[int, Range(1, HALF)] = BITS,
+    attributes: str = QUANTIZED,
 ) -> Attacked:
     """Round stored values of some `ATTRIBUTES` to few bits, as files for the web do.
 
@@ -50,7 +56,7 @@ def quantize(
     return Attacked.changed(model, {name: _to_levels(model.table[name], 2**bits) for name in names})
 
 
-def sh_truncation(model: Gaussians, _rng: Rng, *, degree: int = 0) -> Attacked:
+def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0, MAX_SH_DEGREE)] = 0) -> Attacked:
     """Set the spherical harmonics above `degree` to zero; the columns stay, so that the model reads as before.
 
     Refused for models without harmonics above `degree`.

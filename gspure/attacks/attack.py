@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gspure import __version__
 from gspure.attacks.strength import Damage, Match, Strength, search
+from gspure.bounds import SEED
 from gspure.cameras.camera import Camera
 from gspure.display import Described
 from gspure.dtypes import Bools, Float32, Float64, Indices, Int32
@@ -19,10 +20,10 @@ from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import Columns, PublicModel
+from gspure.settings import Setting, defaults, require_settings
 
 Rows = Indices
 Rng = np.random.Generator
-Setting = float | int | str
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ class Attack:
     function : callable
         ``function(model, rng, [evidence, ...], *, setting=default, ...) -> Attacked``: pure and deterministic. Its
         positional parameters name the evidence that it needs (fields of `Evidence`, or of `PUBLIC`); its keyword-only
-        parameters are its settings.
+        parameters are its settings, numbers annotated with their bounds (`gspure.settings`).
     packages : mapping of str to str
         Optional packages that it imports, each with the requirement that pip installs.
     strength : Strength, optional
@@ -148,16 +149,13 @@ class Attack:
     @property
     def parameters(self) -> frozenset[str]:
         """Names of the positional parameters after the model and the random numbers."""
-        return frozenset(p.name for p in self._signature[2:] if p.kind is not p.KEYWORD_ONLY)
+        parameters = list(inspect.signature(self.function).parameters.values())[2:]
+        return frozenset(p.name for p in parameters if p.kind is not p.KEYWORD_ONLY)
 
     @property
     def settings(self) -> dict[str, Setting]:
         """Its settings and their defaults."""
-        return {p.name: p.default for p in self._signature if p.kind is p.KEYWORD_ONLY}
-
-    @property
-    def _signature(self) -> list[inspect.Parameter]:
-        return list(inspect.signature(self.function).parameters.values())
+        return defaults(self.function)
 
     def apply(
         self,
@@ -193,10 +191,8 @@ class Attack:
             the attack acts on, or finite numbers become infinite.
 
         """
-        for name in settings.keys() - self.settings.keys():
-            known = ", ".join(self.settings) or "none (it has no settings)"
-            raise InputError(f"attack {self.name}", "setting", expected=f"one of {known}", found=name)
-        require(self.name, "seed", seed, "at least 0", fits=seed >= 0)
+        require_settings(f"attack {self.name}", self.function, settings)
+        SEED.require(f"attack {self.name}", "seed", seed)
         public = public if isinstance(public, PublicModel) else PublicModel(public)
         model = public.model
         arguments: dict[str, Any] = {name: self._evidence(name, evidence, len(model)) for name in self.needs}
@@ -284,16 +280,6 @@ def require(attack: str, setting: str, value: object, expected: str, *, fits: bo
     """Raise `InputError` for a setting unless it `fits` what is expected."""
     if not fits:
         raise InputError(f"attack {attack}", setting, expected=expected, found=str(value))
-
-
-def require_fraction(attack: str, setting: str, value: float) -> None:
-    """Refuse a setting outside 0 to 1."""
-    require(attack, setting, value, "0 to 1", fits=0 <= value <= 1)
-
-
-def require_nonnegative(attack: str, setting: str, value: float) -> None:
-    """Refuse a setting that is negative, infinite or NaN."""
-    require(attack, setting, value, "a number of at least 0", fits=0 <= value < math.inf)
 
 
 def require_attribute(attack: str, columns: Columns, attribute: str) -> None:

@@ -1,11 +1,12 @@
 """Attacks on where the model is: cropping and rigid motion."""
 
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, Rng, named, require, require_attribute, require_fraction
+from gspure.attacks.attack import Attacked, Rng, named, require, require_attribute
 from gspure.attacks.strength import Strength
+from gspure.bounds import Range, Share
 from gspure.dtypes import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.model.motion import moved, rotation
@@ -17,13 +18,13 @@ INNER: Final = 0.9  # fraction of the rows within the radius; ours
 FARTHEST: Final = 1e4  # largest translation in radii: there, float32 rounds centres to a thousandth of the radius; ours
 
 ANGLE: Final = 30.0
+DEGREES: Final = Range(-3600.0, 3600.0)
 AXIS: Final = "0,1,0"
 TRANSLATION: Final = "0,0,0"
 
 
-def crop(model: Gaussians, _rng: Rng, *, fraction: float = CROPPED) -> Attacked:
+def crop(model: Gaussians, _rng: Rng, *, fraction: Share = CROPPED) -> Attacked:
     """Keep the rows in a box around the median of the centres, `fraction` (0 to 1) of the model's along each axis."""
-    require_fraction("crop", "fraction", fraction)
     if not len(model):
         return Attacked.without(model, np.zeros(0, np.bool_))
     means = model.means.astype(np.float64)
@@ -37,7 +38,7 @@ def rigid_transform(
     _rng: Rng,
     columns: Columns,
     *,
-    angle: float = ANGLE,
+    angle: Annotated[float, DEGREES] = ANGLE,
     axis: str = AXIS,
     translation: str = TRANSLATION,
 ) -> Attacked:
@@ -49,7 +50,6 @@ def rigid_transform(
     The model looks the same from views that move along (`gspure.model.motion`). Anchors can only be translated: their
     networks read the viewing direction in world coordinates.
     """
-    require("rigid_transform", "angle", angle, "a number", fits=bool(np.isfinite(angle)))
     direction, shift = _vector("axis", axis), _vector("translation", translation)
     length = float(np.linalg.norm(direction))
     require("rigid_transform", "axis", axis, "an axis", fits=length > 0)

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from gspure.attacks.attack import Attacked, Rng, named, require
+from gspure.bounds import Factor, Steps
 from gspure.cameras.camera import Camera
 from gspure.constants import SH_DC, TAU_C, TAU_N
 from gspure.dtypes import Bools, Float32, Int32
@@ -51,7 +52,6 @@ class Teacher:
 
     def train(self, student: PublicModel, rng: Rng, iterations: int, learn: str, rate_factor: float = 1.0) -> Gaussians:
         """Return the rows of `student` after training the attributes that `learn` names."""
-        require(self.attack, "iterations", iterations, "at least 1", fits=iterations >= 1)
         require(self.attack, "learn", learn, f"one of {', '.join(LEARNED)}", fits=learn in LEARNED)
         learned = (LEARNED[learn], iterations, rng, rate_factor, self.device, self.background)
         lesson = Lesson(self.cameras, self.images, *learned)
@@ -65,7 +65,7 @@ def finetune(
     cameras: Sequence[Camera],
     device: Device | None,
     *,
-    iterations: int = ITERATIONS,
+    iterations: Steps = ITERATIONS,
     learn: str = "all",
 ) -> Attacked:
     """Train the model on its own renders for `iterations` steps, without adding or removing rows.
@@ -85,8 +85,8 @@ def prune_repair(
     cameras: Sequence[Camera],
     device: Device | None,
     *,
-    tau: float = TAU_N,
-    iterations: int = ITERATIONS,
+    tau: Factor = TAU_N,
+    iterations: Steps = ITERATIONS,
     learn: str = "all",
 ) -> Attacked:
     """Remove the rows with ω_k < ω̄ / `tau`, then train the rest on renders of the unpruned model, as `finetune`."""
@@ -103,10 +103,10 @@ def gspure_repair(
     cameras: Sequence[Camera],
     device: Device | None,
     *,
-    scale: float = 1.0,
-    tau_c: float = TAU_C,
-    tau_n: float = TAU_N,
-    iterations: int = ITERATIONS,
+    scale: Factor = 1.0,
+    tau_c: Factor = TAU_C,
+    tau_n: Factor = TAU_N,
+    iterations: Steps = ITERATIONS,
     learn: str = "all",
 ) -> Attacked:
     """Remove the rows that `gspure_scaled` removes, then train the rest as `prune_repair`."""
@@ -128,7 +128,7 @@ def reestimate(
     cameras: Sequence[Camera],
     device: Device | None,
     *,
-    iterations: int = ITERATIONS,
+    iterations: Steps = ITERATIONS,
 ) -> Attacked:
     """Set all colours or features to zero and train them again; geometry, decoder and networks are not changed."""
     zeros = dict.fromkeys(public.columns["colour"], np.zeros(len(public.model), np.float32))
@@ -144,13 +144,12 @@ def distil(
     cameras: Sequence[Camera],
     device: Device | None,
     *,
-    iterations: int = DISTILLATION,
+    iterations: Steps = DISTILLATION,
 ) -> Attacked:
     """Train a new vanilla 3DGS model on the model's renders; it starts at the centres of opaque rows.
 
     Models of other formats are refused: the new model would have nothing that their extractions could read.
     """
-    require("distil", "iterations", iterations, "at least 1", fits=iterations >= 1)
     if type(public).attributes is not PublicModel.attributes:
         expected = "a model of Gaussians with spherical harmonics, as the new one would be"
         raise InputError("attack distil", "model", expected=expected, found="another format")

@@ -4,9 +4,10 @@ from typing import Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, Rng, named, require_attribute, require_nonnegative, select_columns
+from gspure.attacks.attack import Attacked, Rng, named, require_attribute, select_columns
 from gspure.attacks.geometry import radius
 from gspure.attacks.strength import Strength
+from gspure.bounds import Amount
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
@@ -17,30 +18,27 @@ POSITION_SIGMA: Final = 0.005  # in radii of the model; ours: the middle of the 
 
 
 def gaussian_noise(
-    model: Gaussians, rng: Rng, columns: Columns, *, sigma: float = SIGMA, attributes: str = "colour"
+    model: Gaussians, rng: Rng, columns: Columns, *, sigma: Amount = SIGMA, attributes: str = "colour"
 ) -> Attacked:
     """Add independent Gaussian noise to stored attributes of every row (paper, §Intuitive Methods, 3).
 
     Its standard deviation `sigma` is the same for every column. Attributes are ``colour`` (spherical harmonics or
     features: the paper's "photometric features"), ``base_colour``, and ``opacity`` (the logit).
     """
-    require_nonnegative("gaussian_noise", "sigma", sigma)
     names = select_columns(columns, attributes, ("colour", "base_colour", "opacity"))
     noisy = {name: (model.table[name] + sigma * rng.standard_normal(len(model))).astype(np.float32) for name in names}
     return Attacked.changed(model, noisy)
 
 
-def opacity_noise(model: Gaussians, rng: Rng, columns: Columns, *, sigma: float = OPACITY_SIGMA) -> Attacked:
+def opacity_noise(model: Gaussians, rng: Rng, columns: Columns, *, sigma: Amount = OPACITY_SIGMA) -> Attacked:
     """Multiply every opacity by an independent 1 + `sigma` ε, ε normal; the result is clipped to 0 to 1."""
-    require_nonnegative("opacity_noise", "sigma", sigma)
     require_attribute("opacity_noise", columns, "opacity")
     noisy = model.opacities * (1 + sigma * rng.standard_normal(len(model)))
     return Attacked.changed(model, {"opacity": logit(noisy, LEAST_OPACITY)})
 
 
-def position_noise(model: Gaussians, rng: Rng, *, sigma: float = POSITION_SIGMA) -> Attacked:
+def position_noise(model: Gaussians, rng: Rng, *, sigma: Amount = POSITION_SIGMA) -> Attacked:
     """Move every centre by independent Gaussian noise of `sigma` times the model's radius along each axis."""
-    require_nonnegative("position_noise", "sigma", sigma)
     moved = model.means + sigma * radius(model) * rng.standard_normal((len(model), 3))
     return Attacked.changed(model, dict(zip("xyz", moved.astype(np.float32).T, strict=True)))
 

@@ -5,8 +5,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.attacks.attack import Attack, Attacked, Rng, named, require_fraction, require_nonnegative
+from gspure.attacks.attack import Attack, Attacked, Rng, named
 from gspure.attacks.strength import Strength
+from gspure.bounds import Amount, Factor, Share
 from gspure.constants import TAU_C, TAU_N
 from gspure.dtypes import Bools, Float32, Int32
 from gspure.method import pruning
@@ -32,37 +33,34 @@ def gspure_scaled(
     weights: Float32,
     labels: Int32,
     *,
-    scale: float = 1.0,
-    tau_c: float = TAU_C,
-    tau_n: float = TAU_N,
+    scale: Factor = 1.0,
+    tau_c: Factor = TAU_C,
+    tau_n: Factor = TAU_N,
 ) -> Attacked:
     """Remove the rows that GSPure decides on with both pruning factors multiplied by `scale`: GSPure's strength."""
     return Attacked.without(model, pruning.prune_mask(labels, weights, scale * tau_c, scale * tau_n))
 
 
-def random_pruning(model: Gaussians, rng: Rng, *, fraction: float = FRACTION) -> Attacked:
+def random_pruning(model: Gaussians, rng: Rng, *, fraction: Share = FRACTION) -> Attacked:
     """Remove a random `fraction` (0 to 1) of the rows, rounded to a whole number (paper, §Intuitive Methods, 1)."""
-    require_fraction("random_pruning", "fraction", fraction)
     return Attacked.without(model, random_mask(len(model), round(fraction * len(model)), rng))
 
 
-def lowest_weight(model: Gaussians, _rng: Rng, weights: Float32, *, fraction: float = FRACTION) -> Attacked:
+def lowest_weight(model: Gaussians, _rng: Rng, weights: Float32, *, fraction: Share = FRACTION) -> Attacked:
     """Remove the `fraction` (0 to 1) of the rows with the lowest ω_k, rounded to a whole number."""
-    require_fraction("lowest_weight", "fraction", fraction)
     return Attacked.without(model, lowest_mask(weights, round(fraction * len(model))))
 
 
-def lowest_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, fraction: float = FRACTION) -> Attacked:
+def lowest_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, fraction: Share = FRACTION) -> Attacked:
     """Remove the `fraction` (0 to 1) of the rows with the lowest α_k, rounded to a whole number.
 
     The "sequential pruning" of Splats in Splats and GS-Hider.
     """
-    require_fraction("lowest_opacity", "fraction", fraction)
     return Attacked.without(model, lowest_mask(opacities, round(fraction * len(model))))
 
 
 def opacity_weight(
-    model: Gaussians, _rng: Rng, weights: Float32, opacities: Float32, *, tau: float = TAU_N
+    model: Gaussians, _rng: Rng, weights: Float32, opacities: Float32, *, tau: Factor = TAU_N
 ) -> Attacked:
     """Remove the rows with α_k < ᾱ / `tau` or ω_k < ω̄ / `tau`: the paper's ablation without clustering.
 
@@ -71,9 +69,8 @@ def opacity_weight(
     return Attacked.without(model, plain_prune_mask(opacities, tau) | plain_prune_mask(weights, tau))
 
 
-def gof(model: Gaussians, _rng: Rng, surface: Float32, *, tolerance: float = TOLERANCE) -> Attacked:
+def gof(model: Gaussians, _rng: Rng, surface: Float32, *, tolerance: Amount = TOLERANCE) -> Attacked:
     """Remove the rows farther than `tolerance` of their own scales from the visible surface: the paper's GOF."""
-    require_nonnegative("gof", "tolerance", tolerance)
     return Attacked.without(model, ~(surface <= tolerance))
 
 
@@ -82,12 +79,12 @@ def unattacked(model: Gaussians, _rng: Rng) -> Attacked:
     return Attacked(model, np.arange(len(model)), len(model))
 
 
-def plain_weight(model: Gaussians, _rng: Rng, weights: Float32, *, tau: float = TAU_N) -> Attacked:
+def plain_weight(model: Gaussians, _rng: Rng, weights: Float32, *, tau: Factor = TAU_N) -> Attacked:
     """Remove the rows with ω_k < ω̄ / `tau`: GSPure without clusters."""
     return Attacked.without(model, plain_prune_mask(weights, tau))
 
 
-def plain_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, tau: float = TAU_N) -> Attacked:
+def plain_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, tau: Factor = TAU_N) -> Attacked:
     """Remove the rows with α_k < ᾱ / `tau`."""
     return Attacked.without(model, plain_prune_mask(opacities, tau))
 

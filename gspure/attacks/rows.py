@@ -12,9 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, Rng, named, require_attribute, require_fraction
+from gspure.attacks.attack import Attacked, Rng, named, require_attribute
 from gspure.attacks.geometry import radius
 from gspure.attacks.strength import Strength
+from gspure.bounds import Share
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
@@ -24,9 +25,8 @@ INJECTED: Final = 0.1  # new rows, as a fraction of the old; ours: the middle of
 DISTANCE: Final = 0.02  # standard deviation of an injected row's offset along each axis, in radii of the model; ours
 
 
-def densify_clone(model: Gaussians, rng: Rng, columns: Columns, *, fraction: float = CLONED) -> Attacked:
+def densify_clone(model: Gaussians, rng: Rng, columns: Columns, *, fraction: Share = CLONED) -> Attacked:
     """Clone a random `fraction` (0 to 1) of the rows; the clones come last, in the order of their originals."""
-    require_fraction("densify_clone", "fraction", fraction)
     require_attribute("densify_clone", columns, "opacity")
     count = len(model)
     chosen = np.sort(rng.choice(count, round(fraction * count), replace=False))
@@ -37,9 +37,8 @@ def densify_clone(model: Gaussians, rng: Rng, columns: Columns, *, fraction: flo
     return Attacked.copied(model, rows, {"opacity": opacity})
 
 
-def inject(model: Gaussians, rng: Rng, *, fraction: float = INJECTED) -> Attacked:
+def inject(model: Gaussians, rng: Rng, *, fraction: Share = INJECTED) -> Attacked:
     """Append copies of a random `fraction` (0 to 1) of the rows, each moved a little."""
-    require_fraction("inject", "fraction", fraction)
     count = len(model)
     chosen = rng.choice(count, round(fraction * count), replace=False)
     rows = np.concatenate([np.arange(count), chosen])

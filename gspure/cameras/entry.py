@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from gspure.bounds import SIDE
 from gspure.constants import LARGEST
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 
-_MAX_SIDE = 65535  # pixels; far above any photograph, far below what would exhaust memory by accident
 _RIGID_TOLERANCE = 1e-3  # admits rotations printed with four digits, not scaled, sheared or mirrored ones
 
 
@@ -82,9 +82,9 @@ class Entry:
 
     def pixels(self, key: str) -> int:
         """Return the length of an image's side."""
-        expected = f"a whole number of pixels from 1 to {_MAX_SIDE}"
+        expected = f"a whole number of pixels from {SIDE}"
         value = self.raw(key, expected)
-        if not _is_finite(value) or not 1 <= value <= _MAX_SIDE or value != int(value):
+        if not _is_finite(value) or value != int(value) or int(value) not in SIDE:
             raise self.refusal(key, expected=expected, found=reprlib.repr(value))
         return int(value)
 

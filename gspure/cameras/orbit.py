@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.bounds import FIELD_OF_VIEW, VIEWS
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.constants import NEAR_PLANE
@@ -18,7 +19,6 @@ from gspure.progress import say
 Floats = NDArray[np.floating[Any]]
 
 _FRAMED = 0.95  # share of the model's opacity in view; the rest may be floaters
-MOST_VIEWS: Final = 10_000  # largest number of generated views; ours
 _ELEVATIONS: Final = (15.0, 45.0, -20.0)  # degrees above the horizon of the rings
 _RADII: Final = (0.6, 1.0, 1.6)  # radii of the shells, as multiples of the distance at which the model fills a view
 
@@ -63,7 +63,7 @@ def orbit_cameras(
         The model has no finite row, or a setting is out of range.
 
     """
-    _require_count("orbit", count)
+    VIEWS.require("orbit views", "count", count)
     placements = [(_ELEVATIONS[i % len(_ELEVATIONS)], 360.0 * i / count, 1.0) for i in range(count)]
     return _views("orbit", model, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
 
@@ -82,7 +82,7 @@ def shell_cameras(
     The directions are a Fibonacci spiral; consecutive views alternate between the shells. The parameters are those of
     `orbit_cameras`.
     """
-    _require_count("shell", count)
+    VIEWS.require("shell views", "count", count)
     sines = ((2 * i + 1) / count - 1 for i in range(count))
     placements = [
         (math.degrees(math.asin(sine)), i * _GOLDEN_ANGLE, _RADII[i % len(_RADII)]) for i, sine in enumerate(sines)
@@ -92,11 +92,6 @@ def shell_cameras(
 
 GENERATED: Final[Mapping[str, Callable[..., list[Camera]]]] = {"orbit": orbit_cameras, "shells": shell_cameras}
 """What a command or a configuration may name in place of a camera file: views around a model."""
-
-
-def _require_count(kind: str, count: int) -> None:
-    if not 1 <= count <= MOST_VIEWS:
-        raise InputError(f"{kind} views", "count", expected=f"1 to {MOST_VIEWS}", found=str(count))
 
 
 def bounding_sphere(means: Floats, opacities: Floats) -> tuple[Float64, float]:
@@ -144,9 +139,8 @@ def _views(
     values = {"width": width, "height": height, "fov_degrees": fov_degrees, "up": up}
     settings = Entry(f"{kind} views", "", values)
     size = settings.pixels("width"), settings.pixels("height")
-    fov = settings.positive("fov_degrees")
-    if fov >= 180:
-        raise settings.refusal("fov_degrees", expected="less than 180", found=str(fov))
+    fov = settings.number("fov_degrees")
+    FIELD_OF_VIEW.require(f"{kind} views", "fov_degrees", fov)
     focal = size[0] / 2 / math.tan(math.radians(fov) / 2)
     K = intrinsics(focal, focal, size[0] / 2, size[1] / 2)
     filling = radius / math.sin(math.atan(min(size) / 2 / focal))

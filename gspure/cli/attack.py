@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from gspure.attacks import Attacked, Evidence, find_attack
 from gspure.attacks.carrier import reached
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import Damage, Match, scene_damage
+from gspure.bounds import DECIBELS, SEED
 from gspure.cameras import Camera, split
 from gspure.cli.options import (
     SPLITS,
@@ -30,7 +30,6 @@ from gspure.cli.options import (
     add_device,
     add_scheme,
     described,
-    parsed_settings,
     read_device,
     read_public,
     read_source,
@@ -47,6 +46,7 @@ from gspure.model import model_file, require_writable
 from gspure.progress import say, warn
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import find_scheme
+from gspure.settings import parsed_settings
 
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply
@@ -73,7 +73,7 @@ def add_arguments(parser: Parser) -> None:
     evidence = parser.add_argument_group("measurements, for attacks that need them")
     for option, origin in _EVIDENCE.items():
         evidence.add_argument(option, type=Path, metavar="FILE", help=origin)
-    parser.number("--seed", "N", "random seed", 0)
+    parser.number("--seed", "N", "random seed", SEED, 0)
     parser.pairs("--set", "NAME=VALUE", "a setting of the attack")
     parser.writes("--out", "PLY|SPZ", "the attacked model to write")
     parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
@@ -87,9 +87,8 @@ def add_arguments(parser: Parser) -> None:
         "also write the rigid transform of the model, over all attacks so far: float64 [4,4]",
         required=False,
     )
-    parser.number(
-        "--damage", "DB", "search for the strength that lowers the scene's PSNR by DB; needs --cameras", type=float
-    )
+    meaning = "search for the strength that lowers the scene's PSNR by DB; needs --cameras"
+    parser.number("--damage", "DB", meaning, DECIBELS)
     add_cameras(parser, "public views, for attacks that train and for --damage", required=False)
     parser.choice("--split", SPLITS, "views that --damage renders", "test")
     parser.reads(
@@ -113,7 +112,7 @@ def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows, verdict, transform and cost."""
     attack = find_attack(args.name)
     require_writable(args.out)
-    settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.settings, args.set)
+    settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, args.set)
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     public, evidence = _read(args, files)
     public.require_place(args.out)
@@ -217,9 +216,8 @@ def _read_training_views(args: Arguments) -> list[Camera]:
 
 def _read_damage(args: Arguments, public: PublicModel) -> Damage:
     """Return the function that measures the damage to the scene in the views of ``--cameras``."""
-    if not (args.cameras and 0 < args.damage < math.inf):
-        found = f"{args.damage:g}" if args.cameras else "no cameras"
-        raise InputError("attack", "--damage", expected="a number above 0, and --cameras", found=found)
+    if not args.cameras:
+        raise InputError("attack", "--damage", expected="--cameras", found="none")
     views = read_split(args)
     photographs = None
     if args.photographs:

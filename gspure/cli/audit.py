@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from gspure.bounds import CORES
 from gspure.cli.options import add_cameras, add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
@@ -39,7 +40,7 @@ def add_arguments(parser: Parser) -> None:
     )
     add_cameras(parser, "views of MODEL", required=False)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
-    parser.add_argument("-c", "--cores", type=int, metavar="N", help="number of cores (default: all)")
+    parser.number(("-c", "--cores"), "N", "number of cores (default: all)", CORES)
     add_quiet(parser)
     parser.flag("-v", "--verbose", "print Snakemake's output, not a progress bar; options after -- imply this")
     parser.set_defaults(passed_on=[])  # what follows `--`

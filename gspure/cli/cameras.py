@@ -8,6 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gspure.bounds import FIELD_OF_VIEW, SIDE, VIEWS
 from gspure.cli.options import add_quiet, add_up, camera_source, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
@@ -43,19 +44,18 @@ def add_arguments(parser: Parser) -> None:
         "image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, as in 3DGS; generated "
         "views keep --width and --height)",
     )
-    parser.number("--off-path", "N", "write N views off the camera path instead")
+    parser.number("--off-path", "N", "write N views off the camera path instead", VIEWS)
     parser.flag(
         "--undistort", "remove lens distortion: also write the photographs to images/, and the points, beside --out"
     )
     views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")
     views.add_argument("--model", type=Path, metavar="MODEL", help="the model to look at")
-    views.add_argument("--count", type=int, metavar="N", help="number of views (default: orbit 24, shells 48)")
-    views.add_argument("--width", type=int, metavar="PX", help="image width (default: 640)")
-    views.add_argument("--height", type=int, metavar="PX", help="image height (default: 480)")
-    views.add_argument(
-        "--fov", type=float, dest="fov_degrees", metavar="DEGREES", help="horizontal field of view (default: 50)"
-    )
-    add_up(views)
+    parser.number("--count", "N", "number of views (default: orbit 24, shells 48)", VIEWS, group=views)
+    parser.number("--width", "PX", "image width (default: 640)", SIDE, group=views)
+    parser.number("--height", "PX", "image height (default: 480)", SIDE, group=views)
+    meaning = "horizontal field of view (default: 50)"
+    parser.number("--fov", "DEGREES", meaning, FIELD_OF_VIEW, group=views, dest="fov_degrees")
+    add_up(parser, group=views)
     add_quiet(parser)
 
 

@@ -1,6 +1,7 @@
 """``gspure cluster``: flat clusters from a spanning tree."""
 
 from gspure.artifacts import write_record
+from gspure.bounds import CLUSTER_SHARE, CLUSTER_SIZE
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 from gspure.method.clustering.selection import SELECTIONS, select
@@ -28,7 +29,7 @@ def run(args: Arguments) -> None:
 
 def add_selection(parser: Parser) -> None:
     """Add ``--min-cluster-size``, ``--selection`` and ``--max-cluster-share``."""
-    parser.number("--min-cluster-size", "N", "HDBSCAN's min_cluster_size", MIN_CLUSTER_SIZE)
+    parser.number("--min-cluster-size", "N", "HDBSCAN's min_cluster_size", CLUSTER_SIZE, MIN_CLUSTER_SIZE)
     parser.choice(
         "--selection",
         SELECTIONS,
@@ -40,5 +41,6 @@ def add_selection(parser: Parser) -> None:
         "--max-cluster-share",
         "SHARE",
         "for eom_capped: largest share of the Gaussians in one cluster",
+        CLUSTER_SHARE,
         MAX_CLUSTER_SHARE,
     )

@@ -2,6 +2,7 @@
 
 import argparse
 
+from gspure.bounds import VIEWS
 from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
 from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.progress import say
@@ -54,6 +55,7 @@ def run(args: Arguments) -> None:
 
 def _part(text: str) -> tuple[int, int]:
     part, _, parts = text.partition("/")
-    if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
-        raise argparse.ArgumentTypeError(f"expected I/N with 1 <= I <= N, found {text!r}")
-    return int(part), int(parts)
+    first, count = VIEWS.parse(part), VIEWS.parse(parts)
+    if first is None or count is None or first > count:
+        raise argparse.ArgumentTypeError(f"expected I/N with 1 <= I <= N <= {VIEWS.most}, found {text!r}")
+    return int(first), int(count)

@@ -1,6 +1,7 @@
 """``gspure decoys``: pictures of random rooms, for `gspure retrieve`."""
 
-from gspure.cli.options import add_quiet, require_least
+from gspure.bounds import TRACED_SIDE, VIEWS
+from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.progress import track
 
@@ -14,9 +15,9 @@ COARSENESS = 2  # of the light (`gspure.scenes.lighting.bake`); ours
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.number("--views", "N", "views of each room", 4)
-    parser.number("--width", "PX", "image width, that of the message", 160)
-    parser.number("--height", "PX", "image height, that of the message", 120)
+    parser.number("--views", "N", "views of each room", VIEWS, 4)
+    parser.number("--width", "PX", "image width, that of the message", TRACED_SIDE, 160)
+    parser.number("--height", "PX", "image height, that of the message", TRACED_SIDE, 120)
     parser.writes("--out", "DIR", "pictures, in folders SEED")
     add_quiet(parser)
 
@@ -30,7 +31,6 @@ def run(args: Arguments) -> None:
     from gspure.scenes.placement import PLACEMENTS
     from gspure.scenes.procedural import DECOYS, Interior
 
-    require_least(args, "decoys", {"views": 1, "width": 16, "height": 16})
     views = path_cameras(args.views, args.width, args.height)
     with filling(args.out) as folder:
         for seed in track(DECOYS, "decoys"):

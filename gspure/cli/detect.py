@@ -6,6 +6,7 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gspure.bounds import SECONDS
 from gspure.cli.parser import Arguments, Parser
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def add_arguments(parser: Parser) -> None:
     parser.text("--scheme", "NAME", "the scheme of the key")
     add_control_keys(parser)
     parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)
-    parser.number("--timeout", "S", "seconds after which the detector is stopped", 600.0)
+    parser.number("--timeout", "S", "seconds after which the detector is stopped", SECONDS, 600.0)
     parser.writes("--out", "CSV", "the table to write, one row per image")
 
 

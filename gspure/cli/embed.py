@@ -5,7 +5,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from gspure.artifacts import UNMOVED, file_digest, filling, require_results, write_json, write_record
-from gspure.cli.options import add_device, described, parsed_settings, read_device
+from gspure.bounds import SEED
+from gspure.cli.options import add_device, described, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
 from gspure.images import RENDERED, photographs_of
@@ -14,6 +15,7 @@ from gspure.schemes.pair import INITIALIZATIONS, read_pair
 from gspure.schemes.readability import Readability, bit_readability, readability
 from gspure.schemes.registry import BUILT_IN, find_scheme
 from gspure.schemes.scheme import hide
+from gspure.settings import parsed_settings
 
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
@@ -38,14 +40,14 @@ def add_arguments(parser: Parser) -> None:
     parser.choice(
         "--initialization", INITIALIZATIONS, "initial points: of scene and message, or of the scene alone", "both"
     )
-    parser.number("--seed", "N", "random seed", 0)
+    parser.number("--seed", "N", "random seed", SEED, 0)
     add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Embed; write public model and key, both or neither."""
     scheme = find_scheme(args.scheme)
-    settings = parsed_settings(f"scheme {scheme.name}", scheme.settings, args.set)
+    settings = parsed_settings(f"scheme {scheme.name}", scheme.embed, args.set)
     pair = read_pair(args.pair, initialization=args.initialization)
     poses = "the same poses" if pair.shares_poses else "poses of its own"
     say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")

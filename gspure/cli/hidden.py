@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from gspure.bounds import FACTOR
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
@@ -20,9 +21,7 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--weights", "NPY", "weights, from `gspure weights`")
     parser.writes("--out", "JSON", "the share, 0 to 1, or null")
     parser.writes("--hidden", "NPY", "also write the message's weight of every row: [K]", required=False)
-    parser.number(
-        "--tau-n", "TAU", "weights below the mean weight / TAU are low (default: the scheme's tau_n)", type=float
-    )
+    parser.number("--tau-n", "TAU", "weights below the mean weight / TAU are low (default: the scheme's tau_n)", FACTOR)
     add_reduction(parser)
     add_energy(parser, "ray", "ewa", "center_ray")
     add_device(parser)

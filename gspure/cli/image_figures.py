@@ -7,7 +7,8 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_sweeps, read_sweeps, require_least, require_variants
+from gspure.bounds import VIEWS
+from gspure.cli.options import add_sweeps, read_sweeps, require_variants
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.evaluation.names import display_name
@@ -23,7 +24,7 @@ Drawn = tuple[dict[Path, str], dict[str, Path], dict[str, Any]]  # captions by f
 def _add_panels(parser: Parser) -> None:
     meaning = "a column and its folder of VIEW.png, the reference first"
     parser.pairs("--column", "TITLE=DIR", meaning, Path, required=True)
-    parser.number("--rows", "N", "how many views to show", 3)
+    parser.number("--rows", "N", "how many views to show", VIEWS, 3)
     parser.flag("--difference", "add the difference between the last column and the first")
     parser.writes("--out", "PNG|SVG|PDF", "the figure")
     parser.set_defaults(draw=_draw_panels)
@@ -45,7 +46,6 @@ def _draw_panels(args: Arguments) -> Drawn:
     from gspure.figures.panels import GAIN, write_panels
     from gspure.images import background_of, read_image
 
-    require_least(args, "figures panels", {"rows": 1})
     folders = args.column
     views = _common_views(folders.values())
     chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, args.rows).round().astype(int))]

@@ -1,6 +1,6 @@
 """``gspure opacities``: the opacity of every row, for clustering and attacks."""
 
-from gspure.cli.options import add_scheme, add_views, read_public, read_views
+from gspure.cli.options import add_quiet, add_scheme, add_views, read_public, read_views
 from gspure.cli.parser import Arguments, Parser
 
 EXAMPLES = """\
@@ -13,6 +13,7 @@ def add_arguments(parser: Parser) -> None:
     add_scheme(parser)
     add_views(parser, split="train")
     parser.writes("--out", "NPY", "opacities: float32 [K]")
+    add_quiet(parser)
 
 
 def run(args: Arguments) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gspure.bounds import COORDINATE, SEED, SHARE
 from gspure.cli.parser import Arguments, Parser, Unrelated, filled
 from gspure.errors import InputError, did_you_mean
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from gspure.public_model import PublicModel
     from gspure.schemes.scheme import Key
 
-Setting = float | int | str
 SPLITS = ("train", "test", "all")
 
 
@@ -84,29 +83,19 @@ def read_key(args: Arguments, embedding: str) -> Key:
 
 def add_control_keys(parser: Parser) -> None:
     """Add ``--wrong-key`` and ``--control``, for `read_key`."""
-    parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this random seed: a negative control")
+    parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this random seed: a negative control", SEED)
     parser.flag("--control", "accept the key of another model: a negative control")
 
 
 def add_background(parser: Parser, behind: str, known: str) -> None:
     """Add ``--background``, the colour `behind` the model; `known` is the argument that may name the default."""
-    parser.add_argument(
-        "--background",
-        type=float,
-        nargs=3,
-        metavar=("R", "G", "B"),
-        help=f"colour behind {behind}, 0 to 1 (default: the background of {known}'s training, else black)",
-    )
+    meaning = f"colour behind {behind} (default: the background of {known}'s training, else black)"
+    parser.number("--background", ("R", "G", "B"), meaning, SHARE, nargs=3)
 
 
-def read_background(args: Arguments, command: str, default: tuple[float, ...]) -> tuple[float, ...]:
+def read_background(args: Arguments, default: tuple[float, ...]) -> tuple[float, ...]:
     """Return the colour of ``--background``, or the default."""
-    if args.background is None:
-        return default
-    if not all(0 <= channel <= 1 for channel in args.background):
-        found = " ".join(map(str, args.background))
-        raise InputError(command, "--background", expected="three numbers from 0 to 1", found=found)
-    return tuple(args.background)
+    return default if args.background is None else tuple(args.background)
 
 
 def add_energy(parser: Parser, *energies: str) -> None:
@@ -140,15 +129,10 @@ def add_cameras(parser: Parser, purpose: str = "views", *, required: bool = True
     add_up(parser)
 
 
-def add_up(parser: argparse._ActionsContainer) -> None:
+def add_up(parser: Parser, **group: Any) -> None:
     """Add ``--up``, a setting of generated views."""
-    parser.add_argument(
-        "--up",
-        type=float,
-        nargs=3,
-        metavar=("X", "Y", "Z"),
-        help="up direction for generated views (default: guessed from the model's shape)",
-    )
+    meaning = "up direction for generated views (default: guessed from the model's shape)"
+    parser.number("--up", ("X", "Y", "Z"), meaning, COORDINATE, nargs=3, **group)
 
 
 def read_source(source: Path | str, model: Path | None, *, moves: bool = False, **settings: Any) -> list[Camera]:
@@ -247,13 +231,6 @@ def unmoved(args: Arguments, views: Sequence[Camera]) -> dict[str, list[float]]:
     return {camera.name: replace(camera, viewmat=camera.viewmat @ step).numbers.tolist() for camera in views}
 
 
-def require_least(args: Arguments, command: str, least: Mapping[str, int]) -> None:
-    """Refuse numbers below their least value; those that are not set pass."""
-    for name, bound in least.items():
-        if (value := getattr(args, name)) is not None and value < bound:
-            raise InputError(command, f"--{name.replace('_', '-')}", expected=f"at least {bound}", found=str(value))
-
-
 def add_files(parser: Parser, files: Mapping[str, tuple[str, str]], **settings: Any) -> None:
     """Add options that take any number of files, each with its metavar and help."""
     for option, (metavar, meaning) in files.items():
@@ -288,23 +265,7 @@ def require_variants(table: Path, variants: Iterable[str], known: Iterable[str],
             raise InputError(table, "variant", expected=expected, found=variant, hint=hint)
 
 
-def parsed_settings(source: str, defaults: Mapping[str, Setting], texts: Mapping[str, str]) -> dict[str, Setting]:
-    """Return settings, each in the type of its default; unknown ones are strings.
-
-    Raise `InputError` of `source` if a value is not a number although the default is.
-    """
-    settings = {}
-    for name, value in texts.items():
-        default = defaults.get(name, "")
-        try:
-            settings[name] = type(default)(value)
-        except ValueError:
-            expected = "a whole number" if isinstance(default, int) else "a number"
-            raise InputError(source, name, expected=expected, found=repr(value)) from None
-    return settings
-
-
-def described(name: str, defaults: Mapping[str, Setting]) -> str:
+def described(name: str, defaults: Mapping[str, Any]) -> str:
     """Return a name with its settings and their defaults."""
     settings = ", ".join(f"{setting}={value}" for setting, value in defaults.items())
     return f"{name} ({settings})" if settings else name

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from gspure.artifacts import filling, require_results, write_record
+from gspure.bounds import OFF_PATH, PAIR_VIEWS, SEED, TRACED_SIDE
 from gspure.cameras import Camera, off_path_cameras, read_cameras, write_cameras
-from gspure.cli.options import add_device, read_device, require_least
+from gspure.cli.options import add_device, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import SH_DC
 from gspure.errors import InputError
@@ -40,9 +41,6 @@ messages are turned and moved, and photographed ones keep their cameras, aligned
 MESSAGE_POINTS = 20_000  # number of the message's Gaussians that serve as its points; ours
 OPAQUE = 0.5  # least opacity of these Gaussians; ours
 
-# With two views, one is a test view, and a single training view fixes no positions.
-_LEAST = {"seed": 0, "views": 3, "width": 16, "height": 16, "off_path": 0}
-
 
 def add_arguments(parser: Parser) -> None:
     parser.text("scene", "SCENE", f"the visible scene: photographs as for `train`, or {NAMES}")
@@ -60,22 +58,22 @@ def add_arguments(parser: Parser) -> None:
         "ray-traced only: position of the message's surfaces relative to the scene's",
         "raised",
     )
-    parser.number("--views", "N", "ray-traced only: number of views, at least 3; every eighth is a test view", 32)
-    parser.number("--width", "PX", "ray-traced only: image width", 160)
-    parser.number("--height", "PX", "ray-traced only: image height", 120)
+    parser.number("--views", "N", "ray-traced only: number of views; every eighth is a test view", PAIR_VIEWS, 32)
+    parser.number("--width", "PX", "ray-traced only: image width", TRACED_SIDE, 160)
+    parser.number("--height", "PX", "ray-traced only: image height", TRACED_SIDE, 120)
     parser.number(
         "--off-path",
         "N",
         "ray-traced only: also photograph N views off the camera path, as `gspure cameras --off-path` does",
+        OFF_PATH,
         0,
     )
-    parser.number("--seed", "N", "random seed", 0)
+    parser.number("--seed", "N", "random seed", SEED, 0)
     add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Write the pair, all of it or nothing."""
-    require_least(args, "pair", _LEAST)
     is_traced = [scene_builder(name) is not None for name in (args.scene, args.message)]
     if is_traced[0] != is_traced[1]:
         expected = f"both of {NAMES}, or both files"

@@ -3,10 +3,12 @@
 import argparse
 import re
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PosixPath
 from typing import Any, NoReturn
 
+from gspure.bounds import Range
 from gspure.errors import InputError, did_you_mean, printable
 
 Arguments = argparse.Namespace
@@ -50,12 +52,22 @@ class Parser(argparse.ArgumentParser):
         """Add a text."""
         self.add_argument(name, metavar=metavar, help=meaning + _DEFAULT * bool(default), default=default, **settings)
 
-    def number(self, name: str, metavar: str, meaning: str, default: float | None = None, **settings: Any) -> None:
-        """Add a number of the type of its default; a whole one by default."""
-        kind, known = (int, "") if default is None else (type(default), _DEFAULT)
-        self.add_argument(
-            name, **{"type": kind, "metavar": metavar, "help": meaning + known, "default": default, **settings}
-        )
+    def number(
+        self,
+        name: str | tuple[str, ...],
+        metavar: str | tuple[str, ...],
+        meaning: str,
+        limits: Range,
+        default: float | None = None,
+        *,
+        group: argparse._ArgumentGroup | None = None,
+        **settings: Any,
+    ) -> None:
+        """Add a number within `limits`, perhaps to a group of options."""
+        known = "" if default is None else _DEFAULT
+        settings |= {"metavar": metavar, "help": f"{meaning}; {limits}{known}", "default": default}
+        names = (name,) if isinstance(name, str) else name
+        (group or self).add_argument(*names, type=Bounded(limits), **settings)
 
     def choice(self, name: str, choices: Iterable[str], meaning: str, default: str | None = None) -> None:
         """Add one of some texts."""
@@ -92,6 +104,19 @@ class Parser(argparse.ArgumentParser):
         if unknown and re.search("required|unrecognized", message):
             message = f"no option {unknown[0]}{suggestion(unknown[0], known)}"
         self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """The type of arguments that are numbers within `limits`."""
+
+    limits: Range
+
+    def __call__(self, text: str) -> float:
+        """Return the number that a text spells, or refuse the text."""
+        if (value := self.limits.parse(text)) is None:
+            raise argparse.ArgumentTypeError(f"expected {self.limits.expected}, found {text!r}")
+        return value
 
 
 class _Assignments(argparse.Action):
@@ -131,7 +156,7 @@ class _Written(argparse.Action):
 
 def filled(kind: Callable[[str], Any], text: str) -> Any:
     """Return a text as another type, or refuse an empty one."""
-    if not text:
+    if not text.strip():
         raise argparse.ArgumentTypeError("expected a value, found an empty text")
     return kind(text)
 

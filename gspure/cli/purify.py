@@ -16,12 +16,13 @@ from gspure import __version__
 from gspure.artifacts import embedding_of, filling, motion_of, require_results, save_array, write_json, write_record
 from gspure.artifacts.checksums import forget
 from gspure.attacks.learning import ITERATIONS, Teacher
+from gspure.bounds import STEPS
 from gspure.cameras import Camera, scaled, split, views_digest, write_cameras
 from gspure.cameras.reading import motion_of_views
 from gspure.cameras.scale import TRAINING_RULE
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
-from gspure.cli.options import add_cameras, add_device, add_energy, read_source, require_least
+from gspure.cli.options import add_cameras, add_device, add_energy, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
 from gspure.constants import TAU_C, TAU_N
@@ -89,15 +90,11 @@ def add_arguments(parser: Parser) -> None:
     add_min_samples(parser)
     add_selection(parser)
     add_factors(parser, by_scheme=True)
-    parser.add_argument(
-        "--repair",
-        type=int,
-        nargs="?",
-        const=ITERATIONS,
-        metavar="ITERATIONS",
-        help="after pruning, train the remaining Gaussians on renders of MODEL, as the attack `prune_repair` does "
-        "(default: %(const)s iterations)",
+    meaning = (
+        "after pruning, train the remaining Gaussians on renders of MODEL, as the attack `prune_repair` does (default: "
+        "%(const)s iterations)"
     )
+    parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=ITERATIONS)
     add_device(parser)
 
 
@@ -108,7 +105,6 @@ def run(args: Arguments) -> None:
     public = stored.drawable(args.model)
     public.require_place(args.out / "purified.ply")
     _choose_factors(args, public.model)
-    require_least(args, "purify", {"repair": 1})
     if args.repair and not public.visible:
         raise InputError(args.model, "--repair", expected="a model with colours", found="none")
     cameras = scaled(read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)

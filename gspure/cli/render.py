@@ -57,7 +57,7 @@ def run(args: Arguments) -> None:
     if isinstance(args.cameras, str):
         require_results(args.out / "cameras.json")
     public = read_public(args)
-    background = read_background(args, "render", public.model.background)
+    background = read_background(args, public.model.background)
     scene = public.scene(read_device(args), background, args.energy)
     with filling(args.out) as folder:
         empty = []

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_background, add_device, read_background, read_device, require_least
+from gspure.bounds import MAX_GAUSSIANS, SEED, STEPS
+from gspure.cli.options import add_background, add_device, read_background, read_device
 from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.progress import say, track
 
@@ -37,7 +38,6 @@ in DIR are those of 3DGS's trainer and render script:
   metrics.csv                             metrics of these
 """
 
-_LEAST = {"iterations": 1, "seed": 0, "max_gaussians": 4}
 _SECONDS_BETWEEN_CHECKPOINTS = 30.0
 _WATCHED = 3  # number of held-out views over which progress reports average the PSNR
 
@@ -51,7 +51,7 @@ def add_arguments(parser: Parser) -> None:
     )
     parser.writes("--out", "DIR", "folder for the model")
     parser.writes("--model", "PLY|SPZ", "also copy the model there", required=False)
-    parser.number("--iterations", "N", "steps", 3000)
+    parser.number("--iterations", "N", "steps", STEPS, 3000)
     parser.text(
         "--resolution",
         "RULE",
@@ -62,10 +62,13 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--images", "DIR", meaning, required=False, type=Unrelated)
     add_background(parser, "the model and transparent photographs", "DATA")
     parser.number(
-        "--max-gaussians", "N", "upper bound of growth (default: one per point of DATA and one per pixel of a view)"
+        "--max-gaussians",
+        "N",
+        "upper bound of growth (default: one per point of DATA and one per pixel of a view)",
+        MAX_GAUSSIANS,
     )
     parser.flag("--skip-missing", "leave out views whose photograph is missing, instead of refusing")
-    parser.number("--seed", "N", "random seed", 0)
+    parser.number("--seed", "N", "random seed", SEED, 0)
     parser.flag("--resume", "continue from the checkpoint of an interrupted run in DIR, if any")
     add_device(parser)
 
@@ -79,11 +82,10 @@ def run(args: Arguments) -> None:
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
     from gspure.training.output import point_cloud, remove_results, require_replaceable
 
-    require_least(args, "train", _LEAST)
     require_replaceable(args.out)
     if args.model:
         require_writable(args.model)
-    args.background = read_background(args, "train", trained_background(args.data))
+    args.background = read_background(args, trained_background(args.data))
     photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
     dataset = read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
     args.max_gaussians = args.max_gaussians or dataset.max_gaussians

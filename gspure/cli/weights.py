@@ -1,5 +1,6 @@
 """``gspure weights``: the average contribution of every Gaussian over the views."""
 
+from gspure.bounds import VIEWS
 from gspure.cli.parser import Arguments, Parser
 from gspure.progress import warn
 
@@ -14,7 +15,7 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--index", "TSV", "indices, from `gspure contributions`", nargs="+")
     parser.reads("--model", "MODEL", "the model of these contributions")
     add_reduction(parser)
-    parser.number("--views", "N", "average over N views only, evenly spread by name (default: all)")
+    parser.number("--views", "N", "average over N views only, evenly spread by name (default: all)", VIEWS)
     parser.writes("--out", "NPY", "weights: float32 [K]")
 
 

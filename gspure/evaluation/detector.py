@@ -3,13 +3,15 @@
 import json
 import os
 import reprlib
+import selectors
 import shlex
 import signal
 import subprocess
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,6 +20,8 @@ from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.detection import LARGEST, Reading, share_correct
 from gspure.images import read_image, require_all_images, require_intact
+
+LONGEST_LINE: Final = 16 << 20  # bytes that a detector may print in its last line; ours
 
 
 def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:
@@ -72,15 +76,13 @@ def _png_files(folder: Path) -> list[Path]:
 def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
     words = [*words_of(command), str(images)]
     try:
-        output, errors, status = _run(words, timeout)
-    except subprocess.TimeoutExpired:
+        last, reason, status = _run(words, timeout)
+    except TimeoutError:
         raise InputError("detector", command, expected=f"an answer within {timeout:g} s", found="none") from None
     except OSError as error:
         raise InputError("detector", command, expected="a command", found=str(error.strerror)) from None
     if status:
-        reason = (errors.strip().splitlines() or [f"exit status {status}"])[-1]
-        raise InputError("detector", command, expected="success", found=reason)
-    last = (output.strip().splitlines() or [""])[-1]
+        raise InputError("detector", command, expected="success", found=reason or f"exit status {status}")
     try:
         answer = json.loads(last, object_pairs_hook=distinct)
     except (ValueError, RecursionError):
@@ -91,15 +93,45 @@ def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
 
 
 def _run(words: Sequence[str], timeout: float) -> tuple[str, str, int]:
-    """Return the output, the errors and the exit status of a command; end what it started if it takes too long."""
+    """Return the last lines of a command's output and errors, and its exit status.
+
+    Raise TimeoutError, and end what the command started, if it takes too long.
+    """
+    end = time.monotonic() + timeout
     pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(words, **pipes, text=True, errors="replace", start_new_session=True) as process:
+    with subprocess.Popen(words, **pipes, start_new_session=True) as process:
         try:
-            return *process.communicate(timeout=timeout), process.returncode
-        except BaseException:
+            output, errors = _last_lines((process.stdout, process.stderr), end)
+            return output, errors, process.wait(max(0.0, end - time.monotonic()))
+        except BaseException as error:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
+            if isinstance(error, subprocess.TimeoutExpired):
+                raise TimeoutError from None
             raise
+
+
+def _last_lines(streams: Sequence[Any], end: float) -> list[str]:
+    """Return the last line that is not blank of each stream, whose output is not held; wait until the time `end`."""
+    tails = {stream: bytearray() for stream in streams}
+    with selectors.DefaultSelector() as selector:
+        for stream in streams:
+            selector.register(stream, selectors.EVENT_READ)
+        while selector.get_map():
+            ready = selector.select(max(0.0, end - time.monotonic()))
+            if not ready:
+                raise TimeoutError
+            for key, _ in ready:
+                chunk, tail = os.read(key.fd, 1 << 16), tails[key.fileobj]
+                tail += chunk
+                if not chunk:
+                    selector.unregister(key.fileobj)
+                elif b"\n" in chunk:
+                    del tail[: tail.rstrip().rfind(b"\n") + 1]
+                if len(tail) > LONGEST_LINE:
+                    expected = f"a last line of at most {LONGEST_LINE >> 20} MiB"
+                    raise InputError("detector", "output", expected=expected, found="a longer one")
+    return [tail.decode(errors="replace").strip() for tail in tails.values()]
 
 
 def _reading(view: str, value: object, message: str) -> Reading:

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from gspure.bounds import SEED
 from gspure.dtypes import Float64
 from gspure.scenes.demo import room, vault
 from gspure.scenes.lighting import LitScene, bake
@@ -26,8 +27,9 @@ of its surface points then lie outside all views of the scene. Ours."""
 def scene_builder(name: str) -> BuildScene | None:
     """Return the builder of a ray-traced scene; None if no such scene has this name."""
     kind, _, seed = name.partition("-")
-    if seed.isdecimal() and seed == str(int(seed)) and kind in PROCEDURAL:
-        return PROCEDURAL[kind](int(seed))
+    number = SEED.parse(seed)
+    if kind in PROCEDURAL and number is not None and seed == str(number):
+        return PROCEDURAL[kind](int(number))
     return {"room": room, "vault": vault}.get(name)
 
 

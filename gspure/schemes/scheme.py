@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from gspure.bounds import SEED
 from gspure.cameras.camera import Camera
 from gspure.constants import TAU_C, TAU_N
 from gspure.dtypes import Bools, Float32
@@ -22,20 +21,12 @@ from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.schemes.pair import Pair
-from gspure.training.initialization import LEAST_POINTS, gaussians_at, thinned
-
-Setting = float | int | str
+from gspure.settings import Setting, defaults, require_settings
+from gspure.training.initialization import gaussians_at, thinned
 
 MESSAGE: Final = "message"  # the extraction that every scheme has
 ADAPTIVE: Final = "message_adaptive"  # the extraction of an owner who adapts to the attack
 REQUIRED: Final = frozenset({"message_weight"})  # of every scheme: the message's share in its loss, 0 to hide nothing
-
-RANGES: Final = {
-    "iterations": (1, math.inf),
-    "message_weight": (0, math.inf),
-    "max_gaussians": (LEAST_POINTS, math.inf),
-}
-"""Least and largest value of settings that several schemes have."""
 
 PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
 
@@ -81,6 +72,7 @@ class Scheme:
     embed : callable
         ``embed(pair, seed, device, *, message_weight=..., ...) -> (PublicModel, Key)``: trains;
         the same arguments give the same bits. ``message_weight=0`` gives a clean model of the same form, and None.
+        Its keyword-only parameters are the scheme's settings, numbers annotated with their bounds (`gspure.settings`).
     read_public : callable
         ``read_public(path) -> PublicModel``; the path is the model's .ply or its folder.
     read_key : callable
@@ -88,8 +80,6 @@ class Scheme:
     extractions : mapping of str to sequence of str
         The extractions, each with its *carrier*: the columns of the public file that it reads, as names or patterns
         such as ``f_rest_*``. The first is ``message``; the names of all others begin with it.
-    ranges : mapping of str to (float, float)
-        Least and largest value of settings of `embed`, beside the `RANGES` of all schemes.
     tau_c, tau_n : float
         Cluster and noise pruning factors that suit the scheme.
     signature : tuple of str
@@ -111,7 +101,6 @@ class Scheme:
     read_public: Callable[[Path], PublicModel]
     read_key: Callable[[Path], Key]
     extractions: Mapping[str, Sequence[str]]
-    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     tau_c: float = TAU_C
     tau_n: float = TAU_N
     signature: tuple[str, ...] = ()
@@ -123,34 +112,13 @@ class Scheme:
     @property
     def settings(self) -> dict[str, Setting]:
         """The settings of `embed` and their defaults."""
-        parameters = inspect.signature(self.embed).parameters.values()
-        return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+        return defaults(self.embed)
 
     @property
     def module(self) -> str:
         """The module that defines `embed`."""
         embed = self.embed.func if isinstance(self.embed, partial) else self.embed
         return embed.__module__
-
-    def require_settings(self, settings: Mapping[str, Setting]) -> None:
-        """Refuse settings that the scheme does not have, and numbers that are out of range or not whole."""
-        for name in settings.keys() - self.settings.keys():
-            known = ", ".join(self.settings)
-            raise InputError(f"scheme {self.name}", "setting", expected=f"one of {known}", found=name)
-        for name, value in settings.items():
-            is_whole = not isinstance(self.settings[name], int) or float(value).is_integer()
-            require(self.name, name, value, "a whole number", fits=is_whole)
-        for name, (least, most) in {**RANGES, **self.ranges}.items():
-            value = settings.get(name, least)
-            expected = f"{least:g} to {most:g}" if math.isfinite(most) else f"at least {least:g}"
-            fits = least <= float(value) <= most and math.isfinite(float(value))
-            require(self.name, name, value, expected, fits=fits)
-
-
-def require(scheme: str, name: str, value: Setting, expected: str, *, fits: bool) -> None:
-    """Raise `InputError` for a setting of a scheme unless it `fits`."""
-    if not fits:
-        raise InputError(f"scheme {scheme}", name, expected=expected, found=str(value))
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +147,6 @@ def hide(
     scheme: Scheme, pair: Pair, *, seed: int = 0, device: Device | None = None, **settings: Setting
 ) -> tuple[PublicModel, Key | None]:
     """Embed the pair's message in its scene, or raise `InputError` if a setting is unknown or out of range."""
-    scheme.require_settings(settings)
-    require(scheme.name, "seed", seed, "at least 0", fits=seed >= 0)
+    require_settings(f"scheme {scheme.name}", scheme.embed, settings)
+    SEED.require(f"scheme {scheme.name}", "seed", seed)
     return scheme.embed(pair, seed, device, **settings)

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import redirect_stderr
 from copy import deepcopy
 from io import StringIO
@@ -28,23 +28,18 @@ from gspure.model import Gaussians
 from gspure.model.inria import point_cloud, saved_iterations
 from gspure.scenes.staging import NAMES, scene_builder
 from gspure.schemes.registry import schemes
-from gspure.schemes.scheme import Scheme
+from gspure.settings import require_settings
 from gspure.training.views import read_views
 from gspure.workflow.decisions import DEFAULT
 
 _FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")  # of a model
 
-_KINDS: Final[Mapping[type, tuple[str, type | tuple[type, ...]]]] = {
-    str: ("a text", str),
-    int: ("a whole number", int),
-    float: ("a number", (int, float)),
-}
-"""What a setting takes, in words and as types, by the type of its default."""
-
 _EXPECTED = {
     "type": "type {}",
     "enum": "one of {}",
     "pattern": "a name that matches {}",
+    "minLength": "at least {} character",
+    "maxLength": "at most {} characters",
     "minimum": "at least {}",
     "maximum": "at most {}",
     "exclusiveMinimum": "more than {}",
@@ -125,21 +120,23 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     _require_different(settled["pairs"], source)
     if DEFAULT in settled["decisions"]:
         raise InputError(source, f"decisions.{DEFAULT}", expected="another name than that of the method", found=DEFAULT)
-    available = {name: attack.settings for name, attack in attacks().items()}
+    functions: dict[str, Callable[..., Any]] = {name: attack.function for name, attack in attacks().items()}
     for variant, settings in settled["variants"].items():
         attack = settings.setdefault("attack", variant)
         _check_name(variant, attack, source)
-        _check_settings(settings, attack, available, source, f"variants.{variant}")
-        _check_ranges(settings, available[attack], source, f"variants.{variant}")
+        _check_settings(settings, attack, functions, source, f"variants.{variant}")
+        _check_texts(settings, source, f"variants.{variant}")
         _check_decision(settings, settled["decisions"], source, f"variants.{variant}")
         _check_damage(settings, source, f"variants.{variant}")
     settled["variants"] = _at_damages(settled["variants"], source)
     known = schemes() if settled["schemes"] else {}
-    available = {name: scheme.settings for name, scheme in known.items()}
+    functions = {name: scheme.embed for name, scheme in known.items()}
     photographed = [f"pairs.{name} of photographs" for name, pair in settled["pairs"].items() if "photographs" in pair]
     for scheme, settings in settled["schemes"].items():
-        _check_settings(settings, scheme, available, source, f"schemes.{scheme}")
-        _check_scheme(known[scheme], settings, source)
+        _check_settings(settings, scheme, functions, source, f"schemes.{scheme}")
+        if not settings.get("message_weight", 1):
+            hint = "clean models, without a message, are trained in any case"
+            raise InputError(source, f"schemes.{scheme}.message_weight", expected="more than 0", found="0", hint=hint)
         if photographed and known[scheme].ray_traced_only:
             raise InputError(source, f"schemes.{scheme}", expected="ray-traced pairs only", found=photographed[0])
     _check_views(settled, source)
@@ -235,19 +232,17 @@ def _require_no_braces(path: str, source: str | Path, place: str) -> None:
 
 
 def _check_settings(
-    given: Mapping[str, Any], name: str, available: Mapping[str, Mapping[str, Any]], source: str | Path, place: str
+    settings: Mapping[str, Any], name: str, known: Mapping[str, Callable[..., Any]], source: str | Path, place: str
 ) -> None:
-    """Refuse an unknown attack or scheme, unknown settings, texts for numbers, and numbers for texts."""
-    if name not in available:
-        raise InputError(source, place, expected=f"one of {', '.join(available)}", found=repr(name))
-    known = available[name]
-    for setting in sorted(given.keys() - {"attack", "damage", "decision", "seed"}):
-        if setting not in known:
-            expected = f"one of {', '.join(known) or 'no settings'}"
-            raise InputError(source, f"{place}.{setting}", expected=expected, found="an unknown key")
-        expected, accepted = _KINDS[type(known[setting])]
-        if not isinstance(given[setting], accepted):
-            raise InputError(source, f"{place}.{setting}", expected=expected, found=repr(given[setting]))
+    """Refuse an unknown attack or scheme, and settings that its function refuses."""
+    if name not in known:
+        raise InputError(source, place, expected=f"one of {', '.join(known)}", found=repr(name))
+    require_settings(source, known[name], _of_function(settings), f"{place}.")
+
+
+def _of_function(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those settings of a variant or a scheme that are its function's."""
+    return {name: value for name, value in settings.items() if name not in {"attack", "damage", "decision", "seed"}}
 
 
 def _check_name(variant: str, attack: str, source: str | Path) -> None:
@@ -259,9 +254,9 @@ def _check_name(variant: str, attack: str, source: str | Path) -> None:
         raise InputError(source, f"variants.{variant}.attack", expected=variant, found=repr(attack))
 
 
-def _check_ranges(settings: Mapping[str, Any], known: Mapping[str, Any], source: str | Path, place: str) -> None:
-    """Refuse settings that the attack refuses on a model of a single Gaussian."""
-    chosen = {name: value for name, value in settings.items() if name in known}
+def _check_texts(settings: Mapping[str, Any], source: str | Path, place: str) -> None:
+    """Refuse settings that the attack refuses on a model of a single Gaussian, such as the name of a codec."""
+    chosen = _of_function(settings)
     one = np.ones((1, 1), np.float32)
     shapes = {"means": 3, "quats": 4, "log_scales": 3}
     columns = {name: np.repeat(one, count, 1) for name, count in shapes.items()}
@@ -275,18 +270,6 @@ def _check_ranges(settings: Mapping[str, Any], known: Mapping[str, Any], source:
             raise InputError(source, f"{place}.{error.field}", expected=error.expected, found=error.found) from None
     except Exception:  # noqa: BLE001, S110 - a plug-in may need a larger model
         pass
-
-
-def _check_scheme(scheme: Scheme, settings: Mapping[str, Any], source: str | Path) -> None:
-    """Refuse settings out of range, and schemes without a message."""
-    place = f"schemes.{scheme.name}"
-    try:
-        scheme.require_settings({name: value for name, value in settings.items() if name != "seed"})
-    except InputError as error:
-        raise InputError(source, f"{place}.{error.field}", expected=error.expected, found=error.found) from None
-    if not settings.get("message_weight", 1):
-        hint = "clean models, without a message, are trained in any case"
-        raise InputError(source, f"{place}.message_weight", expected="more than 0", found="0", hint=hint)
 
 
 def _check_views(config: Mapping[str, Any], source: str | Path) -> None:

@@ -1,6 +1,5 @@
 """GS-Hider (Zhang et al. 2024): one feature map; a public network decodes the scene, a private one the message."""
 
-import math
 from dataclasses import replace
 from functools import partial
 
@@ -18,7 +17,6 @@ SCHEME = Scheme(
     FeatureModel.read,
     DecoderKey.read,
     {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
-    ranges={"constant_rate": (0, 1), "hardened": (0, math.inf)},
     signature=("semantic_0",),
     beside=(decoder_name("*", SCENE_DECODER),),
     packages=PYTORCH,

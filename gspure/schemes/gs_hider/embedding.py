@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 
+from gspure.bounds import Amount, MaxGaussians, Range, Steps
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
@@ -28,11 +29,11 @@ def embed(
     seed: int,
     device: Device | None = None,
     *,
-    iterations: int = ITERATIONS,
-    message_weight: float = MESSAGE_WEIGHT,
-    max_gaussians: int = 30_000,
-    constant_rate: int = 0,
-    hardened: float = 0.0,
+    iterations: Steps = ITERATIONS,
+    message_weight: Amount = MESSAGE_WEIGHT,
+    max_gaussians: MaxGaussians = 30_000,
+    constant_rate: Annotated[int, Range(0, 1)] = 0,
+    hardened: Amount = 0.0,
 ) -> tuple[FeatureModel, DecoderKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 

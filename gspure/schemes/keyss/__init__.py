@@ -1,7 +1,5 @@
 """KeySS (Ren et al. 2025): with a key, a network turns the Gaussians of a vanilla model into those of the message."""
 
-import math
-
 from gspure.public_model import PublicModel
 from gspure.schemes.keyss.embedding import embed
 from gspure.schemes.keyss.key import NetworkKey
@@ -15,7 +13,6 @@ SCHEME = Scheme(
     PublicModel.read,
     NetworkKey.read,
     {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
-    ranges={"network_rate": (1e-9, math.inf)},
     packages=PYTORCH,
     fits=True,
 )

@@ -5,6 +5,9 @@ key should add nothing to the public rows; the message does not train public opa
 training starts from points, with the densification of 3DGS, not from a trained model of the scene.
 """
 
+from typing import Annotated
+
+from gspure.bounds import Amount, MaxGaussians, Range, Steps
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.keyss.key import NetworkKey
@@ -20,10 +23,10 @@ def embed(
     seed: int,
     device: Device | None = None,
     *,
-    iterations: int = 3000,
-    message_weight: float = 1.0,
-    network_rate: float = RATE,
-    max_gaussians: int = 30_000,
+    iterations: Steps = 3000,
+    message_weight: Amount = 1.0,
+    network_rate: Annotated[float, Range(1e-9, 1.0)] = RATE,
+    max_gaussians: MaxGaussians = 30_000,
 ) -> tuple[PublicModel, NetworkKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 

@@ -7,9 +7,11 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
+from gspure.bounds import Amount, MaxGaussians, Range, Steps
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
@@ -22,13 +24,13 @@ def embed(
     seed: int,
     device: Device | None = None,
     *,
-    iterations: int = 2000,
-    message_weight: float = 0.3,
-    max_gaussians: int = 20_000,
-    bits: int = 16,
-    cloned: float = 0.3,
-    decoder_steps: int = 1000,
-    marking_steps: int = 400,
+    iterations: Steps = 2000,
+    message_weight: Amount = 0.3,
+    max_gaussians: MaxGaussians = 20_000,
+    bits: Annotated[int, Range(1, 4096)] = 16,
+    cloned: Annotated[float, Range(0.01, 1.0)] = 0.3,
+    decoder_steps: Steps = 1000,
+    marking_steps: Steps = 400,
 ) -> tuple[PublicModel, Key | None]:
     """Hide random bits in the pair's scene; a message weight of 0 gives the scene's clean model, and no key.
 

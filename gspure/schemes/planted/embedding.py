@@ -7,9 +7,11 @@ scene and message at once where their surfaces coincide.
 """
 
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 
+from gspure.bounds import Range
 from gspure.constants import SH_DC
 from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
@@ -34,8 +36,8 @@ def embed(
     seed: int,
     device: Device | None = None,  # noqa: ARG001
     *,
-    message_weight: int = 1,
-    gaussians: int = 24_000,
+    message_weight: Annotated[int, Range(0, 1)] = 1,
+    gaussians: Annotated[int, Range(LEAST_GAUSSIANS, 10_000_000)] = 24_000,
 ) -> tuple[PublicModel, PlantedKey | None]:
     """Plant the pair's message in its scene; a message weight of 0 instead of 1 gives the clean model, and no key.
 

@@ -1,12 +1,11 @@
 """SecureGS (Zhang et al. 2025) on Scaffold-GS: public anchors, from which private networks compute other Gaussians."""
 
-import math
 from dataclasses import replace
 from functools import partial
 
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Scheme
-from gspure.schemes.secure_gs.embedding import LEAST_ANCHORS, embed
+from gspure.schemes.secure_gs.embedding import embed
 from gspure.schemes.secure_gs.files import UNITED
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.public_model import AnchorModel
@@ -20,7 +19,6 @@ SCHEME = Scheme(
     AnchorModel.read,
     HiddenKey.read,
     {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
-    ranges={"max_anchors": (LEAST_ANCHORS, math.inf), "density": (1, math.inf), "hardened": (0, math.inf)},
     tau_c=ANCHOR_TAU_C,
     tau_n=ANCHOR_TAU_N,
     signature=("f_anchor_feat_0", "f_offset_0"),

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 
+from gspure.bounds import Amount, Range, Steps
 from gspure.dtypes import Float64
 from gspure.numerals import percent
 from gspure.opencl.device import Device, choose_device
@@ -44,11 +45,11 @@ def embed(
     seed: int,
     device: Device | None = None,
     *,
-    iterations: int = 2000,
-    message_weight: float = 0.5,
-    max_anchors: int = 4000,
-    density: float = 2.0,
-    hardened: float = 0.0,
+    iterations: Steps = 2000,
+    message_weight: Amount = 0.5,
+    max_anchors: Annotated[int, Range(LEAST_ANCHORS, 10_000_000)] = 4000,
+    density: Annotated[float, Range(1.0, 1e6)] = 2.0,
+    hardened: Amount = 0.0,
 ) -> tuple[AnchorModel, HiddenKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 

@@ -1,12 +1,10 @@
 """Splats in Splats: a hidden scene in the low bits and the opacities of a vanilla model (arXiv 2412.03121)."""
 
-import math
 from dataclasses import replace
 from functools import partial
 
 from gspure.public_model import PublicModel
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Scheme
-from gspure.schemes.splats_in_splats.bits import SHIFT_RANGE
 from gspure.schemes.splats_in_splats.embedding import embed
 from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
 
@@ -19,7 +17,6 @@ SCHEME = Scheme(
     PublicModel.read,
     SplatsInSplatsKey.read,
     CARRIERS,
-    ranges={"hardened": (0, math.inf), "shift": SHIFT_RANGE},
 )
 
 HARDENED = replace(SCHEME, name="splats_in_splats_hardened", embed=partial(embed, hardened=2.0))

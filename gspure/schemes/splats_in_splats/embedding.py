@@ -6,10 +6,11 @@ mapped opacities, which extraction uses instead of the trained ones.
 """
 
 from dataclasses import replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
+from gspure.bounds import Amount, MaxGaussians, Range, Steps
 from gspure.model.activations import LEAST_OPACITY, logit, sigmoid
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.storage import morton_order
@@ -34,11 +35,11 @@ def embed(
     seed: int,
     device: Device | None = None,
     *,
-    iterations: int = 3000,
-    message_weight: float = 1.0,
-    max_gaussians: int = 30_000,
-    shift: int = bits.SHIFT,
-    hardened: float = 0.0,
+    iterations: Steps = 3000,
+    message_weight: Amount = 1.0,
+    max_gaussians: MaxGaussians = 30_000,
+    shift: Annotated[int, Range(*bits.SHIFT_RANGE)] = bits.SHIFT,
+    hardened: Amount = 0.0,
 ) -> tuple[PublicModel, SplatsInSplatsKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
