@@ -48,22 +48,22 @@ LINES = """
 render R/public --cameras orbit --transform R/transform.npy --out out
 extract R/public KEY --cameras orbit --photographs R/pair/message --original R/public --out out
 extract R/public KEY --cameras orbit --transform R/transform.npy --out out
-detect VARIANT/renders/scene KEY --out out
-attack gspure --model MODEL --weights R/weights.npy --prune-mask R/mask.npy --labels R/clusters.npz --out out
-attack gof --model MODEL --weights R/weights.npy --opacities R/opacities.npy --surface R/surface.npy --out out
-attack noise --model MODEL --photographs R/pair/scene --measured R/cost.json --out out
-contributions --model MODEL --cameras orbit --transform R/transform.npy --stages stages --index out
-weights --index R/index.tsv --model MODEL --out out
-opacities --model MODEL --cameras orbit --transform R/transform.npy --out out
-hidden --model MODEL KEY --cameras orbit --weights R/weights.npy --transform R/transform.npy --out out
-surface --model MODEL --cameras orbit --transform R/transform.npy --out out
-features --model MODEL --weights R/weights.npy --opacities R/opacities.npy --out out
-prune --clusters R/clusters.npz --weights R/weights.npy --model MODEL --out out
-prune --clusters R/clusters.npz --weights R/weights.npy --out out
-retrieve R/pair/message --extractions VARIANT/renders/message --out out
+detect VARIANT/renders/scene KEY --out out.csv
+attack gspure --model MODEL --weights R/weights.npy --prune-mask R/mask.npy --labels R/clusters.npz --out out.ply
+attack gof --model MODEL --weights R/weights.npy --opacities R/opacities.npy --surface R/surface.npy --out out.ply
+attack noise --model MODEL --photographs R/pair/scene --measured R/cost.json --out out.ply
+contributions --model MODEL --cameras orbit --transform R/transform.npy --stages stages --index out.tsv
+weights --index R/index.tsv --model MODEL --out out.npy
+opacities --model MODEL --cameras orbit --transform R/transform.npy --out out.npy
+hidden --model MODEL KEY --cameras orbit --weights R/weights.npy --transform R/transform.npy --out out.json
+surface --model MODEL --cameras orbit --transform R/transform.npy --out out.npy
+features --model MODEL --weights R/weights.npy --opacities R/opacities.npy --out out.npy
+prune --clusters R/clusters.npz --weights R/weights.npy --model MODEL --out out.npy
+prune --clusters R/clusters.npz --weights R/weights.npy --out out.npy
+retrieve R/pair/message --extractions VARIANT/renders/message --out out.csv
 figures model --model MODEL --weights R/weights.npy --clusters R/clusters.npz --hidden R/hidden.npy --out out
-report --table R/results.csv --contest R/contest.csv --survival R/survival.csv --matched R/matched.csv --out out
-report --table R/results.csv --costs R/costs.csv --figures R/outcomes.png --out out
+report --table R/results.csv --contest R/contest.csv --survival R/survival.csv --matched R/matched.csv --out out.html
+report --table R/results.csv --costs R/costs.csv --figures R/outcomes.png --out out.html
 """
 
 MADE = """
@@ -182,11 +182,11 @@ def test_inputs_of_one_run_are_accepted_and_each_of_another_run_is_refused(words
 
 
 def test_a_command_compares_its_inputs_before_it_runs(capsys):
-    (words,) = words_of("features --model MODEL --weights S/weights.npy --out out")
+    (words,) = words_of("features --model MODEL --weights S/weights.npy --out out.npy")
     assert main(words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "S/weights.npy: embedding: expected " in line
-    assert not Path("out").exists()
+    assert not Path("out.npy").exists()
 
 
 def drawn(columns: dict[str, str], name: str = "planted/room", table: str = "R/results.csv") -> int:
@@ -225,7 +225,7 @@ def test_a_figure_of_another_table_is_refused():
 
 
 @pytest.mark.parametrize(
-    "command", ["metrics R/pair S/planted/room/unattacked/renders", "retrieve R/pair/message --out out"]
+    "command", ["metrics R/pair S/planted/room/unattacked/renders", "retrieve R/pair/message --out out.csv"]
 )
 def test_images_are_not_compared_with_photographs_of_another_pair(command, capsys):
     extractions = ["--extractions", "S/planted/room/unattacked/renders/message"]
@@ -250,7 +250,7 @@ def test_a_control_uses_the_key_of_another_model():
 
 def test_files_without_records_are_of_any_origin(tmp_path):
     save_array(tmp_path / "weights.npy", np.ones(3, np.float32))
-    ((_, args),) = map(parsed, words_of("features --model MODEL --weights R/weights.npy --out out"))
+    ((_, args),) = map(parsed, words_of("features --model MODEL --weights R/weights.npy --out out.npy"))
     args.weights = tmp_path / "weights.npy"
     require_related(args)
 
