@@ -1,6 +1,7 @@
 """Files of a capture or model: they are inputs of the workflow, so an edit of one makes its results stale."""
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 from gspure.cameras.reading import CAMERA_FILES
@@ -32,9 +33,14 @@ def model_files(source: str) -> list[str]:
     model = model_file(Path(source))
     folders = [model.parent, *([model.parents[2]] if model.parent.match("point_cloud/iteration_*") else [])]
     images = ["*.webp"] if model.name == INDEX else []
-    patterns = ["cfg_args", *images, *(pattern for scheme in schemes().values() for pattern in scheme.beside)]
+    patterns = ["cfg_args", *images, *_networks()]
     beside = {str(file) for folder in folders for pattern in patterns for file in folder.glob(pattern)}
     return [str(model), *sorted(beside)]
+
+
+@cache
+def _networks() -> list[str]:
+    return [pattern for scheme in schemes().values() for pattern in scheme.beside]
 
 
 def _files(source: str, names: Sequence[str]) -> list[str]:
