@@ -184,3 +184,5 @@ def test_panels_take_the_views_that_all_columns_have(tmp_path: Path, capsys) -> 
     (tmp_path / "empty").mkdir()
     assert main(["figures", "panels", *columns, f"--column=x={tmp_path / 'empty'}", "--out", "x.png"]) == 2
     assert "expected a view of all columns" in capsys.readouterr().err
+    assert main(["figures", "panels", columns[0], "--out", "x.png"]) == 2
+    assert "--column: expected a reference and another" in capsys.readouterr().err

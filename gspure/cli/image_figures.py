@@ -46,7 +46,8 @@ def _draw_panels(args: Arguments) -> Drawn:
     from gspure.figures.panels import GAIN, write_panels
     from gspure.images import background_of, read_image
 
-    folders = args.column
+    if len(folders := args.column) == 1:
+        raise InputError("figures panels", "--column", expected="a reference and another", found="one")
     views = _common_views(folders.values())
     chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, args.rows).round().astype(int))]
     titles, background = list(folders), background_of(*folders.values())
