@@ -21,6 +21,7 @@ from gspure.artifacts import (
     load_array,
     motion_of,
     read_json,
+    require_agreement,
     require_input,
     require_kind,
     require_same_origin,
@@ -218,7 +219,7 @@ def _read_model_record(folder: Path) -> None:
     if (motion := motion_of(model)) is not None:  # else some other JSON has replaced the record
         assert np.allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=0.01)
         assert np.isfinite(motion).all()
-    assert facts_of(model)["model"] == "a1"
+    require_agreement(model, model, {"model": "a1"}, facts_of(model))
     require_kind(model, "weights")
     require_same_origin(model, model)
     require_input(model, "pair", model)
