@@ -6,7 +6,9 @@ from statistics import mean
 
 import pytest
 
+from gspure.cli import main
 from gspure.evaluation.controls import CONTROLS
+from tests.recomputation import CHECKS, Results
 from tests.test_workflow import Project, checkout, planned, rules_run  # noqa: F401
 
 pytestmark = pytest.mark.workflow
@@ -94,6 +96,18 @@ def test_the_verdict_states_whether_the_carrier_was_reached(rows):
         "message_oracle": "false",
     }
     assert numbers(rows, "gspure")["message"]["reached"] == "true"
+
+
+def test_every_number_of_the_tables_follows_from_images_arrays_and_records(finished, tmp_path):
+    project = finished.copy(tmp_path / "project")
+    tables, costs = project.folder / "results" / "tables", project.folder / "results" / "benchmarks"
+    outputs = [("--out", "contest.csv"), ("--survival", "survival.csv"), ("--matched", "matched.csv")]
+    words = [word for option, name in (*outputs, ("--markdown", "contest.md")) for word in (option, str(tables / name))]
+    words += ["--benchmarks", str(costs), "--costs", str(costs / "attacks.csv")]
+    main(["contest", "--table", str(tables / "results.csv"), *words])
+    results = Results(project.folder / "results")
+    counts = {check.__name__: check(results) for check in CHECKS}
+    assert [name for name, count in counts.items() if not count] == ["check_searched"]  # no strength was searched
 
 
 def test_the_message_is_weighed_on_the_rows_that_the_pruning_factor_selects(finished, tmp_path):
