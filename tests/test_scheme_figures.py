@@ -1,6 +1,7 @@
 """Figures over all scenes of a condition: the sweep of pruning factors, and the Pareto front."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,13 @@ def test_readings_of_a_mark_are_no_decibels(tmp_path: Path, drawn, bits: int, la
     assert main(["figures", "sweep", *words, "--point", "gspure=4,4", "--point", "unattacked=1,4"]) == 0
     assert [axes.get_ylabel() for axes in drawn[0].axes] == ["scene PSNR (dB)", "", label, ""]
     assert drawn[0].axes[2].lines[0].get_ydata().tolist() == [98.0, 53.0]
+
+
+def test_a_sweep_of_which_nothing_is_known_is_refused(tmp_path: Path, capsys) -> None:
+    write_results(tmp_path / "results.csv", [replace(TWO[0], targets={}, off_path={}, failure="out of memory")])
+    words = ["--table", str(tmp_path / "results.csv"), "--condition", "sis", "--out", str(tmp_path / "sweep.png")]
+    assert main(["figures", "sweep", *words, "--point", f"{TWO[0].variant}=4,4"]) == 2
+    assert "PSNR: expected" in capsys.readouterr().err
 
 
 def test_variants_lie_at_their_means_and_those_that_do_the_same_lie_together() -> None:
@@ -170,7 +178,7 @@ def test_captions_name_variants_that_lack_a_scene(table: Path) -> None:
     out = table.parent / "figure.png"
     assert main(["figures", "tradeoff", *common, str(out)]) == 0
     assert (
-        "Not shown, since they lack a scene: harsh."
+        "Not shown, since they lack a scene or a repetition: harsh."
         in json.loads(Path(f"{out}.json").read_text())["settings"]["caption"]
     )
     assert main(["figures", "sweep", *common, str(out), "--point", "gspure=4,4", "--point", "harsh=1,4"]) == 0

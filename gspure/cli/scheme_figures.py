@@ -67,6 +67,9 @@ def _draw_sweep(args: Arguments) -> Drawn:
     for variant, factors in args.point.items():
         known = {name: value for name in ("scene", "message") if (value := getattr(means[variant], name))}
         points.append(Point(factors, known))
+    drawn = [name for name in ("scene", "message") if all(name in point.means for point in points)]
+    if not drawn:
+        raise InputError(args.table, "PSNR", expected="one that is known at every point", found="none")
     method = points[0].factors
     write_factor_curves(args.out, points, method, _label(outcomes, means[next(iter(args.point))].extraction))
     counts = {
@@ -75,7 +78,7 @@ def _draw_sweep(args: Arguments) -> Drawn:
     scenes = max(counts.values(), default=0)
     fewer = [f"{display_name(name)} over {count}" for name, count in counts.items() if count < scenes]
     caption = (
-        f"Scene and message after GSPure with other pruning factors: one varies, the other is "
+        f"{' and '.join(drawn).capitalize()} after GSPure with other pruning factors: one varies, the other is "
         f"τ_n = {method[0]:g} or τ_c = {method[1]:g} (ring: both). Mean over {scenes} scene{'s' * (scenes != 1)}"
     )
     band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
@@ -111,7 +114,7 @@ def _draw_tradeoff(args: Arguments) -> Drawn:
         f"{LINEAR:g} dB. Vertical lines: drops at which attacks are compared."
     )
     if left_out:
-        caption += f" Not shown, since they lack a scene: {', '.join(map(display_name, left_out))}."
+        caption += f" Not shown, since they lack a scene or a repetition: {', '.join(map(display_name, left_out))}."
     if mean_floor:
         caption += " Dashed line: the floor, the highest PSNR of a control without the message."
     return {args.out: caption}, {"table": args.table}, {"condition": args.condition}

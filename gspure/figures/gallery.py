@@ -108,8 +108,10 @@ def drawings(
 def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]]:
     means, labels, rows = evidence.means, evidence.labels, evidence.rows
     clusters = int(labels.max(initial=NOISE_LABEL)) + 1
-    caption = f"{clusters} clusters of the {len(means):,} {rows}, by HDBSCAN on position, opacity and weight."
-    caption += " The legend gives their shares. Kept clusters are pale, noise is grey."
+    caption = (
+        f"{clusters} cluster{'s' * (clusters != 1)} of the {len(means):,} {rows}, by HDBSCAN on position, opacity "
+    )
+    caption += "and weight. The legend gives their shares. Kept clusters are pale, noise is grey."
     yield "clusters", partial(cluster_cloud, means, labels, evidence.pruned), caption
     yield "ranks", partial(ranks, evidence), _RANKS
     caption = f"{evidence.pruned.sum():,} of {len(means):,} {rows} are pruned."
