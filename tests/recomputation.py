@@ -96,6 +96,11 @@ class Results:
         self.rows = [row for row in table(folder / "tables" / "results.csv") if row["reference"] == "truth"]
         self.conditions = list(dict.fromkeys(map(condition, self.rows)))
 
+    def read(self, name: str) -> list[dict[str, str]]:
+        """The rows of a table that are about pictures of messages compared with photographs."""
+        shown = {(*condition(row), row["target"]) for row in self.rows}
+        return [row for row in table(self.folder / "tables" / name) if (*condition(row), row["extraction"]) in shown]
+
     def of(self, row: Mapping[str, str]) -> Path:
         scene = row["scene"] + (f"@{row['seed']}" if row["seed"] != "0" else "")
         return self.folder / row["scheme"] / scene / row["variant"]
@@ -231,9 +236,11 @@ def check_retrieval(results: Results) -> int:
         views = {view: pair for view, pair in results.images(row).items() if not view.startswith("off_path")}
         others = [path / "message" for path in sorted(pairs.iterdir()) if path.name != row["scene"]]
         decoys = [pairs / row["scene"] / "scene", *others, *sorted(results.folder.glob("decoys/*/*"))]
+        used = json.loads((results.of(row).parent / "retrieval.csv.json").read_text())["inputs"]
+        decoys = [path for path in decoys if any(f"{path.relative_to(results.folder)}/" in name for name in used)]
         for i, (view, (photograph, shown)) in enumerate(views.items()):
             pictures = [photograph[:, ::-1], photograph[::-1], photograph[::-1, ::-1]]
-            for folder in (f for f in decoys if next(f.glob("*.png"), None)):
+            for folder in decoys:
                 files = sorted(folder.glob("*.png"))
                 chosen = folder / f"{view}.png"
                 pictures.append(pixels(chosen if chosen.is_file() else files[i % len(files)]))
@@ -257,7 +264,7 @@ def check_retrieval(results: Results) -> int:
 def check_summary(results: Results) -> int:
     """Check ``summary.csv``, from ``results.csv``."""
     count = 0
-    for row in table(results.folder / "tables" / "summary.csv"):
+    for row in results.read("summary.csv"):
         expected: dict[str, float] = {}
         for name, target, column in (
             ("scene", "scene", "psnr"),
@@ -276,7 +283,7 @@ def check_summary(results: Results) -> int:
 def check_survival(results: Results) -> int:
     """Check ``survival.csv``: who survives where, drops, margins, shares, RMS ratio and AUC, from ``results.csv``."""
     count = 0
-    for row in table(results.folder / "tables" / "survival.csv"):
+    for row in results.read("survival.csv"):
         chosen, variant, extraction = condition(row), row["variant"], row["extraction"]
         floor = results.floor(chosen, extraction)
         before, after = (results.cells(chosen, name, extraction) for name in ("unattacked", variant))
@@ -344,7 +351,7 @@ def _rms_ratio(message: Sequence[Cells], scene: Sequence[Cells]) -> float:
 
 def check_contest(results: Results) -> int:
     """Check ``contest.csv``: GSPure minus other attacks as they were run, with p and its correction."""
-    rows = [row for row in table(results.folder / "tables" / "contest.csv") if not row["damage"]]
+    rows = [row for row in results.read("contest.csv") if not row["damage"]]
     count, tests = 0, defaultdict(list)
     for row in rows:
         chosen, columns = (
@@ -371,7 +378,7 @@ def check_contest(results: Results) -> int:
 def check_searched(results: Results) -> int:
     """Check the rows of ``matched.csv`` whose strength was searched for their damage."""
     count = 0
-    for row in table(results.folder / "tables" / "matched.csv"):
+    for row in results.read("matched.csv"):
         variant = f"{row['sweep']}@{number(row['damage']):g}dB"
         cells = results.cells(condition(row), variant, row["extraction"], "psnr_drop")
         if cells:
@@ -383,11 +390,14 @@ def check_costs(results: Results) -> int:
     """Check ``attacks.csv``: CPU time and memory, from the files of costs."""
     count = 0
     for row in table(results.folder / "benchmarks" / "attacks.csv"):
-        if row["kind"] == "variant":
+        if row["kind"] == "variant" and condition(row) in results.conditions:
             costs: dict[str, list[Any]] = defaultdict(list)
-            for file in results.folder.glob(f"benchmarks/{row['scheme']}/*/{row['attack']}/attack.cost.json"):
-                cost = json.loads(file.read_text())
-                costs[file.parts[-3].partition("@")[0]].append([cost["cpu"], cost["memory"]])
+            models = {results.of(known).parent.name for known in results.rows if condition(known) == condition(row)}
+            for name in models:
+                file = results.folder / "benchmarks" / row["scheme"] / name / row["attack"] / "attack.cost.json"
+                if file.is_file():
+                    cost = json.loads(file.read_text())
+                    costs[name.partition("@")[0]].append([cost["cpu"], cost["memory"]])
             cpu, memory = np.mean([np.mean(scene, axis=0) for scene in costs.values()], axis=0)
             count += compare(row, {"cpu": cpu, "memory": memory}, row["attack"])
     return count
