@@ -46,10 +46,15 @@ CASE = ("reader", "rule", "kind", "file", "case", "module", "driver", "style")
 """The entries that name a case."""
 
 
+def case_of(record: Record) -> tuple[Any, ...]:
+    """Return what names the case of a record; those of a reader at several commits add up."""
+    return *(record.get(name) for name in CASE), "reader" in record and record["commit"]
+
+
 def keep(part: str, records: Iterable[Record], *, partial: bool = False) -> None:
     """Keep the records of a part; if it was run partially, those of cases that did not run again stay."""
     every = [*(kept(part) if partial else ()), *records]
-    cases = {tuple(record.get(name) for name in CASE): record for record in every}
+    cases = {case_of(record): record for record in every}
     records = [cases[case] for case in sorted(cases, key=str)]
     lines = [json.dumps({k: v for k, v in record.items() if k != PRINTED}, sort_keys=True) for record in records]
     write_text(KEPT / f"{part}.json", "[\n" + ",\n".join(lines) + "\n]\n")

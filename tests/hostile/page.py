@@ -86,7 +86,7 @@ def write() -> bool:
         "## Open defects\n",
         *([f"- {fault[:300]}" for fault in faults] or ["None."]),
         "\n## Files\n",
-        *table(("reader", "mutated files", *ENDINGS_OF_FILES, "broke the contract"), files(readers)),
+        *table(("reader", "commit", "mutated files", *ENDINGS_OF_FILES, "broke the contract"), files(readers)),
         "\n## Kills\n",
         *table(("rule", "s", "changes on disk", "kills", "commit"), killed(kills)),
         "\n## Want\n",
@@ -153,8 +153,8 @@ def score(record: Record) -> tuple[int, int]:
 def files(records: list[Record]) -> Iterator[tuple[object, ...]]:
     for r in sorted(records, key=lambda r: r["reader"]):
         endings = sum(map(Counter, r.get("endings", {}).values()), Counter())
-        counts = (f"{endings[ending]:,}" for ending in ENDINGS_OF_FILES)
-        yield r["reader"], f"{r['cases']:,}", *counts, len(r["violations"])
+        counts = (f"{endings[ending]:,}" if endings else "–" for ending in ENDINGS_OF_FILES)
+        yield r["reader"], r["commit"], f"{r['cases']:,}", *counts, len(r["violations"])
 
 
 def killed(records: list[Record]) -> Iterator[tuple[object, ...]]:

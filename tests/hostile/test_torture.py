@@ -178,8 +178,12 @@ def test_cases_that_did_not_run_again_keep_their_records(tmp_path, monkeypatch):
     monkeypatch.setattr(journal, "KEPT", tmp_path)
     journal.keep("readers", [{"reader": name, "commit": "old"} for name in "ab"])
     journal.keep("readers", [{"reader": "b", "commit": "new", "printed": "much"}], partial=True)
-    assert journal.kept("readers") == [{"reader": "a", "commit": "old"}, {"reader": "b", "commit": "new"}]
-    assert journal.kept("kills") == []
+    assert [(r["reader"], r["commit"]) for r in journal.kept("readers")] == [("a", "old"), ("b", "new"), ("b", "old")]
+    journal.keep("kills", [{"rule": rule, "commit": "old"} for rule in "ab"])
+    journal.keep("kills", [{"rule": "b", "commit": "new"}], partial=True)
+    assert [(r["rule"], r["commit"]) for r in journal.kept("kills")] == [("a", "old"), ("b", "new")]
+    journal.keep("kills", [{"rule": "b", "commit": "new"}])
+    assert len(journal.kept("kills")) == 1
 
 
 def test_the_page_is_that_of_the_records(tmp_path, monkeypatch):
