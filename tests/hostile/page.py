@@ -40,7 +40,8 @@ page` writes this page from them. What is expected:
   or hang, PoCL and OpenBLAS among them.
 - **Corruption.** Every rule runs on every kind of artifact that it reads, corrupted: if it opens the file, it names it,
   and changes nothing. The next runs of the workflow repair the file to the same bytes. Then the artifact is forged,
-  mutated with a checksum that fits: the rule makes a result or refuses in one line.
+  mutated with a checksum that fits: the rule makes a result or refuses in one line. Pairs without forgeries are of an
+  earlier commit, drawn at random.
 - **Drivers.** Errors against the float64 reference are at most 1e-4.
 - **Mutants.** Tests notice small changes to the numerical core. `--sample` tries some of a module, drawn at random.
 """
