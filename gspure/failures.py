@@ -18,7 +18,7 @@ SUFFIX: Final = ".failed.json"
 INTERRUPTIONS: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 """Signals that stop a run on purpose: what they end has not failed."""
 
-_EXIT: Final = re.compile(r"exit status (\d+)")
+_EXIT: Final = re.compile(r"exit status (\d{1,3})", re.ASCII)
 _SIGNALED: Final = 128  # what a shell adds to the number of the signal that ended a command
 
 

@@ -458,3 +458,10 @@ def test_a_configuration_that_repeats_a_name_is_refused(tmp_path, text):
 def test_names_may_be_repeated_in_other_mappings_and_by_aliases(tmp_path, text):
     (file := tmp_path / "mine.yaml").write_text(text)
     require_distinct_names(file)
+
+
+@pytest.mark.parametrize("value", ["9" * 5000, "{{1}}", "[]: 1"], ids=["digits", "mapping", "list"])
+def test_values_that_no_configuration_can_have_are_refused_in_one_line(tmp_path: Path, value: str) -> None:
+    (tmp_path / "c.yaml").write_text(f"assets: {{a: {{views: {value}}}}}")
+    with pytest.raises(InputError, match=r"c\.yaml: file: expected a configuration"):
+        require_distinct_names(tmp_path / "c.yaml")

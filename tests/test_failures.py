@@ -51,6 +51,11 @@ def test_a_job_interrupted_by_a_signal_has_not_failed(tmp_path, status, interrup
     assert is_interrupted(tmp_path / "absent.log", stopped=True)
 
 
+def test_a_number_too_long_for_a_status_is_none(tmp_path):
+    (tmp_path / "job.log").write_text(f"exit status {'9' * 5000}")
+    assert "without an exit status" in reason_in(tmp_path / "job.log", "attack_model")
+
+
 def test_a_status_lies_beside_its_log_and_is_read_back(tmp_path):
     log = str(tmp_path / "logs" / "a" / "attack.log")
     failure(log).write()

@@ -51,7 +51,9 @@ _EXPECTED = {
 def require_distinct_names(file: str | Path) -> None:
     """Raise `InputError` if a mapping of a YAML file repeats a name: YAML parsers keep the last value silently."""
     with reading(file, "a configuration, as YAML"):
-        nodes = [yaml.compose(Path(file).read_text(encoding="utf-8"), yaml.SafeLoader)]
+        text = Path(file).read_text(encoding="utf-8")
+        yaml.safe_load(text)  # refuses values that Snakemake cannot have, such as numbers of 5,000 digits
+        nodes = [yaml.compose(text, yaml.SafeLoader)]
     visited = set()  # an alias is the node that it names
     while nodes:
         node = nodes.pop()
