@@ -65,9 +65,10 @@ ODD = {
     "normalized focal": {"fl_x": 0.8, "fl_y": 0.8},
     "another size": {"w": 1280, "h": 960},
 }
-ODD |= {"unequal": {"fl_x": 500.0, "fl_y": 1500}}
+ODD |= {"unequal": {"fl_x": 500.0, "fl_y": 1500}, "almost none": {"fl_x": 1e10, "fl_y": 1e-300}}
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("change", "warned"), [*((odd, True) for odd in ODD.values()), ({}, False), ({"cx": 200}, False)]
 )

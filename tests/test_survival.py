@@ -224,6 +224,7 @@ def test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before() -> No
 
     assert rms_ratio([lowered(27.8)], [lowered(33.5)]) == pytest.approx(1.0)
     assert rms_ratio([lowered(27.8)] * 2, [lowered(33.5), lowered(20.0)]) == pytest.approx(1.0)
+    assert rms_ratio([lowered(27.8)] * 2, [lowered(33.5), [30.0, 30.0]]) == pytest.approx(math.sqrt(2))
     assert rms_ratio([[20.0, 21.0]], [lowered(30.0)]) == 0.0
     assert math.isnan(rms_ratio([lowered(30.0)], [[30.0, 30.0]]))
 

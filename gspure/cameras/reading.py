@@ -64,7 +64,7 @@ def _fits(camera: Camera) -> bool:
     size = np.array([camera.width, camera.height])
     focal, centre = camera.K[[0, 1], [0, 1]], camera.K[:2, 2]
     is_central = (np.abs(centre / size - 0.5) <= _MOST_SHIFT).all()
-    return bool(is_central and focal[0] >= _LEAST_FOCAL * size[0] and 0.5 <= focal[0] / focal[1] <= 2)
+    return bool(is_central and focal[0] >= _LEAST_FOCAL * size[0] and 0.5 * focal[1] <= focal[0] <= 2 * focal[1])
 
 
 def _read_file(path: Path) -> list[Camera]:
