@@ -256,6 +256,16 @@ def test_the_networks_of_other_models_are_not_replaced(tmp_path, capsys, scheme,
     assert network.read_bytes() == paths[0][1].read_bytes()
 
 
+def test_networks_of_another_writer_are_copied_byte_for_byte(tmp_path):
+    model, network = published(random_public(), tmp_path / "published", "")
+    record_file(network).unlink()
+    with zipfile.ZipFile(network, "a") as archive:
+        archive.comment = b"of another writer"
+    out = tmp_path / "attacked" / "point_cloud.ply"
+    assert main(["attack", "random_pruning", "--model", str(model), "--out", str(out)]) == 0
+    assert out.with_name(network.name).read_bytes() == network.read_bytes()
+
+
 def test_networks_of_a_model_in_the_form_of_others_stay_as_they_are(tmp_path):
     model, network = published(random_public(), tmp_path, "")
     record_file(network).unlink()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import digest, embedding_of, require_embedding
+from gspure.artifacts import digest, embedding_of, replacing, require_embedding
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
 from gspure.errors import InputError
@@ -51,9 +51,11 @@ class AnchorModel(PublicModel):
 
     code: ClassVar[Sequence[Path]] = [Path(__file__).with_name(f"{n}.py") for n in ("networks", "neural", "visibility")]
 
-    def __init__(self, model: Gaussians, networks: Networks) -> None:
+    def __init__(self, model: Gaussians, networks: Networks, stored: bytes = b"") -> None:
         super().__init__(model)
         self.networks = networks
+        self.stored = stored
+        """The file that the networks were read from, if it is `UNITED`: it may hold further tensors."""
 
     @cached_property
     def anchors(self) -> Anchors:
@@ -72,7 +74,8 @@ class AnchorModel(PublicModel):
         rows = read_model(file)
         require_anchors(file, rows)
         require_embedding(embedding_of(file), *network_files(file.parent))
-        public = cls(rows, read_networks(file.parent))
+        united = file.with_name(UNITED)
+        public = cls(rows, read_networks(file.parent), united.read_bytes() if united.is_file() else b"")
         require_networks(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
         return public
 
@@ -88,12 +91,16 @@ class AnchorModel(PublicModel):
         return False if network_files(folder) else None
 
     def write_networks(self, folder: Path) -> None:
-        """Write the networks."""
-        write_networks(folder, self.networks)
+        """Write the networks, byte for byte as they were read."""
+        if self.stored:
+            with replacing(folder / UNITED, checksum=True) as temporary:
+                temporary.write_bytes(self.stored)
+        else:
+            write_networks(folder, self.networks)
 
     def with_model(self, model: Gaussians) -> Self:
         """Return the same networks with other anchors."""
-        return type(self)(model, self.networks)
+        return type(self)(model, self.networks, self.stored)
 
     def neural(self, camera: Camera, networks: Networks | None = None) -> tuple[Neural, Rows]:
         """Return the Gaussians of `networks` (default: the public ones) and the rows of the visible anchors."""
