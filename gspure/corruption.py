@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
-from gspure.artifacts import record_of, verify
+from gspure.artifacts import RENDERED, record_of, verify
 from gspure.artifacts.checksums import require_size
 from gspure.errors import InputError
-from gspure.images import RENDERED, require_all_images, require_intact
+from gspure.images import require_all_images, require_intact
 from gspure.method.contributions import is_index, read_index, read_stage
 
 RESULTS: Final = Path("results")  # where the workflow keeps what it makes; files elsewhere are the user's

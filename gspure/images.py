@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import file_digest, read_json, replacing, require_agreement, verify, write_json
+from gspure.artifacts import RENDERED, file_digest, read_json, replacing, require_agreement, verify, write_json
 from gspure.artifacts.checksums import file_checksum, record_checksum, with_checksum
 from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
@@ -38,7 +38,6 @@ _SEVERAL: Final = "MPO"  # JPEG files of some cameras, with the photograph first
 _DEEP: Final = re.compile(";16[BLN]")  # part of the name of 16-bit channels, which Pillow cuts to 8 bits
 
 MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes as many; ours
-RENDERED: Final = "rendered.json"  # record of the images that a folder has to hold, and of how they were rendered
 _LARGEST: Final = 1e100  # numbers of cameras are smaller, so that squares are finite
 
 _STDERR: Final = 2
@@ -122,17 +121,11 @@ def read_back(array: NDArray[np.floating]) -> Float32:
 
 
 def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
-    """Refuse a folder with PNG files of other views, which would count in every comparison, or with no renders."""
-    names, hint = {*views}, "name another folder, or delete them"
-    images = {path.stem for path in folder.glob("*.png")}
-    if others := sorted(images - names):
+    """Refuse a folder with PNG files of other views, which would count in every comparison."""
+    if others := sorted({path.stem for path in folder.glob("*.png")}.difference(views)):
         found = f"{len(others)} more: {others[0]}.png" + ", ..." * (len(others) > 1)
+        hint = "name another folder, or delete them"
         raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
-    files = sorted(path.name for end in ("png", "npy") for path in folder.glob(f"*.{end}") if path.stem in names)
-    record = _recorded(folder)
-    if files and not (record.get("model") or record.get("energy")):
-        found = f"others, such as photographs: {files[0]}"
-        raise InputError(folder, "images", expected="none but earlier renders", found=found, hint=hint)
 
 
 def record_views(

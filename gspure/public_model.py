@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import filling
+from gspure.artifacts import filling, require_replaceable
 from gspure.cameras.camera import Camera, spread
 from gspure.dtypes import Float32, Indices
 from gspure.errors import InputError
@@ -129,19 +129,24 @@ class PublicModel:
 
     def write(self, path: Path) -> list[Path]:
         """Write the .ply and the networks beside it, unless they are there; return what was written."""
-        names = [] if self.has_networks(path.parent) else [*filter(None, [self.network_name])]
-        with filling(path.parent) as folder:
+        names = self.names(path)
+        with filling(path.parent, *names) as folder:
             write_model(folder / path.name, self.model)
-            if names:
+            if len(names) > 1:
                 self.write_networks(folder)
-        return [path, *map(path.with_name, names)]
+        return [*map(path.with_name, names)]
+
+    def names(self, path: Path) -> list[str]:
+        """Return the names of the files that `write` writes: the .ply and the networks, unless they are there."""
+        return [path.name, *([self.network_name] if self.network_name and not self.has_networks(path.parent) else [])]
 
     def require_place(self, path: Path) -> None:
-        """Raise `InputError` if `write` would replace the networks of other models in the folder of `path`."""
+        """Raise `InputError` if `write` would replace files of the user's, or the networks of other models."""
         others = {*path.parent.glob("*.ply")} - {path}
         if others and self.has_networks(path.parent) is False:
             found, hint = f"those of {min(others).name}", "name another folder"
             raise InputError(path.parent, "networks", expected="none of another model", found=found, hint=hint)
+        require_replaceable(*map(path.with_name, self.names(path)))
 
     @property
     def network_name(self) -> str:

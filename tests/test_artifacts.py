@@ -46,7 +46,7 @@ def test_the_files_of_a_folder_appear_together_beside_those_of_others(tmp_path: 
     (tmp_path / "out" / "sub").mkdir(parents=True)
     (tmp_path / "out" / "sub" / "a").write_text("old")
     (tmp_path / "out" / "other").write_text("kept")
-    with filling(tmp_path / "out") as folder:
+    with filling(tmp_path / "out", "b", "sub/*") as folder:
         (folder / "sub").mkdir()
         (folder / "sub" / "a").write_text("new")
         (folder / "b").write_text("new")
@@ -60,14 +60,14 @@ def test_nothing_of_a_folder_appears_when_the_work_fails(tmp_path: Path, there: 
     out = tmp_path / "deep" / "out"
     if there:
         out.mkdir(parents=True)
-    with pytest.raises(ZeroDivisionError), filling(out) as folder:
+    with pytest.raises(ZeroDivisionError), filling(out, "a") as folder:
         half_written(folder / "a")
     assert [path.name for path in tmp_path.rglob("*")] == (["deep", "out"] if there else [])
 
 
 def test_a_folder_that_a_killed_process_with_the_same_number_left_is_no_obstacle(tmp_path: Path) -> None:
     (tmp_path / f".{os.getpid()}").mkdir()
-    with filling(tmp_path) as folder, filling(tmp_path) as other:  # the second in another container
+    with filling(tmp_path, "a") as folder, filling(tmp_path, "b") as other:  # the second in another container
         (folder / "a").write_text("a")
         (other / "b").write_text("b")
     assert {"a", "b"} <= {path.name for path in tmp_path.iterdir()}

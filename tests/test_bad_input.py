@@ -459,6 +459,7 @@ def test_results_of_purify_are_refused_for_another_model(folder, capsys):
     Path("run/point_cloud/iteration_7").mkdir(parents=True)
     Path("run/cfg_args").write_text("Namespace()")
     Path("model.ply").rename("run/point_cloud/iteration_7/point_cloud.ply")
+    Path("weights.npy").unlink()
     assert main(["purify", "run", "--cameras", "cameras.json", "--out", "."]) == 0
     capsys.readouterr()
     Path("prune_mask.npy").rename("mask.npy")

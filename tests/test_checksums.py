@@ -105,7 +105,7 @@ def test_a_writer_that_is_killed_leaves_no_checksum_of_another_file(tmp_path: Pa
 
 def test_files_that_appear_together_lose_their_old_checksums(tmp_path: Path) -> None:
     path, read = written(tmp_path, "weights.npy"), KINDS["weights.npy"][1]
-    with filling(tmp_path) as folder:
+    with filling(tmp_path, "*.npy") as folder:
         save_array(folder / "weights.npy", np.arange(9.0))
         write_record(folder / "weights.npy", inputs={}, settings={"new": True})
         save_array(folder / "other.npy", np.arange(9.0))

@@ -348,7 +348,8 @@ def test_render_names_images_after_views(asset):
     held_out = split(read_cameras(asset / "cameras.json"))[1]
     names = [view.name for view in held_out]
     images = [f"{name}.{kind}" for name in names for kind in ("npy", "png")]
-    assert sorted(path.name for path in out.iterdir()) == sorted(["rendered.json", *images])
+    records = ["rendered.json", *(f"{name}.npy.json" for name in names)]
+    assert sorted(path.name for path in out.iterdir()) == sorted([*records, *images])
     floats = np.load(out / f"{names[0]}.npy")
     assert floats.dtype == np.float32
     np.testing.assert_array_equal(floats, Renderer(blobs(30)).image(held_out[0], background=(0, 0.5, 1)))
@@ -423,7 +424,7 @@ def test_photographs_are_not_replaced_by_renders(asset, pair_folder, capsys, kin
     before = {path: path.read_bytes() for path in photographs.iterdir()}
     cameras = str(pair_folder / "cameras.json")
     assert main(["render", str(asset / "model.ply"), "--cameras", cameras, "--out", str(photographs)]) == 2
-    assert "photographs: images: expected none but earlier renders" in capsys.readouterr().err
+    assert "output: expected a result of an earlier run of `gspure render`" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in photographs.iterdir()} == before
 
 
@@ -487,7 +488,7 @@ def test_arrays_and_cameras_that_are_no_results_are_not_replaced_by_renders(asse
     file.parent.mkdir()
     file.write_text("of the user")
     views = cameras if cameras == "orbit" else str(asset / cameras)
-    assert main(["render", str(asset / "model.ply"), "--cameras", views, "--out", str(file.parent)]) == 2
+    assert main(["render", str(asset / "model.ply"), "--cameras", views, "--out", str(file.parent), "--npy"]) == 2
     assert [(path.name, path.read_text()) for path in file.parent.iterdir()] == [(name, "of the user")]
 
 

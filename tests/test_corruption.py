@@ -123,7 +123,7 @@ def test_stages_are_pruned_by_the_indices_alone(capsys):
 
 def test_stages_of_another_project_are_not_pruned(tmp_path, capsys):
     stage = tmp_path / "other" / f"a.{digest('other')}.npy"
-    save_array(stage, np.zeros(0, CONTRIBUTION))
+    save_array(stage, np.zeros(0, CONTRIBUTION), checksum=True)
     assert main(["stages", "prune", "--stages", str(tmp_path / "other")]) == 2
     assert "other: stages: expected some that" in capsys.readouterr().err
     assert stage.exists()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import read_json
+from gspure.artifacts import read_json, write_text
 from gspure.cameras import Camera, intrinsics, orbit_cameras, read_cameras, split, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -255,14 +255,15 @@ def test_a_figure_that_fails_is_a_warning_and_all_else_stays(
 ) -> None:
     names = {"before_after", "splats", "weights", *CLOUDS}
     out = tmp_path / "out"
-    for name in names:  # of an earlier run
-        (out / "figures").mkdir(parents=True, exist_ok=True)
-        (out / "figures" / f"{name}.png").write_text("old")
+    assert main(command) == 0
+    old = {path.name: path.stat().st_mtime_ns for path in (out / "figures").glob("*.png")}
+    assert {Path(name).stem for name in old} == names
+    capsys.readouterr()
     monkeypatch.setattr(drawing, broken)
     assert main(command) == 0
     assert {*RESULTS, "metrics.csv"} <= {*files(out)}
     assert {path.stem for path in (out / "figures").glob("*.png")} == names - FIGURES[drawing]
-    assert not any(path.read_bytes() == b"old" for path in (out / "figures").glob("*.png"))
+    assert not any(path.stat().st_mtime_ns == old[path.name] for path in (out / "figures").glob("*.png"))
     warnings = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
     assert len(warnings) == len(FIGURES[drawing])
     for name in FIGURES[drawing]:
@@ -286,8 +287,9 @@ def test_a_run_killed_while_it_draws_leaves_no_older_figure(tmp_path: Path, comm
     older = [tmp_path / "out" / "figures" / name for name in ("before_after.png", "clusters.vtp", "weights.png")]
     older[0].parent.mkdir(parents=True)
     notes = older[0].with_name("notes.png")
-    for path in (*older, notes):
-        path.write_text("older")
+    for path in older:
+        write_text(path, "older", checksum=True)
+    notes.write_text("older")
     monkeypatch.setattr("gspure.cli.purify._draw_views", kill)
     assert main(command) == 130
     assert {*RESULTS} <= {*files(tmp_path / "out")}
@@ -320,12 +322,12 @@ def test_a_disk_that_is_full_before_the_metrics_leaves_the_folder_as_it_was(
 
     out = tmp_path / "out"
     if earlier:
-        out.mkdir()
-        (out / "metrics.csv").write_text("of an earlier run")
+        assert main(command) == 0
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
     monkeypatch.setattr("gspure.cli.purify.write_metrics", full)
     assert main(command) == 2
     assert capsys.readouterr().err.splitlines()[-1] == f"gspure purify: {out}: No space left on device"
-    assert files(tmp_path / "out") == (["metrics.csv"] if earlier else [])
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
 def test_the_views_are_among_the_results_and_replace_no_other_file(tmp_path: Path, command: list[str], capsys) -> None:

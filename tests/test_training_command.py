@@ -220,7 +220,7 @@ def test_a_folder_with_a_file_of_another_trainer_is_refused(project, trained, tm
     (record,) = tmp_path.glob(f"out/{name}.json")
     record.unlink()
     assert main(["train", str(project), "--out", str(tmp_path / "out"), "--iterations", "2"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    *_, line = capsys.readouterr().err.splitlines()
     assert "output: expected a result of an earlier run" in line
     assert ply(tmp_path / "out") == ply(trained)
 

@@ -1,7 +1,7 @@
 """Files of results: whole or absent, with a checksum beside them, and checked when they are read."""
 
 from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_arrays
-from gspure.artifacts.checksums import digest, file_digest, intact, record_of, require_results, verify
+from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
 from gspure.artifacts.files import distinct, filling, read_json, replacing, require_place, write_json, write_text
 from gspure.artifacts.provenance import (
     UNMOVED,
@@ -18,8 +18,10 @@ from gspure.artifacts.provenance import (
     settings_of,
     write_record,
 )
+from gspure.artifacts.replacement import RENDERED, remove, replacing_only, require_replaceable
 
 __all__ = [
+    "RENDERED",
     "UNMOVED",
     "digest",
     "distinct",
@@ -35,13 +37,15 @@ __all__ = [
     "read_json",
     "record_of",
     "recorded_inputs",
+    "remove",
     "replacing",
+    "replacing_only",
     "require_agreement",
     "require_embedding",
     "require_input",
     "require_kind",
     "require_place",
-    "require_results",
+    "require_replaceable",
     "require_same_origin",
     "save_array",
     "save_arrays",

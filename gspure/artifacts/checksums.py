@@ -11,13 +11,17 @@ import reprlib
 import zlib
 from collections.abc import Mapping
 from contextlib import suppress
+from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.errors import InputError, reading
+
+COMMAND: Final[ContextVar[str]] = ContextVar("COMMAND", default="")
+"""The command that writes; empty outside of commands."""
 
 _BLOCK = 1 << 20
 
@@ -80,7 +84,8 @@ def record_of(path: Path) -> dict[str, Any] | None:
 
 
 def with_checksum(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a record with its checksum."""
+    """Return a record with the command that writes it, and its checksum."""
+    record = {**record, **({"command": command} if (command := COMMAND.get()) else {})}
     return {**record, "record": record_checksum(record)}
 
 
@@ -117,14 +122,6 @@ def require_size(path: Path) -> None:
         size = Path(path).stat().st_size
     if size != record.get("bytes", size):
         raise InputError(path, "content", expected=f"{record['bytes']} bytes", found=f"{size} bytes")
-
-
-def require_results(*paths: Path) -> None:
-    """Refuse to replace files that are no results: those without a record."""
-    for path in paths:
-        if path.exists() and record_of(path) is None:
-            hint = "name another folder, or delete it"
-            raise InputError(path, "output", expected="a result of an earlier run", found="another file", hint=hint)
 
 
 def intact(path: Path) -> bool:

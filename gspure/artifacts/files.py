@@ -4,13 +4,15 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from fnmatch import fnmatchcase
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
 from gspure.artifacts.checksums import file_checksum, forget, record_file, verify, with_checksum
+from gspure.artifacts.replacement import RENDERED, remove, require_replaceable
 from gspure.errors import InputError, reading
 
 
@@ -20,9 +22,10 @@ def replacing(path: Path, *, checksum: bool = False) -> Iterator[Path]:
 
     A reader therefore never sees half a file, and a killed writer leaves the old one in place. The temporary name
     keeps the suffix, since some writers choose their format by it. With `checksum`, the file is never there without its
-    checksum.
+    checksum. A command replaces only what `require_replaceable` lets it.
     """
     path = Path(path)
+    require_replaceable(path, *[record_file(path)] * checksum)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -55,12 +58,16 @@ def _blaming(path: Path, temporary: Path) -> Iterator[None]:
 
 
 @contextmanager
-def filling(folder: Path) -> Iterator[Path]:
+def filling(folder: Path, *names: str) -> Iterator[Path]:
     """Yield a temporary folder inside `folder`; on success its files move into `folder`, on failure they are removed.
 
-    So files that belong together appear together or not at all. A folder that cannot be written to is refused by an
-    OSError before any work is done.
+    So files that belong together appear together or not at all. A new record of images removes those of the old one.
+
+    `names` are all files that may appear, relative to `folder`, exactly or with ``*``; their records may appear, too.
+    Those there that may not be replaced (`require_replaceable`), and a folder that cannot be written to, are refused
+    before any work is done.
     """
+    require_replaceable(*_present(folder, names))
     created = [path for path in (folder, *folder.parents) if not path.exists()]
     temporary = folder / f".gspure-{secrets.token_hex(4)}"  # not a process number: they repeat in containers
     try:
@@ -70,6 +77,9 @@ def filling(folder: Path) -> Iterator[Path]:
             yield temporary
             files = sorted(temporary.rglob("*"))  # a record after its file
             targets = {file: folder / file.relative_to(temporary) for file in files if file.is_file()}
+            _require_named(folder, names, targets.values())
+            require_replaceable(*targets.values())
+            remove(*(image for target in targets.values() if target.name == RENDERED for image in _images(target)))
             for target in targets.values():
                 forget(target)
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -81,6 +91,28 @@ def filling(folder: Path) -> Iterator[Path]:
         for path in created:
             with suppress(OSError):  # something else stands in it by now
                 path.rmdir()
+
+
+def _present(folder: Path, names: Collection[str]) -> Iterator[Path]:
+    """Yield the files of these names, and their records; images have one for all."""
+    for name in names:
+        for path in folder.glob(name) if "*" in name else [folder / name]:
+            if "*" not in name or not path.is_dir():
+                yield path
+                if not (path.suffix == ".png" and str(Path(name).with_name(RENDERED)) in names):
+                    yield record_file(path)
+
+
+def _require_named(folder: Path, names: Collection[str], files: Iterable[Path]) -> None:
+    """Refuse files that the caller of `filling` did not name: they were not checked before the work."""
+    patterns = [*names, *(f"{name}.json" for name in names)]
+    for name in (file.relative_to(folder).as_posix() for file in files):
+        if not any(name == pattern or fnmatchcase(name, pattern) for pattern in patterns):
+            raise ValueError(f"{name} is not among the names of the files")
+
+
+def _images(record: Path) -> Iterator[Path]:
+    return record.parent.glob("*.png") if record.is_file() else iter(())
 
 
 def require_place(path: Path) -> None:

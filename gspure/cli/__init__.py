@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from gspure import __version__, progress
 from gspure.cli.lineage import require_related
-from gspure.cli.parser import Arguments, Parser, require_distinct, suggestion
+from gspure.cli.parser import Arguments, Parser, outputs, require_distinct, suggestion
 from gspure.cost import LOG, cost_of, spent
 from gspure.errors import InputError, printable
 
@@ -68,10 +68,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         _overview(argv)
     try:
         args = parser_of(argv[0]).parse_args(argv[1:])
+        from gspure.artifacts import replacing_only
+
         progress.quiet = getattr(args, "quiet", False)
-        require_distinct(args)
-        require_related(args)
-        return _costed(args)
+        is_job = LOG in os.environ  # which replaces whatever stands in results/
+        with replacing_only(argv[0], None if is_job else outputs(args)):
+            require_distinct(args)
+            require_related(args)
+            return _costed(args)
     except InputError as error:
         return _refuse(argv[0], str(error))
     except MemoryError as error:

@@ -102,7 +102,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
     """Return the configuration file; write that of a model to `target`, unless the last audit had the same."""
     import yaml
 
-    from gspure.artifacts import write_text
+    from gspure.artifacts import replacing_only, write_text
     from gspure.model import model_file
     from gspure.model.compressed.sog import INDEX
     from gspure.workflow.configuration import require_distinct_names
@@ -132,7 +132,8 @@ def _configuration(args: Arguments, target: Path) -> Path:
                 raise InputError(_CONFIGURATION, "assets", expected=f"the audit of {model}", found=found, hint=hint)
         if last == text:
             return _CONFIGURATION
-    write_text(target, text)
+    with replacing_only("audit", [target]):
+        write_text(target, text)
     return target
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -100,14 +101,23 @@ def _distorted(args: Arguments) -> list[Camera]:
 
 def _undistorted(args: Arguments, cameras: Sequence[Camera]) -> list[Camera]:
     """Write photographs and points beside ``--out``; return the cameras of the photographs."""
+    from gspure.artifacts import RENDERED, filling, write_record
     from gspure.cameras.undistortion import undistort
+    from gspure.images import record_views
     from gspure.model.points import write_point_ply
     from gspure.training.dataset import stored_points
 
     xyz, rgb = stored_points(args.source)
-    if len(xyz):
-        write_point_ply(args.out.parent / "points3D.ply", xyz, rgb)
-    return undistort(cameras, args.out.parent / "images", args.source)
+    place, images = args.out.parent, Path("images")
+    names = ["points3D.ply"] * bool(len(xyz))
+    names += [str(images / name) for name in (RENDERED, *(f"{camera.name}.png" for camera in cameras))]
+    with filling(place, *names) as folder:
+        if len(xyz):
+            write_point_ply(folder / "points3D.ply", xyz, rgb)
+            write_record(folder / "points3D.ply", inputs={}, settings={"source": str(args.source)})
+        cameras = undistort(cameras, folder / images, args.source)
+        record_views(folder / images, {camera.name: camera.numbers.tolist() for camera in cameras})
+    return [replace(camera, image=place / images / f"{camera.name}.png") for camera in cameras]
 
 
 def _table(cameras: Sequence[Camera]) -> Iterable[str]:

@@ -25,7 +25,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.artifacts import replacing, write_record, write_text
+    from gspure.artifacts import write_record, write_text
     from gspure.evaluation.contest import Contest, contest
     from gspure.evaluation.costs import AttackCost, attack_costs
     from gspure.evaluation.csv_tables import write_table
@@ -39,8 +39,7 @@ def run(args: Arguments) -> None:
     contests, survivals, matched = contest(outcomes, sweeps), survival(outcomes), match(outcomes, sweeps)
     costs = attack_costs(outcomes, sweeps, args.benchmarks) if args.benchmarks else []
     if args.costs:
-        with replacing(args.costs, checksum=True) as file:  # with a record, it may be replaced in its input folder
-            write_table(file, AttackCost, costs)
+        write_table(args.costs, AttackCost, costs)
     write_table(args.out, Contest, contests)
     write_table(args.survival, Survival, survivals)
     write_table(args.matched, Matched, matched)

@@ -4,12 +4,12 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.artifacts import UNMOVED, file_digest, filling, require_results, write_json, write_record
+from gspure.artifacts import RENDERED, UNMOVED, file_digest, filling, write_json, write_record
 from gspure.bounds import SEED
 from gspure.cli.options import add_device, described, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
-from gspure.images import RENDERED, photographs_of
+from gspure.images import photographs_of
 from gspure.progress import say
 from gspure.schemes.pair import INITIALIZATIONS, read_pair
 from gspure.schemes.readability import Readability, bit_readability, readability
@@ -56,8 +56,7 @@ def run(args: Arguments) -> None:
     model = Path("public", "point_cloud.ply")
     used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
     used |= scheme.settings | settings
-    require_results(args.out / model)
-    with filling(args.out) as folder:
+    with filling(args.out, "public/*", "key/*") as folder:
         public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)
         check: Readability | None = None
         if key is not None and BITS in scheme.extractions:

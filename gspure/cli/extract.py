@@ -57,7 +57,7 @@ def run(args: Arguments) -> None:
     """Extract every view."""
     import numpy as np
 
-    from gspure.artifacts import embedding_of, filling, known_digest, write_record
+    from gspure.artifacts import RENDERED, embedding_of, filling, known_digest, write_record
     from gspure.cameras import write_cameras
     from gspure.cameras.reading import motion_of_views
     from gspure.cli.options import read_device, read_key, read_views, unmoved
@@ -87,7 +87,8 @@ def run(args: Arguments) -> None:
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
     view, is_flat = key.message(public, extraction, read_device(args)), True
-    with filling(args.out) as folder:
+    names = [RENDERED, *(f"{camera.name}.png" for camera in views)]
+    with filling(args.out, *names, *["cameras.json"] * isinstance(args.cameras, str)) as folder:
         for camera in track(views, "extract"):
             image = view(camera)
             write_image(folder / f"{camera.name}.png", image)

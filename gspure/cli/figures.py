@@ -69,8 +69,8 @@ def run(args: Arguments) -> None:
 def _draw_model(args: Arguments) -> Drawn:
     import numpy as np
 
-    from gspure.artifacts import load_array, require_kind
-    from gspure.figures.gallery import Evidence, drawings
+    from gspure.artifacts import filling, load_array, require_kind
+    from gspure.figures.gallery import NAMES, Evidence, drawings
     from gspure.figures.splats import splats
     from gspure.figures.viewer import write_viewer
     from gspure.figures.viewpoint import world_axes
@@ -102,15 +102,16 @@ def _draw_model(args: Arguments) -> Drawn:
     )
     cameras = read_source(args.cameras, args.model, up=args.up) if args.cameras else []
     sh_dc = model.columns(*COLOUR) if model.sh_degree >= 0 else None
-    write_viewer(args.out / "viewer.json", evidence, world_axes(model.means, cameras), sh_dc)
-    device = read_device(args) if cameras and public.visible else None
-    figures = [*drawings(args.out, evidence, cameras, public.scene(device, _WHITE) if device else None)]
-    figures += [splats(args.out, public, cameras, labels, evidence.pruned, device)] if device else []
-    for figure in figures:
-        figure.draw()
+    with filling(args.out, "viewer.json", *NAMES) as folder:
+        write_viewer(folder / "viewer.json", evidence, world_axes(model.means, cameras), sh_dc)
+        device = read_device(args) if cameras and public.visible else None
+        figures = [*drawings(folder, evidence, cameras, public.scene(device, _WHITE) if device else None)]
+        figures += [splats(folder, public, cameras, labels, evidence.pruned, device)] if device else []
+        for figure in figures:
+            figure.draw()
     names = ("model", "weights", "clusters", "hidden", "cameras")
     inputs = {name: path for name in names if (path := getattr(args, name))}
-    captions = {figure.path: figure.caption for figure in figures}
+    captions = {args.out / figure.path.name: figure.caption for figure in figures}
     return captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n}
 
 

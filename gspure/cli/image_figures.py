@@ -113,8 +113,7 @@ def _draw_attacks(args: Arguments) -> Drawn:
 
 def _require_measured(args: Arguments, variant: str, folders: Iterable[Path]) -> None:
     """Refuse images that were not measured for a variant of the table, or for any variant, as far as records tell."""
-    from gspure.artifacts import file_digest, settings_of
-    from gspure.images import RENDERED
+    from gspure.artifacts import RENDERED, file_digest, settings_of
 
     measured = settings_of(args.table).get("images", {})
     of_variant = f"{args.name}/{variant}" if variant else args.name

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from gspure.artifacts import filling, require_results, write_record
+from gspure.artifacts import RENDERED, filling, write_record
 from gspure.bounds import OFF_PATH, PAIR_VIEWS, SEED, TRACED_SIDE
 from gspure.cameras import Camera, off_path_cameras, read_cameras, write_cameras
 from gspure.cli.options import add_device, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.images import RENDERED, record_views, write_image
+from gspure.images import record_views, write_image
 from gspure.model import Gaussians, read_model, require_finite
 from gspure.model.points import write_point_ply
 from gspure.progress import say, track
@@ -40,6 +40,11 @@ messages are turned and moved, and photographed ones keep their cameras, aligned
 
 MESSAGE_POINTS = 20_000  # number of the message's Gaussians that serve as its points; ours
 OPAQUE = 0.5  # least opacity of these Gaussians; ours
+
+_NAMES = (
+    *(f"{folder}{name}" for folder in ("", "message/") for name in ("cameras.json", "points3D.ply")),
+    *(f"{folder}/{name}" for folder in ("scene", "message") for name in ("*.png", RENDERED)),
+)
 
 
 def add_arguments(parser: Parser) -> None:
@@ -78,11 +83,9 @@ def run(args: Arguments) -> None:
     if is_traced[0] != is_traced[1]:
         expected = f"both of {NAMES}, or both files"
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=f"{args.scene} and {args.message}")
-    files = [folder / name for folder in (args.out, args.out / "message") for name in ("cameras.json", "points3D.ply")]
-    require_results(*files)
     make = _traced if is_traced[0] else _photographed if args.protocol == "shared" else _photographed_apart
     settings = {name: str(getattr(args, name)) for name in ("scene", "message", "protocol", "seed")}
-    with filling(args.out) as args.out:
+    with filling(args.out, *_NAMES) as args.out:
         settings |= make(args)
         for folder, images in ((args.out, args.out / "scene"), (args.out / "message", args.out / "message")):
             known = {camera.name: camera.numbers.tolist() for camera in read_cameras(folder / "cameras.json")}

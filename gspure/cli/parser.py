@@ -16,7 +16,11 @@ _DEFAULT = " (default: %(default)s)"
 
 
 class Output(PosixPath):
-    """The type of arguments that name a file or folder to write, never an input."""
+    """The type of arguments that name a file to write, never an input."""
+
+
+class OutputFolder(Output):
+    """The type of arguments that name a folder to write to."""
 
 
 class Unrelated(PosixPath):
@@ -29,7 +33,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self._words: list[str] = []
-        for kind in (None, Path, Output, Unrelated):
+        for kind in (None, Path, Output, OutputFolder, Unrelated):
             self.register("type", kind, partial(filled, kind or str))
 
     def reads(self, name: str, metavar: str, meaning: str, **settings: Any) -> None:
@@ -41,7 +45,8 @@ class Parser(argparse.ArgumentParser):
 
         The metavar of a file is its format, such as CSV, or PNG|SVG: its name must end with .csv, .png or .svg.
         """
-        self._add_path(name, meaning, type=Output, action=_Written, metavar=metavar, **settings)
+        kind = OutputFolder if metavar == "DIR" else Output
+        self._add_path(name, meaning, type=kind, action=_Written, metavar=metavar, **settings)
 
     def _add_path(self, name: str, meaning: str, **settings: Any) -> None:
         if name.startswith("-") and "default" not in settings:
@@ -167,23 +172,38 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f", {hint}" if hint else ""
 
 
+def outputs(args: Arguments) -> list[Output]:
+    """Return the files and folders to write that a command line names."""
+    return [path for path in paths_of(vars(args).values()) if isinstance(path, Output)]
+
+
 def require_distinct(args: Arguments) -> None:
-    """Refuse outputs that would overwrite an input, a file in an input folder, or each other.
+    """Refuse outputs that would, with their records, overwrite an input, a file in an input folder, or each other.
 
-    A file in an input folder may be replaced if its record says that it is a result.
+    A file in an input folder may be replaced if it is a result (`gspure.artifacts.replacement`).
     """
-    from gspure.artifacts.checksums import record_of
+    from gspure.artifacts import require_replaceable
+    from gspure.artifacts.checksums import record_file
+    from gspure.artifacts.replacement import is_result
 
-    paths = [*paths_of(vars(args).values())]
-    outputs = [path for path in paths if isinstance(path, Output)]
-    inputs = {path.resolve() for path in paths if not isinstance(path, Output)}
+    inputs = {_resolved(path) for path in paths_of(vars(args).values()) if not isinstance(path, Output)}
     taken = set(inputs)
-    for path in outputs:
-        file = path.resolve()
-        is_read = file.is_file() and not inputs.isdisjoint(file.parents) and record_of(path) is None
-        if file in taken or is_read:
+    for path in outputs(args):
+        file = _resolved(path)
+        is_read = file.is_file() and not inputs.isdisjoint(file.parents) and not is_result(path)
+        places = {file} if isinstance(path, OutputFolder) else {file, record_file(file)}
+        if is_read or places & taken:
             raise InputError(path, "output", expected="a separate file", found="an input or another output")
-        taken.add(file)
+        if not isinstance(path, OutputFolder):
+            require_replaceable(path, record_file(path))
+        taken |= places
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except RuntimeError:
+        raise InputError(path, "path", expected="a file or folder", found="a symbolic link to itself") from None
 
 
 def paths_of(values: Iterable[object]) -> Iterator[Path]:

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from gspure import __version__
-from gspure.artifacts import embedding_of, filling, motion_of, require_results, save_array, write_json, write_record
-from gspure.artifacts.checksums import forget
+from gspure.artifacts import RENDERED, embedding_of, filling, motion_of, remove, save_array, write_json, write_record
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.bounds import STEPS
 from gspure.cameras import Camera, scaled, split, views_digest, write_cameras
@@ -37,10 +36,10 @@ from gspure.evaluation.comparison import (
     worst,
     write_metrics,
 )
-from gspure.figures.gallery import Drawing, Evidence, drawings
+from gspure.figures.gallery import NAMES, Drawing, Evidence, drawings
 from gspure.figures.panels import write_panels
 from gspure.figures.splats import splats
-from gspure.images import RENDERED, read_image, record_views, require_no_other_images, write_image
+from gspure.images import read_image, record_views, require_no_other_images, write_image
 from gspure.method.purify import Purification, purify
 from gspure.method.subpixel import subpixel_rows
 from gspure.model import Gaussians, model_file, suspicious
@@ -75,8 +74,6 @@ _ARRAYS = ("weights", "labels", "prune_mask")
 _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 """Folders of renders, with the target of their metrics."""
 
-_FIGURES = ("before_after", "clusters", "ranks", "kept", "splats", "weights")
-_SUFFIXES = (".png", ".svg", ".svg.json", ".gltf", ".gltf.json", ".vtp", ".vtp.json")
 _SHOWN = 3
 """Number of views in the before/after figure."""
 
@@ -109,12 +106,13 @@ def run(args: Arguments) -> None:
         raise InputError(args.model, "--repair", expected="a model with colours", found="none")
     cameras = scaled(read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
     train, test = _split(cameras)
-    writes_views = _writes_views(args)
+    writes_views = (args.out / "cameras.json").resolve() != Path(args.cameras).resolve()  # else they are there
     for title in _RENDERS:
         require_no_other_images(args.out / "renders" / title, (camera.name for camera in test))
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
-    with filling(args.out) as folder:
+    names = _names(public, args.out, [camera.name for camera in test])
+    with filling(args.out, *names, *["cameras.json"] * writes_views) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train, args.repair, device)
         inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.geometry_digest()
@@ -127,7 +125,7 @@ def run(args: Arguments) -> None:
         rows = _compare(folder, models, test, device, embedding_of(inputs["model"])) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
-        write_json(folder / "diagnosis.json", diagnosis)
+        write_json(folder / "diagnosis.json", diagnosis, checksum=True)
         _remove_older(args.out)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
@@ -143,8 +141,7 @@ def _write_model(model: PublicModel, folder: Path, place: Path, origin: Mapping[
     """Write a model to the folder of new results, with records; leave out networks that their place has already."""
     for path in model.write(folder / "purified.ply"):
         if path.name == model.network_name and model.has_networks(place):
-            forget(path)
-            path.unlink()
+            remove(path)
         else:
             write_record(path, motion=motion_of(origin["inputs"]["model"]), **origin)
 
@@ -163,13 +160,14 @@ def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
     return train or test, test
 
 
-def _writes_views(args: Arguments) -> bool:
-    """Return whether to write the views: not over their source, nor over a file that is no result."""
-    file = args.out / "cameras.json"
-    if file.resolve() == Path(args.cameras).resolve():
-        return False
-    require_results(file)
-    return True
+def _names(public: PublicModel, folder: Path, views: Sequence[str]) -> list[str]:
+    """Return the names of all files but ``cameras.json``."""
+    names = [*public.names(folder / "purified.ply"), *(f"{name}.npy" for name in _ARRAYS), "diagnosis.json"]
+    names += [f"figures/{name}" for name in NAMES]
+    if public.visible:
+        names += ["metrics.csv", *(f"renders/{title}/{RENDERED}" for title in _RENDERS)]
+        names += [f"renders/{title}/{view}.png" for title in _RENDERS for view in views]
+    return names
 
 
 def _choose_factors(args: Arguments, model: Gaussians) -> None:
@@ -245,12 +243,11 @@ def _repair_lines(diagnosis: Mapping[str, Any]) -> list[str]:
 
 def _remove_older(folder: Path) -> None:
     """Remove what the next run may lack: without colour, without a figure, or killed while it draws."""
-    older = [folder / "figures" / f"{name}{suffix}" for name in _FIGURES for suffix in _SUFFIXES]
+    older = [folder / "figures" / name for name in NAMES]
     renders = [folder / "renders" / title for title in _RENDERS]
     for views in renders:
         older += [*views.glob("*.png"), views / RENDERED]
-    for path in (*older, folder / "metrics.csv"):
-        path.unlink(missing_ok=True)
+    remove(*older, folder / "metrics.csv")
     for emptied in (*renders, folder / "renders"):
         with suppress(OSError):  # another file is in it, or there is none
             emptied.rmdir()
@@ -284,7 +281,7 @@ def _draw(
             draw()
             captions.append(f"{path}: {caption}")
         except Exception as error:  # noqa: BLE001 - plotting libraries raise many types
-            path.unlink(missing_ok=True)
+            remove(path)
             warn(f"{path}: not drawn: {' '.join(str(error).split()) or type(error).__name__}")
     return captions
 

@@ -38,11 +38,12 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Render every view."""
     from gspure.artifacts import (
+        RENDERED,
         embedding_of,
         facts_of,
         filling,
         known_digest,
-        require_results,
+        remove,
         save_array,
         write_record,
     )
@@ -54,12 +55,11 @@ def run(args: Arguments) -> None:
 
     views = read_views(args)
     require_no_other_images(args.out, (camera.name for camera in views))
-    if isinstance(args.cameras, str):
-        require_results(args.out / "cameras.json")
     public = read_public(args)
     background = read_background(args, public.model.background)
     scene = public.scene(read_device(args), background, args.energy)
-    with filling(args.out) as folder:
+    names = [f"{camera.name}.{kind}" for camera in views for kind in ("png", "npy")[: 1 + args.npy]]
+    with filling(args.out, *names, RENDERED, *["cameras.json"] * isinstance(args.cameras, str)) as folder:
         empty = []
         for camera in track(views, "render"):
             image = scene(camera)
@@ -67,7 +67,7 @@ def run(args: Arguments) -> None:
                 empty.append(camera.name)
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:
-                save_array(folder / f"{camera.name}.npy", image)
+                save_array(folder / f"{camera.name}.npy", image, checksum=True)
         file = model_file(args.model)
         origin = {"target": SCENE, "model": known_digest(file), "embedding": embedding_of(file)}
         origin["photographs"] = facts_of(file).get(SCENE, "")
@@ -79,5 +79,5 @@ def run(args: Arguments) -> None:
     if empty:
         count = f"{len(empty)} of {len(views)} views, first {empty[0]}"
         warn(f"{count}, are of one colour: do cameras and model belong together?")
-    for camera in [] if args.npy else views:  # of an earlier run
-        (args.out / f"{camera.name}.npy").unlink(missing_ok=True)
+    if not args.npy:  # of an earlier run
+        remove(*(args.out / f"{camera.name}.npy" for camera in views))

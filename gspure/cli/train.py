@@ -75,14 +75,13 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
-    from gspure.artifacts import UNMOVED, filling, replacing, write_record
+    from gspure.artifacts import UNMOVED, filling, remove, replacing, write_record
     from gspure.evaluation.comparison import as_text
     from gspure.model import require_writable
     from gspure.model.inria import trained_background
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
-    from gspure.training.output import point_cloud, remove_results, require_replaceable
+    from gspure.training.output import names, point_cloud, remove_results
 
-    require_replaceable(args.out)
     if args.model:
         require_writable(args.model)
     args.background = read_background(args, trained_background(args.data))
@@ -93,10 +92,10 @@ def run(args: Arguments) -> None:
     size = f"{dataset.train[0].width}x{dataset.train[0].height}"
     views = f"{len(dataset.train)} views of {size}, {len(dataset.test)} held out"
     say(f"{views}, {len(dataset.xyz)} points, extent {dataset.extent:.3g}")
-    names = ("iterations", "resolution", "background", "max_gaussians", "seed")
-    settings = {name: getattr(args, name) for name in names} | {"data": fingerprint(dataset, images)}
+    used = ("iterations", "resolution", "background", "max_gaussians", "seed")
+    settings = {name: getattr(args, name) for name in used} | {"data": fingerprint(dataset, images)}
     device = read_device(args)
-    with filling(args.out) as folder:
+    with filling(args.out, *names(args.out, dataset, args.iterations)) as folder:
         trainer = _train(args, dataset, images, settings, device)
         rows = _write(folder, args, dataset, trainer.model.state().parameters, settings, device)
         remove_results(args.out)
@@ -105,7 +104,7 @@ def run(args: Arguments) -> None:
         with replacing(args.model) as temporary:
             shutil.copyfile(model, temporary)
         write_record(args.model, inputs={}, settings=settings, motion=UNMOVED)
-    _checkpoint(args).unlink(missing_ok=True)
+    remove(_checkpoint(args))
     if rows:
         print("\n".join(as_text(rows)))
     say(f"{trainer.model.count} Gaussians in {model}")

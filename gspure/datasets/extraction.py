@@ -37,9 +37,10 @@ def extract(file: Path, archive: Archive, scene: str, folder: Path, *, sha256: s
         if place in folders:
             raise InputError(file, entry.filename, expected="a folder", found="a file of that name")
     _require_room(file, sum(entry.file_size for entry in wanted))
-    with filling(folder) as whole, zipfile.ZipFile(file) as stored:
-        for entry, place in wanted.items():
-            target = whole / kept[place.parts[0]] / place.relative_to(place.parts[0])
+    names = {entry: Path(kept[place.parts[0]], *place.parts[1:]) for entry, place in wanted.items()}
+    with filling(folder, RECORD, *map(str, names.values())) as whole, zipfile.ZipFile(file) as stored:
+        for entry, name in names.items():
+            target = whole / name
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as copy:
                 copy.writelines(_content(file, stored, entry))

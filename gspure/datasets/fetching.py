@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
-from gspure.artifacts import digest, write_text
+from gspure.artifacts import digest, remove, write_text
 from gspure.errors import InputError, reading
 from gspure.progress import say
 
@@ -81,8 +81,7 @@ def _download(url: str, output_file: str, _pooch: Any) -> None:
     version = head.headers.get("ETag") or head.headers.get("Last-Modified") or ""
     name = url.rpartition("/")[2]
     part = Path(output_file).with_name(f"{name}.{digest(version, str(total))}.part")
-    for stale in set(part.parent.glob(f"{name}.*.part")) - ({part} if version else set()):
-        stale.unlink()  # of another version, to which nothing may be added
+    remove(*set(part.parent.glob(f"{name}.*.part")) - ({part} if version else set()))  # nothing may be added to these
     part.touch()
     fruitless = 0
     while (size := part.stat().st_size) < total:

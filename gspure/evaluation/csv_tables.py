@@ -39,10 +39,10 @@ class _Field(NamedTuple):
 
 
 def write_table(path: Path, kind: type[Row], rows: Iterable[Row]) -> None:
-    """Write one CSV row per item below a header, whole or not at all."""
+    """Write one CSV row per item below a header, whole or not at all, with a checksum beside it."""
     fields = _fields(kind)
     cells = ([cell for name, field in fields.items() for cell in field.write(getattr(row, name))] for row in rows)
-    write_text(path, csv_text(header(kind), cells))
+    write_text(path, csv_text(header(kind), cells), checksum=True)
 
 
 def read_table(path: Path, kind: type[Row]) -> list[Row]:

@@ -5,12 +5,20 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from gspure.artifacts import embedding_of, file_digest, known_digest, recorded_inputs, require_same_origin, settings_of
+from gspure.artifacts import (
+    RENDERED,
+    embedding_of,
+    file_digest,
+    known_digest,
+    recorded_inputs,
+    require_same_origin,
+    settings_of,
+)
 from gspure.cost import COSTS, cost_of
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import DETECTIONS
-from gspure.images import RENDERED, origin_of
+from gspure.images import origin_of
 
 MODEL: Final = "public/point_cloud.ply"
 

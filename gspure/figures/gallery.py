@@ -24,6 +24,13 @@ from gspure.public_model import RenderView
 TITLES: Final = ("model", "message before pruning", "rank of the weight", "message after pruning")
 """Titles of the render and the three clouds of a purification."""
 
+NAMES: Final = tuple(
+    f"{name}{suffix}"
+    for name in ("before_after", "clusters", "hidden", "kept", "purification", "ranks", "splats", "weights")
+    for suffix in (".png", ".svg", ".gltf", ".vtp")
+)
+"""Names of the files of all figures of a model."""
+
 _RANKS: Final = (
     "Rank: the order by τ_c times the mean weight of the cluster or, outside clusters, τ_n times the weight. GSPure "
     "prunes the lowest ranks."

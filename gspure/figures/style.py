@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from gspure.artifacts import replacing
+from gspure.artifacts import replacing, require_replaceable
 from gspure.dtypes import UInt8
 
 if TYPE_CHECKING:
@@ -93,13 +93,14 @@ def page(
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
+    files = [path, *[path.with_suffix(".svg")] * (vector and path.suffix.lower() != ".svg")]
+    require_replaceable(*files)
     with mpl.rc_context(_RC):
         figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="white")
         yield figure
-        files = {path: False} | ({path.with_suffix(".svg"): True} if vector and path.suffix.lower() != ".svg" else {})
-        for file, checksum in files.items():
+        for file in files:
             kind = file.suffix.lower().removeprefix(".")
-            with replacing(file, checksum=checksum) as temporary:
+            with replacing(file, checksum=True) as temporary:
                 figure.savefig(temporary, format=kind, metadata=dict.fromkeys(_VARYING[kind]))
 
 

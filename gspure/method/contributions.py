@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 import gspure.opencl
 import gspure.renderer
-from gspure.artifacts import digest, intact, load_array, save_array, verify, write_text
+from gspure.artifacts import digest, intact, load_array, remove, require_replaceable, save_array, verify, write_text
 from gspure.artifacts.checksums import record_file
+from gspure.artifacts.replacement import is_result
 from gspure.cameras import Camera
 from gspure.errors import InputError, reading
 from gspure.model import require_finite
@@ -88,6 +89,7 @@ def contribute(
         stages.append(Stage(camera.name, key, folder / f"{camera.name}.{key}.npy"))
     missing = [pair for pair in zip(cameras, stages, strict=True) if not intact(pair[1].path)]
     corrupt = sum(stage.path.exists() for _, stage in missing)
+    require_replaceable(*(stage.path for _, stage in missing))
     if missing:
         contributions = public.contributions(device, energy)
         for camera, stage in track(missing, "contributions"):
@@ -223,13 +225,12 @@ def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
     Return the number of deleted stages and of freed bytes. Raise `InputError` if the indices list none of the stages.
     """
     listed = {stage.path.resolve() for index in indices for stage in read_index(index)}
-    arrays = sorted(folder.rglob("*.npy"))
-    unlisted = [path for path in arrays if _STAGE.search(path.name) and path.resolve() not in listed]
-    if unlisted and listed.isdisjoint(path.resolve() for path in arrays):
+    arrays = {path.resolve(): path for path in sorted(folder.rglob("*.npy"))}
+    unlisted = [arrays[file] for file in arrays.keys() - listed if _STAGE.search(file.name) and is_result(file)]
+    if unlisted and listed.isdisjoint(arrays):
         hint = "to drop every stage, delete the folder"
         raise InputError(folder, "stages", expected=f"some that {indices[0]} or others list", found="none", hint=hint)
     files = [file for stage in unlisted for file in (stage, record_file(stage)) if file.exists()]
     freed = sum(path.stat().st_size for path in files)
-    for path in files:
-        path.unlink()
+    remove(*unlisted)
     return len(unlisted), freed

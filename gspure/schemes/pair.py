@@ -21,13 +21,12 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import record_of, require_input
+from gspure.artifacts import RENDERED, record_of, require_input
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
 from gspure.dtypes import Float32, Float64, UInt8
 from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
-from gspure.images import RENDERED
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters

@@ -42,7 +42,7 @@ def write_checkpoint(path: Path, snapshot: Snapshot, settings: Mapping[str, Any]
     """Write a snapshot and the settings of its run as .npz without pickle, whole or not at all."""
     run = {"iteration": snapshot.iteration, "unseen": snapshot.pending_views, "rng": snapshot.rng, "settings": settings}
     arrays = {f"{part}.{group}": getattr(getattr(snapshot.state, part), group) for part in _PARTS for group in _SHAPES}
-    with replacing(path) as temporary:
+    with replacing(path, checksum=True) as temporary:
         np.savez(temporary, run=np.array(json.dumps(run)), **arrays)
 
 

@@ -1,13 +1,11 @@
 """The output folder of training, in the layout of 3DGS's trainer, which most tools read."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from gspure.artifacts import require_results, write_text
-from gspure.artifacts.checksums import forget
+from gspure.artifacts import RENDERED, remove, write_text
 from gspure.cameras import write_cameras
-from gspure.images import RENDERED
 from gspure.model import Gaussians, write_model
 from gspure.model.inria import saved_iterations
 from gspure.model.points import write_point_ply
@@ -52,9 +50,13 @@ def write_output(
     return model
 
 
-def require_replaceable(folder: Path) -> None:
-    """Require that all models in the folder, and the files beside them, are results, as their records say."""
-    require_results(*saved_iterations(folder).values(), *(folder / name for name in ("cameras.json", "input.ply")))
+def names(folder: Path, dataset: Dataset, iteration: int) -> Iterator[str]:
+    """Yield the names of the files of a run, and those of all models there, since only the last one is read."""
+    yield from ("cameras.json", "input.ply", "cfg_args", "metrics.csv", "checkpoint.npz")
+    for model in (point_cloud(folder, iteration), *saved_iterations(folder).values()):
+        yield str(model.relative_to(folder))
+    for images in comparison(Path(), iteration):
+        yield from (str(images / name) for name in (RENDERED, *(f"{view.name}.png" for view in dataset.test)))
 
 
 def remove_results(folder: Path) -> None:
@@ -62,9 +64,7 @@ def remove_results(folder: Path) -> None:
     for iteration, model in saved_iterations(folder).items():
         images = comparison(folder, iteration)
         shown = (path for views in images for path in (*views.glob("*.png"), views / RENDERED))
-        for path in (*shown, model, folder / "metrics.csv"):
-            forget(path)
-            path.unlink(missing_ok=True)
+        remove(*shown, model, folder / "metrics.csv")
         for place in (*images, images[0].parent, model.parent):
             with suppress(OSError):  # absent, or not empty
                 place.rmdir()

@@ -1,0 +1,108 @@
+"""The rule for files that exist: a command replaces those that the user names as outputs, and its earlier results.
+
+All else that a command writes, in a folder or beside a named file, replaces nothing but its results, and it deletes
+nothing but them. A file is a result of a command if the record of the file, or of its folder of images, or the file
+itself, if it is a record, holds its checksum and names no other command; or, corrupt or not, if its name ends with the
+digest of what it was made from, as that of a stage, and it has a record.
+"""
+
+import json
+import os
+import re
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+from gspure.artifacts.checksums import COMMAND, file_checksum, forget, record_checksum, record_of
+from gspure.errors import InputError
+
+RENDERED: Final = "rendered.json"  # record of the images that a folder has to hold, and of how they were rendered
+
+_KEYED: Final = re.compile(r"\.[0-9a-f]{32}\.(npy|part)$")
+_WRITABLE: Final = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
+
+_named: ContextVar[frozenset[Path] | None] = ContextVar("_named", default=None)
+"""The outputs that the user of a command named; None in jobs of the workflow and outside of commands."""
+
+
+@contextmanager
+def replacing_only(command: str, named: Iterable[Path] | None) -> Iterator[None]:
+    """Let the block replace only results of a command, the `named` files, and those of an outer block; all if None."""
+    places = None if named is None else frozenset({*map(_place, named), *(_named.get() or ())})
+    tokens = COMMAND.set(command), _named.set(places)
+    try:
+        yield
+    finally:
+        COMMAND.reset(tokens[0])
+        _named.reset(tokens[1])
+
+
+def require_replaceable(*paths: Path) -> None:
+    """Refuse to replace files that are neither named outputs nor results, read-only files and folders.
+
+    The record of a named output may be that of any command.
+    """
+    if (named := _named.get()) is None:
+        return
+    for path in filter(os.path.lexists, paths):
+        command = "" if _place(path.with_suffix("")) in named else COMMAND.get()
+        if path.is_dir():
+            expected, found = "a file", "a folder"
+        elif path.exists() and not path.stat().st_mode & _WRITABLE:
+            expected, found = "a writable file", "a read-only one"
+        elif _place(path) not in named and not is_result(path, command):
+            expected, found = f"a result of an earlier run of `gspure {COMMAND.get()}`", "another file"
+        else:
+            continue
+        raise InputError(path, "output", expected=expected, found=found, hint="name another place, or delete it")
+
+
+def remove(*paths: Path) -> None:
+    """Delete those files that are results, with their records."""
+    for path in paths:
+        if path.is_file() and is_result(path):
+            forget(path)
+            path.unlink()
+
+
+def is_result(path: Path, command: str | None = None) -> bool:
+    """Return whether a file is a result, unchanged since it was written, of a command: the current one by default.
+
+    The empty one is any.
+    """
+    command = COMMAND.get() if command is None else command
+    with suppress(InputError, OSError, ValueError):
+        if _KEYED.search(path.name):
+            return path.suffix == ".part" or record_of(path) is not None
+        if (record := record_of(path)) is not None:
+            checksum = record["crc32"]
+        elif path.suffix == ".png":
+            record = _checksummed(path.with_name(RENDERED))
+            checksum = dict(record.get("crc32", {})).get(path.stem)
+        elif path.suffix == ".json":
+            record = _checksummed(path)
+            checksum = record and file_checksum(path)
+        else:
+            return False
+        return command in {"", record.get("command", command)} and checksum == file_checksum(path)
+    return False
+
+
+def _checksummed(file: Path) -> dict[str, Any]:
+    """Return a record that holds its own checksum; empty if a file is no such record."""
+    state = file.stat()
+    return _read(file, state.st_ino, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _read(file: Path, *_state: int) -> dict[str, Any]:
+    record = json.loads(file.read_text(encoding="utf-8"))
+    return record if isinstance(record, dict) and record.get("record") == record_checksum(record) else {}
+
+
+def _place(path: Path) -> Path:
+    return path.parent.resolve() / path.name
