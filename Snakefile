@@ -6,7 +6,7 @@
 from pathlib import Path
 from snakemake.utils import min_version
 
-min_version("9.0")
+min_version("9.27")
 
 # A configuration of one's own replaces the demo's; it is not laid over it.
 if not (workflow.configfiles or {"assets", "pairs"} & config.keys()):

@@ -12,6 +12,7 @@ from gspure.cameras.camera import Camera
 from gspure.constants import GEOMETRY_ATTRIBUTES
 from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.model.filtered import filtered
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.conservation import require_conservation
 from gspure.opencl.device import Device, choose_device
@@ -63,7 +64,7 @@ class Renderer:
     Parameters
     ----------
     model : Gaussians
-        K Gaussians; uploaded once.
+        K Gaussians, with the 3-D filter that their file may hold; uploaded once.
     device : Device, optional
         By default the one that `gspure.opencl.device.choose_device` picks.
     energy : "ewa", "ray" or "center_ray"
@@ -92,7 +93,7 @@ class Renderer:
         self.energy: Energy = energy
         self._entry_budget = entry_budget
         self._engine = Engine((device or choose_device()).cl_device, style)
-        self._storage = store(self._engine, model)
+        self._storage = store(self._engine, filtered(model))
 
     def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
         """Return the colour image [H,W,3]: non-negative, not clipped above.

@@ -11,6 +11,7 @@ from gspure.model import Gaussians, read_model, write_model
 from gspure.model.filtered import FILTER, filtered
 from gspure.model.finite import drawable, undrawable_rows
 from gspure.model.rotations import rotation_matrices
+from gspure.renderer import Renderer
 from tests.models import blobs, camera
 
 ROWS = 60
@@ -95,3 +96,10 @@ def test_columns_that_change_nothing_are_named(tmp_path, monkeypatch, capsys):
         write_model(f"{name}.ply", model)
         assert main(f"render {name}.ply --cameras cameras.json --out {name}".split()) == 0
         assert ("change nothing that is drawn: beta\n" in capsys.readouterr().err) == (name == "beta")
+
+
+def test_a_renderer_applies_the_filter():
+    stored = with_column(blobs(ROWS), FILTER, SIZES)
+    image = Renderer(stored).image(camera())
+    np.testing.assert_array_equal(image, Renderer(filtered(stored)).image(camera()))
+    assert not np.array_equal(image, Renderer(blobs(ROWS)).image(camera()))

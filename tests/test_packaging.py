@@ -98,7 +98,7 @@ def test_conda_installs_what_pip_installs() -> None:
     environment = yaml.safe_load((ROOT / "envs" / "gspure.yaml").read_text())["dependencies"]
     recipe = yaml.safe_load((ROOT / "envs" / "conda-recipe" / "recipe.yaml").read_text())
     for packages in (
-        [*environment, "snakemake-minimal >=9.0,<10"],
+        [*environment, "snakemake-minimal >=9.27,<10"],
         recipe["requirements"]["run"],
     ):  # it runs in Snakemake
         assert {*packages} - {"pocl"} == expected | {f"python {metadata['requires-python']}"}
