@@ -75,7 +75,9 @@ def is_result(path: Path, command: str | None = None) -> bool:
     The empty one is any.
     """
     command = COMMAND.get() if command is None else command
-    with suppress(InputError, OSError, ValueError):
+    if not path.is_file():
+        return False
+    with suppress(InputError, OSError, RecursionError, TypeError, ValueError):
         if _KEYED.search(path.name):
             return path.suffix == ".part" or record_of(path) is not None
         if (record := record_of(path)) is not None:
@@ -100,7 +102,7 @@ def _checksummed(file: Path) -> dict[str, Any]:
 
 @lru_cache(maxsize=16)
 def _read(file: Path, *_state: int) -> dict[str, Any]:
-    record = json.loads(file.read_text(encoding="utf-8"))
+    record = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else None
     return record if isinstance(record, dict) and record.get("record") == record_checksum(record) else {}
 
 

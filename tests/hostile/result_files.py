@@ -31,6 +31,7 @@ from gspure.artifacts import (
     write_record,
 )
 from gspure.artifacts.checksums import record_file, with_checksum
+from gspure.artifacts.replacement import is_result
 from gspure.cameras.reading import read_transform
 from gspure.cost import Cost, read_cost
 from gspure.errors import InputError
@@ -245,6 +246,12 @@ def _read_renders(folder: Path) -> None:
     require_comparable(folder, folder, ["view_0", "view_1"])
 
 
+def _read_replaced(folder: Path) -> None:
+    _signed(folder / RENDERED)
+    for path in (folder / RENDERED, *folder.glob("*.png")):
+        assert isinstance(is_result(path, ""), bool)
+
+
 def _readings(folder: Path) -> None:
     for name, bits in (("marked", 16), ("clean", 0)):
         table = folder / "scheme" / "scene" / name / "detections" / "mark.csv"
@@ -318,6 +325,7 @@ READERS = (
         {"model.ply.json": "json"},
     ),
     Reader("record of renders", _renders, _read_renders, {RENDERED: "json"}),
+    Reader("renders to be replaced", _renders, _read_replaced, {RENDERED: "json"}),
     Reader(
         "rigid transform",
         lambda f: save_array(f / "transform.npy", np.diag([-1.0, -1.0, 1.0, 1.0])),

@@ -23,8 +23,8 @@ from tests.hostile.readers import BY_NAME, READERS
 
 ROOT = Path(__file__).parents[2]
 CASES = 100
-NEVER_REFUSED = {"attack.log", "results/jobs/weights.json"}
-"""Logs have any text; a job without a readable note runs again."""
+NEVER_REFUSED = {"attack.log", "results/jobs/weights.json", "rendered.json"}
+"""Logs have any text; a job without a readable note runs again; what has no readable record is no result."""
 
 
 @pytest.fixture(scope="module")
