@@ -113,6 +113,11 @@ def test_the_command_shows_what_is_in_the_table(results: Path) -> None:
     assert main(command(results, "unattacked", "noise")) == 0, "without a truth"
 
 
+def test_a_failed_attack_chooses_no_view(results: Path) -> None:
+    for titles in (["gof", "noise"], ["gof"], []):
+        assert main(command(results, "unattacked", *titles)) == 0
+
+
 def test_a_message_with_views_of_its_own_is_shown_in_a_view_of_its_own(results: Path) -> None:
     for variant in ("truth", "unattacked", "noise"):
         for view in "abc":

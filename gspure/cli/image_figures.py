@@ -81,7 +81,9 @@ def _draw_attacks(args: Arguments) -> Drawn:
             args.table, "variant", expected=f"{UNATTACKED} of {args.name}, among the columns", found="none"
         )
     compared = MESSAGE if MESSAGE in targets else SCENE
-    changed = UNATTACKED if reference != UNATTACKED else GSPURE if GSPURE in folders else others[0]
+    measured = {outcome.variant for outcome in outcomes if compared in outcome.targets}
+    attacked = [name for name in (GSPURE, *others) if name in measured] if reference == UNATTACKED else []
+    changed = attacked[0] if attacked else UNATTACKED
     view, count = _typical_view([folders[reference], folders[changed]], compared)
     views = dict.fromkeys(targets, view)
     if SCENE in targets and not (_target_folder(folders[reference], SCENE) / f"{view}.png").is_file():
