@@ -63,7 +63,7 @@ SEED: Final = Range(0, 2**32 - 1)
 STEPS: Final = Range(1, 1_000_000)  # of training
 CLUSTER_SHARE: Final = Range(0.0, 1.0, above=True)
 CLUSTER_SIZE: Final = Range(2, 100_000_000)
-NEIGHBOURS: Final = Range(1, 1000)
+NEIGHBOURS: Final = Range(1, 128)  # that the kernels hold for each of millions of points
 DECIBELS: Final = Range(0.0, 100.0, above=True)
 FIELD_OF_VIEW: Final = Range(0.01, 179.0)  # degrees
 TRACED_SIDE: Final = Range(16, 16384)  # of a ray-traced image, in pixels

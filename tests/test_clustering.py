@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from sklearn.metrics import adjusted_rand_score
 
 from gspure.errors import InputError
+from gspure.method.clustering import reference
 from gspure.method.clustering.diagnosis import diagnose
 from gspure.method.clustering.selection import SELECTIONS, select
 from gspure.method.clustering.tree import coincident_points, spanning_tree
+from gspure.opencl import spanning
 
 
 def heavy_tailed(seed: int, count: int, columns: int = 5) -> np.ndarray:
@@ -94,8 +96,8 @@ def test_more_neighbours_than_rows_are_warned_of(capsys: pytest.CaptureFixture[s
     points = np.random.default_rng(0).normal(size=(30, 5)).astype(np.float32)
     spanning_tree(points, 29)
     assert not capsys.readouterr().err
-    spanning_tree(points, 1000)
-    assert "min_samples is 1000" in capsys.readouterr().err
+    spanning_tree(points, 128)
+    assert "min_samples is 128" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("min_samples", [1, 10, 40])
@@ -112,7 +114,8 @@ def test_tree_equals_that_of_hdbscans_own_core_distances(min_samples: int) -> No
 def test_tree_and_clusters_equal_those_of_hdbscans_tree(selection: str, monkeypatch: pytest.MonkeyPatch) -> None:
     points = with_ties(12, 20_000)
     ours = spanning_tree(points, 10)
-    monkeypatch.setattr("gspure.method.clustering.tree._MOST_NEIGHBOURS", 0)
+    hdbscans = reference.minimum_spanning_tree
+    monkeypatch.setattr(spanning, "minimum_spanning_tree", lambda _engine, *points: hdbscans(*points))
     theirs = spanning_tree(points, 10)
     np.testing.assert_allclose(ours[:, 2], theirs[:, 2], rtol=1e-14)
     theirs[:, 2] = ours[:, 2]  # equal but for the last bit, which decides what ties
@@ -287,9 +290,10 @@ def test_settings_out_of_range_are_refused_by_name(name: str, change: dict) -> N
         select(spanning_tree(blobs(0, 5)), **change)
 
 
-def test_min_samples_below_one_is_refused() -> None:
+@pytest.mark.parametrize("min_samples", [0, 129])
+def test_min_samples_out_of_range_are_refused(min_samples: int) -> None:
     with pytest.raises(InputError, match="min_samples"):
-        spanning_tree(blobs(0, 5), 0)
+        spanning_tree(blobs(0, 5), min_samples)
 
 
 QUANTITIES = ("weights", "opacities")

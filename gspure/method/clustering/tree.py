@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.bounds import NEIGHBOURS
 from gspure.constants import MIN_SAMPLES
 from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from gspure.opencl.device import Device
 
 Tree = Float64
-
-_MOST_NEIGHBOURS = 128  # that the kernels hold for a point
 
 
 def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, device: Device | None = None) -> Tree:
@@ -30,14 +29,13 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     they are connected to the first of them.
 
     The tree [K-1,3] has edges (a, b, distance) with a < b, sorted by distance; edges of equal length by the
-    lexicographic order of the points, so it does not depend on the order of rows. Without double precision, or for more
-    than 128 `min_samples`, hdbscan computes the tree.
+    lexicographic order of the points, so it does not depend on the order of rows. On a device without double
+    precision, hdbscan computes the tree.
 
-    Raise `InputError` if `min_samples` is below 1, there is no point, or a feature is not finite.
+    Raise `InputError` if `min_samples` is not from 1 to 128, there is no point, or a feature is not finite.
     """
     points = np.asarray(features, np.float64)
-    if min_samples < 1:
-        raise InputError("clustering", "min_samples", expected="at least 1", found=str(min_samples))
+    NEIGHBOURS.require("clustering", "min_samples", min_samples)
     if not np.isfinite(points).all():
         raise InputError("clustering", "features", expected="finite values", found="NaN or infinity")
     if not len(points):
@@ -83,7 +81,7 @@ def _tree_of_distinct(
     _, exponent = np.frexp(np.abs(points).max())
     points = np.ldexp(points, -exponent)  # exact, and squares neither overflow nor underflow
     engine = Engine((device or choose_device()).cl_device)
-    if min_samples <= _MOST_NEIGHBOURS and engine.device.double_fp_config:
+    if engine.device.double_fp_config:
         ends, distances, core_distances = spanning.minimum_spanning_tree(engine, points, copies, min_samples)
     else:
         ends, distances, core_distances = reference.minimum_spanning_tree(points, copies, min_samples)
