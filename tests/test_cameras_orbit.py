@@ -3,12 +3,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.cameras import bounding_sphere, orbit_cameras, shell_cameras, split
+from gspure.bounds import FIELD_OF_VIEW
+from gspure.cameras import bounding_sphere, orbit_cameras, read_cameras, shell_cameras, split, write_cameras
 from gspure.cameras.orbit import guessed_up
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
 from tests.camera_cases import numbers, project
-from tests.models import points_of
+from tests.models import blobs, points_of
 
 RANDOM = np.random.default_rng(1)
 BALL = RANDOM.normal(size=(4000, 3))
@@ -153,6 +154,13 @@ def test_a_plane_that_is_as_upright_in_both_worlds_has_the_usual_up():
 
 
 @pytest.mark.filterwarnings("error")
+def test_the_widest_views_are_read_without_a_warning(tmp_path, capsys) -> None:
+    write_cameras(tmp_path / "views.json", orbit_cameras(blobs(20), fov_degrees=FIELD_OF_VIEW.most))
+    capsys.readouterr()
+    read_cameras(tmp_path / "views.json")
+    assert not capsys.readouterr().err
+
+
 def test_views_of_a_model_too_large_for_a_device_are_refused() -> None:
     model = points_of(np.array([[0.0, 0, 0], [3e38, 0, 0], [0, 3e38, 0], [0, 0, 3e38]]), np.ones(4))
     with pytest.raises(InputError, match="camera"):

@@ -24,7 +24,7 @@ from gspure.report.tables import conditions_markdown, results_markdown, summary_
 from gspure.report.templates import say
 from tests.contest_cases import attacked, outcome
 from tests.edge_tables import VARIANTS, edge_outcomes
-from tests.models import blobs, tilted_camera
+from tests.models import blobs, camera, tilted_camera
 from tests.test_audit import audit_of, of_scenes, sentence, told
 from tests.test_report import Page
 
@@ -145,6 +145,19 @@ def test_identical_renders_are_named_among_the_attacks() -> None:
     assert "identical" in sentence(outcomes)
 
 
+def test_the_verdict_counts_the_models_of_its_means() -> None:
+    values = {("a", "gspure"): 36.0, ("b", "gspure"): math.inf, ("a", "unattacked"): math.inf}
+    values |= {("b", "unattacked"): math.inf, ("c", "unattacked"): math.inf}
+    outcomes = [
+        outcome(name, scheme="vanilla", scene=scene, targets={SCENE: psnr}, pruned_share=0.25 * (name == "gspure"))
+        for (scene, name), psnr in values.items()
+    ]
+    outcomes = [replace(o, targets={SCENE: o.targets[SCENE]._replace(reference="render")}) for o in outcomes]
+    text = sentence(outcomes)
+    assert "25.0% of the rows on average (2 of 3 scenes)" in text
+    assert "36.0 dB (1 of 3 scenes)" in text
+
+
 def test_a_message_without_false_candidates_is_not_retrieved_from_nothing() -> None:
     with pytest.raises(InputError, match="candidates: expected others"):
         retrieval([np.array([1.0])])
@@ -158,3 +171,6 @@ def test_views_that_show_nothing_are_warned_of(tmp_path: Path, capsys) -> None:
     write_cameras(tmp_path / "c.json", [here, away])
     main(["render", str(tmp_path / "m.ply"), "--cameras", str(tmp_path / "c.json"), "--out", str(tmp_path / "r")])
     assert "1 of 2 views, first away" in capsys.readouterr().err
+    write_cameras(tmp_path / "c.json", [camera(1, 1)])
+    main(["render", str(tmp_path / "m.ply"), "--cameras", str(tmp_path / "c.json"), "--out", str(tmp_path / "one")])
+    assert "warning" not in capsys.readouterr().err, "a single pixel has a single colour"

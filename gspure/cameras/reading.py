@@ -18,7 +18,7 @@ from gspure.progress import warn
 _IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
 
 _MOST_SHIFT: Final = 0.25  # of a principal point from the centre, as a share of the image's side
-_LEAST_FOCAL: Final = 0.1  # share of the width: a field of view of 157 degrees
+_LEAST_FOCAL: Final = 0.004  # share of the width: a field of view of 179 degrees, the widest of generated views
 
 CAMERA_FILES: Final = ("cameras.bin", "images.bin", "cameras.txt", "images.txt", *_IN_FOLDER)
 """Names of the files that cameras are read from, of all formats."""

@@ -63,7 +63,7 @@ def run(args: Arguments) -> None:
         empty = []
         for camera in track(views, "render"):
             image = scene(camera)
-            if (image == image[0, 0]).all():
+            if image[:, :, 0].size > 1 and (image == image[0, 0]).all():
                 empty.append(camera.name)
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:

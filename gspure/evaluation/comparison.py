@@ -164,7 +164,7 @@ def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
     low = [row._replace(view=f"worst: {row.view}") for row in worst(on_path(rows))]
     remarks = [f"warning: {sentence}" for sentence in far_below(on_path(rows))]
     if empty := [_named(row) for row in rows if np.isinf(row.psnr) and row.values["structure"] == 0]:
-        remarks.append(f"warning: {len(empty)} identical views are of one colour, first {empty[0]}: they show nothing")
+        remarks.append(f"warning: identical views of one colour, which show nothing: {len(empty)}, first {empty[0]}")
     same, views = identical(on_path(rows)), Counter(row.target for row in on_path(rows))
     off = [row._replace(view="mean off path") for row in means(off_path(rows))]
     rows = [*rows, *means(on_path(rows)), *low, *off]
