@@ -73,10 +73,13 @@ def _read_bits(args: Arguments) -> list[Reading]:
     from gspure.cli.options import read_key
     from gspure.errors import InputError
     from gspure.evaluation.detector import read_bits
+    from gspure.evaluation.outcomes import SCENE
     from gspure.images import origin_of
 
     if not args.scheme:
         raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
+    if (target := origin_of(args.images, "target")) not in {"", SCENE}:
+        raise InputError(args.images, "target", expected="renders of the scene", found=target)
     key = read_key(args, origin_of(args.images, "embedding"))
     return read_bits(key.read_bits, key.bits, args.images)
 

@@ -127,15 +127,22 @@ def _lesson(args: Arguments) -> Lesson:
     """Return what the key learns from: photographs of the message, in training views that move with the model."""
     import numpy as np
 
+    from gspure.cameras.photographs import photograph
     from gspure.cameras.reading import read_transform
     from gspure.cli.options import read_device
     from gspure.errors import InputError
+    from gspure.images import origin_of
     from gspure.public_model import Lesson
     from gspure.schemes.pair import Capture
+    from gspure.schemes.scheme import MESSAGE
 
     if not args.photographs:
         raise InputError("extract", "--photographs", expected="photographs of the message to learn from", found="none")
     capture = Capture.read(args.photographs)
+    if (target := origin_of(photograph(capture.views[0]).parent, "target")) not in {"", MESSAGE}:
+        raise InputError(
+            args.photographs, "--photographs", expected="those of the message", found=f"those of the {target}"
+        )
     transform = read_transform(args.transform) if args.transform else np.eye(4)
     views = [camera.moved(transform) for camera in capture.views]
     return Lesson(views, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=read_device(args))
