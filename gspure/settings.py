@@ -29,7 +29,7 @@ def bounds(function: Callable[..., Any]) -> dict[str, Range | None]:
     try:
         parameters = inspect.signature(function, eval_str=True).parameters
     except NameError as error:
-        expected = "types that are imported when the module is"
+        expected = "types that are imported at run time, not only under TYPE_CHECKING"
         raise InputError(function.__module__, "annotations", expected=expected, found=str(error)) from None
     return {
         name: next((b for b in getattr(parameters[name].annotation, "__metadata__", ()) if isinstance(b, Range)), None)
@@ -58,7 +58,7 @@ def require_settings(
     for name, value in settings.items():
         field = f"{place}{name}"
         if name not in known:
-            expected = f"one of {', '.join(known) or 'no settings'}"
+            expected = f"one of {', '.join(known)}" if known else "no settings"
             raise InputError(source, field, expected=expected, found="an unknown key")
         if limits := known[name]:
             limits.require(source, field, value)

@@ -185,7 +185,7 @@ def test_a_model_without_colour_is_refused_by_attacks_on_colour() -> None:
     [
         ("random_pruning", {"fraction": 1.5}, "fraction: expected a number from 0 to 1, found 1.5"),
         ("random_pruning", {"ratio": 0.5}, "ratio: expected one of fraction"),
-        ("unattacked", {"ratio": 0.5}, "ratio: expected one of no settings"),
+        ("unattacked", {"ratio": 0.5}, "ratio: expected no settings"),
         ("feature_scaling", {"factor": float("nan")}, "factor: expected a number from 0"),
         ("feature_scaling", {"attributes": "color"}, "attributes: expected one or more of colour,base_colour,opacity"),
         ("gaussian_noise", {"sigma": -1.0}, "sigma: expected a number from 0"),

@@ -352,7 +352,7 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         ),
         (
             {**PLANTED, "variants": {"unattacked": {"sigma": 1}, "gspure": {}}},
-            "variants.unattacked.sigma: expected one of no settings, found an unknown key",
+            "variants.unattacked.sigma: expected no settings, found an unknown key",
         ),
         (
             {**PLANTED, "variants": {"unattacked": {}, "gspure": {"decision": "gentle"}}},

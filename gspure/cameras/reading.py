@@ -55,7 +55,8 @@ def read_lenses(path: str | Path) -> list[Camera]:
     cameras = read_colmap(path) if path.is_dir() and find_sparse(path) else _read_file(_camera_file(path))
     if odd := [camera.name for camera in cameras if not _fits(camera)]:
         views = f"{len(odd)} of {len(cameras)} views, such as {odd[0]}"
-        warn(f"{path}: focal length or principal point of {views}, does not fit the image size: of another size?")
+        mismatch = "does not fit the image size: it may be normalized, or belong to another size"
+        warn(f"{path}: focal length or principal point of {views}, {mismatch}")
     return cameras
 
 

@@ -45,7 +45,7 @@ def add_arguments(parser: Parser) -> None:
         "image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, as in 3DGS; generated "
         "views keep --width and --height)",
     )
-    parser.number("--off-path", "N", "write N views off the camera path instead", VIEWS)
+    parser.number("--off-path", "N", "write N views off the camera path instead of those of SOURCE", VIEWS)
     parser.flag(
         "--undistort", "remove lens distortion: also write the photographs to images/, and the points, beside --out"
     )

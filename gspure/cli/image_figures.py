@@ -47,7 +47,7 @@ def _draw_panels(args: Arguments) -> Drawn:
     from gspure.images import background_of, read_image
 
     if len(folders := args.column) == 1:
-        raise InputError("figures panels", "--column", expected="a reference and another", found="one")
+        raise InputError("figures panels", "--column", expected="a reference and another column", found="one")
     views = _common_views(folders.values())
     chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, args.rows).round().astype(int))]
     titles, background = list(folders), background_of(*folders.values())

@@ -18,7 +18,7 @@ def add_arguments(parser: Parser) -> None:
     add_factors(parser)
     parser.writes("--out", "NPY", "bool [K], true where pruned")
     parser.writes("--diagnosis", "JSON", "also write the diagnosis here", required=False)
-    parser.reads("--model", "PLY", "list its suspicious rows in the diagnosis", required=False)
+    parser.reads("--model", "PLY", "also list the suspicious rows of this model in the diagnosis", required=False)
 
 
 def run(args: Arguments) -> None:

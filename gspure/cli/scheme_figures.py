@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def _add_sweep(parser: Parser) -> None:
     _add_condition(parser)
-    meaning = "a variant and its pruning factors, above 0, the method's first"
+    meaning = "a variant and its pruning factors, above 0, first those of the method"
     parser.pairs("--point", "VARIANT=TAU_N,TAU_C", meaning, _factors, required=True)
     parser.set_defaults(draw=_draw_sweep)
 
@@ -69,7 +69,7 @@ def _draw_sweep(args: Arguments) -> Drawn:
         points.append(Point(factors, known))
     drawn = [name for name in ("scene", "message") if all(name in point.means for point in points)]
     if not drawn:
-        raise InputError(args.table, "PSNR", expected="one that is known at every point", found="none")
+        raise InputError(args.table, "PSNR", expected="scene or message, known at every point", found="neither")
     method = points[0].factors
     write_factor_curves(args.out, points, method, _label(outcomes, means[next(iter(args.point))].extraction))
     counts = {

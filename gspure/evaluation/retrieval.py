@@ -52,7 +52,7 @@ def retrieval(similarities: Sequence[Float64]) -> Retrieval:
     similarities = [view for view in similarities if len(view) > 1]
     if not similarities:
         hint = "--decoys takes folders of further pictures of the size of the photographs"
-        raise InputError("retrieval", "candidates", expected="others than the message", found="none", hint=hint)
+        raise InputError("retrieval", "candidates", expected="pictures other than the message", found="none", hint=hint)
     true, false = np.array([view[0] for view in similarities]), np.concatenate([view[1:] for view in similarities])
     threshold = np.quantile(false, 1 - FALSE_POSITIVES, method="higher")
     return Retrieval(

@@ -38,15 +38,15 @@ def find_scheme(name: str) -> Scheme:
 def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
     """Read a public model of the named scheme, else of the scheme with its columns, else vanilla 3DGS.
 
-    Warn of columns that are not used and of render modes, since other programs draw another image with them.
+    Warn of unused columns and of render modes, which may make other programs draw another image.
     """
     known = find_scheme(scheme) if scheme else recognized(read_model(path))
     public = known.read_public(path) if known else PublicModel.read(path)
     if unused := public.unused_columns:
-        warn(f"{path}: columns that are kept, but change nothing that is drawn: {listed(unused)}")
+        warn(f"{path}: columns that gspure keeps, but that change nothing that is drawn: {listed(unused)}")
     if mode := public.model.render_mode:
         warn(
-            f"{path}: trained for the render mode {mode}, which is not applied: images differ from those of its trainer"
+            f"{path}: trained in the render mode {mode}, which is not applied: images differ from those of its trainer"
         )
     return public
 

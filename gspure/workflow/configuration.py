@@ -84,8 +84,8 @@ def validated(config: Mapping[str, Any], schema_file: Path, source: str | Path) 
             raise _refusal(error, source)
     for scene, asset in (config.get("assets") or {}).items():
         if "generated" in asset and asset.get("cameras") not in GENERATED:
-            expected = f"nothing beside cameras other than {' and '.join(GENERATED)}"
-            raise InputError(source, f"assets.{scene}.generated", expected=expected, found="settings")
+            expected, found = f"cameras {' or '.join(GENERATED)}", f"cameras {asset.get('cameras')}"
+            raise InputError(source, f"assets.{scene}.generated", expected=expected, found=found)
     return filled
 
 

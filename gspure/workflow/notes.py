@@ -41,13 +41,13 @@ def misfit(log: str, settings: str, paths: Iterable[str]) -> str:
     try:
         known = read_json(note)
     except InputError:
-        return f"{note}: expected the note of a finished job"
+        return f"{note}: expected the note of a finished job, found none that can be read"
     match known:
         case {"settings": str(former), "files": {**files}}:
             if former != settings:
                 return f"{note}: expected settings {settings}, found {former}"
             changed = (path for path in paths if not _is_known(path, files.get(path)))
-            return next((f"{path}: expected the content in {note}" for path in changed), "")
+            return next((f"{path}: expected the content that {note} names" for path in changed), "")
     return f"{note}: expected the note of a finished job, found other JSON"
 
 

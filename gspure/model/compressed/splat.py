@@ -22,7 +22,8 @@ def read_splat(path: Path) -> Gaussians:
         rows = np.fromfile(path, _ROW)
         quats = (rows["quat"].astype(np.float32) - 128) / 128
         if not np.median(np.abs(np.linalg.norm(quats, axis=1) - 1)) < _TOLERANCE:
-            raise InputError(path, "rotations", expected="unit quaternions", found="others, as in other files")
+            hint = "is this a .splat file?"
+            raise InputError(path, "rotations", expected="unit quaternions", found="other lengths", hint=hint)
         return Gaussians.from_stored(
             means=rows["mean"],
             quats=quats,
