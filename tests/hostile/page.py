@@ -23,27 +23,28 @@ ENDINGS_OF_FILES = (READ, REFUSED, CHECKSUM)
 INTRODUCTION = """\
 # Torture
 
-Written by `make torture`, which takes about three hours on two cores, goes on where it was stopped, and ends with an
-error if a defect is open. A seeded part of it is in the test suite ([`tests/hostile`](../tests/hostile)). Each part can
-be run alone and keeps its records, each with its commit, in [`benchmarks/torture/`](torture); `python -m tests.hostile
-page` writes this page from them. What is expected:
+`make torture` runs these tests and writes this page. It takes about three hours on two cores, continues where it was
+stopped, and ends with an error if a defect is open. The test suite runs a small part with fixed random seeds
+([`tests/hostile`](../tests/hostile)). Each part can also be run alone. Its records, each with its commit, are in
+[`benchmarks/torture/`](torture); `python -m tests.hostile page` writes this page from them. The contract:
 
-- **Files.** Every reader gives a valid result or one printable line, whatever a file holds: no other exception, no
-  crash, no warning, nothing written outside its folder, no program started, no pickle, at most 2 s of processor time
-  and 192 MiB of memory. A file counts as refused by checksum if it did not reach its parser. `python -m tests.hostile
-  replay READER CASE` runs a case again.
-- **Kills.** A job of every rule is killed with SIGKILL at random times while it works, and before random changes on
-  disk; a kill that comes after its end is tried again, earlier. Its outputs are whole or absent, and a second run gives
-  the bytes of an undisturbed one.
+- **Files.** Every reader gives a valid result or refuses the file in one printable line, whatever the file holds: no
+  other exception, no crash, no warning, nothing written outside its folder, no program started, no pickle, at most 2 s
+  of processor time and 192 MiB of memory. A file is refused by checksum if it did not reach its parser. No column
+  counts files that the mutation left as they were; early records have no counts (–). `python -m tests.hostile replay
+  READER CASE` runs a case again.
+- **Kills.** A job of every rule is killed with SIGKILL at random times, and before random changes on disk. If the job
+  ends before the kill, the kill is tried again, earlier. Outputs are whole or absent, and a second run gives the same
+  bytes as an undisturbed one.
 - **Want.** On a full disk, and under limits of file sizes and of memory, jobs leave nothing half-written, and give the
-  same bytes afterwards. Without room on disk, they are refused in one line. Without address space, libraries may crash
-  or hang, PoCL and OpenBLAS among them.
-- **Corruption.** Every rule runs on every kind of artifact that it reads, corrupted: if it opens the file, it names it,
-  and changes nothing. The next runs of the workflow repair the file to the same bytes. Then the artifact is forged,
-  mutated with a checksum that fits: the rule makes a result or refuses in one line. Pairs without forgeries are of an
-  earlier commit, drawn at random.
+  same bytes when they run again without limits. Without room on disk, they end with one line. Without address space,
+  libraries such as PoCL and OpenBLAS may crash or hang.
+- **Corruption.** Every rule runs with each kind of artifact that it reads, corrupted. If the rule opens the file, it
+  ends with a line that names the file, and changes nothing. The next runs of the workflow repair the file to the same
+  bytes. Then the artifact is *forged*: mutated, with a checksum that fits. The rule makes a result, or refuses the
+  artifact in one line. Artifacts without forgeries are records of an earlier commit, drawn at random.
 - **Drivers.** Errors against the float64 reference are at most 1e-4.
-- **Mutants.** Tests notice small changes to the numerical core. `--sample` tries some of a module, drawn at random.
+- **Mutants.** Tests notice small changes to the numerical core. `--sample` tries a random part of a module's mutants.
 """
 
 
@@ -178,6 +179,6 @@ def corrupted(records: list[Record]) -> Iterator[tuple[object, ...]]:
             kind,
             len(alike),
             outcomes["named"],
-            outcomes["not opened"],
+            outcomes["not opened"] + outcomes["not read"],  # its name in early records
             *(forged.total(), forged["read"], forged["refused"]),
         )
