@@ -9,6 +9,7 @@ import yaml
 
 from benchmarks.contest import SCHEMES
 from benchmarks.results import GENERATED, KINDS, PAGE, PAGES, RUNS, TABLES, complete, filled
+from gspure.artifacts import write_text
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.matched import Matched, match
@@ -168,7 +169,7 @@ def test_an_older_table_of_a_run_gets_the_columns_that_it_lacks(runs: Path) -> N
     file = runs / "run" / "survival.csv"
     rows = read_table(file, Survival)
     older = [line.rsplit(",", 5)[0] for line in file.read_text().splitlines()]  # without the last field
-    file.write_text("\n".join(older) + "\n")
+    write_text(file, "\n".join(older) + "\n")
     complete(file)
     assert repr(read_table(file, Survival)) == repr([row._replace(detectability=None) for row in rows])
     written = file.read_text()

@@ -249,5 +249,6 @@ def test_decoys_are_pictures_of_different_rooms_in_the_views_and_size_asked_for(
 
 @pytest.mark.parametrize("option", ["views", "width", "height"])
 def test_decoys_of_no_views_or_pixels_are_refused(tmp_path: Path, option: str) -> None:
-    assert main(["decoys", f"--{option}", "0", "--out", str(tmp_path / "decoys")]) == 2
+    with pytest.raises(SystemExit, match="2"):
+        main(["decoys", f"--{option}", "0", "--out", str(tmp_path / "decoys")])
     assert not (tmp_path / "decoys").exists()
