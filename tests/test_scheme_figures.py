@@ -178,7 +178,7 @@ def test_captions_name_variants_that_lack_a_scene(table: Path) -> None:
     out = table.parent / "figure.png"
     assert main(["figures", "tradeoff", *common, str(out)]) == 0
     assert (
-        "Not shown, since they lack a scene or a repetition: harsh."
+        "Not shown, since they lack a scene or a random seed: harsh."
         in json.loads(Path(f"{out}.json").read_text())["settings"]["caption"]
     )
     assert main(["figures", "sweep", *common, str(out), "--point", "gspure=4,4", "--point", "harsh=1,4"]) == 0

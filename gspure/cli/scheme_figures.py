@@ -114,7 +114,7 @@ def _draw_tradeoff(args: Arguments) -> Drawn:
         f"{LINEAR:g} dB. Vertical lines: drops at which attacks are compared."
     )
     if left_out:
-        caption += f" Not shown, since they lack a scene or a repetition: {', '.join(map(display_name, left_out))}."
+        caption += f" Not shown, since they lack a scene or a random seed: {', '.join(map(display_name, left_out))}."
     if mean_floor:
         caption += " Dashed line: the floor, the highest PSNR of a control without the message."
     return {args.out: caption}, {"table": args.table}, {"condition": args.condition}
