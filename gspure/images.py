@@ -247,11 +247,24 @@ def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
         if first and second and first != second:
             raise InputError(other, "target", expected=f"{first}, as {folder}", found=second)
         require_agreement(folder, other, photographs_of(folder), photographs_of(other))
-    for view in views:
-        first, second = (known["views"].get(view, []) for known in (record, record_of_other))
+    _require_cameras(other, {view: record["views"].get(view, []) for view in views}, f"the camera of {folder}")
+
+
+def require_photographs(folder: Path, target: str, views: Mapping[str, Sequence[float]]) -> None:
+    """Refuse recorded images of another target, or by other cameras than those of these numbers."""
+    if (recorded := origin_of(folder, "target")) not in {"", target}:
+        raise InputError(folder, "target", expected=target, found=recorded)
+    _require_cameras(folder, views, "the given camera")
+
+
+def _require_cameras(folder: Path, views: Mapping[str, Sequence[float]], expected: str) -> None:
+    """Refuse images whose recorded cameras have other numbers than the cameras of the same names."""
+    recorded = _recorded(folder)["views"]
+    for view, first in views.items():
+        second = recorded.get(view, [])
         if len(first) and len(second) and (len(first) != len(second) or not np.allclose(first, second, 1e-6, 1e-6)):
             hint = "use one cameras.json for both"
-            raise InputError(other, view, expected=f"the camera of {folder}", found="another of this name", hint=hint)
+            raise InputError(folder, view, expected=expected, found="another of this name", hint=hint)
 
 
 def require_intact(path: Path) -> None:

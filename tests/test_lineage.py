@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import record_of, save_array
+from gspure.artifacts import record_of, save_array, write_record, write_text
+from gspure.cameras import read_cameras, write_cameras
 from gspure.cli import COMMANDS, main, parser_of
 from gspure.cli.lineage import require_related
 from gspure.cli.parser import Output, Unrelated, paths_of
@@ -295,3 +296,37 @@ def test_results_of_other_views_are_refused_together(monkeypatch, tmp_path, caps
     assert main(figure) == 2
     assert ": views: expected" in capsys.readouterr().err
     assert main([*hide, "--split", "test"]) == 0
+
+
+def test_a_table_of_several_pairs_names_none_of_them(tmp_path):
+    """So the figures of each pair may stand beside it in a report."""
+    for name, message in {"a": "1", "b": "2"}.items():
+        for file in (tmp_path / f"{name}.csv", tmp_path / f"{name}.png"):
+            write_text(file, name)
+            write_record(file, inputs={}, settings={}, ancestors={"message": message, "scene": "3"})
+    write_text(table := tmp_path / "both.csv", "both")
+    write_record(table, inputs={name: tmp_path / f"{name}.csv" for name in "ab"}, settings={})
+    assert record_of(table)["ancestors"] == {"scene": "3"}
+    line = f"report --table {table} --figures {tmp_path}/a.png {tmp_path}/b.png --out out.html"
+    ((_, args),) = map(parsed, [line.split()])
+    require_related(args)
+
+
+@pytest.mark.parametrize(
+    ("photographs", "cameras", "message"),
+    [
+        ("message", "cameras.json", "target: expected scene, found message"),
+        ("scene", "moved.json", "expected the given camera"),
+        ("scene", "cameras.json", ""),
+    ],
+)
+def test_damage_is_measured_against_the_photographs_of_the_views(tmp_path, capsys, photographs, cameras, message):
+    views = read_cameras(Path("R/pair/cameras.json"))
+    step = np.eye(4)
+    step[0, 3] = 0.1
+    write_cameras(tmp_path / "moved.json", [view.moved(step) for view in views])
+    shutil.copy("R/pair/cameras.json", tmp_path / "cameras.json")
+    ((words),) = words_of(f"attack random_pruning --model MODEL --photographs R/pair/{photographs} --damage 1")
+    words += ["--cameras", str(tmp_path / cameras), "--out", str(tmp_path / "out.ply")]
+    assert main(words) == (2 if message else 0)
+    assert message in capsys.readouterr().err

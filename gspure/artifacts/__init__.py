@@ -5,6 +5,7 @@ from gspure.artifacts.checksums import digest, file_digest, intact, record_of, v
 from gspure.artifacts.files import distinct, filling, read_json, replacing, require_place, write_json, write_text
 from gspure.artifacts.provenance import (
     UNMOVED,
+    agreed,
     embedding_of,
     facts_of,
     known_digest,
@@ -23,6 +24,7 @@ from gspure.artifacts.replacement import RENDERED, remove, replacing_only, requi
 __all__ = [
     "RENDERED",
     "UNMOVED",
+    "agreed",
     "digest",
     "distinct",
     "embedding_of",

@@ -36,7 +36,8 @@ def write_record(
     `geometry` is the digest of the model that it was made from (`gspure.schemes.registry.geometry_of`). If `inputs`
     has no model, it is that of all inputs, if they have the same. `kind` names what a file holds, where others have
     its type and shape. `ancestors` are digests of what else it was made from, by name. Further ones are the inputs of
-    this geometry that have a kind, and the ancestors of these inputs.
+    this geometry that have a kind, and the ancestors of these inputs, except those in which inputs differ: a table
+    about several pairs has no single message.
 
     `embedding` is common to the public model, the files beside it and the key that one run of `gspure embed` writes:
     the digest of the public model (`embedding_of`). By default, it is that of the input `model`. `motion` is
@@ -58,8 +59,7 @@ def write_record(
         "inputs": digests,
         "settings": dict(settings),
     }
-    earlier = {name: origin for source in files.values() for name, origin in _ancestors(source, geometry).items()}
-    ancestors = earlier | dict(ancestors or {})
+    ancestors = agreed(_ancestors(source, geometry) for source in files.values()) | dict(ancestors or {})
     if "model" in files:
         embedding = embedding or embedding_of(files["model"])
     moved = None if motion is None else motion.tolist()
@@ -188,6 +188,14 @@ def _ancestors(artifact: Path, geometry: str) -> dict[str, str]:
     ancestors = record.get("ancestors")
     digests = dict(ancestors) if isinstance(ancestors, dict) else {}
     return digests | ({kind: record.get("digest")} if isinstance(kind := record.get("kind"), str) else {})
+
+
+def agreed(facts: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    """Return the facts in which those that hold them agree."""
+    known: dict[str, set[str]] = {}
+    for name, origin in (item for each in facts for item in each.items()):
+        known.setdefault(name, set()).add(origin)
+    return {name: origins.pop() for name, origins in known.items() if len(origins) == 1}
 
 
 def known_digest(source: Path) -> str:

@@ -40,7 +40,8 @@ from gspure.cost import read_cost, spent, total
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH
-from gspure.images import read_image
+from gspure.evaluation.outcomes import SCENE
+from gspure.images import read_image, require_photographs
 from gspure.method.clustering.store import read_clusters
 from gspure.model import model_file, require_writable
 from gspure.progress import say, warn
@@ -221,6 +222,9 @@ def _read_damage(args: Arguments, public: PublicModel) -> Damage:
     views = read_split(args)
     photographs = None
     if args.photographs:
+        is_moved = (motion := motion_of(model_file(args.model))) is not None and not np.allclose(motion, UNMOVED)
+        numbers = {} if is_moved else {view.name: view.numbers.tolist() for view in views}
+        require_photographs(args.photographs, SCENE, numbers)
         files = [args.photographs / f"{view.name}.png" for view in views]
         photographs = [read_image(file, background=public.model.background) for file in files]
     return scene_damage(public, views, photographs, read_device(args))

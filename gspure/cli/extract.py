@@ -131,7 +131,7 @@ def _lesson(args: Arguments) -> Lesson:
     from gspure.cameras.reading import read_transform
     from gspure.cli.options import read_device
     from gspure.errors import InputError
-    from gspure.images import origin_of
+    from gspure.images import require_photographs
     from gspure.public_model import Lesson
     from gspure.schemes.pair import Capture
     from gspure.schemes.scheme import MESSAGE
@@ -139,10 +139,7 @@ def _lesson(args: Arguments) -> Lesson:
     if not args.photographs:
         raise InputError("extract", "--photographs", expected="photographs of the message to learn from", found="none")
     capture = Capture.read(args.photographs)
-    if (target := origin_of(photograph(capture.views[0]).parent, "target")) not in {"", MESSAGE}:
-        raise InputError(
-            args.photographs, "--photographs", expected="those of the message", found=f"those of the {target}"
-        )
+    require_photographs(photograph(capture.views[0]).parent, MESSAGE, {})
     transform = read_transform(args.transform) if args.transform else np.eye(4)
     views = [camera.moved(transform) for camera in capture.views]
     return Lesson(views, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=read_device(args))

@@ -41,15 +41,13 @@ def _inputs(values: Iterable[object]) -> list[Path]:
 
 def _facts(path: Path) -> dict[str, str]:
     """Return what records say about the origin of a file, or of images; of the files of other folders, if all agree."""
-    from gspure.artifacts import facts_of
+    from gspure.artifacts import agreed, facts_of
     from gspure.images import photographs_of
 
     if not path.is_dir():
         return facts_of(path)
-    known = [facts_of(file) for file in sorted(path.glob("[!.]*")) if file.suffix != ".json"]
-    facts = {name: origin for each in known for name, origin in each.items()}
-    agreed = {name: origin for name, origin in facts.items() if all(each.get(name, origin) == origin for each in known)}
-    return agreed | photographs_of(path)
+    files = (file for file in sorted(path.glob("[!.]*")) if file.suffix != ".json")
+    return agreed(map(facts_of, files)) | photographs_of(path)
 
 
 def _facts_of_model(path: Path, *, is_compared: bool) -> dict[str, str]:
