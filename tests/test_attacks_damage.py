@@ -179,10 +179,10 @@ def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, 
 @pytest.mark.parametrize("name", ["random_pruning", "crop"])
 def test_a_damage_that_only_an_empty_model_would_have_leaves_rows(folder: Path, tmp_path: Path, capsys, name) -> None:
     out = tmp_path / "out.ply"
-    assert attack(folder, name, "--damage", "200", "--out", str(out), "--verdict", f"{out}.verdict.json", "-q") == 0
+    assert attack(folder, name, "--damage", "100", "--out", str(out), "--verdict", f"{out}.verdict.json", "-q") == 0
     drop = read_json(tmp_path / "out.ply.json")["settings"]["scene_drop"]
     assert len(read_model(out))
-    assert f"{drop:.2f} dB, not by 200 dB" in capsys.readouterr().err
+    assert f"{drop:.2f} dB, not by 100 dB" in capsys.readouterr().err
     assert read_json(Path(f"{out}.verdict.json"))["strength"].endswith(f", {drop:.2f} dB reached")
 
 
@@ -191,8 +191,6 @@ def test_a_damage_that_only_an_empty_model_would_have_leaves_rows(folder: Path, 
     [
         (("reorder", "--damage", "1"), "damage: expected an attack with a strength"),
         (("random_pruning", "--damage", "1", "--set", "fraction=0.5"), "fraction: expected no value"),
-        (("random_pruning", "--damage", "0"), "--damage: expected a number above 0"),
-        (("random_pruning", "--damage", "nan"), "--damage: expected a number above 0"),
         (("random_pruning", "--damage", "1", "--photographs", "nowhere"), "nowhere"),
     ],
 )
