@@ -10,7 +10,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gspure.artifacts import embedding_of, read_json, record_of, save_array, write_record
+from gspure.artifacts import (
+    embedding_of,
+    facts_of,
+    read_json,
+    record_of,
+    require_agreement,
+    save_array,
+    write_record,
+)
 from gspure.artifacts.checksums import record_file
 from gspure.cli import main
 from gspure.cli.extract import _lesson
@@ -107,6 +115,30 @@ def test_weights_of_other_views_are_not_compared_with_those_of_the_message(plant
     assert main(command) == 2
     assert "weights.npy: split: expected train, found test" in capsys.readouterr().err
     assert main([*command, "--split", "test"]) == 0
+    views[-1] = str(tmp_path / "own.json")
+    assert (
+        main(
+            [
+                "cameras",
+                "orbit",
+                "--model",
+                model,
+                "--count",
+                "2",
+                "--width",
+                "32",
+                "--height",
+                "24",
+                "--out",
+                views[-1],
+            ]
+        )
+        == 0
+    )
+    hidden = tmp_path / "hidden.npy"
+    command = ["hidden", *views, *key, "--weights", weights, "--out", str(tmp_path / "own_hidden.json")]
+    assert main([*command, "--split", "test", "--hidden", str(hidden)]) == 0, "a message may have views of its own"
+    require_agreement(Path(weights), hidden, facts_of(Path(weights)), facts_of(hidden))
 
 
 def test_an_original_of_another_key_is_refused(planted, pair_folder, tmp_path, capsys):

@@ -1,7 +1,5 @@
 """``gspure hidden``: the share of the message's weight on rows that plain_weight prunes."""
 
-from typing import Any
-
 from gspure.bounds import FACTOR
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser
@@ -33,9 +31,7 @@ def run(args: Arguments) -> None:
 
     from gspure.artifacts import (
         embedding_of,
-        facts_of,
         load_array,
-        require_agreement,
         require_embedding,
         require_kind,
         save_array,
@@ -43,7 +39,6 @@ def run(args: Arguments) -> None:
         write_json,
         write_record,
     )
-    from gspure.cameras import views_digest
     from gspure.errors import InputError
     from gspure.model import model_file
     from gspure.numerals import percent
@@ -63,8 +58,6 @@ def run(args: Arguments) -> None:
         if (found := measured.get(name, chosen)) != chosen:
             hint = f"--{name} {found} measures the message in the same way"
             raise InputError(args.weights, name, expected=chosen, found=str(found), hint=hint)
-    ancestors = {"views": views_digest(views)}
-    require_agreement(args.cameras, args.weights, ancestors, facts_of(args.weights))
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     tau_n = scheme.tau_n if args.tau_n is None else args.tau_n
@@ -75,8 +68,7 @@ def run(args: Arguments) -> None:
     write_record(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
     if args.hidden:
         save_array(args.hidden, hidden)
-        origin: dict[str, Any] = {"geometry": geometry_of(args.model), "ancestors": ancestors}
-        write_record(args.hidden, inputs=inputs, settings=settings, kind="hidden", **origin)
+        write_record(args.hidden, inputs=inputs, settings=settings, geometry=geometry_of(args.model), kind="hidden")
     if share is None:
         warn("no row holds weight of the message: nothing is embedded, or the key does not fit the model")
     else:
