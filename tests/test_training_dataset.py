@@ -111,7 +111,7 @@ def test_too_few_points_are_replaced_by_random_ones_with_a_message(tmp_path, cap
 def test_a_colmap_project_without_a_point_file_starts_from_random_points(project, capsys):
     (project / "sparse" / "0" / "points3D.txt").unlink()
     assert len(read_dataset(project, "native").xyz) == 10_000
-    assert "has no points" in capsys.readouterr().err
+    assert "has fewer than 4 points" in capsys.readouterr().err
 
 
 def test_photographs_in_another_folder_are_matched_by_view_name(project, tmp_path):

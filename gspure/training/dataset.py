@@ -144,8 +144,10 @@ def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[Float64, 
         return xyz, rgb
     xyz = random_points(train, extent(train), RANDOM_POINTS, np.random.default_rng(seed))
     if len(xyz) < LEAST_POINTS:
-        raise InputError(source, "training views", expected="some that see the same place", found="none, and no points")
-    say(f"{source} has no points: training starts from {len(xyz)} random ones")
+        raise InputError(
+            source, "training views", expected="some that see the same place", found="none, and few points"
+        )
+    say(f"{source} has fewer than {LEAST_POINTS} points: training starts from {len(xyz)} random ones")
     return xyz, np.full(xyz.shape, _GREY, np.uint8)
 
 
