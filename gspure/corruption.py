@@ -2,23 +2,20 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Final
 
 from gspure.artifacts import RENDERED, record_of, verify
-from gspure.artifacts.checksums import require_size
+from gspure.artifacts.checksums import record_file, require_size
 from gspure.errors import InputError
 from gspure.images import require_all_images, require_intact
 from gspure.method.contributions import is_index, read_index, read_stage
 
-RESULTS: Final = Path("results")  # where the workflow keeps what it makes; files elsewhere are the user's
 
-
-def problems_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
-    """Verify all files below some folders that have a checksum, all stages that an index there lists, and all renders.
+def problems_in(artifacts: Iterable[Path]) -> tuple[int, list[str]]:
+    """Verify all files with a checksum among some files and below folders, with all stages of indices, and all renders.
 
     Return how many files were verified, and what is wrong with those that are corrupt or missing, one line each.
     """
-    below = {path for folder in folders for path in folder.rglob("*")}
+    below = {path for artifact in artifacts for path in (artifact, record_file(artifact), *artifact.rglob("*"))}
     files = _recorded(below)
     indices = {file for file in below if is_index(file)}
     stages: set[Path] = set()
@@ -36,15 +33,6 @@ def problems_below(folders: Iterable[Path]) -> tuple[int, list[str]]:
     problems += filter(None, [_problem(folder, require_all_images) for folder in sorted(rendered)])
     problems += filter(None, [_problem(image, require_intact) for image in sorted(images)])
     return len(indices) + len(others) + len(stages) + len(images), problems
-
-
-def problem_of(artifact: Path) -> str:
-    """Return what is wrong with an artifact, a file or a folder; an index is corrupt if a stage that it lists is."""
-    files = sorted(artifact.rglob("*")) if artifact.is_dir() else [artifact]
-    problems = [problem for file in files if (problem := _problem(file))]
-    if not problems and is_index(artifact):
-        problems = [problem for stage in read_index(artifact) if (problem := _problem(stage.path, read_stage))]
-    return problems[0] if problems else ""
 
 
 def _problem(file: Path, check: Callable[[Path], object] | None = None) -> str:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import RENDERED, file_digest, read_json, replacing, require_agreement, verify, write_json
 from gspure.artifacts.checksums import file_checksum, record_checksum, with_checksum
+from gspure.constants import LARGEST
 from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
 
@@ -38,7 +39,6 @@ _SEVERAL: Final = "MPO"  # JPEG files of some cameras, with the photograph first
 _DEEP: Final = re.compile(";16[BLN]")  # part of the name of 16-bit channels, which Pillow cuts to 8 bits
 
 MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes as many; ours
-_LARGEST: Final = 1e100  # numbers of cameras are smaller, so that squares are finite
 
 _STDERR: Final = 2
 
@@ -170,7 +170,7 @@ def _read_record(file: Path, _state: tuple[int, ...]) -> Mapping[str, Any]:
             case {"views": dict(views), "bytes": dict(), "crc32": dict(), "background": str(background)}:
                 cameras = {view: np.array(numbers, np.float64) for view, numbers in views.items()}
                 channels = np.array(background.split(), np.float64)
-                is_possible = all(c.ndim == 1 and (abs(c) < _LARGEST).all() for c in cameras.values())
+                is_possible = all(c.ndim == 1 and (abs(c) <= LARGEST).all() for c in cameras.values())
                 is_possible &= len(channels) in {0, 3} and bool(((channels >= 0) & (channels <= 1)).all())
                 if is_possible and record.get("record") == record_checksum(record):
                     return {**record, "views": cameras}

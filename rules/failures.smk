@@ -7,7 +7,7 @@ import sys
 
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
-from gspure.corruption import problem_of
+from gspure.corruption import problems_in
 from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary, unfinished
 from gspure.workflow.job_progress import COMMAND
 from gspure.workflow.notes import note_of
@@ -85,9 +85,10 @@ def forget_corrupt():
     failed = set().union(*map(get_jobs, workflow.scheduler.failed))
     read = {path for job in failed for path in job.input}
     for job in workflow.dag.jobs:
-        for problem in filter(None, (problem_of(Path(path)) for path in read.intersection(job.output))):
+        _, problems = problems_in(map(Path, read.intersection(job.output)))
+        if problems:
             note_of(job.log[0]).unlink(missing_ok=True)
-            print(f"gspure: to be made again by the next run: {problem}", file=sys.stderr)
+            print(f"gspure: to be made again by the next run: {problems[0]}", file=sys.stderr)
 
 
 def print_failures(failures, run):

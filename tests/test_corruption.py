@@ -9,7 +9,7 @@ import pytest
 
 from gspure.artifacts import digest, save_array, write_json, write_record
 from gspure.cli import main
-from gspure.corruption import problem_of
+from gspure.corruption import problems_in
 from gspure.images import record_views, write_image
 from gspure.method.contributions import Measurement, Stage, write_index
 from gspure.renderer import CONTRIBUTION
@@ -130,22 +130,34 @@ def test_stages_of_another_project_are_not_pruned(tmp_path, capsys):
 
 
 def test_an_artifact_is_corrupt_by_its_own_content():
-    assert problem_of(OMEGA) == ""
+    assert problems_in([OMEGA]) == (1, [])
     flipped(OMEGA)
-    assert problem_of(OMEGA).startswith(f"{OMEGA}: content: expected CRC-32")
+    (problem,) = problems_in([OMEGA])[1]
+    assert problem.startswith(f"{OMEGA}: content: expected CRC-32")
 
 
 @pytest.mark.parametrize("corrupted", [flipped, Path.unlink], ids=["flipped", "removed"])
 def test_an_index_is_corrupt_when_one_of_its_stages_is(corrupted):
-    assert problem_of(INDEX) == ""
+    assert problems_in([INDEX]) == (4, [])
     corrupted(STAGES / "b.key.npy")
-    assert "b.key.npy: " in problem_of(INDEX)
+    (problem,) = problems_in([INDEX])[1]
+    assert "b.key.npy: " in problem
 
 
 def test_a_folder_is_corrupt_when_one_of_its_files_is():
     rows = SCENE / "key" / "message_rows.npy"
     save_array(rows, np.ones(3, bool))
     noted(rows)
-    assert problem_of(rows.parent) == ""
+    assert problems_in([rows.parent]) == (1, [])
     flipped(rows)
-    assert "key/message_rows.npy: content" in problem_of(rows.parent)
+    (problem,) = problems_in([rows.parent])[1]
+    assert "key/message_rows.npy: content" in problem
+
+
+def test_a_folder_is_corrupt_when_one_of_its_images_is():
+    renders = SCENE / "renders"
+    write_image(renders / "a.png", np.full((4, 4, 3), 0.5))
+    record_views(renders, {"a": []})
+    assert problems_in([renders]) == (1, [])
+    flipped(renders / "a.png", -20)
+    assert problems_in([renders])[1]

@@ -20,7 +20,7 @@ import pytest
 import yaml
 
 from gspure.cameras import read_cameras, split, write_cameras
-from gspure.corruption import problems_below
+from gspure.corruption import problems_in
 from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
 from gspure.images import RENDERED
 from gspure.model import write_model
@@ -342,7 +342,7 @@ def test_every_artifact_is_verified(tmp_path, reported, monkeypatch):
     for corrupt in ({*artifacts} - records, records):
         for artifact in corrupt:
             flipped(artifact)
-        problems = "\n".join(problems_below([Path("results"), Path("stages")])[1])
+        problems = "\n".join(problems_in([Path("results"), Path("stages")])[1])
         assert [artifact for artifact in corrupt if f"{artifact}: " not in problems] == []
 
 

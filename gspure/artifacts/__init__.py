@@ -5,7 +5,6 @@ from gspure.artifacts.checksums import digest, file_digest, intact, record_of, v
 from gspure.artifacts.files import distinct, filling, read_json, replacing, require_place, write_json, write_text
 from gspure.artifacts.provenance import (
     UNMOVED,
-    agreed,
     embedding_of,
     facts_of,
     known_digest,
@@ -13,7 +12,6 @@ from gspure.artifacts.provenance import (
     recorded_inputs,
     require_agreement,
     require_embedding,
-    require_input,
     require_kind,
     require_same_origin,
     settings_of,
@@ -24,7 +22,6 @@ from gspure.artifacts.replacement import RENDERED, remove, replacing_only, requi
 __all__ = [
     "RENDERED",
     "UNMOVED",
-    "agreed",
     "digest",
     "distinct",
     "embedding_of",
@@ -44,7 +41,6 @@ __all__ = [
     "replacing_only",
     "require_agreement",
     "require_embedding",
-    "require_input",
     "require_kind",
     "require_place",
     "require_replaceable",

@@ -118,14 +118,11 @@ def _images(record: Path) -> Iterator[Path]:
 def require_place(path: Path) -> None:
     """Refuse a file that could not be written, before work whose result would be lost."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with _blaming(path, path):
-        if path.is_dir():
-            raise InputError(path, "output", expected="a file", found="a folder")
-        try:
-            TemporaryFile(dir=path.parent).close()
-        except OSError as error:
-            error.filename = str(path)
-            raise
+    try:
+        TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        error.filename = str(path)
+        raise
 
 
 def write_text(path: Path, text: str, *, checksum: bool = False) -> None:

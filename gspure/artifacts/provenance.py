@@ -1,6 +1,7 @@
 """Where a file comes from: a record beside it."""
 
 from collections.abc import Iterable, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -59,7 +60,7 @@ def write_record(
         "inputs": digests,
         "settings": dict(settings),
     }
-    ancestors = agreed(_ancestors(source, geometry) for source in files.values()) | dict(ancestors or {})
+    ancestors = _agreed(_ancestors(source, geometry) for source in files.values()) | dict(ancestors or {})
     if "model" in files:
         embedding = embedding or embedding_of(files["model"])
     moved = None if motion is None else motion.tolist()
@@ -71,25 +72,25 @@ def write_record(
 def facts_of(artifact: Path) -> dict[str, str]:
     """Return what the record of a file says about its origin, by name; nothing without a record.
 
-    `model` is the digest of its geometry. See `write_record` for `embedding` and the ancestors.
+    Of a folder, it is what the records of its files say, if all agree. `model` is the digest of the geometry. See
+    `write_record` for `embedding` and the ancestors.
     """
-    geometry, embedding = _geometry_of(artifact), (record_of(artifact) or {}).get("embedding")
-    facts = {"embedding": embedding, "model": geometry, **_ancestors(artifact, geometry)}
-    return {name: str(origin) for name, origin in facts.items() if origin}
+    return _agreed(
+        {"embedding": _embedding_of(file), "model": (geometry := _geometry_of(file)), **_ancestors(file, geometry)}
+        for file in _files_of(artifact)
+    )
 
 
-def embedding_of(*artifacts: Path) -> str:
-    """Return the embedding that the records of artifacts, or of the files of folders, name; empty if none does.
+def embedding_of(artifact: Path) -> str:
+    """Return the embedding that the record of a file, or those of the files of a folder, name; empty if none does.
 
-    Raise `InputError` naming the first artifact of another embedding.
+    Raise `InputError` naming the first file of another embedding.
     """
-    known = {file: name for file, name in _embeddings(artifacts).items() if name}
-    first = next(iter(known), Path())
-    for file, name in known.items():
-        if name != known[first]:
-            hint = "of another run of `gspure embed`"
-            raise InputError(file, "embedding", expected=f"{known[first]}, as of {first}", found=name, hint=hint)
-    return known.get(first, "")
+    known = {file: {"embedding": name} for file in _files_of(artifact) if (name := _embedding_of(file))}
+    first = next(iter(known), artifact)
+    for file, embedding in known.items():
+        require_agreement(first, file, known[first], embedding, "of another run of `gspure embed`")
+    return known[first]["embedding"] if known else ""
 
 
 def require_embedding(
@@ -99,16 +100,20 @@ def require_embedding(
 
     If `embedding` is empty, all pass.
     """
-    for file, name in _embeddings(artifacts).items() if embedding else ():
-        if name != embedding:
+    for file in chain.from_iterable(map(_files_of, artifacts)) if embedding else ():
+        if (name := _embedding_of(file)) != embedding:
             raise InputError(file, "embedding", expected=embedding, found=name or "no record", hint=hint)
 
 
-def _embeddings(artifacts: Iterable[Path]) -> dict[Path, str]:
-    """Return the embedding of each artifact, and of each file of folders; empty without a record of it."""
-    inside = {path: sorted(path.glob("[!.]*")) if path.is_dir() else [path] for path in artifacts}
-    files = [file for path, files in inside.items() for file in files if path == file or file.suffix != ".json"]
-    return {file: str((record_of(file) or {}).get("embedding", "")) for file in files}
+def _embedding_of(file: Path) -> str:
+    return str((record_of(file) or {}).get("embedding") or "")
+
+
+def _files_of(artifact: Path) -> list[Path]:
+    """Return the files of a folder that may have a record; a file stands for itself."""
+    if not artifact.is_dir():
+        return [artifact]
+    return [file for file in sorted(artifact.glob("[!.]*")) if file.suffix != ".json"]
 
 
 def motion_of(artifact: Path) -> NDArray[np.float64] | None:
@@ -152,13 +157,6 @@ def require_kind(artifact: Path, *kinds: str) -> str:
     return str(kind)
 
 
-def require_input(artifact: Path, name: str, source: Path) -> None:
-    """Raise `InputError` if an artifact was made from another file than `source`; without a record, pass."""
-    known = recorded_inputs(artifact).get(name)
-    if known and known != (digest := known_digest(source)):
-        raise InputError(artifact, name, expected=f"{source}, digest {digest}", found=f"digest {known}")
-
-
 def settings_of(artifact: Path) -> dict[str, Any]:
     """Return the settings in the record of an artifact; none without a record."""
     match record_of(artifact):
@@ -190,11 +188,11 @@ def _ancestors(artifact: Path, geometry: str) -> dict[str, str]:
     return digests | ({kind: record.get("digest")} if isinstance(kind := record.get("kind"), str) else {})
 
 
-def agreed(facts: Iterable[Mapping[str, str]]) -> dict[str, str]:
+def _agreed(facts: Iterable[Mapping[str, Any]]) -> dict[str, str]:
     """Return the facts in which those that hold them agree."""
     known: dict[str, set[str]] = {}
-    for name, origin in (item for each in facts for item in each.items()):
-        known.setdefault(name, set()).add(origin)
+    for name, origin in (item for each in facts for item in each.items() if item[1]):
+        known.setdefault(name, set()).add(str(origin))
     return {name: origins.pop() for name, origins in known.items() if len(origins) == 1}
 
 

@@ -57,10 +57,8 @@ def run(args: Arguments) -> None:
     """Extract every view."""
     import numpy as np
 
-    from gspure.artifacts import RENDERED, embedding_of, filling, known_digest, write_record
-    from gspure.cameras import write_cameras
-    from gspure.cameras.reading import motion_of_views
-    from gspure.cli.options import read_device, read_key, read_views, unmoved
+    from gspure.artifacts import RENDERED, embedding_of, facts_of, filling, known_digest
+    from gspure.cli.options import read_device, read_key, read_views, unmoved, write_views
     from gspure.errors import InputError
     from gspure.evaluation.controls import WRONG_KEY
     from gspure.images import levels, record_views, require_no_other_images, write_image
@@ -68,7 +66,7 @@ def run(args: Arguments) -> None:
     from gspure.progress import track, warn
     from gspure.schemes.matching import registered
     from gspure.schemes.registry import find_scheme
-    from gspure.schemes.scheme import ADAPTIVE
+    from gspure.schemes.scheme import ADAPTIVE, MESSAGE
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
@@ -82,7 +80,7 @@ def run(args: Arguments) -> None:
     if args.original and args.transform:
         raise InputError("extract", "--transform", expected="nothing beside --original", found=str(args.transform))
     if args.original:
-        _require_original(model_file(args.original), embedding_of(args.key))
+        _require_published(model_file(args.original), embedding_of(args.key))
         public = registered(public, scheme.read_public(args.original).model)
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
@@ -95,32 +93,21 @@ def run(args: Arguments) -> None:
             is_flat &= not np.ptp(levels(image), axis=(0, 1)).any()
         model = known_digest(model_file(args.model))
         owner = WRONG_KEY if args.wrong_key is not None else embedding_of(args.key)
-        shown, photographs = unmoved(args, views), _photographs(args.key)
+        shown, photographs = unmoved(args, views), facts_of(args.key).get(MESSAGE, "")
         record_views(folder, shown, target=extraction, model=model, key=owner, photographs=photographs)
         if isinstance(args.cameras, str):
-            write_cameras(folder / "cameras.json", views)
-            motion = motion_of_views(args.cameras, args.model)
-            write_record(folder / "cameras.json", inputs={}, settings={}, motion=motion)
+            write_views(args, folder, views)
     if is_flat and args.wrong_key is None:
         warn("every extracted image is of one colour: the key does not fit the model, or an attack removed the message")
 
 
-def _photographs(key: Path) -> str:
-    """Return the digest of the record of the photographs of a key's message; empty if unknown."""
-    from gspure.artifacts import facts_of
-    from gspure.schemes.scheme import MESSAGE
-
-    return next((known for file in sorted(key.iterdir()) if (known := facts_of(file).get(MESSAGE))), "")
-
-
-def _require_original(file: Path, embedding: str) -> None:
-    """Refuse an original of another key, or an attacked one."""
-    from gspure.artifacts import known_digest, require_embedding
+def _require_published(file: Path, embedding: str) -> None:
+    """Refuse a model that is not the published one of an embedding, or was changed since."""
+    from gspure.artifacts import known_digest
     from gspure.errors import InputError
 
-    require_embedding(embedding, file)
     if embedding and known_digest(file) != embedding:
-        raise InputError(file, "--original", expected="the published model", found="an attacked one")
+        raise InputError(file, "--original", expected="the published model of the key", found="another or attacked one")
 
 
 def _lesson(args: Arguments) -> Lesson:

@@ -32,6 +32,7 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import (
         embedding_of,
         load_array,
+        require_agreement,
         require_embedding,
         require_kind,
         save_array,
@@ -39,7 +40,6 @@ def run(args: Arguments) -> None:
         write_json,
         write_record,
     )
-    from gspure.errors import InputError
     from gspure.model import model_file
     from gspure.numerals import percent
     from gspure.progress import warn
@@ -52,12 +52,9 @@ def run(args: Arguments) -> None:
     public, key = scheme.read_public(args.model), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
     require_kind(args.weights, "weights")
-    measured = settings_of(args.weights)
     settings = {name: getattr(args, name) for name in ("energy", "reduction", "split")}
-    for name, chosen in settings.items():
-        if (found := measured.get(name, chosen)) != chosen:
-            hint = f"--{name} {found} measures the message in the same way"
-            raise InputError(args.weights, name, expected=chosen, found=str(found), hint=hint)
+    hint = "measure the message as the weights"
+    require_agreement(args.out, args.weights, settings, settings_of(args.weights), hint)
     extraction = list(scheme.extractions)[-1]  # the most complete
     hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     tau_n = scheme.tau_n if args.tau_n is None else args.tau_n

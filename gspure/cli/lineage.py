@@ -40,14 +40,11 @@ def _inputs(values: Iterable[object]) -> list[Path]:
 
 
 def _facts(path: Path) -> dict[str, str]:
-    """Return what records say about the origin of a file, or of images; of the files of other folders, if all agree."""
-    from gspure.artifacts import agreed, facts_of
+    """Return what records say about the origin of a file, of a folder, or of images."""
+    from gspure.artifacts import facts_of
     from gspure.images import photographs_of
 
-    if not path.is_dir():
-        return facts_of(path)
-    files = (file for file in sorted(path.glob("[!.]*")) if file.suffix != ".json")
-    return agreed(map(facts_of, files)) | photographs_of(path)
+    return facts_of(path) | (photographs_of(path) if path.is_dir() else {})
 
 
 def _facts_of_model(path: Path, *, is_compared: bool) -> dict[str, str]:

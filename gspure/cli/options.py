@@ -231,6 +231,17 @@ def unmoved(args: Arguments, views: Sequence[Camera]) -> dict[str, list[float]]:
     return {camera.name: replace(camera, viewmat=camera.viewmat @ step).numbers.tolist() for camera in views}
 
 
+def write_views(args: Arguments, folder: Path, views: Sequence[Camera]) -> None:
+    """Write ``cameras.json`` to a folder, with the motion of the model that the views of ``--cameras`` look at."""
+    from gspure.artifacts import write_record
+    from gspure.cameras import write_cameras
+    from gspure.cameras.reading import motion_of_views
+
+    file = folder / "cameras.json"
+    write_cameras(file, [replace(view, image=None) for view in views])
+    write_record(file, inputs={}, settings={}, motion=motion_of_views(args.cameras, args.model))
+
+
 def add_files(parser: Parser, files: Mapping[str, tuple[str, str]], **settings: Any) -> None:
     """Add options that take any number of files, each with its metavar and help."""
     for option, (metavar, meaning) in files.items():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,12 +15,11 @@ from gspure import __version__
 from gspure.artifacts import RENDERED, embedding_of, filling, motion_of, remove, save_array, write_json, write_record
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.bounds import STEPS
-from gspure.cameras import Camera, scaled, split, views_digest, write_cameras
-from gspure.cameras.reading import motion_of_views
+from gspure.cameras import Camera, scaled, split, views_digest
 from gspure.cameras.scale import TRAINING_RULE
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
-from gspure.cli.options import add_cameras, add_device, add_energy, read_source
+from gspure.cli.options import add_cameras, add_device, add_energy, read_source, write_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
 from gspure.constants import TAU_C, TAU_N
@@ -120,7 +118,7 @@ def run(args: Arguments) -> None:
         origin: dict[str, Any] = {"inputs": inputs, "settings": used}
         _write_model(models["purified"], folder, args.out, origin)
         if writes_views:
-            _write_views(args, folder, cameras)
+            write_views(args, folder, cameras)
         _write_arrays(folder, purification, **origin, geometry=geometry, ancestors={"views": views_digest(train)})
         rows = _compare(folder, models, test, device, embedding_of(inputs["model"])) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
@@ -144,12 +142,6 @@ def _write_model(model: PublicModel, folder: Path, place: Path, origin: Mapping[
             remove(path)
         else:
             write_record(path, motion=motion_of(origin["inputs"]["model"]), **origin)
-
-
-def _write_views(args: Arguments, folder: Path, cameras: Sequence[Camera]) -> None:
-    file = folder / "cameras.json"
-    write_cameras(file, [replace(camera, image=None) for camera in cameras])
-    write_record(file, inputs={}, settings={}, motion=motion_of_views(args.cameras, args.model))
 
 
 def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:

@@ -12,6 +12,7 @@ from gspure.cli.options import (
     read_public,
     read_views,
     unmoved,
+    write_views,
 )
 from gspure.cli.parser import Arguments, Parser
 from gspure.progress import track, warn
@@ -45,10 +46,7 @@ def run(args: Arguments) -> None:
         known_digest,
         remove,
         save_array,
-        write_record,
     )
-    from gspure.cameras import write_cameras
-    from gspure.cameras.reading import motion_of_views
     from gspure.evaluation.outcomes import SCENE
     from gspure.images import record_views, require_no_other_images, write_image
     from gspure.model import model_file
@@ -73,9 +71,7 @@ def run(args: Arguments) -> None:
         origin["photographs"] = facts_of(file).get(SCENE, "")
         record_views(folder, unmoved(args, views), background, args.energy, **origin)
         if isinstance(args.cameras, str):
-            write_cameras(folder / "cameras.json", views)
-            motion = motion_of_views(args.cameras, args.model)
-            write_record(folder / "cameras.json", inputs={}, settings={}, motion=motion)
+            write_views(args, folder, views)
     if empty:
         count = f"{len(empty)} of {len(views)} views, first {empty[0]}"
         warn(f"{count}, are of one colour: do cameras and model belong together?")

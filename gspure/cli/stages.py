@@ -38,12 +38,12 @@ def run(args: Arguments) -> int:
 
 
 def _verify(folders: list[Path]) -> int:
-    from gspure.corruption import problems_below
+    from gspure.corruption import problems_in
 
     for folder in folders:
         if not folder.is_dir():
             raise InputError(folder, "folder", expected="a folder of results or stages", found="no such folder")
-    verified, problems = problems_below(folders)
+    verified, problems = problems_in(folders)
     print("\n".join([*problems, f"{verified} files verified, {len(problems)} corrupt"]))
     return 1 if problems else 0
 

@@ -1,7 +1,6 @@
 """Whether artifacts in the folder of a variant are of this variant, as far as records tell."""
 
-from collections.abc import Callable, Iterable, Iterator
-from functools import partial
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -22,24 +21,19 @@ from gspure.images import origin_of
 
 MODEL: Final = "public/point_cloud.ply"
 
-Check = Callable[[Path], object]
-"""Raises `InputError` if there is something wrong with an artifact."""
 
-
-def origin_checks(variant: Path) -> Iterator[tuple[Path, Check]]:
-    """Yield artifacts in the folder of a variant with their checks.
+def require_origins(variant: Path) -> None:
+    """Raise `InputError` if an artifact in the folder of a variant is of another one.
 
     Files of an attack must be of the same job as the attacked model, images of this model, with the owner's key or, if
     they are a control, the wrong one, and tables of these images.
     """
-    model, cost = variant / MODEL, cost_of(Path(COSTS, *variant.parts[-3:], "attack"))
-    for artifact in (variant / name for name in ("prune_mask.npy", "transform.npy", "verdict.json")):
-        yield artifact, partial(require_same_origin, model)
-    yield model, lambda model: require_same_origin(model, cost)
-    for record in variant.glob(f"renders/*/{RENDERED}"):
-        yield record.parent, partial(_require_images_of, variant)
+    cost = cost_of(Path(COSTS, *variant.parts[-3:], "attack"))
+    require_same_origin(variant / MODEL, *(variant / name for name in ("prune_mask.npy", "verdict.json")), cost)
+    for record in sorted(variant.glob(f"renders/*/{RENDERED}")):
+        _require_images_of(variant, record.parent)
     for table in (variant / "metrics.csv", *variant.glob(f"{DETECTIONS}/*.csv"), variant.parent / "retrieval.csv"):
-        yield table, partial(_require_measured_in, variant)
+        _require_measured_in(variant, table)
 
 
 def measured_images(tables: Iterable[Path]) -> dict[str, list[str]]:

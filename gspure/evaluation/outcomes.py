@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, groupby
+from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -20,7 +20,7 @@ from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, variant_of
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name
-from gspure.evaluation.origins import origin_checks
+from gspure.evaluation.origins import require_origins
 from gspure.evaluation.recall import recall
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
@@ -203,7 +203,8 @@ def collect(
     _require_equal_references(rows)
     _require_equal_views(rows)
     _require_equal_images(metrics, [*retrievals, *detections])
-    _require_origins({path.resolve().parents[path.parent.name == DETECTIONS] for path in (*metrics, *detections)})
+    for variant in sorted({path.resolve().parents[path.parent.name == DETECTIONS] for path in (*metrics, *detections)}):
+        require_origins(variant)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.resolve().parts[-3:-1]: read_table(path, Retrieved) for path in retrievals}
@@ -349,12 +350,6 @@ def _require_equal_images(metrics: Sequence[Path], readings: Iterable[Path]) -> 
         require_same_origin(path, *(file for file in metrics if file.resolve().is_relative_to(folder)))
 
 
-def _require_origins(variants: Iterable[Path]) -> None:
-    """Raise `InputError` if an artifact in the folder of a variant is of another one, by their records."""
-    for artifact, check in chain.from_iterable(map(origin_checks, sorted(variants))):
-        check(artifact)
-
-
 def _views_in_means(rows: Sequence[ViewMetrics]) -> dict[str, set[str]]:
     """Return the views by target, without those equal to their photograph, which no mean PSNR counts."""
     views: dict[str, set[str]] = {row.target: set() for row in rows}
@@ -410,7 +405,7 @@ def _verdict(verdict: Path | None) -> dict[str, Any]:
 
 def _below(folder: Path, files: Iterable[Path]) -> Path | None:
     """Return the file below a folder, or None; raise `InputError` if there are several."""
-    below = {path: file for file in files if (path := file.resolve()).is_relative_to(folder)}
+    below = {path: file for file in files if (path := file.parent.resolve() / file.name).is_relative_to(folder)}
     first, *others = below.values() or [None]
     if others:
         raise InputError(str(others[0]), "file", expected="one for every folder", found=f"a second one beside {first}")

@@ -21,11 +21,10 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import RENDERED, record_of, require_input
+from gspure.artifacts import RENDERED, known_digest, recorded_inputs, require_agreement, settings_of
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
 from gspure.dtypes import Float32, Float64, UInt8
-from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
@@ -63,7 +62,8 @@ class Capture:
         """Read cameras, points and photographs of a folder, or raise `InputError` if the cameras are of others."""
         dataset = read_dataset(folder, "native")
         if (record := photograph(dataset.train[0]).parent / RENDERED).is_file():
-            require_input(folder / "cameras.json", "photographs", record)
+            cameras = folder / "cameras.json"
+            require_agreement(record, cameras, {"photographs": known_digest(record)}, recorded_inputs(cameras))
         probes = dataset.test[:PROBES] or dataset.train[:PROBES]
         images = read_photographs(dataset.train)
         return Capture(dataset, images, list(zip(probes, read_photographs(probes), strict=True)))
@@ -144,12 +144,10 @@ class Pair:
 
 def read_pair(folder: Path, initialization: str = "both") -> Pair:
     """Read a pair, or raise `InputError` if a file is missing or unreadable, or scene and message are of two pairs."""
-    cameras = [path / "cameras.json" for path in (Path(folder), message_folder(folder))]
-    first, second = ((record_of(path) or {}).get("settings") for path in cameras)
-    if first and second and first != second:
-        raise InputError(cameras[1], "pair", expected=f"the settings of {cameras[0]}", found="those of another pair")
+    first, second = (path / "cameras.json" for path in (Path(folder), message_folder(folder)))
+    require_agreement(first, second, settings_of(first), settings_of(second), "of another pair")
     scene, message = (Capture.read(path) for path in (Path(folder), message_folder(folder)))
-    return Pair(scene, message, initialization, _staging(Path(folder) / "cameras.json"))
+    return Pair(scene, message, initialization, _staging(first))
 
 
 def message_folder(pair: Path) -> Path:
@@ -158,7 +156,7 @@ def message_folder(pair: Path) -> Path:
 
 
 def _staging(cameras: Path) -> Staging | None:
-    match (record_of(cameras) or {}).get("settings"):
+    match settings_of(cameras):
         case {"scene": str(scene), "message": str(message), "placement": str(placement), "protocol": str(protocol)}:
             known = scene_builder(scene) and scene_builder(message) and placement in PLACEMENTS
             return Staging(scene, message, placement, protocol) if known else None

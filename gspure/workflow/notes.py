@@ -13,11 +13,11 @@ from typing import Final
 
 from gspure.artifacts import digest, read_json, write_json
 from gspure.artifacts.checksums import file_checksum, record_file
-from gspure.corruption import RESULTS
 from gspure.errors import InputError
 from gspure.model.compressed import is_compressed
 from gspure.workflow.captures import model_files
 
+RESULTS: Final = Path("results")
 NOTES: Final = RESULTS / "jobs"
 
 

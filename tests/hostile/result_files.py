@@ -22,7 +22,6 @@ from gspure.artifacts import (
     motion_of,
     read_json,
     require_agreement,
-    require_input,
     require_kind,
     require_same_origin,
     save_array,
@@ -223,7 +222,6 @@ def _read_model_record(folder: Path) -> None:
     require_agreement(model, model, {"model": "a1"}, facts_of(model))
     require_kind(model, "weights")
     require_same_origin(model, model)
-    require_input(model, "pair", model)
     settings_of(model)
     read_model(model)
 
