@@ -64,9 +64,9 @@ def build_dag(build=workflow._build_dag):
 
     async def update_needrun(*arguments, update=dag.update_needrun, **options):
         await update(*arguments, **options)
-        if not RUNS and (found := find_misfits(dag)):
-            misfits.update(found)
-            dag.forcefiles |= {path for job in found for path in job.output}
+        if not RUNS and (unfit := find_misfits(dag)):
+            misfits.update(unfit)
+            dag.forcefiles |= {path for job in unfit for path in job.output}
             await update()
 
     dag.update_needrun = update_needrun

@@ -273,19 +273,6 @@ def test_command_applies_settings_in_the_type_of_their_defaults(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    "outputs", [["--out", "in.ply"], ["--out", "x.ply", "--removed", "x.npy", "--transform", "./x.npy"]]
-)
-def test_command_overwrites_neither_its_input_nor_another_output(tmp_path: Path, monkeypatch, capsys, outputs) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_model(Path("in.ply"), model())
-    before = Path("in.ply").read_bytes()
-    assert main(["attack", "random_pruning", "--model", "in.ply", *outputs]) == 2
-    assert "expected a separate file" in capsys.readouterr().err
-    assert Path("in.ply").read_bytes() == before
-    assert not Path("x.ply").exists()
-
-
-@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (

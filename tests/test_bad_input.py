@@ -331,15 +331,6 @@ def name_origin(artifact):
     write_record(Path(artifact), inputs={"model": Path("model.ply")}, settings={}, geometry=geometry)
 
 
-@pytest.mark.parametrize("command", ["features", "attack", "figures"])
-def test_weights_of_another_model_with_as_many_rows_are_refused(folder, capsys, command):
-    name_origin("weights.npy")
-    spoil_row(x=9.0)
-    assert refusal(folder, capsys, COMMANDS[command]).startswith("weights.npy: model: expected ")
-    Path("weights.npy.json").unlink()
-    assert main(COMMANDS[command].split()) == 0
-
-
 def test_weights_fit_their_model_after_it_was_recoloured(folder, capsys):
     measured = "--model model.ply --cameras cameras.json --split all --index 1.tsv --stages stages"
     for command in (f"contributions {measured}", "weights --index 1.tsv --model model.ply --out weights.npy"):
@@ -363,13 +354,6 @@ def test_a_prune_mask_of_another_model_is_refused_by_the_origin_of_its_weights(f
     spoil_row(x=9.0)
     assert refusal(folder, capsys, MASKED).startswith("mask.npy: model: ")
     assert refusal(folder, capsys, f"{PRUNED} --model model.ply").startswith("clusters.npz: model: ")
-
-
-def test_clusters_and_weights_of_two_models_are_refused(folder, capsys):
-    name_origin("clusters.npz")
-    spoil_row(x=9.0)
-    name_origin("weights.npy")
-    assert refusal(folder, capsys, PRUNED).startswith("weights.npy: model: ")
 
 
 def cluster(weights, tree="tree.npy", clusters="clusters.npz"):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -414,20 +413,6 @@ def test_a_folder_with_renders_of_other_views_is_refused(asset, capsys):
     assert {path: path.read_bytes() for path in (asset / "renders").iterdir()} == before
 
 
-@pytest.mark.parametrize("kind", ["capture", "pair"])
-def test_photographs_are_not_replaced_by_renders(asset, pair_folder, capsys, kind):
-    photographs = asset / "photographs"
-    if kind == "pair":
-        shutil.copytree(pair_folder / "message", photographs)
-    else:
-        write_image(photographs / "view_000.png", np.zeros((36, 48, 3)))
-    before = {path: path.read_bytes() for path in photographs.iterdir()}
-    cameras = str(pair_folder / "cameras.json")
-    assert main(["render", str(asset / "model.ply"), "--cameras", cameras, "--out", str(photographs)]) == 2
-    assert "output: expected a result of an earlier run of `gspure render`" in capsys.readouterr().err
-    assert {path: path.read_bytes() for path in photographs.iterdir()} == before
-
-
 def test_metrics_refuses_a_folder_that_lacks_one_of_its_renders(asset, capsys):
     renders = str(asset / "renders")
     assert main(["render", str(asset / "model.ply"), "--cameras", str(asset / "cameras.json"), "--out", renders]) == 0
@@ -479,17 +464,6 @@ def test_an_invalid_part_is_refused(text, capsys):
     with pytest.raises(SystemExit):
         main(["contributions", "--model", "m", "--cameras", "c", "--stages", "s", "--index", "i.tsv", f"--part={text}"])
     assert "expected I/N with 1 <= I <= N" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("cameras", ["cameras.json", "orbit"])
-def test_arrays_and_cameras_that_are_no_results_are_not_replaced_by_renders(asset, tmp_path, cameras):
-    name = "cameras.json" if cameras == "orbit" else f"{read_cameras(asset / cameras)[0].name}.npy"
-    file = tmp_path / "renders" / name
-    file.parent.mkdir()
-    file.write_text("of the user")
-    views = cameras if cameras == "orbit" else str(asset / cameras)
-    assert main(["render", str(asset / "model.ply"), "--cameras", views, "--out", str(file.parent), "--npy"]) == 2
-    assert [(path.name, path.read_text()) for path in file.parent.iterdir()] == [(name, "of the user")]
 
 
 def test_pruning_stages_deletes_what_no_index_lists_and_says_how_much(asset, capsys):

@@ -233,30 +233,9 @@ def test_photographs_are_compared_with_renders_by_the_same_cameras_only(pair_fol
         pair_images(pair_folder / "message", own_pair_folder / "message")
 
 
-@pytest.mark.parametrize("name", ["cameras.json", "points3D.ply", "message/cameras.json"])
-def test_files_of_the_users_are_not_replaced(tmp_path, capsys, name):
-    (tmp_path / name).parent.mkdir(exist_ok=True)
-    (tmp_path / name).write_text("mine")
-    size = ("--views", "3", "--width", "16", "--height", "16")
-    assert main(["pair", "room", "vault", *size, "--out", str(tmp_path)]) == 2
-    assert f"{name}: output: expected a result of an earlier run" in capsys.readouterr().err
-    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [tmp_path / name]
-
-
-def test_a_model_of_the_users_is_not_replaced_by_an_embedded_one(pair_folder, tmp_path, capsys):
-    model = tmp_path / "public" / "point_cloud.ply"
-    model.parent.mkdir()
-    model.write_text("mine")
-    command = ["embed", "planted", str(pair_folder), "--set", "gaussians=400", "--out", str(tmp_path)]
-    assert main(command) == 2
-    assert "point_cloud.ply: output: expected a result" in capsys.readouterr().err
-    model.unlink()
-    assert main(command) == main(command) == 0
-
-
 def test_scene_and_message_of_two_pairs_are_refused(pair_folder, own_pair_folder, tmp_path):
     shutil.copytree(pair_folder, tmp_path / "pair")
     shutil.rmtree(tmp_path / "pair" / "message")
     shutil.copytree(own_pair_folder / "message", tmp_path / "pair" / "message")
-    with pytest.raises(InputError, match=r"message/cameras\.json: pair: expected the settings of"):
+    with pytest.raises(InputError, match=r"message/cameras\.json: \w+: expected .* \(of another pair\)"):
         read_pair(tmp_path / "pair")

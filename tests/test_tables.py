@@ -77,6 +77,14 @@ def test_precision_and_recall_come_from_the_masks_below_the_same_folders(tmp_pat
     assert np.isnan(found["vault", "gspure"][1:]).all()
 
 
+def test_a_mask_may_be_a_link_to_another_folder(tmp_path: Path) -> None:
+    metrics, masks, _ = results(tmp_path)
+    expected = [outcome.pruned_share for outcome in collect(metrics, masks)]
+    for number, mask in enumerate(masks):
+        mask.symlink_to(mask.rename(tmp_path / f"{number}.npy"))
+    assert [outcome.pruned_share for outcome in collect(metrics, masks)] == pytest.approx(expected, nan_ok=True)
+
+
 def test_without_reference_variant_there_is_no_score(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     (outcome,) = collect([path for path in metrics if "gspure" in path.parts])

@@ -7,6 +7,7 @@ their job has the settings of the note, and all files its content, wherever they
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -38,17 +39,14 @@ def write_note(log: str, settings: str, paths: Iterable[str], before: Mapping[st
 def misfit(log: str, settings: str, paths: Iterable[str]) -> str:
     """Return why the results of a job do not fit its settings, or these files its note; an empty text if they do."""
     note = note_of(log)
-    try:
-        known = read_json(note)
-    except InputError:
-        return f"{note}: expected the note of a finished job, found none that can be read"
-    match known:
-        case {"settings": str(former), "files": {**files}}:
-            if former != settings:
-                return f"{note}: expected settings {settings}, found {former}"
-            changed = (path for path in paths if not _is_known(path, files.get(path)))
-            return next((f"{path}: expected the content that {note} names" for path in changed), "")
-    return f"{note}: expected the note of a finished job, found other JSON"
+    with suppress(InputError):
+        match read_json(note):
+            case {"settings": str(former), "files": {**files}}:
+                if former != settings:
+                    return f"{note}: expected settings {settings}, found {former}"
+                changed = (path for path in paths if not _is_known(path, files.get(path)))
+                return next((f"{path}: expected the content that {note} names" for path in changed), "")
+    return f"{note}: expected the note of a finished job"
 
 
 def _is_known(path: str, known: object) -> bool:
