@@ -28,9 +28,14 @@ def off_path_cameras(cameras: Sequence[Camera], count: int) -> list[Camera]:
     """
     train, _ = split(cameras)
     spread = _spread(train)
-    if any(camera.name.startswith(PREFIX) for camera in cameras) or not spread > 0:
+    named = [camera.name for camera in cameras if camera.name.startswith(PREFIX)]
+    if named or not spread > 0:
         expected = f"two or more training views in different places, none named {PREFIX}*"
-        raise InputError("cameras", "views", expected=expected, found=", ".join(c.name for c in cameras) or "none")
+        found, hint = (
+            named[0] if named else f"{len(train)} in one place",
+            "off_path: 0 in a configuration omits them",
+        )
+        raise InputError("cameras", "off-path views", expected=expected, found=found, hint=hint)
     target = _target(train)
     starts = [train[i * len(train) // count] for i in range(count)]
     return [_aside(start, f"{PREFIX}{i:03d}", STEP * spread * _STEPS[i % 4], target) for i, start in enumerate(starts)]

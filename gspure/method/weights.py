@@ -69,7 +69,7 @@ def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction 
 def require_in_view(weights: NDArray[Any]) -> None:
     """Refuse weights that are all 0: no attack would seem to change a model that no view shows."""
     if not weights.any():
-        hint = "do cameras and model belong together?"
+        hint = "do cameras and model belong together, and are the images large enough?"
         raise InputError("weights", "rows", expected="at least one in view", found=f"none of {len(weights)}", hint=hint)
 
 
