@@ -158,6 +158,18 @@ def test_the_verdict_counts_the_models_of_its_means() -> None:
     assert "36.0 dB (1 of 3 scenes)" in text
 
 
+@pytest.mark.parametrize(
+    ("drops", "words"),
+    [
+        ((0.0, 0.0), "changes the PSNR of the message by 0.0 dB and that of the scene by 0.0 dB"),
+        ((1.0, 0.0), "changes the PSNR of the message by 0.0 dB and lowers that of the scene by 1.0 dB"),
+        ((-1.0, -2.0), "raises the PSNR of the message by 2.0 dB and that of the scene by 1.0 dB"),
+    ],
+)
+def test_no_drop_is_not_said_to_lower(drops: tuple[float, float], words: str) -> None:
+    assert words in told(of_scenes(1, gspure=drops))[1]["GSPure"]
+
+
 def test_a_message_without_false_candidates_is_not_retrieved_from_nothing() -> None:
     with pytest.raises(InputError, match="candidates: expected others"):
         retrieval([np.array([1.0])])
