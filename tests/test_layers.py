@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import graphlib
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -102,6 +103,13 @@ def test_a_module_imports_only_from_its_own_layer_and_those_above() -> None:
         return {other for other in parts_imported(source) if DEPTH.get(other, len(LAYERS)) > DEPTH[part]}
 
     assert offences(from_below) == []
+
+
+def test_the_drawing_shows_every_part_in_its_layer() -> None:
+    drawing = (PACKAGE.parent / "docs" / "architecture.md").read_text().partition("```text\n")[2].partition("```")[0]
+    parts = re.findall(r"(?:^|(?<=  ))(\w+)/?(?=  |$)", drawing, re.MULTILINE)
+    assert sorted(parts) == sorted(DEPTH)
+    assert [DEPTH[part] for part in parts] == sorted(DEPTH[part] for part in parts)
 
 
 def test_no_two_parts_import_each_other() -> None:

@@ -26,13 +26,15 @@ def require_origins(variant: Path) -> None:
     """Raise `InputError` if an artifact in the folder of a variant is of another one.
 
     Files of an attack must be of the same job as the attacked model, images of this model, with the owner's key or, if
-    they are a control, the wrong one, and tables of these images.
+    they are a control, the wrong one, and tables of these images, or, if there are none, of the same.
     """
     cost = cost_of(Path(COSTS, *variant.parts[-3:], "attack"))
     require_same_origin(variant / MODEL, *(variant / name for name in ("prune_mask.npy", "verdict.json")), cost)
     for record in sorted(variant.glob(f"renders/*/{RENDERED}")):
         _require_images_of(variant, record.parent)
-    for table in (variant / "metrics.csv", *variant.glob(f"{DETECTIONS}/*.csv"), variant.parent / "retrieval.csv"):
+    tables = (variant / "metrics.csv", *variant.glob(f"{DETECTIONS}/*.csv"), variant.parent / "retrieval.csv")
+    require_same_origin(*tables)
+    for table in tables:
         _require_measured_in(variant, table)
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import embedding_of, load_array, read_json, require_embedding, require_same_origin
+from gspure.artifacts import embedding_of, load_array, read_json, require_embedding
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
@@ -202,7 +202,6 @@ def collect(
     _require_distinct(metrics)
     _require_equal_references(rows)
     _require_equal_views(rows)
-    _require_equal_images(metrics, [*retrievals, *detections])
     for variant in sorted({path.resolve().parents[path.parent.name == DETECTIONS] for path in (*metrics, *detections)}):
         require_origins(variant)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
@@ -340,14 +339,6 @@ def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
                 expected = f"the views of {UNATTACKED}, {len(before[target])} in the mean PSNR"
                 names = ", ".join(sorted(different)[:3])
                 raise InputError(path, target, expected=expected, found=f"{len(views[target])}; not in both: {names}")
-
-
-def _require_equal_images(metrics: Sequence[Path], readings: Iterable[Path]) -> None:
-    """Raise `InputError` if an image changed between its metrics and its retrieval or detection, by their records."""
-    for path in readings:
-        folder = path.resolve().parent  # of a model, or of the detections of a variant
-        folder = folder.parent if folder.name == DETECTIONS else folder
-        require_same_origin(path, *(file for file in metrics if file.resolve().is_relative_to(folder)))
 
 
 def _views_in_means(rows: Sequence[ViewMetrics]) -> dict[str, set[str]]:
