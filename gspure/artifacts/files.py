@@ -12,7 +12,7 @@ from tempfile import TemporaryFile
 from typing import Any
 
 from gspure.artifacts.checksums import file_checksum, forget, record_file, verify, with_checksum
-from gspure.artifacts.replacement import RENDERED, remove, require_replaceable
+from gspure.artifacts.replacement import RENDERED, remove_images, require_replaceable
 from gspure.errors import InputError, reading
 
 
@@ -79,7 +79,7 @@ def filling(folder: Path, *names: str) -> Iterator[Path]:
             targets = {file: folder / file.relative_to(temporary) for file in files if file.is_file()}
             _require_named(folder, names, targets.values())
             require_replaceable(*targets.values())
-            remove(*(image for target in targets.values() if target.name == RENDERED for image in _images(target)))
+            remove_images(*(target.parent for target in targets.values() if target.name == RENDERED))
             for target in targets.values():
                 forget(target)
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -109,10 +109,6 @@ def _require_named(folder: Path, names: Collection[str], files: Iterable[Path]) 
     for name in (file.relative_to(folder).as_posix() for file in files):
         if not any(name == pattern or fnmatchcase(name, pattern) for pattern in patterns):
             raise ValueError(f"{name} is not among the names of the files")
-
-
-def _images(record: Path) -> Iterator[Path]:
-    return record.parent.glob("*.png") if record.is_file() else iter(())
 
 
 def require_place(path: Path) -> None:

@@ -69,6 +69,14 @@ def remove(*paths: Path) -> None:
             path.unlink()
 
 
+def remove_images(*folders: Path) -> None:
+    """Delete the images in folders that are results, their records, and the folders that are empty then."""
+    for folder in folders:
+        remove(*folder.glob("*.png"), folder / RENDERED)
+        with suppress(OSError):  # another file is in it, or there is none
+            folder.rmdir()
+
+
 def is_result(path: Path, command: str | None = None) -> bool:
     """Return whether a file is a result, unchanged since it was written, of a command: the current one by default.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from gspure import __version__
-from gspure.artifacts import RENDERED, embedding_of, filling, motion_of, remove, save_array, write_json, write_record
+from gspure.artifacts import embedding_of, filling, motion_of, save_array, write_json, write_record
+from gspure.artifacts.replacement import RENDERED, remove, remove_images
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.bounds import STEPS
 from gspure.cameras import Camera, scaled, split, views_digest
@@ -235,14 +235,8 @@ def _repair_lines(diagnosis: Mapping[str, Any]) -> list[str]:
 
 def _remove_older(folder: Path) -> None:
     """Remove what the next run may lack: without colour, without a figure, or killed while it draws."""
-    older = [folder / "figures" / name for name in NAMES]
-    renders = [folder / "renders" / title for title in _RENDERS]
-    for views in renders:
-        older += [*views.glob("*.png"), views / RENDERED]
-    remove(*older, folder / "metrics.csv")
-    for emptied in (*renders, folder / "renders"):
-        with suppress(OSError):  # another file is in it, or there is none
-            emptied.rmdir()
+    remove(*(folder / "figures" / name for name in NAMES), folder / "metrics.csv")
+    remove_images(*(folder / "renders" / title for title in _RENDERS), folder / "renders")
 
 
 def _draw(

@@ -1,10 +1,10 @@
 """The output folder of training, in the layout of 3DGS's trainer, which most tools read."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from gspure.artifacts import RENDERED, remove, write_text
+from gspure.artifacts.replacement import remove_images
 from gspure.cameras import write_cameras
 from gspure.model import Gaussians, write_model
 from gspure.model.inria import saved_iterations
@@ -63,11 +63,8 @@ def remove_results(folder: Path) -> None:
     """Remove models, images and metrics of earlier runs; files of other names stay."""
     for iteration, model in saved_iterations(folder).items():
         images = comparison(folder, iteration)
-        shown = (path for views in images for path in (*views.glob("*.png"), views / RENDERED))
-        remove(*shown, model, folder / "metrics.csv")
-        for place in (*images, images[0].parent, model.parent):
-            with suppress(OSError):  # absent, or not empty
-                place.rmdir()
+        remove(model, folder / "metrics.csv")
+        remove_images(*images, images[0].parent, model.parent)
 
 
 def _arguments(model_path: Path, dataset: Dataset, parameters: Parameters, background: Sequence[float]) -> str:
