@@ -94,16 +94,6 @@ def test_a_file_of_a_key_without_its_record_is_refused(planted, pair_folder, tmp
     assert "planted.npz: embedding: expected" in capsys.readouterr().err
 
 
-def test_the_weight_of_a_message_is_not_measured_with_the_key_of_another_model(planted, pair_folder, tmp_path, capsys):
-    model = planted / "1" / "public" / "point_cloud.ply"
-    save_array(tmp_path / "weights.npy", np.ones(len(np.load(planted / "1" / "key" / "message_rows.npy")), np.float32))
-    options = ["--scheme", "planted", "--cameras", str(pair_folder / "cameras.json"), "--out", str(tmp_path / "h.json")]
-    command = ["hidden", "--model", str(model), "--weights", str(tmp_path / "weights.npy"), *options]
-    assert main([*command, "--key", str(planted / "2" / "key")]) == 2
-    assert ": embedding: expected" in capsys.readouterr().err
-    assert main([*command, "--key", str(planted / "1" / "key")]) == 0
-
-
 def test_weights_of_other_views_are_not_compared_with_those_of_the_message(planted, pair_folder, tmp_path, capsys):
     model = str(planted / "1" / "public" / "point_cloud.ply")
     views = ["--model", model, "--cameras", str(pair_folder / "cameras.json")]
