@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gspure.artifacts import write_record
 from gspure.cli import main
 from gspure.evaluation.comparison import RENDER
 from gspure.evaluation.contest import contest
@@ -79,7 +80,7 @@ def test_an_attack_that_the_message_survives_in_fewer_scenes_is_the_stronger() -
     mixed = benchmark({"a": {"gof": (1.0, 20.0), "noise": (1.0, 39.0)}, "b": {"gof": (1.0, 20.0), "noise": (1.0, 2.0)}})
     assert audit_of(mixed).strongest.variant == "gof"
     only = benchmark({"a": {"noise": (1.0, 39.0)}, "b": {"noise": (1.0, 2.0)}})
-    assert sentence(only).startswith("The message did not survive noise in 1 of 2 scenes: it lowers")
+    assert sentence(only).startswith("The message did not survive noise in 1 of 2 scenes: the attack lowers")
 
 
 def test_an_attack_names_the_scenes_in_which_only_retrieval_identifies_the_message_unless_all() -> None:
@@ -330,19 +331,21 @@ def test_phrases_round_to_tenths_and_sizes_have_no_sign() -> None:
 def test_tables_of_another_run_are_refused(tmp_path: Path, capsys) -> None:
     for name, drop in (("a", 20.0), ("b", 10.0)):
         write_results(tmp_path / f"{name}.csv", of_scenes(2, gspure=(0.5, drop)))
+        write_record(tmp_path / f"{name}.csv", inputs={}, settings={}, kind="table")
     out = {"--out": "c.csv", "--survival": "s.csv", "--matched": "m.csv", "--markdown": "c.md"}
     words = [word for option, file in out.items() for word in (option, str(tmp_path / file))]
     assert main(["contest", "--table", str(tmp_path / "a.csv"), *words]) == 0
     for option, file in (("--survival", "s.csv"), ("--contest", "c.csv"), ("--matched", "m.csv")):
         command = ["report", option, str(tmp_path / file), "--out", str(tmp_path / "r.html"), "--table"]
         assert main([*command, str(tmp_path / "b.csv")]) == 2
-        assert f"{file}: table: expected {tmp_path / 'b.csv'}" in capsys.readouterr().err
+        assert f"{file}: table: expected " in capsys.readouterr().err
         assert main([*command, str(tmp_path / "a.csv")]) == 0
 
 
 def test_figures_of_the_table_of_another_run_are_refused(tmp_path: Path, capsys) -> None:
     for name, drop in (("a", 20.0), ("b", 10.0)):
         write_results(tmp_path / f"{name}.csv", outcomes := of_scenes(2, gspure=(0.5, drop)))
+        write_record(tmp_path / f"{name}.csv", inputs={}, settings={}, kind="table")
     figure = str(tmp_path / "figures" / outcomes[0].condition.key / "tradeoff.png")
     condition = ["--condition", outcomes[0].condition.key, "--out", figure]
     assert main(["figures", "tradeoff", "--table", str(tmp_path / "a.csv"), *condition]) == 0

@@ -171,7 +171,7 @@ def test_no_drop_is_not_said_to_lower(drops: tuple[float, float], words: str) ->
 
 
 def test_a_message_without_false_candidates_is_not_retrieved_from_nothing() -> None:
-    with pytest.raises(InputError, match="candidates: expected others"):
+    with pytest.raises(InputError, match="candidates: expected pictures"):
         retrieval([np.array([1.0])])
     assert retrieval([np.array([1.0]), np.array([0.5, 0.4])]).views == 1
 
