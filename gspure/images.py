@@ -128,6 +128,11 @@ def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
         raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
 
 
+def is_flat(image: Float32) -> bool:
+    """Return whether all pixels of an image [H,W,3] have one colour, and there are several."""
+    return image[:, :, 0].size > 1 and bool((image == image[0, 0]).all())
+
+
 def record_views(
     folder: Path,
     views: Mapping[str, Sequence[float]],

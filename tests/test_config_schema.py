@@ -319,6 +319,10 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
             "pairs.b: expected another pair, found the settings of a",
         ),
         (
+            {"pairs": {"a": {"iterations": 9}, "b": {"resolution": "99px"}}, "schemes": {"splats_in_splats": {}}},
+            "pairs.b: expected another pair, found the settings of a",
+        ),
+        (
             {"pairs": {"a": {"scene": "interior-01"}}, "schemes": {"splats_in_splats": {}}},
             f"pairs.a: expected both of {NAMES}, or both paths, found interior-01 and vault",
         ),

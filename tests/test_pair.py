@@ -144,6 +144,15 @@ def test_photographs_and_a_model_become_a_pair(photographed, tmp_path):
     assert pair.shares_poses
 
 
+def test_views_that_do_not_show_the_message_are_counted(photographed, tmp_path, capsys):
+    project, model = photographed
+    write_model(tmp_path / "far.ply", moved(read_model(model), replace(similarity(), translation=np.full(3, 1e3))))
+    for message, is_counted in ((model, False), (tmp_path / "far.ply", True)):
+        arguments = [str(project), str(message), "--out", str(tmp_path / message.stem), "--resolution", "native"]
+        assert main(["pair", *arguments]) == 0
+        assert ("do not show the message" in capsys.readouterr().err) == is_counted
+
+
 def test_photographs_of_both_keep_their_poses(photographed, tmp_path):
     project, _ = photographed
     out = tmp_path / "pair"

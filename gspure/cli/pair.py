@@ -14,10 +14,10 @@ from gspure.cli.options import add_device, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.images import record_views, write_image
+from gspure.images import is_flat, record_views, write_image
 from gspure.model import Gaussians, read_model, require_finite
 from gspure.model.points import write_point_ply
-from gspure.progress import say, track
+from gspure.progress import say, track, warn
 from gspure.renderer import Renderer
 from gspure.scenes.alignment import Similarity, aligning
 from gspure.scenes.photography import path_cameras, photograph, picture
@@ -116,8 +116,13 @@ def _photographed(args: Arguments) -> dict[str, Any]:
     views = _write_photographs(args, "scene", args.scene)
     alignment = _alignment(views, Path(args.message))
     renderer = Renderer(model, read_device(args))
+    empty = []
     for camera in track(views, "pair"):
-        write_image(args.out / "message" / f"{camera.name}.png", renderer.image(alignment.camera(camera)))
+        image = renderer.image(alignment.camera(camera))
+        write_image(args.out / "message" / f"{camera.name}.png", image)
+        empty += [camera.name] * is_flat(image)
+    if empty:
+        warn(f"{len(empty)} of {len(views)} views, first {empty[0]}, do not show the message: it is outside of them")
     xyz, rgb = _points(model, args.seed)
     _write(args.out, "message", views, (alignment.inverse.points(xyz), rgb))
     return {"resolution": args.resolution}

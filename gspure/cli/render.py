@@ -48,7 +48,7 @@ def run(args: Arguments) -> None:
         save_array,
     )
     from gspure.evaluation.outcomes import SCENE
-    from gspure.images import record_views, require_no_other_images, write_image
+    from gspure.images import is_flat, record_views, require_no_other_images, write_image
     from gspure.model import model_file
 
     views = read_views(args)
@@ -61,7 +61,7 @@ def run(args: Arguments) -> None:
         empty = []
         for camera in track(views, "render"):
             image = scene(camera)
-            if image[:, :, 0].size > 1 and (image == image[0, 0]).all():
+            if is_flat(image):
                 empty.append(camera.name)
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:

@@ -31,6 +31,7 @@ from gspure.schemes.registry import schemes
 from gspure.settings import require_settings
 from gspure.training.views import read_views
 from gspure.workflow.decisions import DEFAULT
+from gspure.workflow.pairs import pair_arguments
 
 _FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")  # of a model
 
@@ -200,8 +201,7 @@ def _require_different(pairs: Mapping[str, Mapping[str, Any]], source: str | Pat
     """Refuse a pair that repeats another one, perhaps with another seed: it would count as another scene."""
     first: dict[str, str] = {}
     for name, pair in pairs.items():
-        settings = repr(sorted((setting, value) for setting, value in pair.items() if setting != "seed"))
-        if (twin := first.setdefault(settings, name)) != name:
+        if (twin := first.setdefault(pair_arguments({**pair, "seed": 0}, 0), name)) != name:
             hint = "repeat a pair by `repetitions`"
             raise InputError(
                 source, f"pairs.{name}", expected="another pair", found=f"the settings of {twin}", hint=hint
