@@ -202,20 +202,20 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-WRITING = ["features --model model.ply --weights w.npy", "attack unattacked --model model.ply"]
+WRITING = {"features --model model.ply --weights w.npy": "out.npy", "attack unattacked --model model.ply": "out.ply"}
 
 
-@pytest.mark.parametrize("command", WRITING)
-def test_a_limit_on_file_sizes_is_one_line_with_the_name_of_the_file(tmp_path: Path, command: str) -> None:
+@pytest.mark.parametrize(("command", "out"), WRITING.items())
+def test_a_limit_on_file_sizes_is_one_line_with_the_name_of_the_file(tmp_path: Path, command: str, out: str) -> None:
     from gspure.model import write_model
     from tests.models import blobs
 
     write_model(tmp_path / "model.ply", blobs(300))
     save_array(tmp_path / "w.npy", np.ones(300, np.float32))
-    line = [sys.executable, "-c", LIMITED, *command.split(), "--out", "deep/out.ply"]
+    line = [sys.executable, "-c", LIMITED, *command.split(), "--out", f"deep/{out}"]
     done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr == f"gspure {command.split(maxsplit=1)[0]}: deep/out.ply: File too large\n"
+    assert done.stderr == f"gspure {command.split(maxsplit=1)[0]}: deep/{out}: File too large\n"
     assert not list((tmp_path / "deep").iterdir())
 
 

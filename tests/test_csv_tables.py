@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gspure.artifacts.checksums import forget
 from gspure.errors import InputError
 from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
 from gspure.evaluation.metrics import METRICS, Metric
@@ -71,6 +72,7 @@ def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: P
 def test_a_number_too_large_for_a_float_is_refused(tmp_path: Path, number: str) -> None:
     write_table(tmp_path / "r.csv", Sample, [ONE._replace(number=12345.5)])
     (tmp_path / "r.csv").write_text((tmp_path / "r.csv").read_text().replace("12345.5", number))
+    forget(tmp_path / "r.csv")
     with pytest.raises(InputError, match=number):
         read_table(tmp_path / "r.csv", Sample)
 

@@ -88,7 +88,7 @@ def test_derived_models_are_rendered_on_the_background_of_training(trained, comm
         assert main(["attack", "unattacked", "--model", file, "--out", str(made)]) == 0
     else:
         made = trained / "results" / "purified.ply"
-        settings = ["--min-samples", "2", "--min-cluster-size", "2", "--tau-c", "1e9", "--tau-n", "1e9"]
+        settings = ["--min-samples", "2", "--min-cluster-size", "2", "--tau-c", "1e6", "--tau-n", "1e6"]
         assert main(["purify", file, "--cameras", cameras, "--out", str(made.parent), *settings]) == 0
     for source, out in ((str(trained), "before"), (str(made), "after")):
         assert main(["render", source, "--cameras", cameras, "--out", str(trained / out)]) == 0

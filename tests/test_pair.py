@@ -147,7 +147,10 @@ def test_photographs_and_a_model_become_a_pair(photographed, tmp_path):
 def test_views_that_do_not_show_the_message_are_counted(photographed, tmp_path, capsys):
     project, model = photographed
     write_model(tmp_path / "far.ply", moved(read_model(model), replace(similarity(), translation=np.full(3, 1e3))))
-    for message, is_counted in ((model, False), (tmp_path / "far.ply", True)):
+    write_model(
+        tmp_path / "wide.ply", read_model(model).with_columns({f"scale_{axis}": np.full(200, 2.0) for axis in range(3)})
+    )
+    for message, is_counted in ((tmp_path / "wide.ply", False), (tmp_path / "far.ply", True)):
         arguments = [str(project), str(message), "--out", str(tmp_path / message.stem), "--resolution", "native"]
         assert main(["pair", *arguments]) == 0
         assert ("do not show the message" in capsys.readouterr().err) == is_counted

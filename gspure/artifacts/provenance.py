@@ -38,7 +38,7 @@ def write_record(
     has no model, it is that of all inputs, if they have the same. `kind` names what a file holds, where others have
     its type and shape. `ancestors` are digests of what else it was made from, by name. Further ones are the inputs of
     this geometry that have a kind, and the ancestors of these inputs, except those in which inputs differ: a table
-    about several pairs has no single message.
+    about several pairs has no single message. An input `table` is an ancestor, too.
 
     `embedding` is common to the public model, the files beside it and the key that one run of `gspure embed` writes:
     the digest of the public model (`embedding_of`). By default, it is that of the input `model`. `motion` is
@@ -60,7 +60,8 @@ def write_record(
         "inputs": digests,
         "settings": dict(settings),
     }
-    ancestors = _agreed(_ancestors(source, geometry) for source in files.values()) | dict(ancestors or {})
+    table = {"table": digests["table"]["digest"]} if "table" in digests else {}
+    ancestors = _agreed(_ancestors(source, geometry) for source in files.values()) | table | dict(ancestors or {})
     if "model" in files:
         embedding = embedding or embedding_of(files["model"])
     moved = None if motion is None else motion.tolist()

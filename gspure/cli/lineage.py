@@ -19,7 +19,7 @@ def require_related(args: Arguments) -> None:
     ``--control`` or ``--wrong-key``, the model may be another than that of the key. `Unrelated` inputs are not
     compared.
     """
-    from gspure.artifacts import require_agreement
+    from gspure.artifacts import known_digest, require_agreement
 
     model = getattr(args, "model", None)
     is_control = getattr(args, "control", False) or getattr(args, "wrong_key", None) is not None
@@ -30,6 +30,8 @@ def require_related(args: Arguments) -> None:
     if model in facts:
         is_compared = any("model" in known for path, known in facts.items() if path != model)
         facts[model] = _facts_of_model(model, is_compared=is_compared)
+    if (table := getattr(args, "table", None)) in facts:
+        facts[table] = {**facts[table], "table": known_digest(table)}
     hint = _CONTROL if "control" in args and not is_control else ""
     for first, second in (*combinations(single, 2), *product(single, several)):
         require_agreement(first, second, facts[first], facts[second], hint)
