@@ -65,8 +65,14 @@ def main():
     args = parser.parse_args()
 
     images = {path: np.asarray(Image.open(path).convert("RGB"), float) for path in sorted(args.images.glob("*.png"))}
+    if not images:
+        parser.error(f"{args.images}: expected PNG files, found none")
     if args.command == "embed":
-        args.out.mkdir(parents=True, exist_ok=True)
+        if {*args.bits} - {*"01"} or not args.bits or not 0 < args.strength <= 255:
+            parser.error("expected --bits of 0 and 1, and a --strength above 0, at most 255")
+        if args.out.exists():
+            parser.error(f"{args.out}: expected a new folder, found one of this name")
+        args.out.mkdir(parents=True)
         for path, image in images.items():
             pixels = np.rint(marked(image, args.key, args.bits, args.strength)).astype(np.uint8)
             Image.fromarray(pixels).save(args.out / path.name)

@@ -422,6 +422,9 @@ def test_the_example_reads_what_it_embeds(tmp_path):
         return [row.level for row in read_marks(shlex.join([*script, "detect", *options]), tmp_path / folder, "", 60)]
 
     embed("marked")
+    for folder, options in (("clean", []), ("marked", []), ("new", ["--bits", "01x"]), ("new", ["--strength", "nan"])):
+        with pytest.raises(subprocess.CalledProcessError):
+            embed(folder, *options)
     embed("bits", "--bits", "01101001")
     assert min(score("marked", "--key", "7")) > 3
     assert np.abs(score("clean", "--key", "7")).max() < 3

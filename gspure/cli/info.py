@@ -38,6 +38,7 @@ def run(args: Arguments) -> None:
 def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> list[str]:
     """Return the summary as aligned lines."""
     from gspure.model.compressed.sog import INDEX
+    from gspure.model.filtered import FILTER
     from gspure.model.suspicious import lines
 
     colour = f"SH degree {summary.sh_degree}" if summary.sh_degree >= 0 else "no spherical harmonics"
@@ -50,6 +51,7 @@ def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dic
         *([f"  further properties: {_series(summary.further_columns)}"] if summary.further_columns else []),
         "",
         *_quantile_table(summary),
+        *(["  stored values: the 3-D filter is not part of them"] if FILTER in summary.columns else []),
         "",
         *_row_counts(summary),
         *(f"  {line}" for line in lines(summary.suspicious, summary.gaussians)),

@@ -47,10 +47,15 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
     Raise `InputError` if no row can be drawn, or rows are anchors, whose opacity a network computes.
     """
     undrawable = _undrawable(model)
+    are_gaussians = Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
+    if are_gaussians and len(unturned := np.flatnonzero(~model.quats.any(axis=1))):
+        warn(
+            f"{source}: {len(unturned)} of {len(model)} rows have a rotation of 0 and are not drawn: {listed(unturned)}"
+        )
     if not undrawable:
         return filtered(model)
     rows = undrawable_rows(model)
-    if len(rows) == len(model) or Signature.of(model.table.dtype.names or ()).rows != "Gaussians":
+    if len(rows) == len(model) or not are_gaussians:
         name = next(iter(undrawable))
         _refuse(model, source, name, undrawable[name])
     total = len(model)

@@ -77,7 +77,7 @@ def read_dataset(
     views = read_views(source)
     cameras = _with_photographs(views.cameras, photographs)
     cameras = _present(cameras, source) if skip_missing else cameras
-    require_present(cameras, source, hint="--skip-missing trains without them")
+    require_present(cameras, source, hint="`gspure train --skip-missing` leaves out their views")
     shown = scaled(cameras, scale)
     require_images(shown, source)
     _require_shapes(cameras, source)
