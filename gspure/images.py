@@ -19,6 +19,7 @@ from gspure.artifacts.checksums import file_checksum, record_checksum, with_chec
 from gspure.constants import LARGEST
 from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
+from gspure.progress import warn
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
@@ -185,10 +186,13 @@ def _read_record(file: Path, _state: tuple[int, ...]) -> Mapping[str, Any]:
 def require_all_images(folder: Path) -> None:
     """Refuse a folder that lacks the image of a view in its record, or whose image has another size; none is read.
 
-    A folder without a record passes.
+    Warn of images that the record does not list. A folder without a record passes.
     """
     record = _recorded(folder)
     images = {path.stem: path for path in folder.glob("*.png") if path.is_file()}
+    if record["views"] and (others := sorted(images.keys() - record["views"].keys())):
+        more = ", ..." * (len(others) > 1)
+        warn(f"{folder}: {len(others)} images are not in {RENDERED}, but count: {others[0]}.png{more}")
     if missing := [view for view in record["views"] if view not in images]:
         found = f"all but {len(missing)}: {missing[0]}.png" + ", ..." * (len(missing) > 1)
         hint = f"render them again; if deleted on purpose, delete {RENDERED} too"

@@ -13,7 +13,7 @@ from gspure.artifacts import write_record
 from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
 from gspure.evaluation.detector import read_marks
-from gspure.images import FORMATS, read_image, record_views, require_intact, write_image
+from gspure.images import FORMATS, read_image, record_views, require_all_images, require_intact, write_image
 from gspure.training.dataset import _with_photographs
 from tests.documentation import ROOT
 from tests.models import camera
@@ -243,3 +243,11 @@ def test_a_figure_that_differs_from_its_record_is_refused(tmp_path):
     (tmp_path / "figure.png").write_bytes((tmp_path / "other.png").read_bytes())
     with pytest.raises(InputError, match=r"figure.png: content: expected CRC-32"):
         require_intact(tmp_path / "figure.png")
+
+
+def test_images_that_the_record_of_their_folder_does_not_list_are_named(tmp_path, capsys):
+    for name in ("a", "b"):
+        write_image(tmp_path / f"{name}.png", np.zeros((2, 2, 3)))
+        record_views(tmp_path, {"a": []})
+        require_all_images(tmp_path)
+        assert ("1 images are not in rendered.json, but count: b.png" in capsys.readouterr().err) == (name == "b")

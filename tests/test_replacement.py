@@ -227,8 +227,8 @@ def test_an_output_that_is_an_input_by_another_spelling_is_refused(tmp_path, mon
 
 def test_a_link_to_itself_is_refused(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    Path("loop").symlink_to("loop")
-    for words in (["info", "loop"], ["attack", "random_pruning", "--model", "m.ply", "--out", "loop"]):
+    Path("loop.ply").symlink_to("loop.ply")
+    for words in (["info", "loop.ply"], ["attack", "random_pruning", "--model", "m.ply", "--out", "loop.ply"]):
         assert main(words) == 2
         assert capsys.readouterr().err.count("\n") == 1
 

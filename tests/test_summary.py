@@ -128,12 +128,13 @@ def test_the_command_writes_both(tmp_path):
     for variant, (scene, message) in {"unattacked": (30.0, 25.0), "gspure": (29.0, 10.0)}.items():
         rows = [measured("scene", scene, view="1"), measured("message", message, view="1")]
         write_metrics(tmp_path / "a" / "b" / variant / "metrics.csv", rows)
-    files = [f"--{name}={tmp_path / name}" for name in ("out", "markdown", "summary", "latex")]
+    names = {"out": "out.csv", "markdown": "out.md", "summary": "summary.csv", "latex": "summary.tex"}
+    files = [f"--{option}={tmp_path / name}" for option, name in names.items()]
     assert main(["table", "--metrics", *map(str, sorted(tmp_path.rglob("metrics.csv"))), *files]) == 0
-    record = json.loads((tmp_path / "summary.json").read_text())
-    assert record["inputs"]["table"]["digest"] == file_digest(tmp_path / "out")
-    of_table = json.loads((tmp_path / "out.json").read_text())
+    record = json.loads((tmp_path / "summary.csv.json").read_text())
+    assert record["inputs"]["table"]["digest"] == file_digest(tmp_path / "out.csv")
+    of_table = json.loads((tmp_path / "out.csv.json").read_text())
     assert set(of_table["inputs"]) == {path.as_posix() for path in tmp_path.rglob("metrics.csv")}
-    _, ours = csv.DictReader((tmp_path / "summary").read_text().splitlines())
+    _, ours = csv.DictReader((tmp_path / "summary.csv").read_text().splitlines())
     assert (ours["variant"], ours["score_mean"]) == ("gspure", "14")
-    assert " & GSPure & 1 & 29.00 & 10.00 & 14.00 & --" in (tmp_path / "latex").read_text()
+    assert " & GSPure & 1 & 29.00 & 10.00 & 14.00 & --" in (tmp_path / "summary.tex").read_text()

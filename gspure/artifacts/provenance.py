@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts.checksums import file_checksum, file_digest, record_file, record_of, with_checksum
+from gspure.artifacts.checksums import file_checksum, file_digest, forget, record_file, record_of, with_checksum
 from gspure.artifacts.files import write_json
 from gspure.errors import InputError, reading
 
@@ -67,7 +67,12 @@ def write_record(
     moved = None if motion is None else motion.tolist()
     known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding, "motion": moved}
     record |= {name: value for name, value in known.items() if value}
-    write_json(record_file(path), with_checksum(record))
+    try:
+        write_json(record_file(path), with_checksum(record))
+    except OSError:  # an artifact without its record would be half a result
+        path.unlink(missing_ok=True)
+        forget(path)
+        raise
 
 
 def facts_of(artifact: Path) -> dict[str, str]:

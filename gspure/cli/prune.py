@@ -24,18 +24,17 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     import numpy as np
 
-    from gspure.artifacts import load_array, require_kind, save_array, write_json, write_record
+    from gspure.artifacts import facts_of, load_array, require_kind, save_array, write_json, write_record
     from gspure.method.clustering.diagnosis import diagnose
     from gspure.method.clustering.store import read_clusters
     from gspure.method.pruning import prune_mask
     from gspure.model import read_model
     from gspure.model.suspicious import suspicious_rows, to_json
-    from gspure.schemes.registry import geometry_of
 
     model = read_model(args.model) if args.model else None
-    geometry = geometry_of(args.model) if args.model else ""
     quantity = require_kind(args.weights, "weights", "opacities")
     labels, coincident = read_clusters(args.clusters)
+    geometry = facts_of(args.clusters).get("model", "")
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),), least=0)
     diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident, quantity)
     inputs = {"clusters": args.clusters, "weights": args.weights} | ({"model": args.model} if args.model else {})
