@@ -60,6 +60,14 @@ def test_public_model_and_key_share_an_embedding_that_attacks_keep(planted):
     assert embedding_of(planted / "attacked.ply") == first
 
 
+def test_an_embedding_replaces_all_of_an_earlier_one_in_its_folder(planted, pair_folder, tmp_path):
+    shutil.copytree(planted / "1", out := tmp_path / "out")
+    command = ["embed", "planted", str(pair_folder), "--out", str(out), "--set", "gaussians=400"]
+    assert main([*command, "--set", "message_weight=0"]) == 0
+    assert not any((out / "key").iterdir())
+    assert embedding_of(out / "public")
+
+
 def test_the_key_of_another_model_extracts_only_as_a_control(planted, pair_folder, tmp_path, capsys):
     def refused(model: str, key: str, *options: str) -> bool:
         capsys.readouterr()

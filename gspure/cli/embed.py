@@ -4,7 +4,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.artifacts import RENDERED, UNMOVED, file_digest, filling, write_json, write_record
+from gspure.artifacts import RENDERED, UNMOVED, file_digest, filling, record_of, remove, write_json, write_record
 from gspure.bounds import SEED
 from gspure.cli.options import add_device, described, read_device
 from gspure.cli.parser import Arguments, Parser
@@ -74,6 +74,8 @@ def run(args: Arguments) -> None:
         photographs = photographs_of(args.pair / "scene") | photographs_of(args.pair / "message")
         for path in artifacts:
             write_record(path, inputs=inputs, settings=used, embedding=embedding, motion=UNMOVED, ancestors=photographs)
+        written = {args.out / path.relative_to(folder) for path in artifacts}
+    remove(*(file for file in args.out.glob("*/*") if file not in written and record_of(file)))  # of an earlier run
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()
