@@ -27,6 +27,7 @@ from gspure.evaluation.comparison import ViewMetrics, write_metrics
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import collect
 from gspure.images import record_views, write_image
+from gspure.model import read_model, write_model
 from gspure.schemes import gs_hider, secure_gs
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.public_model import FeatureModel
@@ -82,6 +83,14 @@ def test_the_key_of_another_model_extracts_only_as_a_control(planted, pair_folde
     assert not refused("attacked.ply", "2", "--wrong-key", "1")
     shutil.copy(planted / "attacked.ply", tmp_path / "unrecorded.ply")
     assert extract(tmp_path / "unrecorded.ply", planted / "2" / "key", pair_folder, tmp_path) == 0
+
+
+def test_a_row_that_is_not_finite_does_not_stop_the_owner(planted, pair_folder, tmp_path, capsys):
+    public = read_model(planted / "1" / "public")
+    x = np.where(np.arange(len(public)) == 5, np.nan, public.means[:, 0])
+    write_model(tmp_path / "model.ply", public.with_columns({"x": x}))
+    assert extract(tmp_path / "model.ply", planted / "1" / "key", pair_folder, tmp_path / "out", "--control") == 0
+    assert "rows are not finite and are not drawn: 5" in capsys.readouterr().err
 
 
 def test_a_key_without_records_extracts_only_from_a_model_without_one(planted, pair_folder, tmp_path, capsys):
