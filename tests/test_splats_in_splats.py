@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.lib import recfunctions as rfn
 
 from gspure.artifacts import read_json, save_array
 from gspure.attacks import Evidence, find_attack
@@ -12,7 +13,7 @@ from gspure.evaluation.metrics import psnr
 from gspure.images import read_image
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
-from gspure.model import write_model
+from gspure.model import Gaussians, read_model, write_model
 from gspure.model.signature import Signature
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.matching import registered
@@ -237,6 +238,22 @@ def test_a_broken_key_is_refused(key, tmp_path, change, line):
     with np.load(tmp_path / "splats_in_splats.npz") as archive:
         arrays = dict(archive) | change
     np.savez(tmp_path / "splats_in_splats.npz", **{name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(InputError, match=line):
+        SCHEME.read_key(tmp_path)
+
+
+@pytest.mark.parametrize("line", ["x: expected finite numbers", "columns: expected f_dc_0 to f_dc_2, found no colours"])
+def test_hidden_gaussians_that_cannot_be_drawn_are_refused(key, tmp_path, line):
+    key.write(tmp_path)
+    hidden = read_model(file := tmp_path / "hidden.ply")
+    if line.startswith("x"):
+        changed = hidden.with_columns({"x": np.where(np.arange(len(hidden)) == 1, np.nan, hidden.means[:, 0])})
+    else:
+        changed = Gaussians(
+            rfn.drop_fields(hidden.table, [name for name in hidden.table.dtype.names if name.startswith("f_")])
+        )
+
+    write_model(file, changed)
     with pytest.raises(InputError, match=line):
         SCHEME.read_key(tmp_path)
 

@@ -1,5 +1,7 @@
 """``gspure contest``: survival of the message, and GSPure against every other attack."""
 
+from functools import partial
+
 from gspure.cli.options import add_sweeps, read_sweeps
 from gspure.cli.parser import Arguments, Parser, Unrelated
 
@@ -38,11 +40,15 @@ def run(args: Arguments) -> None:
     sweeps = read_sweeps(args, outcomes)
     contests, survivals, matched = contest(outcomes, sweeps), survival(outcomes), match(outcomes, sweeps)
     costs = attack_costs(outcomes, sweeps, args.benchmarks) if args.benchmarks else []
+    record = partial(write_record, inputs={"table": args.table}, settings={"sweeps": sweeps})
     if args.costs:
         write_table(args.costs, AttackCost, costs)
+        record(args.costs)
     write_table(args.out, Contest, contests)
+    record(args.out)
     write_table(args.survival, Survival, survivals)
+    record(args.survival)
     write_table(args.matched, Matched, matched)
+    record(args.matched)
     write_text(args.markdown, conditions_markdown(survivals, contests, matched, costs))
-    for path in filter(None, (args.out, args.survival, args.matched, args.markdown, args.costs)):
-        write_record(path, inputs={"table": args.table}, settings={"sweeps": sweeps})
+    record(args.markdown)

@@ -21,6 +21,7 @@ from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.activations import LEAST_OPACITY, logit
+from gspure.model.finite import require_finite
 from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel, RenderView, Rows
@@ -94,7 +95,10 @@ class SplatsInSplatsKey(Key):
             expected = "a whole number from {} to {}".format(*bits.SHIFT_RANGE)
             raise InputError(path, "shift", expected=expected, found=str(shift))
         mapping = OpacityMapping.of({name: arrays[name] for name in layers})
-        hidden = read_model(Path(folder) / _HIDDEN)
+        hidden = read_model(file := Path(folder) / _HIDDEN)
+        require_finite(hidden, file)
+        if hidden.sh_degree < 0:
+            raise InputError(file, "columns", expected="f_dc_0 to f_dc_2", found="no colours")
         if len(arrays["positions"]) > len(hidden):
             expected = f"at most {len(hidden)}, one per Gaussian of {_HIDDEN}"
             raise InputError(path, "positions", expected=expected, found=str(len(arrays["positions"])))
