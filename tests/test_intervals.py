@@ -94,4 +94,4 @@ def test_cells_are_grouped_by_scene_and_paired_where_both_are():
     a = {("room", 2): 5.0, ("room", 1): 3.0, ("bonsai", 1): 8.0}
     assert [group.tolist() for group in by_scene(a)] == [[8.0], [3.0, 5.0]]
     b = {("room", 1): 1.0, ("bonsai", 1): 2.0, ("kitchen", 1): 9.0}
-    assert [group.tolist() for group in differences(a, b)] == [[6.0], [2.0]]
+    assert [group.tolist() for group in by_scene(differences(a, b))] == [[6.0], [2.0]]

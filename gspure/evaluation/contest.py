@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.intervals import Cells, Interval, differences, mean_interval
+from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, mean_interval
 from gspure.evaluation.matched import Drops, Point, Sweeps, completed, curves, damages
 from gspure.evaluation.outcomes import GSPURE, SCENE, UNATTACKED, Condition, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.significance import holm, paired_test
@@ -95,7 +95,7 @@ def _against(
 ) -> list[Contest]:
     """Compare GSPure with every other attack that shares a scene and seed with it."""
     gspure = cells.get(GSPURE, {})
-    shared = {attack: differences(gspure, known) for attack, known in cells.items() if attack != GSPURE}
+    shared = {attack: by_scene(differences(gspure, known)) for attack, known in cells.items() if attack != GSPURE}
     by_attack = {attack: scenes for attack, scenes in shared.items() if scenes}
     rows = [
         Contest(*condition, extraction, attack, quantity, damage, sum(map(len, scenes)), mean_interval(scenes))

@@ -6,7 +6,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from gspure.cost import Cost, cost_of, read_cost
+from gspure.cost import cost_of, read_cost
+from gspure.evaluation.intervals import scene_means
 from gspure.evaluation.matched import Sweeps
 from gspure.evaluation.outcomes import Outcome, by_condition
 
@@ -32,12 +33,13 @@ def attack_costs(outcomes: Sequence[Outcome], sweeps: Sweeps, folder: Path) -> l
         groups: dict[tuple[Kind, str], Sequence[str]] = {("variant", o.variant): [o.variant] for o in alike}
         groups |= {("sweep", name): variants for name, variants in sweeps.items()}
         for (kind, name), variants in groups.items():
-            costs: dict[str, list[Cost]] = {}
-            for o in (o for o in alike if o.variant in variants):
-                file = cost_of(folder / o.scheme / o.folder / o.variant / "attack")
-                if file.is_file():
-                    costs.setdefault(o.scene, []).append(read_cost(file))
+            files = [
+                (o.scene, cost_of(folder / o.scheme / o.folder / o.variant / "attack"))
+                for o in alike
+                if o.variant in variants
+            ]
+            costs = {(scene, i): read_cost(file) for i, (scene, file) in enumerate(files) if file.is_file()}
             if costs:
-                mean = np.mean([np.mean(of_scene, axis=0) for of_scene in costs.values()], axis=0)
-                rows.append(AttackCost(*condition, kind, name, *map(float, mean)))
+                mean = np.mean([*scene_means(costs).values()], axis=0)
+                rows.append(AttackCost(*condition, kind, name, *mean.tolist()))
     return rows

@@ -20,7 +20,7 @@ is less than 95 %; the range is then returned with that probability.
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,17 +53,23 @@ class Interval(NamedTuple):
         return self.low > 0 or self.high < 0
 
 
-def by_scene(cells: Cells) -> Groups:
+def by_scene(cells: Mapping[tuple[str, int], ArrayLike]) -> Groups:
     """Return one array per scene with the values of its seeds; scenes and seeds in sorted order."""
-    scenes: dict[str, list[float]] = {}
+    scenes: dict[str, list[ArrayLike]] = {}
     for scene, seed in sorted(cells):
         scenes.setdefault(scene, []).append(cells[scene, seed])
     return [np.array(values, np.float64) for values in scenes.values()]
 
 
-def differences(a: Cells, b: Cells) -> Groups:
-    """Return ``a - b`` for the cells of both, as one array per scene."""
-    return by_scene({cell: a[cell] - b[cell] for cell in a.keys() & b.keys()})
+def scene_means(cells: Mapping[tuple[str, int], ArrayLike]) -> dict[str, Any]:
+    """Return the mean over seeds for every scene, in sorted order; values are numbers, or arrays of one shape."""
+    scenes = dict.fromkeys(scene for scene, _ in sorted(cells))
+    return {scene: values.mean(axis=0) for scene, values in zip(scenes, by_scene(cells), strict=True)}
+
+
+def differences(a: Cells, b: Cells) -> Cells:
+    """Return ``a - b`` for the cells of both."""
+    return {cell: a[cell] - b[cell] for cell in a.keys() & b.keys()}
 
 
 def checked(values: Sequence[ArrayLike]) -> Groups:

@@ -5,10 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
-from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, known_interval, mean_interval
+from gspure.evaluation.intervals import Cells, Interval, differences, known_interval, scene_means
 from gspure.evaluation.matched import reached_name
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, is_picture, ordered
@@ -142,7 +141,7 @@ def _survival(
     after = {cell: level for cell, level in after.items() if cell[0] in present_before or not present_before}
     reached = [o.reached[extraction] for o in attacked if extraction in o.reached]
     kinds = [kind for kind in MESSAGE_FREE if after and kind in levels]
-    auc = {kind: detectability(_scene_means(after), _scene_means(levels[kind])) for kind in kinds}
+    auc = {kind: detectability(*([*scene_means(cells).values()] for cells in (after, levels[kind]))) for kind in kinds}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
     return Survival(
         *alike[0].condition,
@@ -158,10 +157,10 @@ def _survival(
         known_interval(_drops_of("ms_ssim", attacked, extraction)),
         known_interval(_drops_of("nc", attacked, extraction)),
         _rms_ratio(variant, {**levels, variant: after}, scene_psnr) if is_picture(extraction) else math.nan,
-        _mean(differences(after, scene_floor)),
+        known_interval(differences(after, scene_floor)),
         known_interval(_shares_left(levels, variant, present_before)),
         known_interval(_shares_left(region, variant, present_before)) if is_picture(extraction) else None,
-        _mean(differences(after, levels.get(WRONG_KEY, {}))),
+        known_interval(differences(after, levels.get(WRONG_KEY, {}))),
         hardest,
         auc.get(hardest),
     )
@@ -178,7 +177,7 @@ def _drops_of(metric: str, attacked: Sequence[Outcome], target: str) -> Cells:
 def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, Cells]) -> float:
     tables = [target.get(name, {}) for target in (message, scene) for name in (UNATTACKED, variant)]
     cells = set.intersection(*({*table} for table in tables))
-    columns = [[seeds.mean() for seeds in by_scene({cell: table[cell] for cell in cells})] for table in tables]
+    columns = [[*scene_means({cell: table[cell] for cell in cells}).values()] for table in tables]
     return rms_ratio(np.transpose(columns[:2]), np.transpose(columns[2:]))
 
 
@@ -186,18 +185,14 @@ def _shares_left(levels: Mapping[str, Cells], variant: str, present: set[str]) -
     """Return the share left in each `present` scene, from means over seeds, as cells with one seed."""
     before, after, scene_floor = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
     known = before.keys() & after.keys() & scene_floor.keys()
-    cells = sorted(cell for cell in known if cell[0] in present)
-    margins = [differences({cell: psnr[cell] for cell in cells}, scene_floor) for psnr in (before, after)]
-    means = [[seeds.mean() for seeds in by_seed] for by_seed in margins]
-    scenes = dict.fromkeys(scene for scene, _ in cells)
-    return {(scene, 0): max(0.0, left) / whole for scene, whole, left in zip(scenes, *means, strict=True) if whole > 0}
+    floors = {cell: scene_floor[cell] for cell in known if cell[0] in present}
+    whole, left = (scene_means(differences(psnr, floors)) for psnr in (before, after))
+    return {(scene, 0): max(0.0, left[scene]) / margin for scene, margin in whole.items() if margin > 0}
 
 
 def _present(psnr: Cells, scene_floor: Cells) -> set[str]:
     """Return the scenes in which the mean over seeds lies `MARGIN` or more above the floor."""
-    scenes = sorted({scene for scene, _ in psnr.keys() & scene_floor.keys()})
-    margins = differences(psnr, scene_floor)
-    return {scene for scene, margin in zip(scenes, margins, strict=True) if margin.mean() >= MARGIN}
+    return {scene for scene, margin in scene_means(differences(psnr, scene_floor)).items() if margin >= MARGIN}
 
 
 def _retrieved(outcomes: Iterable[Outcome], extraction: str) -> set[str]:
@@ -208,11 +203,3 @@ def _retrieved(outcomes: Iterable[Outcome], extraction: str) -> set[str]:
 def _detected(outcomes: Sequence[Outcome], detector: str) -> set[str]:
     """Return the scenes in which a detector detects the mark with some seed."""
     return {o.scene for o in outcomes if detector in o.detections and o.detections[detector].present}
-
-
-def _scene_means(cells: Cells) -> list[float]:
-    return [float(seeds.mean()) for seeds in by_scene(cells)]
-
-
-def _mean(scenes: Sequence[ArrayLike]) -> Interval | None:
-    return mean_interval(scenes) if scenes else None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.intervals import Cells, by_scene
+from gspure.evaluation.intervals import scene_means
 from gspure.evaluation.matched import damages, reached_name
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
@@ -47,16 +47,12 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
             known.setdefault(o.variant, {})[o.scene, o.seed] = point
     cells = max(known.values(), key=len, default={}).keys()
     at = {
-        name: tuple(_mean_over_scenes({cell: point[i] for cell, point in points.items()}) for i in (0, 1))
+        name: np.mean([*scene_means(points).values()], axis=0).tolist()
         for name, points in known.items()
         if points.keys() == cells
     }
     listed = groupby(sorted(at, key=lambda name: at[name]), key=lambda name: at[name])
     return [Place(damage, residual, tuple(names)) for (damage, residual), names in listed]
-
-
-def _mean_over_scenes(values: Cells) -> float:
-    return float(np.mean([seeds.mean() for seeds in by_scene(values)]))
 
 
 def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None = None) -> list[Place]:
