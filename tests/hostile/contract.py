@@ -30,7 +30,8 @@ import numpy as np
 
 from gspure.artifacts.checksums import forget
 from gspure.errors import InputError
-from tests.hostile.mutations import SPECIAL, Rng, choose, mutate, place, remove
+from tests.hostile.bytes_and_text import Rng, choose
+from tests.hostile.mutations import SPECIAL, mutate, place, remove
 
 SEED = 2026
 CPU_SECONDS = 2.0

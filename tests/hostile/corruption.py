@@ -22,8 +22,7 @@ from gspure.images import RENDERED
 from tests.hostile import commands
 from tests.hostile.journal import Journal, Record
 from tests.hostile.kills import copied, difference
-from tests.hostile.mutations import SPECIAL, mutate, place
-from tests.hostile.mutations import remove as remove_any
+from tests.hostile.mutations import SPECIAL, mutate, place, remove
 from tests.hostile.project import Job, contents, ended, jobs, snakemake
 
 Corruption = Callable[[bytes, np.random.Generator], bytes]
@@ -162,7 +161,7 @@ def restore(name: str, folder: Path, reference: Path) -> None:
     """Make a copy of a project equal to it again, after a file of this name and its records were changed."""
     records = (f"{name}.json", str(Path(name).with_name(RENDERED)))
     for path in {*difference(contents(folder), contents(reference)), name, *records}:
-        remove_any(folder / path)
+        remove(folder / path)
         if (reference / path).is_file():
             shutil.copy2(reference / path, folder / path)
 

@@ -56,8 +56,8 @@ from gspure.model import read_model, write_model
 from gspure.renderer import CONTRIBUTION
 from gspure.workflow.notes import misfit, write_note
 from tests.contest_cases import attacked, measured
+from tests.hostile.bytes_and_text import Rng
 from tests.hostile.contract import Reader
-from tests.hostile.mutations import Rng
 from tests.models import blobs
 
 ROWS = 12

@@ -16,9 +16,10 @@ import pytest
 
 from gspure.errors import InputError
 from tests.hostile import contract
+from tests.hostile.archives import bomb, zip_bomb, zipped
 from tests.hostile.contract import READ, REFUSED, Reader, Watch, corrupted, faults_of_line, outcome, prepared, torment
 from tests.hostile.journal import kept
-from tests.hostile.mutations import FORMS, SPECIAL, bomb, mutate, zip_bomb, zipped
+from tests.hostile.mutations import FORMS, SPECIAL, mutate
 from tests.hostile.readers import BY_NAME, READERS
 
 ROOT = Path(__file__).parents[2]

@@ -47,8 +47,8 @@ from gspure.training.dataset import read_dataset, read_photographs
 from gspure.workflow.configuration import resolved, validated
 from tests.anchor_cases import random_key, random_public
 from tests.compressed_cases import files, model, sog_of_version_1, unpacked_sog
+from tests.hostile.archives import zipped
 from tests.hostile.contract import Reader
-from tests.hostile.mutations import zipped
 from tests.models import blobs, camera
 from tests.test_cameras_colmap import binary, text
 from tests.training_cases import colmap_project, ring, state
