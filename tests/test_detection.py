@@ -9,13 +9,14 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gspure.artifacts import read_json, write_record
+from gspure.artifacts import read_json
 from gspure.cli import detect, main
 from gspure.errors import InputError
 from gspure.evaluation import detector
@@ -289,6 +290,22 @@ def test_a_users_model_is_judged_without_photographs_and_controls():
     assert [row.variant for row in audit.where(True)] == ["gspure"]
 
 
+def test_a_mark_that_cannot_be_judged_is_not_called_absent(tmp_path):
+    """Two clean views allow no verdict on two others, though their floor is known."""
+    unclear = detection([Reading(view, 9.0, 0) for view in "ab"], [1.0, 2.0])
+    levels = {"unattacked": 9.0, "gspure": 8.0, "clean": 1.5}
+    scores = {name: {"mark": unclear._replace(level=level)} for name, level in levels.items()}
+    outcomes = with_references(replace(outcome(name, 0.0), detections=read) for name, read in scores.items())
+    rows = survival(outcomes)
+    assert all(row.above_floor for row in rows)
+    (audit,) = audits(outcomes, rows, [])
+    assert audit.verdict == "no controls"
+    write_report(tmp_path / "report.html", outcomes, survivals=rows)
+    page = (tmp_path / "report.html").read_text()
+    assert "the views of the clean model are too few" in page
+    assert "is present in 0" not in page
+
+
 def test_a_scene_without_the_mark_counts_neither_in_drops_nor_in_scenes(outcomes):
     values = dict.fromkeys(METRICS, 1.0) | {"psnr": 20.0}
     targets = {"scene": ViewMetrics("scene", "mean", TRUTH, values)}
@@ -357,18 +374,49 @@ def test_readings_are_collected_with_the_clean_models_as_null(tmp_path):
     assert marked.detections_before["mine"] == marked.detections["mine"]
 
 
-def test_an_image_that_two_models_share_as_control_counts_once(tmp_path):
-    (tmp_path / "images").mkdir()
-    images = {f"view_{i}": tmp_path / "images" / f"view_{i}.png" for i in range(60)}
-    for i, image in enumerate(images.values()):
-        image.write_bytes(b"%d" % i)
-    files = []
-    for scene, variant, score in [("a", "gspure", 9.0), ("a", "clean", 0.0), ("b", "gspure", 9.0), ("b", "clean", 0.0)]:
-        files.append(tmp_path / "vanilla" / scene / variant / "detections" / "mine.csv")
-        write_table(files[-1], Reading, [Reading(view, score + i / 100, 0) for i, view in enumerate(images)])
-        write_record(files[-1], inputs={path.as_posix(): path for path in images.values()}, settings={})
+@pytest.mark.parametrize("other", [-9.0, 0.0, 9.0, 99.0])
+@pytest.mark.parametrize("views", [2, 4, 99, 250])
+@pytest.mark.parametrize("place", ["planted/a", "vanilla/b", "vanilla/a@1"])
+def test_models_of_the_same_run_change_no_detection(tmp_path, other, views, place):
+    """Neither its rates nor the verdict: scores of other scenes, schemes and image sizes are not exchangeable."""
+
+    def read(model, variant, score):
+        file = tmp_path / model / variant / "detections" / "mine.csv"
+        write_table(file, Reading, [Reading(f"view_{i}", score + i % 4, 0) for i in range(views)])
+        return file
+
+    files = [read("vanilla/a", "unattacked", 1.5), read("vanilla/a", "gspure", 9.0), read("vanilla/a", "clean", 0.0)]
+    alone = read_detections(files)
+    together = read_detections([*files, read(place, "unattacked", other), read(place, "clean", other)])
+    assert {key: together[key] for key in alone} == alone
+    (marked,) = alone["vanilla", "a", "gspure"].values()
+    assert (marked.present, math.isnan(marked.tpr)) == (None if views < 3 else True, views < 99)
+
+
+def test_a_model_without_a_clean_control_borrows_none(tmp_path):
+    files = [tmp_path / "vanilla" / name / "detections" / "mine.csv" for name in ("a/gspure", "b/gspure", "b/clean")]
+    for file in files:
+        write_table(file, Reading, [Reading(f"view_{i}", 9.0 * ("gspure" in str(file)) + i, 0) for i in range(4)])
     known = read_detections(files)
-    assert math.isnan(known["vanilla", "a", "gspure"]["mine"].tpr)  # 60 unmarked views, not 120
+    assert [known["vanilla", scene, "gspure"]["mine"].present for scene in "ab"] == [None, True]
+
+
+@pytest.mark.parametrize(
+    ("marked", "clean", "known"), [(1, 18, 0), (1, 19, 1), (2, 4, 0), (2, 5, 1), (3, 2, 0), (3, 3, 1)]
+)
+def test_too_few_views_for_a_verdict_on_scores_leave_it_unknown(marked, clean, known):
+    read = detection([Reading(str(i), 99.0, 0) for i in range(marked)], [float(i) for i in range(clean)])
+    assert read.present == (True if known else None)
+
+
+@pytest.mark.parametrize(("marked", "clean"), [(2, 5), (3, 3), (4, 4), (5, 3)])
+def test_of_all_orders_of_exchangeable_scores_at_most_one_in_twenty_is_a_mark(marked, clean):
+    scores = {*range(marked + clean)}
+    present = [
+        detection([Reading("", float(score), 0) for score in chosen], [*scores - {*chosen}]).present
+        for chosen in combinations(scores, marked)
+    ]
+    assert 0 < np.mean(present) <= 0.05
 
 
 def test_a_failed_detector_is_named_with_its_reason_and_leaves_the_metrics(tmp_path):

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from math import comb
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import recorded_inputs
 from gspure.cameras.off_path import PREFIX
 from gspure.dtypes import Bools
 from gspure.errors import InputError
-from gspure.evaluation.controls import MESSAGE_FREE
+from gspure.evaluation.controls import CLEAN
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
 
@@ -49,7 +49,7 @@ class Detection(NamedTuple):
     spread: float  # standard deviation over views
     tpr: float  # share of the views above the threshold that `FALSE_POSITIVES` of unmarked views exceed; NaN if unknown
     tpr_strict: float  # the same for `STRICT`
-    present: bool | None  # whether more views are above that of `tpr` than chance explains (`CHANCE`); None if unknown
+    present: bool | None  # whether more views are above that of `tpr` than chance explains; None if no number would be
     views: int
     bits: int
 
@@ -85,20 +85,30 @@ def share_correct(decoded: Bools, message: Bools) -> float:
 
 
 def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
-    """Return the detection of a model from its readings; `clean` holds the scores of views of unmarked models."""
+    """Return the detection of a model from its readings; `clean` holds the scores of the views of its clean model."""
     from scipy.stats import binom
 
     levels, bits = np.array([reading.level for reading in readings]), readings[0].bits
     values = np.array([reading.value for reading in readings])
     loose, strict = (Threshold.of(bits, clean, rate) for rate in (FALSE_POSITIVES, STRICT))
     hits, strict_hits = (int(np.count_nonzero(values > threshold.value)) for threshold in (loose, strict))
+    views, rank = len(levels), round(loose.rate * (1 + len(clean)))  # rank of the threshold among the clean scores
+
+    def chance(hits: int) -> float:
+        """Return the probability of as many views above the threshold, or more, in a model without the mark."""
+        if bits:
+            return float(binom.sf(hits - 1, views, loose.rate))
+        above = hits + rank - 1
+        ways = sum(comb(views, i) * comb(len(clean), above - i) for i in range(hits, above + 1))
+        return ways / comb(views + len(clean), above)
+
     return Detection(
         float(levels.mean()),
         float(levels.std()),
-        hits / len(levels) if loose.rate <= FALSE_POSITIVES else math.nan,
-        strict_hits / len(levels) if strict.rate <= STRICT else math.nan,
-        bool(binom.sf(hits - 1, len(levels), loose.rate) <= CHANCE) if bits or clean else None,
-        len(levels),
+        hits / views if loose.rate <= FALSE_POSITIVES else math.nan,
+        strict_hits / views if strict.rate <= STRICT else math.nan,
+        chance(hits) <= CHANCE if chance(views) <= CHANCE else None,
+        views,
         bits,
     )
 
@@ -106,27 +116,26 @@ def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
 def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[str, Detection]]:
     """Return the detections of every variant by detector, from the files of `gspure detect`.
 
-    The unmarked views of a detector are those of all controls without a message. An image counts once, also if several
-    models share it as a control.
+    Scores are compared with those of the views of the same model's clean control alone, by the same detector.
     """
-    readings, clean = {path: read_table(path, Reading) for path in tables}, dict[str, dict[str, float]]()
-    for path, rows in readings.items():
-        rows[:] = [row for row in rows if not row.view.startswith(PREFIX)]
-        if not rows:
-            raise InputError(path, "rows", expected="at least one view on the camera path", found="none")
-        for row in rows:
-            if not row.is_possible or row.bits != rows[0].bits:
-                expected = f"a share of {rows[0].bits} bits in percent" if rows[0].bits else "a score"
-                raise InputError(path, row.view, expected=expected, found=f"{row.level} of {row.bits} bits")
-        if variant_of(path)[-1] in MESSAGE_FREE:
-            images = {Path(image).stem: digest for image, digest in recorded_inputs(path).items()}
-            known = {images.get(row.view, f"{row.view} of {path}"): row.level for row in rows}
-            clean.setdefault(path.stem, {}).update(known)
+    readings = {(*variant_of(path), path.stem): _on_path(path) for path in tables}
     by_variant: dict[tuple[str, str, str], dict[str, Detection]] = {}
-    for path, rows in readings.items():
-        unmarked = [*clean.get(path.stem, {}).values()]
-        by_variant.setdefault(variant_of(path), {})[path.stem] = detection(rows, unmarked)
+    for (scheme, folder, variant, detector), rows in readings.items():
+        clean = [row.level for row in readings.get((scheme, folder, CLEAN, detector), ())]
+        by_variant.setdefault((scheme, folder, variant), {})[detector] = detection(rows, clean)
     return by_variant
+
+
+def _on_path(table: Path) -> list[Reading]:
+    """Return the readings of the views on the camera path, if they are possible."""
+    rows = [row for row in read_table(table, Reading) if not row.view.startswith(PREFIX)]
+    if not rows:
+        raise InputError(table, "rows", expected="at least one view on the camera path", found="none")
+    for row in rows:
+        if not row.is_possible or row.bits != rows[0].bits:
+            expected = f"a share of {rows[0].bits} bits in percent" if rows[0].bits else "a score"
+            raise InputError(table, row.view, expected=expected, found=f"{row.level} of {row.bits} bits")
+    return rows
 
 
 def variant_of(path: Path) -> tuple[str, str, str]:

@@ -155,7 +155,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         scenes=len(scenes),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.folder for o in outcomes}),
-        verdict="judged" if judged else _why_not_judged(outcomes, by_variant),
+        verdict="judged" if judged else _why_not_judged(outcomes, by_variant, judged_by),
         attacks=judged or attacks,
         incomplete=[row for row in attacks if judged and row.scenes < most],
         before=by_variant.get(UNATTACKED),
@@ -180,7 +180,7 @@ def _judged_by(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survi
     return next(iter([*own, *finding, *names]), MESSAGE)
 
 
-def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Survival]) -> Verdict:
+def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Survival], judged_by: str) -> Verdict:
     if all(o.failure for o in outcomes):
         return "failed"
     if not any(o.messages for o in outcomes):
@@ -190,8 +190,8 @@ def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Surviv
     if UNATTACKED not in by_variant:
         return "no reference"
     flat = all(o.is_flat(MESSAGE) for o in outcomes if o.variant == UNATTACKED and not o.failure)
-    is_judged = any(read.present is not None for o in outcomes for read in o.detections.values())
-    if not is_judged and not flat and not any(row.above_floor for row in by_variant.values()):
+    readings = [o.detections[judged_by].present is not None for o in outcomes if judged_by in o.detections]
+    if not any(readings or [flat, *(row.above_floor for row in by_variant.values())]):
         return "no controls"
     return "not touched" if any(row.present for row in by_variant.values()) else "not present"
 
