@@ -14,7 +14,7 @@ from gspure.dtypes import Float32, Indices
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.filtered import FILTER
-from gspure.model.finite import drawable
+from gspure.model.finite import drawable, undrawable_rows
 from gspure.model.gaussians import CORE, NORMALS
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
@@ -168,6 +168,12 @@ class PublicModel:
         """Return the same model with rows that cannot be drawn made invisible (see `gspure.model.finite.drawable`)."""
         rows = drawable(self.model, source)
         return self if rows is self.model else self.with_model(rows)
+
+    def drawn(self, source: str | Path) -> Self:
+        """Return the same model without the rows that cannot be drawn: keys may give them another opacity."""
+        public = self.drawable(source)
+        rows = undrawable_rows(self.model)
+        return public.with_model(public.model[np.delete(np.arange(len(self.model)), rows)]) if len(rows) else public
 
     def gaussians(self, camera: Camera) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians that a camera sees, and the row of each."""

@@ -142,7 +142,7 @@ def test_a_row_whose_features_are_not_finite_is_not_drawn(tmp_path):
     table = np.zeros(3, [(name, "<f4") for name in COLUMNS])
     table["semantic_3"][1] = np.nan
     write_model(tmp_path / "model.ply", Gaussians(table))
-    owners = SCHEME.read_public(tmp_path / "model.ply").model
+    owners = SCHEME.read_public(tmp_path / "model.ply").drawable("model.ply").model
     assert owners.opacities.tolist() == [0.5, 0, 0.5]
     assert np.isfinite(owners.table["semantic_3"]).all()
 

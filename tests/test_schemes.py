@@ -20,7 +20,7 @@ from gspure.images import read_image
 from gspure.model import Gaussians, read_model, write_model
 from gspure.public_model import PublicModel, merge_by_row
 from gspure.renderer import CONTRIBUTION
-from gspure.schemes import gs_hider, splats_in_splats
+from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme, read_public_model, schemes
@@ -382,6 +382,45 @@ def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_lo
     assert read_json(tmp_path / "share.json") == {
         "hidden_low_share": share_on_low(weights, hidden, pictured.scheme.tau_n)
     }
+
+
+@pytest.mark.parametrize("column", ["x", "scale_0"])
+def test_every_scheme_leaves_out_rows_that_are_not_finite_in_the_same_words(
+    embedded, pair_folder, tmp_path, capsys, column
+):
+    if embedded.scheme.name not in schemes():
+        pytest.skip("no entry point offers the example of the guide here")
+    rows = embedded.public.model
+    damaged = np.where(np.arange(len(rows)) == 5, np.nan, rows.table[column])
+    models = {"damaged": rows.with_columns({column: damaged}), "shorter": rows[np.arange(len(rows)) != 5]}
+    for name, model in models.items():
+        embedded.public.with_model(model).write(tmp_path / name / "point_cloud.ply")
+    embedded.key.write(tmp_path / "key")
+    cameras = ["--scheme", embedded.scheme.name, "--cameras", str(pair_folder / "cameras.json"), "--split", "test"]
+
+    def run(command: str, model: str, *options: object) -> tuple[int, list[str]]:
+        options = (tmp_path / model, *options, *cameras, "--out", tmp_path / model / command)
+        status = main([command, *map(str, options)])
+        lines = capsys.readouterr().err.splitlines()
+        return status, [line.partition("point_cloud.ply: ")[2] or line for line in lines if "finite" in line]
+
+    status, lines = run("render", "damaged")
+    if isinstance(embedded.public, secure_gs.AnchorModel):
+        assert status == 2
+    else:
+        assert (status, *lines) == (
+            0,
+            f"warning: {tmp_path}/damaged: 1 of {len(rows)} rows are not finite and are not drawn: 5",
+        )
+    for extraction in filter(is_picture, embedded.scheme.extractions):
+        if extraction == "message_adaptive" and embedded.scheme.fits:
+            continue
+        options = ("--key", tmp_path / "key", "--extraction", extraction)
+        assert run("extract", "damaged", *options) == (status, [line.replace("render:", "extract:") for line in lines])
+        if status == 0:
+            run("extract", "shorter", *options)
+            images = [(tmp_path / model / "extract" / "view_000.png").read_bytes() for model in models]
+            assert images[0] == images[1]
 
 
 def test_a_message_that_was_not_embedded_is_warned_of(pair_folder, tmp_path, capsys):

@@ -71,7 +71,7 @@ def run(args: Arguments) -> None:
     scheme = find_scheme(args.scheme)
     views = read_views(args)
     require_no_other_images(args.out, (camera.name for camera in views))
-    public = scheme.read_public(args.model).drawable(args.model)
+    public = scheme.read_public(args.model).drawn(args.model)
     key = read_key(args, embedding_of(model_file(args.model)))
     extraction = args.extraction or next(iter(scheme.extractions))
     if extraction not in scheme.extractions:
@@ -81,7 +81,7 @@ def run(args: Arguments) -> None:
         raise InputError("extract", "--transform", expected="nothing beside --original", found=str(args.transform))
     if args.original:
         _require_published(model_file(args.original), embedding_of(args.key))
-        public = registered(public, scheme.read_public(args.original).drawable(args.original).model)
+        public = registered(public, scheme.read_public(args.original).drawn(args.original).model)
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
     view, is_flat = key.message(public, extraction, read_device(args)), True

@@ -1,7 +1,7 @@
 """``gspure hidden``: the share of the message's weight on rows that plain_weight prunes."""
 
 from gspure.bounds import FACTOR
-from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
+from gspure.cli.options import add_device, add_energy, add_views, read_device, read_public, read_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
 
@@ -49,7 +49,7 @@ def run(args: Arguments) -> None:
     scheme = find_scheme(args.scheme)
     views = read_views(args)
     require_embedding(embedding_of(model_file(args.model)), args.key)
-    public, key = scheme.read_public(args.model), scheme.read_key(args.key)
+    public, key = read_public(args), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
     require_kind(args.weights, "weights")
     settings = {name: getattr(args, name) for name in ("energy", "reduction", "split")}

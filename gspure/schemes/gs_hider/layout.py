@@ -16,7 +16,6 @@ from typing import Final
 from gspure.artifacts import embedding_of
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
-from gspure.model.finite import drawable
 from gspure.progress import warn
 
 CHANNELS: Final = 16
@@ -32,15 +31,12 @@ MESSAGE_DECODER: Final = "waternet"  # suffix of the file's name
 
 
 def read_rows(path: Path) -> Gaussians:
-    """Read a model with 16 features per Gaussian.
-
-    Raise `InputError` if the model has other columns, or no row can be drawn.
-    """
+    """Read a model with 16 features per Gaussian, or raise `InputError` if it has other columns."""
     model = read_model(path)
     channels = len(model.columns_named("semantic_"))
     if channels != CHANNELS:
         raise InputError(path, "semantic_*", expected=f"{CHANNELS} properties", found=f"{channels} properties")
-    return drawable(model, path)
+    return model
 
 
 def decoder_name(iteration: int | str, role: str) -> str:
