@@ -4,16 +4,14 @@ Options of commands take a `Range`, settings of attacks and schemes are annotate
 schema of the configuration repeats the same numbers. The largest values are ours, far above what is useful.
 """
 
-from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, NamedTuple
 
 from gspure.errors import InputError
 
 
-@dataclass(frozen=True)
-class Range:
+class Range(NamedTuple):
     """Numbers from `least` to `most`; whole ones if `least` is an int; if `above`, without `least` itself."""
 
     least: float

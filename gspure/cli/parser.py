@@ -3,7 +3,6 @@
 import argparse
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PosixPath
 from typing import Any, NoReturn
@@ -111,11 +110,11 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
 
 
-@dataclass(frozen=True)
 class Bounded:
     """The type of arguments that are numbers within `limits`."""
 
-    limits: Range
+    def __init__(self, limits: Range) -> None:
+        self.limits = limits
 
     def __call__(self, text: str) -> float:
         """Return the number that a text spells, or refuse the text."""
