@@ -98,6 +98,20 @@ def test_columns_that_change_nothing_are_named(tmp_path, monkeypatch, capsys):
         assert ("change nothing that is drawn: beta\n" in capsys.readouterr().err) == (name == "beta")
 
 
+def test_each_measurement_names_such_columns_once(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_model("model.ply", with_column(blobs(ROWS), "beta", SIZES))
+    for command in (
+        "contributions --cameras orbit --stages stages --index index.tsv",
+        "weights --index index.tsv --out weights.npy",
+        "opacities --cameras orbit --out opacities.npy",
+        "surface --cameras orbit --method depth --out surface.npy",
+        "features --weights weights.npy --opacities opacities.npy --out features.npy",
+    ):
+        assert main([*command.split(), "--model", "model.ply"]) == 0
+        assert capsys.readouterr().err.count("change nothing that is drawn: beta\n") == 1, command
+
+
 def test_a_renderer_applies_the_filter():
     stored = with_column(blobs(ROWS), FILTER, SIZES)
     image = Renderer(stored).image(camera())

@@ -3,7 +3,7 @@
 import argparse
 
 from gspure.bounds import VIEWS
-from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_public, read_views
+from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.progress import say
 
@@ -35,18 +35,17 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import write_record
     from gspure.cameras import views_digest
     from gspure.method.contributions import Measurement, contribute, write_index
-    from gspure.model import read_model
     from gspure.model.suspicious import lines, suspicious_rows
-    from gspure.schemes.registry import geometry_of
+    from gspure.schemes.registry import read_public_model
 
     part, parts = args.part
     views = read_views(args)
-    public, model = read_public(args), read_model(args.model)
-    for line in lines(suspicious_rows(model), len(model)):
+    stored = read_public_model(args.model, args.scheme)
+    public, geometry = stored.drawable(args.model), stored.geometry_digest()
+    for line in lines(suspicious_rows(stored.model), len(stored.model)):
         say(line)
     device = read_device(args)
     stages = contribute(public, views[part - 1 :: parts], args.stages, device=device, energy=args.energy)
-    geometry = geometry_of(args.model)
     write_index(args.index, stages, Measurement.of(public, geometry, views, args.energy, device))
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
     inputs, ancestors = {"model": args.model, "cameras": args.cameras}, {"views": views_digest(views)}

@@ -20,11 +20,10 @@ def run(args: Arguments) -> None:
 
     from gspure.artifacts import load_array, require_kind, save_array, write_record
     from gspure.method.features import features
-    from gspure.model import read_model
-    from gspure.model.finite import drawable
-    from gspure.schemes.registry import geometry_of
+    from gspure.schemes.registry import read_public_model
 
-    model = drawable(read_model(args.model), args.model)
+    public = read_public_model(args.model)
+    model = public.drawable(args.model).model
     weights = load_array(args.weights, dtype=np.float32, shape=(len(model),), least=0)
     evidence = {"weights": args.weights}
     opacities = model.opacities
@@ -34,4 +33,4 @@ def run(args: Arguments) -> None:
     for kind, path in evidence.items():
         require_kind(path, kind)
     save_array(args.out, features(model.means, opacities, weights))
-    write_record(args.out, inputs={"model": args.model, **evidence}, settings={}, geometry=geometry_of(args.model))
+    write_record(args.out, inputs={"model": args.model, **evidence}, settings={}, geometry=public.geometry_digest())

@@ -44,7 +44,7 @@ def run(args: Arguments) -> None:
     from gspure.numerals import percent
     from gspure.progress import warn
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
-    from gspure.schemes.registry import find_scheme, geometry_of
+    from gspure.schemes.registry import find_scheme
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
@@ -65,7 +65,7 @@ def run(args: Arguments) -> None:
     write_record(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
     if args.hidden:
         save_array(args.hidden, hidden)
-        write_record(args.hidden, inputs=inputs, settings=settings, geometry=geometry_of(args.model), kind="hidden")
+        write_record(args.hidden, inputs=inputs, settings=settings, geometry=public.geometry_digest(), kind="hidden")
     if share is None:
         warn("no row holds weight of the message: nothing is embedded, or the key does not fit the model")
     else:

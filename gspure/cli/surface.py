@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import add_device, add_scheme, add_views, read_device, read_public, read_views
+from gspure.cli.options import add_device, add_scheme, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
@@ -43,17 +43,18 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     from gspure.artifacts import save_array, write_record
     from gspure.attacks.pruning import TOLERANCE
-    from gspure.schemes.registry import geometry_of
+    from gspure.schemes.registry import read_public_model
     from gspure.surface.distances import depth_distances
 
-    public = read_public(args)
+    stored = read_public_model(args.model, args.scheme)
+    public = stored.drawable(args.model)
     method = args.method or _default_method(public)
     if method == "depth" and args.mesh:
         raise InputError(args.model, "--mesh", expected="method mesh", found="method depth, which has none")
     views, device = read_views(args), read_device(args)
     distances = _from_mesh(args, public, views, device) if method == "mesh" else depth_distances(public, views, device)
     save_array(args.out, distances)
-    inputs, geometry = {"model": args.model, "cameras": args.cameras}, geometry_of(args.model)
+    inputs, geometry = {"model": args.model, "cameras": args.cameras}, stored.geometry_digest()
     settings = {"split": args.split, "method": method}
     for path in filter(None, (args.out, args.mesh)):
         write_record(path, inputs=inputs, settings=settings, geometry=geometry, kind="surface")

@@ -40,8 +40,7 @@ def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
 
     Warn of unused columns and of render modes, which may make other programs draw another image.
     """
-    known = find_scheme(scheme) if scheme else recognized(read_model(path))
-    public = known.read_public(path) if known else PublicModel.read(path)
+    public = _read(path, scheme)
     if unused := public.unused_columns:
         warn(f"{path}: columns that gspure keeps, but that change nothing that is drawn: {listed(unused)}")
     if mode := public.model.render_mode:
@@ -53,7 +52,12 @@ def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
 
 def geometry_of(path: Path) -> str:
     """Return the digest of a model that records name: of its rows without colours, and of the networks of anchors."""
-    return read_public_model(path).geometry_digest()
+    return _read(path).geometry_digest()
+
+
+def _read(path: Path, scheme: str | None = None) -> PublicModel:
+    known = find_scheme(scheme) if scheme else recognized(model := read_model(path))
+    return known.read_public(path) if known else PublicModel(model)
 
 
 def recognized(model: Gaussians) -> Scheme | None:
