@@ -104,12 +104,11 @@ class PublicModel:
     @property
     def columns(self) -> Columns:
         """The columns of this model by attribute; numbered ones are sorted by number."""
-        names = self.model.table.dtype.names or ()
 
         def matching(pattern: str) -> tuple[str, ...]:
             if pattern.endswith("*"):
                 return self.model.columns_named(pattern.removesuffix("*"))
-            return (pattern,) if pattern in names else ()
+            return (pattern,) if pattern in self.model.names else ()
 
         return {
             attribute: tuple(name for pattern in patterns for name in matching(pattern))
@@ -120,7 +119,7 @@ class PublicModel:
     def unused_columns(self) -> list[str]:
         """Columns that change nothing in its images, in the file's order, but those with one value in all rows."""
         used, table = {*CORE, *NORMALS, FILTER, *chain(*self.columns.values())}, self.model.table
-        return [name for name in table.dtype.names or () if name not in used and (table[name] != table[name][0]).any()]
+        return [name for name in self.model.names if name not in used and (table[name] != table[name][0]).any()]
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -192,7 +191,7 @@ class PublicModel:
     def learned(self, lesson: Lesson) -> Self:
         """Return the model with the columns of some attributes learned, all else bit-identical."""
         model = self.model
-        raw = (model.means, model.quats, model.columns(*(f"scale_{i}" for i in range(3))), model.table["opacity"])
+        raw = (model.means, model.quats, model.log_scales, model.table["opacity"])
         trainable = TrainableModel(TrainState.fresh(Parameters(*raw, model.sh_coeffs)), device=lesson.device)
         trainable.set_targets(lesson.images)
         rates = lesson.rates(self.rates)

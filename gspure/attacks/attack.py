@@ -255,7 +255,7 @@ class Attack:
 
     def _check_numbers(self, attacked: Attacked, before: Gaussians, listed: str) -> None:
         """Refuse an attacked model with infinities and not-a-numbers where the model `before` has finite numbers."""
-        names = {*(before.table.dtype.names or ())} & {*(attacked.model.table.dtype.names or ())}
+        names = {*before.names} & {*attacked.model.names}
         for name, changed in non_finite_rows(attacked.model, sorted(names)).items():
             if len(rows := changed[np.isfinite(before.table[name][attacked.rows[changed]])]):
                 found = f"infinity or not-a-number in {len(rows)} of {len(attacked.model)} rows, first in row {rows[0]}"

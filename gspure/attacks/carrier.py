@@ -21,13 +21,11 @@ def reached(before: Gaussians, after: Attacked, carrier: Sequence[str]) -> bool:
 
     Raise `InputError` if a pattern matches no column of the public model.
     """
-    columns = before.table.dtype.names or ()
     for pattern in carrier:
-        if not matching(columns, pattern):
+        if not matching(before.names, pattern):
             raise InputError("carrier", pattern, expected="columns of the public model", found="none of this name")
-    remaining = after.model.table.dtype.names or ()
-    names = {name for pattern in carrier for name in matching(columns, pattern)}
+    names = {name for pattern in carrier for name in matching(before.names, pattern)}
     return bool(after.prune_mask.any()) or any(
-        name not in remaining or before.table[name][after.rows].tobytes() != after.model.table[name].tobytes()
+        name not in after.model.names or before.table[name][after.rows].tobytes() != after.model.table[name].tobytes()
         for name in names
     )

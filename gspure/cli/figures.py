@@ -98,7 +98,7 @@ def _draw_model(args: Arguments) -> Drawn:
         hidden=load_array(args.hidden, dtype=np.float32, shape=shape, least=0) if args.hidden else None,
         tau_c=args.tau_c,
         tau_n=args.tau_n,
-        rows=Signature.of(model.table.dtype.names or ()).rows,
+        rows=Signature.of(model.names).rows,
     )
     cameras = read_source(args.cameras, args.model, up=args.up) if args.cameras else []
     sh_dc = model.columns(*COLOUR) if model.sh_degree >= 0 else None

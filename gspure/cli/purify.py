@@ -250,7 +250,7 @@ def _draw(
 ) -> list[str]:
     """Draw some of the compared `views` before and after, and the model; return a line for each that succeeds."""
     folder, model = args.out / "figures", public.model
-    rows = Signature.of(model.table.dtype.names or ()).rows
+    rows = Signature.of(model.names).rows
     arrays = (model.means, purification.labels, purification.weights, purification.prune_mask)
     evidence = Evidence(*arrays, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
     figures = [*drawings(folder, evidence, cameras)]

@@ -15,6 +15,7 @@ from gspure.figures.clouds import cluster_cloud
 from gspure.figures.gallery import Drawing
 from gspure.figures.panels import show
 from gspure.model import Gaussians
+from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
@@ -24,7 +25,6 @@ _TITLE: Final = 11  # points, legible on a phone
 _WIDEST: Final = 640  # pixels of a view
 _FAINT: Final = -2.0  # logit of the highest opacity of rows outside clusters
 _WHITE: Final = (1.0, 1.0, 1.0)
-_SHAPES: Final = [*"xyz", "opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4))]
 
 
 def splats(
@@ -71,5 +71,5 @@ def _clusters(gaussians: Gaussians, labels: Int32, colours: Float32, camera: Cam
     """Return a picture in `colours` [K,3], from a copy without the harmonics, which are most of a model."""
     logits = gaussians.table["opacity"]
     faint = np.where(labels == NOISE_LABEL, np.minimum(logits, _FAINT), logits).astype(np.float32)
-    shapes = Gaussians(repack_fields(gaussians.table[_SHAPES])).with_columns({"opacity": faint})
+    shapes = Gaussians(repack_fields(gaussians.table[[*CORE]])).with_columns({"opacity": faint})
     return Renderer(shapes, device).feature_map(camera, colours, _WHITE)

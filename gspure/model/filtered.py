@@ -20,7 +20,7 @@ def filtered(model: Gaussians) -> Gaussians:
     The filter adds its variance to that of each axis, and lowers the opacity by the ratio of the volumes. Programs that
     apply filters draw both models in the same way.
     """
-    if FILTER not in (model.table.dtype.names or ()) or not model.table[FILTER].any():
+    if FILTER not in model.names or not model.table[FILTER].any():
         return model
     variances = np.exp(2 * model.columns(*_SCALES).astype(np.float64))
     added = model.columns(FILTER)[:, 0].astype(np.float64) ** 2

@@ -9,11 +9,10 @@ import numpy as np
 from gspure.dtypes import Indices
 from gspure.errors import InputError
 from gspure.model.filtered import FILTER, filtered
-from gspure.model.gaussians import COLOUR, CORE, Gaussians
+from gspure.model.gaussians import COLOUR, CORE, SCALES, Gaussians
 from gspure.model.signature import Signature
 from gspure.progress import warn
 
-_SCALES: Final = ("scale_0", "scale_1", "scale_2")
 _LARGEST_LOG_SCALE: Final = float(np.log(np.finfo(np.float32).max))
 _INVISIBLE: Final = -200.0  # an opacity logit whose sigmoid is 0 in float32
 
@@ -47,7 +46,7 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
     Raise `InputError` if no row can be drawn, or rows are anchors, whose opacity a network computes.
     """
     undrawable = _undrawable(model)
-    are_gaussians = Signature.of(model.table.dtype.names or ()).rows == "Gaussians"
+    are_gaussians = Signature.of(model.names).rows == "Gaussians"
     if are_gaussians and len(unturned := np.flatnonzero(~model.quats.any(axis=1))):
         warn(
             f"{source}: {len(unturned)} of {len(model)} rows have a rotation of 0 and are not drawn: {listed(unturned)}"
@@ -80,14 +79,14 @@ def require_finite(model: Gaussians, source: str | Path) -> None:
 def _drawn_columns(model: Gaussians) -> Sequence[str]:
     """Return the columns that an image depends on: geometry, opacity, filter, and colours or features."""
     colour = (*COLOUR, *model.columns_named("f_rest_")) if model.sh_degree >= 0 else ()
-    smoothing = {FILTER} & {*(model.table.dtype.names or ())}
+    smoothing = {FILTER} & {*model.names}
     return (*CORE, *colour, *model.columns_named("semantic_"), *smoothing)
 
 
 def _undrawable(model: Gaussians) -> dict[str, Indices]:
     """Return the rows that cannot be drawn, for each column that prevents it."""
     undrawable = non_finite_rows(model, _drawn_columns(model))
-    for name in _SCALES:
+    for name in SCALES:
         column = model.columns(name)[:, 0]
         rows = np.flatnonzero(~(np.abs(column) < np.inf) | (column > _LARGEST_LOG_SCALE))
         if len(rows):

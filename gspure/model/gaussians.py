@@ -20,7 +20,9 @@ from gspure.model.activations import logit, sigmoid
 
 Table = NDArray[np.void]
 
-CORE = ("x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
+SCALES = ("scale_0", "scale_1", "scale_2")
+
+CORE = ("x", "y", "z", "opacity", *SCALES, "rot_0", "rot_1", "rot_2", "rot_3")
 """Columns of every model."""
 
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
@@ -77,9 +79,14 @@ class Gaussians(Described):
         return {
             "rows": f"{len(self):,}",
             "SH degree": str(self.sh_degree) if self.sh_degree >= 0 else "none",
-            "columns": str(len(self.table.dtype.names or ())),
+            "columns": str(len(self.names)),
             "extent of 90 %": " x ".join(f"{length:.3g}" for length in high - low),
         }
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns, in the file's order."""
+        return self.table.dtype.names or ()
 
     @cached_property
     def means(self) -> Float32:
@@ -91,11 +98,16 @@ class Gaussians(Described):
         """Rotations [K,4] as stored: quaternions (w, x, y, z), not normalized."""
         return self.columns("rot_0", "rot_1", "rot_2", "rot_3")
 
+    @property
+    def log_scales(self) -> Float32:
+        """Logarithms [K,3] of `scales`, as stored."""
+        return self.columns(*SCALES)
+
     @cached_property
     def scales(self) -> Float32:
         """Standard deviations [K,3] along the principal axes, world units: exp of the stored values."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return np.exp(self.columns("scale_0", "scale_1", "scale_2"))
+            return np.exp(self.log_scales)
 
     @cached_property
     def opacities(self) -> Float32:
@@ -105,8 +117,7 @@ class Gaussians(Described):
     @property
     def sh_degree(self) -> int:
         """Degree of the stored spherical harmonics; -1 without colour."""
-        names = self.table.dtype.names or ()
-        if "f_dc_0" not in names:
+        if "f_dc_0" not in self.names:
             return -1
         return int(np.sqrt(len(self.columns_named("f_rest_")) // 3 + 1)) - 1
 
@@ -129,7 +140,7 @@ class Gaussians(Described):
 
     def columns_named(self, prefix: str) -> tuple[str, ...]:
         """Return the columns ``<prefix><number>``, ordered by number."""
-        return columns_named(self.table.dtype.names or (), prefix)
+        return columns_named(self.names, prefix)
 
     def columns(self, *names: str) -> Float32:
         """Return the named columns as one float32 array [K, len(names)]."""
@@ -141,7 +152,7 @@ class Gaussians(Described):
 
     def geometry_digest(self) -> str:
         """Return a digest of all columns but colours, for results that do not depend on colours."""
-        names = sorted(name for name in self.table.dtype.names or () if not name.startswith(_COLOURS))
+        names = sorted(name for name in self.names if not name.startswith(_COLOURS))
         return digest(*names, *(self.table[name] for name in names))
 
     def blocks(self) -> Iterator[tuple[slice, Table]]:

@@ -43,18 +43,18 @@ class Summary:
 def summarize(model: Gaussians) -> Summary:
     """Return statistics of `model`."""
     with np.errstate(invalid="ignore"):  # signalling not-a-numbers
-        return _summarized(model, model.table.dtype.names or ())
+        return _summarized(model)
 
 
-def _summarized(model: Gaussians, columns: tuple[str, ...]) -> Summary:
+def _summarized(model: Gaussians) -> Summary:
     vanilla = {*CORE, *COLOUR, *NORMALS, *model.columns_named("f_rest_")}
-    non_finite = non_finite_rows(model, columns)
+    non_finite = non_finite_rows(model, model.names)
     return Summary(
         gaussians=len(model),
         sh_degree=model.sh_degree,
-        signature=Signature.of(columns),
-        columns=columns,
-        further_columns=tuple(name for name in columns if name not in vanilla),
+        signature=Signature.of(model.names),
+        columns=model.names,
+        further_columns=tuple(name for name in model.names if name not in vanilla),
         quantiles={name: _quantiles(values) for name, values in _quantities(model).items()},
         non_finite_rows=len(set().union(*(rows.tolist() for rows in non_finite.values()))),
         non_finite_columns={name: (len(rows), int(rows[0])) for name, rows in non_finite.items()},

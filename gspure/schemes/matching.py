@@ -107,7 +107,7 @@ def _motions(original: Gaussians, model: Gaussians) -> Iterator[Similarity]:
 
 def _scales(model: Gaussians) -> NDArray[Any]:
     """Return the log-scales [K,3] of each row, ascending."""
-    return np.sort(model.columns("scale_0", "scale_1", "scale_2"), axis=1)
+    return np.sort(model.log_scales, axis=1)
 
 
 def _fitted(source: Float64, target: Float64) -> Similarity:

@@ -62,9 +62,8 @@ def _read(path: Path, scheme: str | None = None) -> PublicModel:
 
 def recognized(model: Gaussians) -> Scheme | None:
     """Return the scheme whose signature is among a model's columns, built-in ones first; None for vanilla 3DGS."""
-    columns = set(model.table.dtype.names or ())
     signed = (scheme for scheme in schemes().values() if scheme.signature)
-    return next((scheme for scheme in signed if columns.issuperset(scheme.signature)), None)
+    return next((scheme for scheme in signed if {*scheme.signature} <= {*model.names}), None)
 
 
 def _require_settings(scheme: Scheme, source: str) -> None:

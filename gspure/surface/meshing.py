@@ -53,7 +53,7 @@ def filtered(model: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
     which keeps opacities, would become transparent where their Gaussians are flat.
     """
     squared = np.square(filter_sizes(model, cameras))[:, None]
-    stored = model.columns("scale_0", "scale_1", "scale_2").astype(np.float64)
+    stored = model.log_scales.astype(np.float64)
     scales = 0.5 * np.logaddexp(2 * stored, np.log(squared))
     return model.with_columns({f"scale_{axis}": scales[:, axis] for axis in range(3)})
 

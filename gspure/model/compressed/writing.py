@@ -99,7 +99,7 @@ def _parts(gsply: Any, means: Any, quats: Any, coeffs: Any, model: Gaussians) ->
     norms = np.linalg.norm(quats, axis=1, keepdims=True)
     return gsply.GSData.from_arrays(
         means,
-        model.columns("scale_0", "scale_1", "scale_2"),
+        model.log_scales,
         quats / np.maximum(norms, np.finfo(np.float32).tiny),
         np.clip(model.table["opacity"], -_CERTAIN, _CERTAIN),
         coeffs[:, 0],

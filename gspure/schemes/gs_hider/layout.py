@@ -16,16 +16,12 @@ from typing import Final
 from gspure.artifacts import embedding_of
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
+from gspure.model.gaussians import CORE, NORMALS
 from gspure.progress import warn
 
 CHANNELS: Final = 16
 FEATURES: Final = tuple(f"semantic_{i}" for i in range(CHANNELS))
-COLUMNS: Final = (
-    *("x", "y", "z", "nx", "ny", "nz", "opacity"),
-    *(f"scale_{i}" for i in range(3)),
-    *(f"rot_{i}" for i in range(4)),
-    *FEATURES,
-)
+COLUMNS: Final = ("x", "y", "z", *NORMALS, *CORE[3:], *FEATURES)
 SCENE_DECODER: Final = "net"  # suffix of the file's name
 MESSAGE_DECODER: Final = "waternet"  # suffix of the file's name
 

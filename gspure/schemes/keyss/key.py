@@ -84,5 +84,5 @@ def _rows(public: PublicModel) -> Float32:
     if not public.visible or not public.rows_are_gaussians:
         raise InputError("keyss", "model", expected="vanilla 3DGS", found="a model of another kind")
     model = public.model
-    geometry = (model.means, model.quats, model.columns("scale_0", "scale_1", "scale_2"), model.table["opacity"])
+    geometry = (model.means, model.quats, model.log_scales, model.table["opacity"])
     return rows_of(Parameters(*geometry, model.sh_coeffs_of(MAX_SH_DEGREE)))

@@ -35,8 +35,7 @@ class Scene:
     """Tensors of a model that the renderer differentiates."""
 
     def __init__(self, model: Gaussians, device: Device | None) -> None:
-        scales = model.columns("scale_0", "scale_1", "scale_2")
-        raw = (model.means, model.quats, scales, model.table["opacity"], model.sh_coeffs)
+        raw = (model.means, model.quats, model.log_scales, model.table["opacity"], model.sh_coeffs)
         self.tensors = {name: torch.from_numpy(values.copy()) for name, values in zip(RATES, raw, strict=True)}
         self._render = TorchRenderer(device)
 

@@ -78,7 +78,6 @@ def table_of(anchors: Anchors) -> Gaussians:
 
 def require_anchors(source: Path, table: Gaussians) -> None:
     """Refuse a table with other columns than Scaffold-GS's, or with numbers that are not finite."""
-    names = set(table.table.dtype.names or ())
     offsets, features = (table.columns_named(prefix) for prefix in ("f_offset_", "f_anchor_feat_"))
     if not offsets or len(offsets) % 3:
         expected = "three properties per Gaussian of an anchor"
@@ -92,8 +91,8 @@ def require_anchors(source: Path, table: Gaussians) -> None:
         for i in range(len(columns))
     ]
     for name in (*numbered, *scalings):
-        if name not in names or table.table.dtype[name] != np.float32:
-            found = str(table.table.dtype[name]) if name in names else "no such property"
+        if name not in table.names or table.table.dtype[name] != np.float32:
+            found = str(table.table.dtype[name]) if name in table.names else "no such property"
             raise InputError(source, name, expected="a float32 property", found=found)
     geometry = ("x", "y", "z", *numbered, *scalings, "rot_0", "rot_1", "rot_2", "rot_3")
     for name, rows in non_finite_rows(table, geometry).items():
