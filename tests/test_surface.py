@@ -15,7 +15,7 @@ from gspure.model.rotations import principal_axes, rotation_matrices
 from gspure.public_model import PublicModel
 from gspure.reference.opacity_field import opacity_field
 from gspure.surface.distances import INVISIBLE, depth_distances, face_points, mesh_distances
-from gspure.surface.meshing import extract_mesh, filter_sizes, filtered
+from gspure.surface.meshing import extract_mesh, filter_sizes, smoothed
 from gspure.surface.tetrahedra import box_points, march
 from tests.anchor_cases import random_public
 from tests.models import blobs, camera, gaussians, tilted_camera
@@ -29,7 +29,7 @@ def views():
 
 @pytest.fixture(scope="module")
 def mesh(views):
-    return extract_mesh(filtered(ball(), views), views)
+    return extract_mesh(smoothed(ball(), views), views)
 
 
 # --- the 3-D filter ---------------------------------------------------------------------------------------------------
@@ -55,7 +55,7 @@ def test_views_see_a_margin_beyond_their_edges_and_what_none_sees_gets_the_large
 
 def test_filtered_gaussians_are_wider_and_as_opaque(views):
     model = ball(50)
-    after, sizes = filtered(model, views), filter_sizes(model, views)
+    after, sizes = smoothed(model, views), filter_sizes(model, views)
     np.testing.assert_allclose(after.scales, np.hypot(model.scales, sizes[:, None]), rtol=1e-6)
     kept = [name for name in model.table.dtype.names if not name.startswith("scale_")]
     assert after.table[kept].tolist() == model.table[kept].tolist()
@@ -149,7 +149,7 @@ def test_a_mesh_is_read_by_other_programs(mesh, tmp_path):
 
 
 def test_the_same_model_gives_the_same_mesh(mesh, views):
-    again = extract_mesh(filtered(ball(), views), views)
+    again = extract_mesh(smoothed(ball(), views), views)
     assert again.vertices.tobytes() == mesh.vertices.tobytes()
     assert again.faces.tobytes() == mesh.faces.tobytes()
 
@@ -187,9 +187,9 @@ def test_distances_are_in_units_of_the_largest_scale():
 @pytest.mark.parametrize("method", ["mesh", "depth"])
 def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
     model, part = populated()
-    smoothed = filtered(model, views)
+    wider = smoothed(model, views)
     if method == "mesh":
-        distances = mesh_distances(smoothed, extract_mesh(smoothed, views))
+        distances = mesh_distances(wider, extract_mesh(wider, views))
     else:
         distances = depth_distances(PublicModel(model), views)
     kept = ~find_attack("gof").apply(model, Evidence(surface=distances)).prune_mask

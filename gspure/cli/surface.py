@@ -72,14 +72,13 @@ def _from_mesh(args: Arguments, public: PublicModel, views: Sequence[Camera], de
     """Return the distances from the mesh, and write it if ``--mesh`` is set."""
     from gspure.model.points import write_mesh_ply
     from gspure.surface.distances import mesh_distances
-    from gspure.surface.meshing import extract_mesh, filtered
+    from gspure.surface.meshing import extract_mesh, smoothed
 
     if not public.rows_are_gaussians:
         hint = "the Gaussians of anchors depend on the view; use method depth"
         raise InputError(args.model, "rows", expected="Gaussians, for a mesh", found="anchors", hint=hint)
-    model = public.model
-    smoothed = filtered(model, views)
-    mesh = extract_mesh(smoothed, views, device)
+    model = smoothed(public.model, views)
+    mesh = extract_mesh(model, views, device)
     if args.mesh:
         write_mesh_ply(args.mesh, mesh)
-    return mesh_distances(smoothed, mesh)
+    return mesh_distances(model, mesh)

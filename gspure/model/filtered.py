@@ -3,15 +3,16 @@
 Source: Yu et al., Mip-Splatting: Alias-free 3D Gaussian Splatting, CVPR 2024, equation 9.
 """
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gspure.dtypes import Float32, Float64
 from gspure.model.activations import LEAST_OPACITY, logit
-from gspure.model.gaussians import Gaussians
+from gspure.model.gaussians import SCALES, Gaussians
 
 FILTER: Final = "filter_3D"  # column of its standard deviation, world units
-_SCALES: Final = ("scale_0", "scale_1", "scale_2")
 
 
 def filtered(model: Gaussians) -> Gaussians:
@@ -22,13 +23,17 @@ def filtered(model: Gaussians) -> Gaussians:
     """
     if FILTER not in model.names or not model.table[FILTER].any():
         return model
-    variances = np.exp(2 * model.columns(*_SCALES).astype(np.float64))
-    added = model.columns(FILTER)[:, 0].astype(np.float64) ** 2
-    rows = np.flatnonzero((added > 0) & (model.opacities > 0))
-    wider = variances[rows] + added[rows, None]
-    values = dict(zip(_SCALES, model.columns(*_SCALES).T, strict=True)) | {"opacity": model.columns("opacity")[:, 0]}
-    for name, variance in zip(_SCALES, wider.T, strict=True):
-        values[name][rows] = np.log(variance) / 2
-    opacities = model.opacities[rows] * np.sqrt((variances[rows] / wider).prod(axis=1))
-    values["opacity"][rows] = logit(opacities, LEAST_OPACITY)
-    return model.with_columns({**values, FILTER: np.zeros(len(model))})
+    sizes = model.columns(FILTER)[:, 0]
+    rows = np.flatnonzero((sizes != 0) & (model.opacities > 0))
+    scales, opacity = model.log_scales, model.columns("opacity")[:, 0]
+    wider = widened(scales[rows], sizes[rows])
+    shares = np.exp((scales[rows] - wider).sum(axis=1))
+    scales[rows], opacity[rows] = wider, logit(model.opacities[rows] * shares, LEAST_OPACITY)
+    values = dict(zip(SCALES, scales.T, strict=True)) | {"opacity": opacity, FILTER: np.zeros(len(model))}
+    return model.with_columns(values)
+
+
+def widened(log_scales: Float32, sizes: NDArray[Any]) -> Float64:
+    """Return log(sqrt(s^2 + f^2)) of the scales s [K,3] of Gaussians and the standard deviations f [K] of filters."""
+    variances = np.square(sizes, dtype=np.float64)[:, None]
+    return np.asarray(np.logaddexp(2 * log_scales.astype(np.float64), np.log(variances)) / 2)

@@ -14,6 +14,8 @@ from gspure.cameras.camera import points_shown
 from gspure.dtypes import Bools, Float32, Float64
 from gspure.errors import InputError
 from gspure.model import Gaussians
+from gspure.model.filtered import widened
+from gspure.model.gaussians import SCALES
 from gspure.model.points import Mesh
 from gspure.opencl.device import Device
 from gspure.progress import say, track
@@ -46,16 +48,14 @@ def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
     return np.asarray(np.sqrt(FILTER_VARIANCE) / focal * np.where(visible, nearest, nearest[visible].max()))
 
 
-def filtered(model: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
-    """Return the model with its filter applied: scales s' = sqrt(s^2 + f^2), the same opacities.
+def smoothed(model: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
+    """Return the model with the filter of its views applied: scales s' = sqrt(s^2 + f^2), the same opacities.
 
-    GOF, which trains with the filter, also multiplies opacities by det s / det s'. Models trained with 3DGS's dilation,
-    which keeps opacities, would become transparent where their Gaussians are flat.
+    GOF, which trains with the filter, also multiplies opacities by det s / det s' (`gspure.model.filtered`). Models
+    trained with 3DGS's dilation, which keeps opacities, would become transparent where their Gaussians are flat.
     """
-    squared = np.square(filter_sizes(model, cameras))[:, None]
-    stored = model.log_scales.astype(np.float64)
-    scales = 0.5 * np.logaddexp(2 * stored, np.log(squared))
-    return model.with_columns({f"scale_{axis}": scales[:, axis] for axis in range(3)})
+    scales = widened(model.log_scales, filter_sizes(model, cameras))
+    return model.with_columns(dict(zip(SCALES, scales.T, strict=True)))
 
 
 def opaque(model: Gaussians) -> Bools:
@@ -66,8 +66,8 @@ def opaque(model: Gaussians) -> Bools:
 def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | None = None) -> Mesh:
     """Return the surface O(x) = 1/2 in the views of `cameras`.
 
-    The model has its 3-D filter applied (`filtered`). Raise `InputError` if the views show too
-    few Gaussians for a tetrahedron, or none that is half opaque.
+    The model has its 3-D filter applied (`smoothed`). Raise `InputError` if the views show too few Gaussians for a
+    tetrahedron, or none that is half opaque.
     """
     points = box_points(model[opaque(model)])
     points = points[shown(points, cameras)]
