@@ -32,8 +32,7 @@ def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, Indices
 
 def undrawable_rows(model: Gaussians) -> Indices:
     """Return the rows that cannot be drawn, sorted: a number in them is not finite, or a scale overflows float32."""
-    rows = _undrawable(model).values()
-    return np.unique(np.concatenate([*rows])) if rows else np.empty(0, np.intp)
+    return np.unique(np.concatenate([np.empty(0, np.intp), *_undrawable(model).values()]))
 
 
 def drawable(model: Gaussians, source: str | Path) -> Gaussians:
@@ -53,12 +52,11 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
         )
     if not undrawable:
         return filtered(model)
-    rows = undrawable_rows(model)
+    rows = np.unique(np.concatenate([*undrawable.values()]))
     if len(rows) == len(model) or not are_gaussians:
         name = next(iter(undrawable))
         _refuse(model, source, name, undrawable[name])
-    total = len(model)
-    warn(f"{source}: {len(rows)} of {total} rows are not finite and are not drawn: {listed(rows)}")
+    warn(f"{source}: {len(rows)} of {len(model)} rows are not finite and are not drawn: {listed(rows)}")
     values = {"opacity": model.columns("opacity")[:, 0]} | {name: model.columns(name)[:, 0] for name in undrawable}
     for name, at in undrawable.items():
         values[name][at] = np.median(np.delete(values[name], at))
