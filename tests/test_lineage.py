@@ -330,3 +330,48 @@ def test_damage_is_measured_against_the_photographs_of_the_views(tmp_path, capsy
     words += ["--cameras", str(tmp_path / cameras), "--out", str(tmp_path / "out.ply")]
     assert main(words) == (2 if message else 0)
     assert message in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def strengths(runs):
+    """A table of variants of several attacks and strengths."""
+    attacks = {
+        "weak": "random_pruning --set fraction=0.1",
+        "strong": "random_pruning --set fraction=0.3",
+        "reseeded": "random_pruning --set fraction=0.3 --seed 1",
+        "lowest": "lowest_opacity --set fraction=0.3",
+        "noise": "gaussian_noise --set sigma=0.1",
+        "gspure": "gspure --prune-mask R/mask.npy",
+        "tau_n_1": "gspure --prune-mask R/mask.npy",
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(runs)
+        for variant, attack in attacks.items():
+            folder = Path("strengths/planted/room", variant)
+            (words,) = words_of(f"attack {attack} --model MODEL --out {folder}/public/point_cloud.ply")
+            assert main(words) == 0
+            shutil.copy("R/planted/room/random_pruning/metrics.csv", folder)
+        metrics = map(str, Path("strengths").rglob("metrics.csv"))
+        assert main(["table", "--metrics", *metrics, "--out", "strengths.csv", "--markdown", "strengths.md"]) == 0
+
+
+CONTEST = "contest --table strengths.csv --out c.csv --survival s.csv --matched m.csv --markdown c.md --sweep x="
+POINTS = "figures sweep --table strengths.csv --condition planted --out sweep.png --point gspure=4,4 --point="
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (f"{CONTEST}weak,strong", ""),
+        (f"{CONTEST}gspure,tau_n_1", ""),
+        (f"{CONTEST}weak,noise", "found gaussian_noise"),
+        (f"{CONTEST}strong,lowest", "found lowest_opacity"),
+        (f"{CONTEST}weak,reseeded", "found random_pruning seed 1"),
+        (f"{CONTEST}weak,gspure", "found gspure"),
+        (f"{POINTS}tau_n_1=1,4", ""),
+        (f"{POINTS}weak=1,4", "found random_pruning"),
+    ],
+)
+def test_only_variants_of_one_attack_are_strengths_of_it(strengths, capsys, words, found):
+    assert main(words.split()) == (2 if found else 0)
+    assert found in capsys.readouterr().err

@@ -157,6 +157,12 @@ class Attack:
         """Its settings and their defaults."""
         return defaults(self.function)
 
+    def kind(self, settings: Mapping[str, object]) -> list[str]:
+        """Return what its variants in one sweep share: its name, all settings that are texts, and the random seed."""
+        texts = {name: default for name, default in self.settings.items() if isinstance(default, str)}
+        changed = [str(settings[name]) for name, default in texts.items() if settings.get(name, default) != default]
+        return [self.sweep or self.name, *changed, *([f"seed {settings['seed']}"] if settings.get("seed") else [])]
+
     def apply(
         self,
         public: PublicModel | Gaussians,

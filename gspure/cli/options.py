@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -255,13 +256,14 @@ def add_sweeps(parser: Parser) -> None:
 
 
 def read_sweeps(args: Arguments, outcomes: Sequence[Outcome]) -> dict[str, list[str]]:
-    """Return the variants of every ``--sweep``; refuse any that is no attack of the table, or another's name."""
+    """Return the variants of every ``--sweep``; refuse other attacks, and names of others."""
     from gspure.evaluation.outcomes import UNATTACKED
 
     attacks = [o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control]
     sweeps: dict[str, list[str]] = args.sweep
     for name, variants in sweeps.items():
         require_variants(args.table, variants, attacks, "an attack of the table")
+        require_one_attack(args.table, variants)
         if name in attacks and name not in variants:
             raise InputError("--sweep", name, expected=f"{name} among its variants", found=",".join(variants))
     return sweeps
@@ -274,6 +276,26 @@ def require_variants(table: Path, variants: Iterable[str], known: Iterable[str],
         if variant not in known:
             hint = did_you_mean(variant, known)
             raise InputError(table, "variant", expected=expected, found=variant, hint=hint)
+
+
+def require_one_attack(table: Path, variants: Iterable[str], attack: str = "") -> None:
+    """Refuse variants that the table's record knows as different attacks, or as others than `attack`.
+
+    The strengths of one attack differ in numbers alone.
+    """
+    from gspure.artifacts import settings_of
+    from gspure.attacks import find_attack
+
+    first: dict[str, list[str]] = {}
+    recorded = settings_of(table).get("attacks", {})
+    for variant, place in product(variants, recorded):
+        model, _, name = place.rpartition("/")
+        if name == variant:
+            kind = find_attack(recorded[place]["attack"]).kind(recorded[place])
+            expected = first.setdefault(model, kind)
+            if kind != expected or attack not in {"", recorded[place]["attack"]}:
+                found = " ".join([recorded[place]["attack"], *kind[1:]])
+                raise InputError(table, variant, expected=attack or " ".join(expected), found=found)
 
 
 def described(name: str, defaults: Mapping[str, Any]) -> str:

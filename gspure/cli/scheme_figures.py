@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gspure.cli.image_figures import Drawn
-from gspure.cli.options import require_variants
+from gspure.cli.options import require_one_attack, require_variants
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.evaluation.names import display_name, extraction_name
@@ -57,12 +57,14 @@ def _outcomes(args: Arguments) -> list[Outcome]:
 
 
 def _draw_sweep(args: Arguments) -> Drawn:
+    from gspure.evaluation.outcomes import GSPURE
     from gspure.evaluation.summary import summarize
     from gspure.figures.factors import Point, write_factor_curves
 
     outcomes = _outcomes(args)
     means = {row.variant: row for row in reversed(summarize(outcomes))}  # the first extraction
     require_variants(args.table, args.point, means, f"a variant of {args.condition}")
+    require_one_attack(args.table, args.point, GSPURE)
     points = []
     for variant, factors in args.point.items():
         known = {name: value for name in ("scene", "message") if (value := getattr(means[variant], name))}

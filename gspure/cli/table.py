@@ -48,7 +48,7 @@ def _condition(text: str) -> tuple[str, str]:
 def run(args: Arguments) -> None:
     from gspure.artifacts import write_record, write_text
     from gspure.evaluation.csv_tables import write_table
-    from gspure.evaluation.origins import measured_images
+    from gspure.evaluation.origins import measured_images, recorded_attacks
     from gspure.evaluation.outcomes import collect
     from gspure.evaluation.recall import MESSAGE_ROWS
     from gspure.evaluation.results import write_results
@@ -62,6 +62,7 @@ def run(args: Arguments) -> None:
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
     settings = {"conditions": args.condition, "images": measured_images(args.metrics)}
+    settings["attacks"] = recorded_attacks(args.metrics)
     write_record(args.out, inputs=inputs, settings=settings, kind="table")
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
     for scheme, folder in not_embedded(outcomes):

@@ -48,6 +48,13 @@ def measured_images(tables: Iterable[Path]) -> dict[str, list[str]]:
     }
 
 
+def recorded_attacks(tables: Iterable[Path]) -> dict[str, dict[str, object]]:
+    """Return attack and settings of the variants ``SCHEME/SCENE/VARIANT`` of tables, as far as records tell."""
+    variants = [table.resolve().parent for table in tables]
+    known = {"/".join(variant.parts[-3:]): settings_of(variant / MODEL) for variant in variants}
+    return {variant: settings for variant, settings in known.items() if "attack" in settings}
+
+
 def _require_images_of(variant: Path, images: Path) -> None:
     models = [variant / MODEL]
     if variant.name == WRONG_KEY:

@@ -81,8 +81,7 @@ def _default_factors(among: Decisions) -> tuple[float, float]:
 def _kind(settings: Settings, among: Decisions) -> tuple[object, ...]:
     """Return what the variants of one sweep share: the attack, and all settings but its strength."""
     attack = find_attack(settings["attack"])
-    words = {k: v for k, v in settings.items() if isinstance(attack.settings.get(k), str) and v != attack.settings[k]}
-    kind = [attack.sweep or attack.name, *words.values(), *([f"seed {settings['seed']}"] if settings["seed"] else [])]
+    kind = attack.kind(settings)
     if attack.needs & {"weights", "prune_mask"}:
         name = settings.get("decision", DEFAULT)
         first = origin(among, name, "clusters.npz" if attack.needs & {"prune_mask", "labels"} else "weights.npy")
