@@ -310,21 +310,17 @@ def _without_identical_views(rows_of: Mapping[Path, list[ViewMetrics]]) -> dict[
     A drop is a difference of means over the same views. Where none is left, variants with such views keep them alone,
     so that their mean PSNR is infinite, and no drop from it or to it is known.
     """
-    identical_in: dict[Path, set[tuple[str, str]]] = {}
+    identical_in: dict[tuple[Path, str], set[str]] = {}
     for path, rows in rows_of.items():
-        views = {(row.target, row.view) for row in rows if _equals_photograph(row)}
-        identical_in.setdefault(path.resolve().parents[1], set()).update(views)
-    kept = {}
+        for row in filter(_equals_photograph, rows):
+            identical_in.setdefault((path.resolve().parents[1], row.target), set()).add(row.view)
+    kept: dict[Path, list[ViewMetrics]] = {}
     for path, rows in rows_of.items():
-        others = {(row.target, row.view) for row in rows} - identical_in[path.resolve().parents[1]]
-        equal = {row.target for row in rows if _equals_photograph(row)}
-        lost = {row.target for row in rows} - {target for target, _ in others}
-        kept[path] = [
-            row
-            for row in rows
-            if (row.target, row.view) in others
-            or (row.target in lost and (_equals_photograph(row) or row.target not in equal))
-        ]
+        model, kept[path] = path.resolve().parents[1], []
+        for target in dict.fromkeys(row.target for row in rows):
+            views = [row for row in rows if row.target == target]
+            others = [row for row in views if row.view not in identical_in.get((model, target), ())]
+            kept[path] += others or [*filter(_equals_photograph, views)] or views
     return kept
 
 
