@@ -13,6 +13,7 @@ from gspure.report.templates import TEMPLATES
 from tests.test_layers import PACKAGE, TREES, part_of
 
 ROUNDED = re.compile(r"[%f]$")  # a format with a fixed number of decimals
+FORMAT = re.compile(r"\{:[^{}]*[%f]\}")  # the same in a text for `str.format`
 EXACT = {"numerals.py", "progress.py"}  # the module itself; times of jobs
 SHOWN = {"method", "evaluation", "figures", "report"}  # parts whose numbers are results
 
@@ -71,6 +72,8 @@ def formats() -> list[str]:
             )
             if ROUNDED.search(text) and source.name not in EXACT and (text[-1] == "%" or part_of(source) in SHOWN):
                 listed.append(f"{source.relative_to(PACKAGE)}:{node.lineno}: {text}")
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and FORMAT.search(node.value):
+                listed.append(f"{source.relative_to(PACKAGE)}:{node.lineno}: {node.value}")
     for template in TEMPLATES:
         listed += [
             f"{template.name}: {spec}" for spec in re.findall(r'"%[^"]*"\s*\|format|round\(', template.read_text())

@@ -14,6 +14,7 @@ from gspure.evaluation.names import display_name
 from gspure.evaluation.retrieval import FALSE_POSITIVES
 from gspure.evaluation.survival import MARGIN
 from gspure.images import read_back
+from gspure.numerals import decimal, percent
 from gspure.opencl.device import Device
 from gspure.progress import say, warn
 from gspure.public_model import PublicModel
@@ -32,8 +33,13 @@ class Readability:
 
     message: float
     controls: dict[str, float]
+    title: ClassVar[str] = "message PSNR"
     margin: ClassVar[float] = MARGIN
-    text: ClassVar[str] = "message PSNR {:.1f} dB; highest control {:.1f} dB ({})"
+
+    @staticmethod
+    def text(value: float) -> str:
+        """Return a number with its unit."""
+        return f"{decimal(value, 1)} dB"
 
     @property
     def readable(self) -> bool:
@@ -43,7 +49,8 @@ class Readability:
     def report(self) -> None:
         """Print the numbers, as a warning if the message is not readable."""
         best = max(self.controls, key=lambda name: self.controls[name])
-        numbers = self.text.format(self.message, self.controls[best], display_name(best))
+        control = f"highest control {self.text(self.controls[best])} ({display_name(best)})"
+        numbers = f"{self.title} {self.text(self.message)}; {control}"
         if self.readable:
             say(numbers)
         else:
@@ -56,8 +63,13 @@ class BitReadability(Readability):
     These are the share that 1 % of unmarked images exceed, and that of a wrong key.
     """
 
+    title = "correct bits"
     margin = 0.0
-    text = "{:.0f} % of the bits are correct; highest control {:.0f} % ({})"
+
+    @staticmethod
+    def text(value: float) -> str:
+        """Return a share."""
+        return percent(value / 100, 0)
 
 
 def bit_readability(
