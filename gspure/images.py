@@ -124,9 +124,9 @@ def read_back(array: NDArray[np.floating]) -> Float32:
 def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
     """Refuse a folder with PNG files of other views, which would count in every comparison."""
     if others := sorted({path.stem for path in folder.glob("*.png")}.difference(views)):
-        found = f"{len(others)} more: {others[0]}.png" + ", ..." * (len(others) > 1)
+        found = f"{len(others)}: {others[0]}.png" + ", ..." * (len(others) > 1)
         hint = "name another folder, or delete them"
-        raise InputError(folder, "images", expected="none but of these views", found=found, hint=hint)
+        raise InputError(folder, "images", expected="none of other views", found=found, hint=hint)
 
 
 def is_flat(image: Float32) -> bool:
@@ -192,7 +192,8 @@ def require_all_images(folder: Path) -> None:
     images = {path.stem: path for path in folder.glob("*.png") if path.is_file()}
     if record["views"] and (others := sorted(images.keys() - record["views"].keys())):
         more = ", ..." * (len(others) > 1)
-        warn(f"{folder}: {len(others)} images are not in {RENDERED}, but count: {others[0]}.png{more}")
+        count = f"{len(others)} of {len(images)} images"
+        warn(f"{folder}: {RENDERED} does not list {count}, but they are compared, too: {others[0]}.png{more}")
     if missing := [view for view in record["views"] if view not in images]:
         found = f"all but {len(missing)}: {missing[0]}.png" + ", ..." * (len(missing) > 1)
         hint = f"render them again; if deleted on purpose, delete {RENDERED} too"
@@ -250,11 +251,11 @@ def require_comparable(folder: Path, other: Path, views: Iterable[str]) -> None:
         first, second = record.get(setting), record_of_other.get(setting)
         if first and second and first != second:
             hint = f"render both with one --{setting}"
-            raise InputError(other, setting, expected=f"{first}, as {folder}", found=second, hint=hint)
+            raise InputError(other, setting, expected=f"{first}, as in {folder}", found=second, hint=hint)
     if record.get("model") or record_of_other.get("model"):  # photographs are compared with any others
         first, second = (origin_of(images, "target").partition("_")[0] for images in (folder, other))
         if first and second and first != second:
-            raise InputError(other, "target", expected=f"{first}, as {folder}", found=second)
+            raise InputError(other, "target", expected=f"{first}, as in {folder}", found=second)
         require_agreement(folder, other, photographs_of(folder), photographs_of(other))
     _require_cameras(other, {view: record["views"].get(view, []) for view in views}, f"the camera of {folder}")
 

@@ -88,7 +88,7 @@ def forget_corrupt():
         _, problems = problems_in(map(Path, read.intersection(job.output)))
         if problems:
             note_of(job.log[0]).unlink(missing_ok=True)
-            print(f"gspure: to be made again by the next run: {problems[0]}", file=sys.stderr)
+            print(f"gspure: to be recomputed by the next run: {problems[0]}", file=sys.stderr)
 
 
 def print_failures(failures, run):

@@ -33,7 +33,7 @@ def require_notes(dag):
     if NOTES.is_dir() or workflow.touch or workflow.dag_settings.forceall:
         return
     if result := next((path for job in dag.jobs for path in job.output if os.path.exists(path)), None):
-        hint = "delete the results, or add --forceall to replace them or --touch to accept them"
+        hint = "delete the results, or add --forceall to replace them, or --touch to accept them"
         print(f"gspure: {result}: expected the notes of a run in {NOTES}, found none; {hint}", file=sys.stderr)
         sys.exit(2)
 
@@ -74,7 +74,7 @@ def build_dag(build=workflow._build_dag):
     build()
     require_notes(dag)
     for reason in misfits.values():
-        print(f"gspure: to be made again: {reason}", file=sys.stderr)
+        print(f"gspure: to be recomputed: {reason}", file=sys.stderr)
 
 
 if workflow.is_main_process:

@@ -80,7 +80,7 @@ def test_rows_without_a_rotation_are_named_since_they_are_not_drawn(capsys) -> N
     turned = blobs(9)
     still = turned.with_columns({f"rot_{i}": np.where(np.arange(9) < 2, 0, turned.quats[:, i]) for i in range(4)})
     assert drawable(still, "model") is still
-    assert "2 of 9 rows have a rotation of 0 and are not drawn: 0, 1" in capsys.readouterr().err
+    assert "2 of 9 rows have a zero quaternion and are not drawn: 0, 1" in capsys.readouterr().err
 
 
 def test_a_model_without_such_rows_is_left_as_it_is(capsys) -> None:

@@ -80,7 +80,7 @@ def test_an_attack_that_the_message_survives_in_fewer_scenes_is_the_stronger() -
     mixed = benchmark({"a": {"gof": (1.0, 20.0), "noise": (1.0, 39.0)}, "b": {"gof": (1.0, 20.0), "noise": (1.0, 2.0)}})
     assert audit_of(mixed).strongest.variant == "gof"
     only = benchmark({"a": {"noise": (1.0, 39.0)}, "b": {"noise": (1.0, 2.0)}})
-    assert sentence(only).startswith("The message did not survive noise in 1 of 2 scenes: the attack lowers")
+    assert sentence(only).startswith("The message did not survive noise in 1 of 2 scenes. The attack lowers")
 
 
 def test_an_attack_names_the_scenes_in_which_only_retrieval_identifies_the_message_unless_all() -> None:

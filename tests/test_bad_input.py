@@ -213,8 +213,8 @@ BAD_IMAGES = {
     "cut": (lambda: cut("b/2.png", 900), "b/2.png: file: expected an image"),
     "no image": (lambda: Path("b/2.png").write_text("no image"), "b/2.png: file: expected an image"),
     "other size": (lambda: write_image("b/2.png", np.zeros((9, 9, 3))), "b/2.png: size: expected 30x20, as a/2.png"),
-    "JPEG": (lambda: Path("b/2.png").rename("b/2.jpg"), "b/2.jpg: file: expected PNG files only, as .png"),
-    "capitals": (lambda: Path("b/2.png").rename("b/2.PNG"), "b/2.PNG: file: expected PNG files only, as .png"),
+    "JPEG": (lambda: Path("b/2.png").rename("b/2.jpg"), "b/2.jpg: file: expected only PNG files, named .png"),
+    "capitals": (lambda: Path("b/2.png").rename("b/2.PNG"), "b/2.PNG: file: expected only PNG files, named .png"),
     "no folder": (lambda: Path("b").rename("c"), "b: folder: expected PNG files, found no such folder"),
 }
 
@@ -389,7 +389,7 @@ def test_clusters_of_other_weights_of_the_same_model_are_refused(folder, capsys)
     ):
         capsys.readouterr()
         line = refusal(folder, capsys, command.format("weights.npy"))
-        assert re.match(r"(weights.npy|mask.npy|clusters.npz): weights: expected \w+, as of ", line)
+        assert re.match(r"(weights.npy|mask.npy|clusters.npz): weights: expected \w+, as in ", line)
         assert main(command.format("highest.npy").split()) == 0
     cluster("weights.npy", clusters="others.npz")
     Path("weights.npy.json").unlink()

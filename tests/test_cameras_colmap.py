@@ -219,7 +219,7 @@ def test_fewer_records_than_the_header_counts_are_warned_of(tmp_path, capsys, re
         folder = written(tmp_path, files | {name: header + files[name]})
         read_cameras(folder)
         read_points(folder)
-        assert (f"{name} has {lines} {records}, its header counts {count}" in capsys.readouterr().err) == warned
+        assert (f"{name} has {lines} {records}, but its header counts {count}" in capsys.readouterr().err) == warned
 
 
 def test_a_text_file_that_lost_its_empty_lines_is_refused_instead_of_losing_views(tmp_path):

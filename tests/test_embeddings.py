@@ -121,7 +121,7 @@ def test_weights_of_other_views_are_not_compared_with_those_of_the_message(plant
     key = ["--scheme", "planted", "--key", str(planted / "1" / "key")]
     command = ["hidden", *views, *key, "--weights", weights, "--out", str(tmp_path / "hidden.json")]
     assert main(command) == 2
-    assert "weights.npy: split: expected train, as of " in capsys.readouterr().err
+    assert "weights.npy: split: expected train, as in " in capsys.readouterr().err
     assert main([*command, "--split", "test"]) == 0
     views[-1] = str(tmp_path / "own.json")
     assert (

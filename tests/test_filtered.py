@@ -84,7 +84,7 @@ def test_a_render_mode_that_is_not_applied_is_named(tmp_path, monkeypatch, capsy
     write_cameras("cameras.json", [camera(40, 30)])
     write_model("model.ply", blobs(9).with_comment("postshot.anti_aliasing=1"))
     assert main(["render", "model.ply", "--cameras", "cameras.json", "--out", "renders"]) == 0
-    assert "render mode mip, which is not applied" in capsys.readouterr().err
+    assert "render mode mip, which gspure does not apply" in capsys.readouterr().err
 
 
 def test_columns_that_change_nothing_are_named(tmp_path, monkeypatch, capsys):
@@ -95,7 +95,7 @@ def test_columns_that_change_nothing_are_named(tmp_path, monkeypatch, capsys):
         model = with_column(blobs(9), *column)
         write_model(f"{name}.ply", model)
         assert main(f"render {name}.ply --cameras cameras.json --out {name}".split()) == 0
-        assert ("change nothing that is drawn: beta\n" in capsys.readouterr().err) == (name == "beta")
+        assert ("have no effect on renders: beta\n" in capsys.readouterr().err) == (name == "beta")
 
 
 def test_each_measurement_names_such_columns_once(tmp_path, monkeypatch, capsys):
@@ -109,7 +109,7 @@ def test_each_measurement_names_such_columns_once(tmp_path, monkeypatch, capsys)
         "features --weights weights.npy --opacities opacities.npy --out features.npy",
     ):
         assert main([*command.split(), "--model", "model.ply"]) == 0
-        assert capsys.readouterr().err.count("change nothing that is drawn: beta\n") == 1, command
+        assert capsys.readouterr().err.count("have no effect on renders: beta\n") == 1, command
 
 
 def test_a_renderer_applies_the_filter():

@@ -178,7 +178,7 @@ def test_inputs_of_one_run_are_accepted_and_each_of_another_run_is_refused(words
         others = [Path("S", path.relative_to("R")) for path in paths_of([value])]
         assert all(path.exists() for path in others)
         mixed = argparse.Namespace(**vars(args) | {name: others if isinstance(value, list) else others[0]})
-        with pytest.raises(InputError, match=r", as of [RS]/"):
+        with pytest.raises(InputError, match=r", as in [RS]/"):
             require_related(mixed)
 
 

@@ -233,7 +233,7 @@ def test_photographs_of_another_pair_are_refused(pair_folder, tmp_path, kind):
     folder = shutil.copytree(pair_folder, tmp_path / "pair")
     for path in [*(other / kind).glob("*.png"), other / kind / "rendered.json"]:
         shutil.copy(path, folder / kind)
-    with pytest.raises(InputError, match=r"cameras\.json: photographs: expected .*, as of .*rendered\.json, found"):
+    with pytest.raises(InputError, match=r"cameras\.json: photographs: expected .*, as in .*rendered\.json, found"):
         read_pair(folder)
     (folder / kind / "rendered.json").unlink()
     read_pair(folder)

@@ -367,9 +367,7 @@ def test_renders_of_other_views_in_the_folder_are_refused_before_anything_is_com
     write_image(tmp_path / "out" / "renders" / "purified" / "older.png", np.zeros((4, 4, 3)))
     monkeypatch.setattr("gspure.cli.purify.purify", None)
     assert main(command) == 2
-    assert (
-        "renders/purified: images: expected none but of these views, found 1 more: older.png" in capsys.readouterr().err
-    )
+    assert "renders/purified: images: expected none of other views, found 1: older.png" in capsys.readouterr().err
 
 
 def test_a_run_that_fails_before_its_results_leaves_those_of_the_last_one(

@@ -162,7 +162,7 @@ def test_metrics_and_retrieval_of_different_renders_are_refused(tmp_path: Path) 
     for path, content in ((metrics, "first"), (retrieval, "second")):
         image.write_text(content)
         write_record(path, inputs={image.as_posix(): image}, settings={})
-    with pytest.raises(InputError, match=f"^{retrieval}: {image}: expected .*, as of {metrics}"):
+    with pytest.raises(InputError, match=f"^{retrieval}: {image}: expected .*, as in {metrics}"):
         collect([metrics], retrievals=[retrieval])
     write_record(metrics, inputs={image.as_posix(): image}, settings={})
     assert len(collect([metrics], retrievals=[retrieval])) == 1

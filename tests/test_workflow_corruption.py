@@ -64,7 +64,7 @@ def test_a_changed_artifact_and_its_dependents_are_remade(project):  # noqa: F81
     good, before = (project.folder / model).read_bytes(), (project.folder / metrics).read_bytes()
     flipped(project.folder / model)
     printed = project.run(TABLE)
-    assert f"gspure: to be made again: {model}: " in printed
+    assert f"gspure: to be recomputed: {model}: " in printed
     assert rules_run(printed)["attack_model"] == rules_run(printed)["compare_renders"] == 1
     assert (project.folder / model).read_bytes() == good
     assert (project.folder / metrics).read_bytes() == before
@@ -108,7 +108,7 @@ def test_artifacts_of_another_variant_are_made_again(project):  # noqa: F811
             for suffix in ("", ".json"):
                 shutil.copy(f"{foreign}{suffix}", f"{own}{suffix}")
         printed = project.run(TABLE)
-        assert f"gspure: to be made again: {BOT / 'gspure' / name}: " in printed
+        assert f"gspure: to be recomputed: {BOT / 'gspure' / name}: " in printed
         assert (project.folder / TABLE).read_bytes() == table
         assert "Nothing to be done" in project.run(TABLE)
     for suffix in ("", ".json"):

@@ -151,8 +151,8 @@ def require_agreement(
     """Raise `InputError` if what two artifacts were made from differs for a name that both have."""
     for name, origin in expected.items():
         if origin != found.get(name, origin):
-            hint = hint or f"not of the same {name}; if they belong together, delete the record of either"
-            raise InputError(second, name, expected=f"{origin}, as of {first}", found=str(found[name]), hint=hint)
+            hint = hint or f"not of the same {name}; if they belong together, delete the record (.json) of one"
+            raise InputError(second, name, expected=f"{origin}, as in {first}", found=str(found[name]), hint=hint)
 
 
 def require_kind(artifact: Path, *kinds: str) -> str:

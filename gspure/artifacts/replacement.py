@@ -58,7 +58,7 @@ def require_replaceable(*paths: Path) -> None:
             expected, found = f"a result of an earlier run of `gspure {COMMAND.get()}`", "another file"
         else:
             continue
-        raise InputError(path, "output", expected=expected, found=found, hint="name another place, or delete it")
+        raise InputError(path, "output", expected=expected, found=found, hint="name another path, or delete it")
 
 
 def remove(*paths: Path) -> None:

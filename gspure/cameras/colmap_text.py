@@ -69,7 +69,7 @@ def _warn_if_cut(path: Path, count: int) -> None:
     """Warn if the header counts more records."""
     head = re.search(r"^# Number of (\w+): (\d{1,9})", path.read_text(encoding="utf-8"), re.MULTILINE)
     if head and int(head[2]) > count:
-        warn(f"{path} has {count} {head[1]}, its header counts {head[2]}: it may be truncated")
+        warn(f"{path} has {count} {head[1]}, but its header counts {head[2]}: it may be truncated")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:

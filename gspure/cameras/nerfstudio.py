@@ -59,7 +59,7 @@ def _completed(entry: Entry, shared: Mapping[str, Any]) -> Entry:
     for key in sorted(_OPTICS & shared.keys() & entry.values.keys()):
         if entry.values[key] != shared[key]:
             expected, found = f"{shared[key]!r}, as in the file", repr(entry.values[key])
-            hint = "delete one of them: Instant NGP reads that of the frame, nerfstudio that of the file"
+            hint = "delete one of them: Instant NGP reads the one of the frame, nerfstudio the one of the file"
             raise entry.refusal(key, expected=expected, found=found, hint=hint)
     return Entry(entry.source, entry.where, {**shared, **entry.values})
 

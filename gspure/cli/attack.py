@@ -80,7 +80,10 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
     add_scheme(parser)
     parser.writes(
-        "--verdict", "JSON", "also write, for each extraction, whether the attack changed what it reads", required=False
+        "--verdict",
+        "JSON",
+        "also write, for each extraction, whether the attack changed the columns that the extraction reads",
+        required=False,
     )
     parser.writes(
         "--transform",
@@ -95,8 +98,8 @@ def add_arguments(parser: Parser) -> None:
     parser.reads(
         "--photographs",
         "DIR",
-        "photographs VIEW.png of the scene, for --damage; without them, the damage is estimated for a model "
-        "with 30 dB in every view",
+        "photographs VIEW.png of the scene, for --damage; without them, the damage is estimated as if "
+        "MODEL had a PSNR of 30 dB in every view",
         required=False,
     )
     parser.writes(
@@ -105,7 +108,7 @@ def add_arguments(parser: Parser) -> None:
         "also write CPU time (without the search of --damage) and peak memory (with it)",
         required=False,
     )
-    parser.reads("--measured", "JSON", "for --cost: cost files of measurements to add", nargs="*", default=[])
+    parser.reads("--measured", "JSON", "for --cost: cost files of the measurements, to be added", nargs="*", default=[])
     add_device(parser)
 
 

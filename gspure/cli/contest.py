@@ -17,7 +17,7 @@ EXAMPLES = """\
 def add_arguments(parser: Parser) -> None:
     parser.reads("--table", "CSV", "results, from `gspure table`")
     add_sweeps(parser)
-    parser.writes("--out", "CSV", "GSPure minus every other attack")
+    parser.writes("--out", "CSV", "differences: GSPure minus every other attack")
     parser.writes("--survival", "CSV", "the message after each attack, against controls")
     parser.writes("--matched", "CSV", "the message's drop at equal damage to the scene")
     meaning = "folder with the costs SCHEME/SCENE/VARIANT/attack.cost.json"

@@ -16,8 +16,8 @@ COARSENESS = 2  # of the light (`gspure.scenes.lighting.bake`); ours
 
 def add_arguments(parser: Parser) -> None:
     parser.number("--views", "N", "views of each room", VIEWS, 4)
-    parser.number("--width", "PX", "image width, as of the message's images", TRACED_SIDE, 160)
-    parser.number("--height", "PX", "image height, as of the message's images", TRACED_SIDE, 120)
+    parser.number("--width", "PX", "image width; use that of the message's images", TRACED_SIDE, 160)
+    parser.number("--height", "PX", "image height; use that of the message's images", TRACED_SIDE, 120)
     parser.writes("--out", "DIR", "pictures, in folders SEED")
     add_quiet(parser)
 

@@ -107,7 +107,9 @@ def _require_published(file: Path, embedding: str) -> None:
     from gspure.errors import InputError
 
     if embedding and known_digest(file) != embedding:
-        raise InputError(file, "--original", expected="the published model of the key", found="another or attacked one")
+        raise InputError(
+            file, "--original", expected="the published model of the key", found="another one, or attacked"
+        )
 
 
 def _lesson(args: Arguments) -> Lesson:

@@ -28,7 +28,9 @@ def add_arguments(parser: Parser) -> None:
     parser.pairs("--against", "TARGET=OTHER", "compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A")
     parser.text("--targets", "TARGET", "subfolders of DIR_B to compare (default: all)", nargs="+")
     parser.choice(
-        "--baseline", BASELINES, "compare DIR_A with images of one colour instead of DIR_B: black, or the mean of DIR_A"
+        "--baseline",
+        BASELINES,
+        "compare DIR_A with images of one colour instead of DIR_B: black, or each image's mean colour",
     )
     parser.writes("--out", "CSV", "also write the metrics of every view to this table", required=False)
     add_quiet(parser)

@@ -152,7 +152,7 @@ def read_source(source: Path | str, model: Path | None, *, moves: bool = False, 
             found = f"a camera file and --{next(iter(settings))}"
             raise InputError(source, "source", expected="orbit or shells", found=found)
         if model and not moves and not follow(source, model):
-            warn(f"an attack moved {model}: the views of {source} show it only if they moved, too")
+            warn(f"an attack moved {model}: the views of {source} show it only if they were moved with it")
         return read_cameras(source)
     if model is None:
         raise InputError(source, "--model", expected="the model to look at", found="nothing")

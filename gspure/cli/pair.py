@@ -122,7 +122,7 @@ def _photographed(args: Arguments) -> dict[str, Any]:
         write_image(args.out / "message" / f"{camera.name}.png", image)
         empty += [camera.name] * is_flat(image)
     if empty:
-        warn(f"{len(empty)} of {len(views)} views, first {empty[0]}, do not show the message: it is outside of them")
+        warn(f"{len(empty)} of {len(views)} views do not show the message (first: {empty[0]}): it lies outside of them")
     xyz, rgb = _points(model, args.seed)
     _write(args.out, "message", views, (alignment.inverse.points(xyz), rgb))
     return {"resolution": args.resolution}

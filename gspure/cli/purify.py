@@ -78,7 +78,7 @@ _SHOWN = 3
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
-    add_cameras(parser, "views (at most 1600 px wide; every eighth, sorted by name, is held out for the metrics)")
+    add_cameras(parser, "views (scaled to 1600 px if wider; sorted by name, every eighth is held out for the metrics)")
     parser.writes("--out", "DIR", "folder for the results")
     add_energy(parser, "ray", "ewa", "center_ray")
     add_reduction(parser)

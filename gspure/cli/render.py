@@ -73,7 +73,7 @@ def run(args: Arguments) -> None:
         if isinstance(args.cameras, str):
             write_views(args, folder, views)
     if empty:
-        count = f"{len(empty)} of {len(views)} views, first {empty[0]}"
-        warn(f"{count}, are of one colour: do cameras and model belong together?")
+        count = f"{len(empty)} of {len(views)} views"
+        warn(f"{count} show a single colour (first: {empty[0]}): do cameras and model belong together?")
     if not args.npy:  # of an earlier run
         remove(*(args.out / f"{camera.name}.npy" for camera in views))

@@ -63,7 +63,7 @@ def pair_images(
     available, compared = _png_files(reference), _png_files(images, chosen)
     for other in (file for place in {(images / path).parent for path in compared} for file in sorted(place.iterdir())):
         if other.suffix != ".png" and other.suffix.lower() in chain(*FORMATS.values()):
-            raise InputError(other, "file", expected="PNG files only, as .png", found="another image")
+            raise InputError(other, "file", expected="only PNG files, named .png", found="another image")
     shown = {path.parent.as_posix() for path in compared}
     for target in (renamed.keys() | chosen) - shown:
         raise InputError(images, "target", expected=f"one of {', '.join(sorted(shown))}", found=repr(target))

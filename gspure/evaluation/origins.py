@@ -76,7 +76,7 @@ def _require_images_of(variant: Path, images: Path) -> None:
 def _require_measured_in(variant: Path, table: Path) -> None:
     inputs, baseline = recorded_inputs(table), variant.name if variant.name in BASELINES else None
     if (measured := settings_of(table).get("baseline", baseline)) != baseline:
-        raise InputError(table, "baseline", expected=f"{baseline}, as of {variant.name}", found=str(measured))
+        raise InputError(table, "baseline", expected=f"{baseline}, as for {variant.name}", found=str(measured))
     records = [path for path in map(Path, inputs) if path.name == RENDERED]
     if table.parent == variant.parent:  # of all variants
         records = [path for path in records if path.parts[-4:-2] == (variant.name, "renders")]

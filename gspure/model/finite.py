@@ -47,9 +47,8 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
     undrawable = _undrawable(model)
     are_gaussians = Signature.of(model.names).rows == "Gaussians"
     if are_gaussians and len(unturned := np.flatnonzero(~model.quats.any(axis=1))):
-        warn(
-            f"{source}: {len(unturned)} of {len(model)} rows have a rotation of 0 and are not drawn: {listed(unturned)}"
-        )
+        count = f"{len(unturned)} of {len(model)} rows"
+        warn(f"{source}: {count} have a zero quaternion and are not drawn: {listed(unturned)}")
     if not undrawable:
         return filtered(model)
     rows = np.unique(np.concatenate([*undrawable.values()]))

@@ -42,10 +42,10 @@ def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
     """
     public = _read(path, scheme)
     if unused := public.unused_columns:
-        warn(f"{path}: columns that gspure keeps, but that change nothing that is drawn: {listed(unused)}")
+        warn(f"{path}: columns that are kept, but have no effect on renders: {listed(unused)}")
     if mode := public.model.render_mode:
         warn(
-            f"{path}: trained in the render mode {mode}, which is not applied: images differ from those of its trainer"
+            f"{path}: trained in the render mode {mode}, which gspure does not apply: renders differ from its trainer's"
         )
     return public
 

@@ -144,9 +144,8 @@ def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[Float64, 
         return xyz, rgb
     xyz = random_points(train, extent(train), RANDOM_POINTS, np.random.default_rng(seed))
     if len(xyz) < LEAST_POINTS:
-        raise InputError(
-            source, "training views", expected="some that see the same place", found="none, and few points"
-        )
+        expected = f"overlapping ones, or at least {LEAST_POINTS} points"
+        raise InputError(source, "training views", expected=expected, found="neither")
     say(f"{source} has fewer than {LEAST_POINTS} points: training starts from {len(xyz)} random ones")
     return xyz, np.full(xyz.shape, _GREY, np.uint8)
 

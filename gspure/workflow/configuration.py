@@ -165,7 +165,7 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
         and asset["cameras"] not in GENERATED
         and not follow(Path(asset["cameras"]), Path(asset["model"]))
     ):
-        hint = f"if they moved, too, delete {asset['model']}.json"
+        hint = f"if they were moved with it, delete {asset['model']}.json"
         expected, found = "views that moved with the model", f"those from before an attack moved {asset['model']}"
         raise InputError(source, f"{place}.cameras", expected=expected, found=found, hint=hint)
     if "train" in asset:

@@ -45,7 +45,7 @@ def misfit(log: str, settings: str, paths: Iterable[str]) -> str:
                 if former != settings:
                     return f"{note}: expected settings {settings}, found {former}"
                 changed = (path for path in paths if not _is_known(path, files.get(path)))
-                return next((f"{path}: expected the content that {note} names" for path in changed), "")
+                return next((f"{path}: expected the content recorded in {note}" for path in changed), "")
     return f"{note}: expected the note of a finished job"
 
 

@@ -85,8 +85,8 @@ class Diagnosis:
             sentences.append("there is no cluster: the noise rule applies to every row")
         elif self.changed_share < _CHANGED_SHARE_WARNED:
             sentences.append(
-                f"clustering changes {percent(self.changed_share)} of the decision: "
-                "the rule without clustering prunes nearly the same rows"
+                "clustering changes little: the rule without it prunes nearly the same rows "
+                f"({percent(self.changed_share)} differ)"
             )
         if self.coincident:
             sentences.append(
