@@ -44,7 +44,9 @@ def zipped(entries: list[tuple[str, bytes]], rng: Rng | None = None, method: int
             try:
                 archive.writestr(info, data)
             except (ValueError, UnicodeEncodeError):
-                archive.writestr("odd", data)
+                info = zipfile.ZipInfo("odd")
+                info.compress_type, info.external_attr = method, 0o600 << 16
+                archive.writestr(info, data)
     return stream.getvalue()
 
 

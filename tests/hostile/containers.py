@@ -122,7 +122,7 @@ def pickled(content: bytes, rng: Rng) -> bytes:
 def gzip_content(content: bytes, rng: Rng) -> bytes:
     """Corrupt what is compressed, with the right checksum."""
     try:
-        return gzip.compress(choose(rng, BYTES)(gzip.decompress(content), rng))
+        return gzip.compress(choose(rng, BYTES)(gzip.decompress(content), rng), mtime=0)
     except (OSError, EOFError, zlib.error):
         return flip(content, rng)
 
