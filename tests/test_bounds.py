@@ -15,13 +15,14 @@ import yaml
 from gspure import bounds
 from gspure.attacks.registry import attacks
 from gspure.bounds import Range
-from gspure.cli import COMMANDS, main, parser_of
+from gspure.cli import main
 from gspure.cli.parser import Bounded
 from gspure.errors import InputError
 from gspure.schemes.registry import schemes
 from gspure.settings import bounds as bounds_of
 from gspure.settings import defaults, parsed_settings, require_settings
 from gspure.workflow.configuration import validated
+from tests.test_cli import parsers
 
 SCHEMA_FILE = Path(__file__).parents[1] / "schemas" / "config.schema.yaml"
 SCHEMA = yaml.safe_load(SCHEMA_FILE.read_text())
@@ -39,19 +40,12 @@ def outcome(function: Callable[..., Any], *arguments: Any) -> Any:
         return error
 
 
-def arguments() -> Iterator[tuple[str, argparse.ArgumentParser, argparse.Action]]:
-    """Return every argument of every command, and of the kinds of figures."""
-    waiting = [(name, parser_of(name)) for name in COMMANDS]
-    while waiting:
-        name, parser = waiting.pop(0)
-        for action in parser._actions:
-            if isinstance(action, argparse._SubParsersAction):
-                waiting += [(f"{name} {kind}", inner) for kind, inner in action.choices.items()]
-            elif action.nargs != 0 and not action.choices:
-                yield name, parser, action
-
-
-ARGUMENTS = {f"{name} {action.option_strings or action.dest}": (parser, action) for name, parser, action in arguments()}
+ARGUMENTS = {
+    f"{name} {action.option_strings or action.dest}": (parser, action)
+    for name, parser in parsers().items()
+    for action in parser._actions
+    if action.nargs != 0 and not action.choices
+}
 NUMBERS = {name: action.type for name, (_, action) in ARGUMENTS.items() if isinstance(action.type, Bounded)}
 FUNCTIONS = {f"attack {a.name}": a.function for a in attacks().values()}
 FUNCTIONS |= {f"scheme {s.name}": s.embed for s in schemes().values()}

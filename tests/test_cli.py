@@ -238,27 +238,27 @@ def test_an_empty_path_is_refused(argv, capsys):
     assert "found an empty text" in capsys.readouterr().err
 
 
-def parsers(parser):
-    """A parser, and those of its kinds, such as the kinds of figures."""
-    yield parser
-    for action in parser._actions:
-        for kind in (action.choices or {}).values() if isinstance(action, argparse._SubParsersAction) else ():
-            yield from parsers(kind)
+def parsers() -> dict[str, argparse.ArgumentParser]:
+    """Return the parsers of all commands, and of the kinds of figures instead of that of `gspure figures`."""
+    known = {}
+    for command in COMMANDS:
+        parser = cli.parser_of(command)
+        kinds = [action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+        known |= {f"{command} {name}": kind for name, kind in kinds[0].items()} if kinds else {command: parser}
+    return known
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", parsers())
 def test_every_output_has_the_suffix_of_its_format(command):
-    for parser in parsers(cli.parser_of(command)):
-        for action in parser._actions:
-            if action.type is Output and action.metavar != "DIR":
-                namespace = argparse.Namespace()
-                for suffix in (f".{kind.lower()}" for kind in action.metavar.split("|")):
-                    action(parser, namespace, Output(f"folder/name{suffix}"))
-                for name in ("name", "name.txt", "name.jpg", "name.svg.bak", f"name{suffix}x"):
-                    with pytest.raises(
-                        argparse.ArgumentError, match=f"expected a name that ends with .*found '{name}'"
-                    ):
-                        action(parser, namespace, Output(name))
+    parser = parsers()[command]
+    for action in parser._actions:
+        if action.type is Output and action.metavar != "DIR":
+            namespace = argparse.Namespace()
+            for suffix in (f".{kind.lower()}" for kind in action.metavar.split("|")):
+                action(parser, namespace, Output(f"folder/name{suffix}"))
+            for name in ("name", "name.txt", "name.jpg", "name.svg.bak", f"name{suffix}x"):
+                with pytest.raises(argparse.ArgumentError, match=f"expected a name that ends with .*found '{name}'"):
+                    action(parser, namespace, Output(name))
 
 
 def test_bad_input_is_reported_in_one_line_with_status_2(asset, capsys):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +11,14 @@ import pytest
 
 from gspure.artifacts import record_of, save_array, write_record, write_text
 from gspure.cameras import read_cameras, write_cameras
-from gspure.cli import COMMANDS, main, parser_of
+from gspure.cli import main, parser_of
 from gspure.cli.lineage import require_related
 from gspure.cli.parser import Output, Unrelated, paths_of
 from gspure.errors import InputError
 from gspure.schemes.registry import geometry_of
 from gspure.schemes.secure_gs.public_model import AnchorModel
 from tests.anchor_cases import random_public
+from tests.test_cli import parsers
 
 UNRELATED = {
     "cameras": "a model is rendered, measured and attacked in any views; records name those of a measurement",
@@ -121,15 +121,6 @@ def inside(runs, monkeypatch):
     monkeypatch.chdir(runs)
 
 
-def parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
-    """Yield the parsers of all commands, and of all kinds of figures, by name."""
-    for command in COMMANDS:
-        parser = parser_of(command)
-        kinds = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-        known = {f"{command} {name}": kind for name, kind in kinds[0].choices.items()} if kinds else {command: parser}
-        yield from known.items()
-
-
 def read_by(parser: argparse.ArgumentParser) -> dict[str, tuple[type, bool]]:
     """Return the type of every option that names files or folders to read, and whether it names several."""
     known = {}
@@ -154,7 +145,7 @@ def inputs(args: argparse.Namespace) -> list[str]:
 
 
 def test_inputs_of_any_origin_have_a_reason():
-    options = [option for _, parser in parsers() for option in read_by(parser).items()]
+    options = [option for parser in parsers().values() for option in read_by(parser).items()]
     assert {name for name, (kind, _) in options if kind is Unrelated} == UNRELATED.keys()
 
 
@@ -163,7 +154,7 @@ def test_all_other_inputs_of_all_commands_are_compared_below():
     compared: dict[str, set[str]] = {}
     for command, args in map(parsed, words_of(LINES)):
         compared.setdefault(command, set()).update(inputs(args))
-    for command, parser in parsers():
+    for command, parser in parsers().items():
         related = {name: several for name, (kind, several) in read_by(parser).items() if kind is not Unrelated}
         if len(related) > 1 and not all(related.values()) and command != "figures attacks":  # it compares them itself
             assert compared.get(command) == related.keys(), command

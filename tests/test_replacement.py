@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gspure.artifacts import filling, remove, replacing, replacing_only, save_array, write_text
-from gspure.cli import COMMANDS, main, parser_of
+from gspure.cli import main
 from gspure.cli.parser import Output
 from gspure.datasets import archive_of
 from gspure.errors import InputError
@@ -23,6 +23,7 @@ from gspure.images import record_views, write_image
 from gspure.scenes.procedural import DECOYS
 from tests.anchor_cases import random_public
 from tests.contest_cases import benchmark
+from tests.test_cli import parsers
 from tests.test_datasets import zipped
 
 MODEL = "marked/public/point_cloud.ply"
@@ -73,12 +74,6 @@ CASES = {  # each uses the files of those before it
 }
 
 
-def parsers(command: str) -> Iterator[argparse.ArgumentParser]:
-    parser = parser_of(command)
-    kinds = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-    yield from kinds[0].choices.values() if kinds else [parser]
-
-
 def outputs(parser: argparse.ArgumentParser) -> list[str]:
     """Return the options that name what a command writes."""
     types = ((action, getattr(action.type, "args", (action.type,))[0]) for action in parser._actions)
@@ -92,8 +87,8 @@ def content(folder: Path = Path()) -> dict[Path, bytes]:
 def named(command: str) -> set[Path]:
     words = shlex.split(command)
     after = {option: Path(value) for option, value in pairwise(words)}
-    of_command = next(p for p in parsers(words[0]) if p.prog.split()[1:] == words[: len(p.prog.split()) - 1])
-    return {after[option] for option in outputs(of_command) if option in after}
+    (parser,) = (parser for name, parser in parsers().items() if f"{command} ".startswith(f"{name} "))
+    return {after[option] for option in outputs(parser) if option in after}
 
 
 @pytest.fixture(scope="module")
@@ -123,11 +118,10 @@ def project(tmp_path_factory) -> Iterator[dict[str, set[Path]]]:
 
 
 def test_every_output_of_every_command_is_among_the_cases():
-    for command in COMMANDS:
-        for parser in parsers(command):
-            known = [case for case in CASES.values() if f"gspure {case} ".startswith(f"{parser.prog} ")]
-            for option in outputs(parser):
-                assert any(f" {option} " in case for case in known), f"{parser.prog} {option}"
+    for command, parser in parsers().items():
+        known = [case for case in CASES.values() if case.startswith(f"{command} ")]
+        for option in outputs(parser):
+            assert any(f" {option} " in case for case in known), f"{command} {option}"
 
 
 @pytest.mark.parametrize("case", CASES)
