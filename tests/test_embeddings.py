@@ -293,7 +293,7 @@ def test_the_networks_of_other_models_are_not_replaced(tmp_path, capsys, scheme,
     assert {path: path.read_bytes() for path in other.parent.iterdir()} == before
     other.unlink()
     assert main(attack) == (0 if 1 in recorded else 2)
-    assert network.read_bytes() == (paths[0][1] if 1 in recorded else network).read_bytes()
+    assert network.read_bytes() == (paths[0][1].read_bytes() if 1 in recorded else before[network])
 
 
 def test_networks_of_another_writer_are_copied_byte_for_byte(tmp_path):
