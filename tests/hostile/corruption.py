@@ -112,7 +112,7 @@ def read_by(job: Job, name: str, how: str, reference: Path, folder: Path) -> Rec
     corrupted(folder / name, how)
     before = contents(folder)
     corrupt = commands.run(job, folder)
-    changed = [path for path in difference(contents(folder), before) if path != name and not path.endswith(".corrupt")]
+    changed = [path for path in difference(contents(folder), before) if path != name]
     is_opened = str(folder / name) in corrupt.opened
     faults = [*commands.breaches(corrupt, folder)]
     if corrupt.status and Path(name).name not in corrupt.printed:
@@ -195,7 +195,7 @@ def repaired(reference: Path, scratch: Path) -> Record:
         "runs": runs,
         "faults": [
             *(f"not listed: {name}" for name in victims if name not in reported),
-            *(f"not repaired: {name}" for name in left if not name.endswith(".corrupt")),
+            *(f"not repaired: {name}" for name in left),
         ],
     }
 
