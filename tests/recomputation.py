@@ -119,10 +119,7 @@ class Results:
                 "black": 0 * photograph,
                 "mean_colour": np.broadcast_to(photograph.mean(axis=(0, 1)), photograph.shape),
             }
-            known[file.stem] = (
-                photograph,
-                flat.get(row["variant"], pixels(file) if row["variant"] not in flat else None),
-            )
+            known[file.stem] = photograph, flat[row["variant"]] if row["variant"] in flat else pixels(file)
         return known
 
     def cells(self, chosen: tuple[str, ...], variant: str, target: str, column: str = "psnr") -> Cells:
@@ -330,14 +327,14 @@ def _present(results: Results, chosen: Any, variant: str, target: str, level: Ce
 
 def _retrieved(results: Results, chosen: Any, variant: str, target: str) -> set[str]:
     columns = [results.cells(chosen, variant, target, f"retrieval_{name}") for name in ("top1", "views", "candidates")]
-    found = set()
+    retrieved = set()
     for cell, top1 in columns[0].items():
         if math.isfinite(top1):
             n, chance = int(columns[1][cell]), 1 / columns[2][cell]
             at_least = range(round(top1 * n), n + 1)
             if sum(math.comb(n, k) * chance**k * (1 - chance) ** (n - k) for k in at_least) <= 0.05:
-                found.add(cell[0])
-    return found
+                retrieved.add(cell[0])
+    return retrieved
 
 
 def _rms_ratio(message: Sequence[Cells], scene: Sequence[Cells]) -> float:
