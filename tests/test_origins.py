@@ -21,7 +21,7 @@ from tests.contest_cases import measured
 
 ROOM = Path("results/gs_hider/room")
 EMBEDDING = "run 1"
-ARTIFACTS = ["prune_mask.npy", "verdict.json", "metrics.csv", "detections/score.csv"]
+ARTIFACTS = ["prune_mask.npy", "transform.npy", "verdict.json", "metrics.csv", "detections/score.csv"]
 ARTIFACTS += ["renders/scene", "renders/message"]
 
 
@@ -67,8 +67,9 @@ def project(tmp_path, monkeypatch):
     for sigma in (1, 2):
         folder = ROOM / f"noise_{sigma}"
         origin = {"attack": "noise", "sigma": sigma}
-        save_array(folder / "prune_mask.npy", np.zeros(3, bool))
-        record(folder / "prune_mask.npy", {"model": public}, **origin)
+        for file in (folder / "prune_mask.npy", folder / "transform.npy"):
+            save_array(file, np.zeros(3, bool))
+            record(file, {"model": public}, **origin)
         write_json(folder / "verdict.json", {"reached": {}, "strength": ""})
         record(folder / "verdict.json", {"model": public}, **origin)
         images += evaluated(folder.name, record(published(folder, f"noise {sigma}", ""), {"model": public}, **origin))

@@ -28,8 +28,8 @@ def require_origins(variant: Path) -> None:
     Files of an attack must be of the same job as the attacked model, images of this model, with the owner's key or, if
     they are a control, the wrong one, and tables of these images, or, if there are none, of the same.
     """
-    cost = cost_of(Path(COSTS, *variant.parts[-3:], "attack"))
-    require_same_origin(variant / MODEL, *(variant / name for name in ("prune_mask.npy", "verdict.json")), cost)
+    of_attack = (variant / name for name in ("prune_mask.npy", "transform.npy", "verdict.json"))
+    require_same_origin(variant / MODEL, *of_attack, cost_of(Path(COSTS, *variant.parts[-3:], "attack")))
     for record in sorted(variant.glob(f"renders/*/{RENDERED}")):
         _require_images_of(variant, record.parent)
     tables = (variant / "metrics.csv", *variant.glob(f"{DETECTIONS}/*.csv"), variant.parent / "retrieval.csv")
