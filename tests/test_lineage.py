@@ -366,3 +366,41 @@ POINTS = "figures sweep --table strengths.csv --condition planted --out sweep.pn
 def test_only_variants_of_one_attack_are_strengths_of_it(strengths, capsys, words, found):
     assert main(words.split()) == (2 if found else 0)
     assert found in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("trained", "conditions", "message"),
+    [
+        ("shared,both own,both", "shared,both own,both", ""),
+        ("shared,both own,both", "shared,both shared,both", "protocol: expected shared, as of --condition, found own"),
+        ("shared,both shared,scene", "shared,both shared,both", "initialization: expected both"),
+        ("shared,both shared,both", "own,both own,both", "protocol: expected own"),
+        ("shared,both shared,both", "", ""),
+        ("shared,both own,both", "", "protocol: expected shared"),
+        ("shared,both shared,scene", "", "initialization: expected both"),
+        (" ", "shared,both own,both", ""),
+    ],
+)
+def test_a_condition_is_that_of_the_records(tmp_path, capsys, trained, conditions, message):
+    """Of the pair that a model was trained on, so that means are over models of one condition."""
+    metrics, words = [], []
+    for scene, known in zip("ab", trained.split(" "), strict=True):
+        write_text(model := tmp_path / "sis" / scene / "public" / "point_cloud.ply", scene)
+        settings = dict(zip(("protocol", "initialization"), known.split(","), strict=True)) if known else {}
+        write_record(model, inputs={}, settings=settings)
+        metrics.append(
+            str(shutil.copytree("R/planted/room/unattacked", tmp_path / "sis" / scene / "x") / "metrics.csv")
+        )
+    for scene, condition in zip("ab", conditions.split(), strict=False):
+        words.append(f"--condition=sis/{scene}={condition}")
+    outputs = ["--out", str(tmp_path / "results.csv"), "--markdown", str(tmp_path / "results.md")]
+    assert main(["table", "--metrics", *metrics, *words, *outputs]) == (2 if message else 0)
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("protocol", ["shared", "own"])
+def test_the_record_of_a_model_names_the_poses_of_its_message(tmp_path, protocol):
+    pair = f"pair room vault --protocol {protocol} --views 9 --width 48 --height 36 --out {tmp_path}/pair"
+    assert main(pair.split()) == 0
+    assert main(f"embed planted {tmp_path}/pair --set gaussians=400 --out {tmp_path}".split()) == 0
+    assert record_of(tmp_path / "public" / "point_cloud.ply")["settings"]["protocol"] == protocol

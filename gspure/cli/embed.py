@@ -55,6 +55,7 @@ def run(args: Arguments) -> None:
     device = read_device(args)
     model = Path("public", "point_cloud.ply")
     used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
+    used["protocol"] = "shared" if pair.shares_poses else "own"
     used |= scheme.settings | settings
     with filling(args.out, "public/*", "key/*") as folder:
         public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)

@@ -1,6 +1,6 @@
 """Whether artifacts in the folder of a variant are of this variant, as far as records tell."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -10,6 +10,7 @@ from gspure.artifacts import (
     file_digest,
     known_digest,
     recorded_inputs,
+    require_agreement,
     require_same_origin,
     settings_of,
 )
@@ -20,6 +21,7 @@ from gspure.evaluation.detection import DETECTIONS
 from gspure.images import origin_of
 
 MODEL: Final = "public/point_cloud.ply"
+TRAINED: Final = ("protocol", "initialization")  # what a condition says of a model beside its scheme
 
 
 def require_origins(variant: Path) -> None:
@@ -36,6 +38,23 @@ def require_origins(variant: Path) -> None:
     require_same_origin(*tables)
     for table in tables:
         _require_measured_in(variant, table)
+
+
+def require_conditions(metrics: Iterable[Path], conditions: Mapping[str, tuple[str, str]]) -> None:
+    """Raise `InputError` if a model was trained in another way than its condition, or another model of it, by records.
+
+    `conditions` are protocol and initialization by ``{scheme}/{scene}``; models without one are of one condition.
+    """
+    trained: dict[tuple[str, tuple[str, str]], tuple[Path, dict[str, str]]] = {}
+    for folder in dict.fromkeys(path.resolve().parents[1] for path in metrics):
+        scheme, scene = folder.parts[-2:]
+        condition = conditions.get(f"{scheme}/{scene}", ("", ""))
+        recorded = settings_of(model := folder / MODEL)
+        known: dict[str, str] = {name: recorded[name] for name in TRAINED if name in recorded}
+        named = {name: value for name, value in zip(TRAINED, condition, strict=True) if value}
+        source = Path("--condition") if named else model
+        first, expected = trained.setdefault((scheme, condition), (source, {**known, **named}))
+        require_agreement(first, model, expected, known, "name the condition of each model by --condition")
 
 
 def measured_images(tables: Iterable[Path]) -> dict[str, list[str]]:

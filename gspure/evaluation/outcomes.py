@@ -20,7 +20,7 @@ from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, variant_of
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name
-from gspure.evaluation.origins import require_origins
+from gspure.evaluation.origins import require_conditions, require_origins
 from gspure.evaluation.recall import recall
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
@@ -192,7 +192,7 @@ def collect(
     InputError
         If a file cannot be read, two masks of one model have different lengths, a variant was measured in other views
         than the unattacked model, or in other images than its retrieval or detections, a variant of a model occurs
-        twice, a condition is of no model (unless jobs failed), or every variant failed.
+        twice, a condition is of no model (unless jobs failed) or not that of its record, or every variant failed.
     """
     failed = _failed(failures)
     if not metrics:
@@ -204,6 +204,7 @@ def collect(
     _require_equal_views(rows)
     for variant in sorted({path.resolve().parents[path.parent.name == DETECTIONS] for path in (*metrics, *detections)}):
         require_origins(variant)
+    require_conditions(metrics, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.resolve().parts[-3:-1]: read_table(path, Retrieved) for path in retrievals}
