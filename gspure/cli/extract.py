@@ -108,7 +108,7 @@ def _require_published(file: Path, embedding: str) -> None:
 
     if embedding and known_digest(file) != embedding:
         raise InputError(
-            file, "--original", expected="the published model of the key", found="another one, or attacked"
+            file, "--original", expected="the published model of the key", found="an attacked or another one"
         )
 
 
