@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -127,6 +128,13 @@ def require_no_other_images(folder: Path, views: Iterable[str]) -> None:
         found = f"{len(others)}: {others[0]}.png" + ", ..." * (len(others) > 1)
         hint = "name another folder, or delete them"
         raise InputError(folder, "images", expected="none of other views", found=found, hint=hint)
+
+
+def require_only_png(folder: Path) -> None:
+    """Refuse a folder to measure with images of other formats, which would not count."""
+    for file in sorted(folder.iterdir()):
+        if file.suffix != ".png" and file.suffix.lower() in chain(*FORMATS.values()):
+            raise InputError(file, "file", expected="only PNG files, named .png", found="another image")
 
 
 def is_flat(image: Float32) -> bool:

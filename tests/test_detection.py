@@ -24,7 +24,7 @@ from gspure.evaluation.comparison import TRUTH, ViewMetrics
 from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.detection import Reading, Threshold, detection, read_detections, share_correct
-from gspure.evaluation.detector import read_marks
+from gspure.evaluation.detector import read_bits, read_marks
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome, collect, ordered, with_references
 from gspure.evaluation.results import read_results, write_results
@@ -128,6 +128,15 @@ def test_a_detector_that_changes_an_image_is_refused(renders, change):
     write_image(renders / "b.png", np.ones((4, 4, 3)))
     with pytest.raises(InputError, match=r"a\.png: content: expected the image as before"):
         read_marks(shlex.join(["sh", "-c", f'{change}; echo \'{{"a": 1, "b": 1}}\'']), renders, "", 60)
+
+
+@pytest.mark.parametrize("name", ["b.jpg", "b.PNG"])
+def test_images_that_would_not_count_are_refused(renders, name):
+    (renders / "b.png").rename(renders / name)
+    with pytest.raises(InputError, match="expected only PNG files"):
+        read_marks(printing('{"a": 1}'), renders, "", 60)
+    with pytest.raises(InputError, match="expected only PNG files"):
+        read_bits(lambda _: np.ones(4, np.bool_), np.ones(4, np.bool_), renders)
 
 
 def test_a_folder_without_images_is_refused(tmp_path):

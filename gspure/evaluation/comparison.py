@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
-from itertools import chain, groupby
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Final, Literal, NamedTuple
 
@@ -13,7 +13,7 @@ from gspure.errors import InputError
 from gspure.evaluation.controls import BLACK
 from gspure.evaluation.csv_tables import PerMetric, read_table, write_table
 from gspure.evaluation.metrics import METRICS
-from gspure.images import FORMATS, background_of, read_image, require_all_images, require_comparable
+from gspure.images import background_of, read_image, require_all_images, require_comparable, require_only_png
 from gspure.numerals import decimal
 
 Reference = Literal["truth", "render"]
@@ -61,10 +61,9 @@ def pair_images(
     """
     renamed, chosen = against or {}, frozenset(targets)
     available, compared = _png_files(reference), _png_files(images, chosen)
-    for other in (file for place in {(images / path).parent for path in compared} for file in sorted(place.iterdir())):
-        if other.suffix != ".png" and other.suffix.lower() in chain(*FORMATS.values()):
-            raise InputError(other, "file", expected="only PNG files, named .png", found="another image")
     shown = {path.parent.as_posix() for path in compared}
+    for target in shown:
+        require_only_png(images / target)
     for target in (renamed.keys() | chosen) - shown:
         raise InputError(images, "target", expected=f"one of {', '.join(sorted(shown))}", found=repr(target))
     counterparts = {p: Path(renamed.get(p.parent.as_posix(), p.parent)) / p.name for p in compared}

@@ -19,7 +19,7 @@ from gspure.artifacts import distinct, file_digest
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.detection import LARGEST, Reading, share_correct
-from gspure.images import read_image, require_all_images, require_intact
+from gspure.images import read_image, require_all_images, require_intact, require_only_png
 
 LONGEST_LINE: Final = 16 << 20  # bytes that a detector may print in its last line; ours
 
@@ -70,6 +70,7 @@ def _png_files(folder: Path) -> list[Path]:
     files = sorted(folder.glob("*.png"))
     if not files:
         raise InputError(folder, "folder", expected="PNG files", found="none")
+    require_only_png(folder)
     return files
 
 
