@@ -74,21 +74,20 @@ def sentence_case(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def tenths(value: float) -> str:
-    """Return a number with one decimal."""
-    return decimal(value, 1)
-
-
 def unit(extraction: str) -> str:
     """Return the unit of an extraction: dB of PSNR, or points of what a detector reads."""
     return "dB" if is_picture(extraction) else "points"
 
 
+def number(value: float, unit: str = "dB") -> str:
+    """Return a number with one decimal, or if it is no PSNR, and so of any magnitude, with its first digits."""
+    return decimal(value, 1) if unit == "dB" else significant(value)
+
+
 def db(value: Interval, unit: str = "dB", scenes: int = 0) -> str:
     """Return a mean with its unit and spread, and the count of its scenes if they are fewer than `scenes`."""
-    text = tenths if unit == "dB" else significant
-    spread = f"({text(value.low)} to {text(value.high)})" if value.scenes > 1 else ""
-    return " ".join(filter(None, (text(value.mean), unit, spread, few(value.scenes, scenes))))
+    spread = f"({number(value.low, unit)} to {number(value.high, unit)})" if value.scenes > 1 else ""
+    return " ".join(filter(None, (number(value.mean, unit), unit, spread, few(value.scenes, scenes))))
 
 
 def size(value: Interval, unit: str = "dB", scenes: int = 0) -> str:
@@ -102,7 +101,7 @@ def cost(row: Survival) -> str:
     of = unit(row.extraction)
     drops = (("message" if of == "dB" else "mark", row.message_drop, of), ("scene", row.scene_drop, "dB"))
     known = [
-        f"{name} {(tenths if of == 'dB' else significant)(-drop.mean)} {of} {few(drop.scenes, row.scenes)}".rstrip()
+        f"{name} {number(-drop.mean, of)} {of} {few(drop.scenes, row.scenes)}".rstrip()
         for name, drop, of in drops
         if drop
     ]
@@ -113,6 +112,6 @@ def cost(row: Survival) -> str:
 
 PHRASES: Final[tuple[Callable[..., str], ...]] = (
     *(plural, listed, sentence_case, unit, extraction_name, db, size, few, cost),
-    *(decimal, tenths, percent, significant),
+    *(decimal, number, percent, significant),
 )
 """Those that templates know as filters."""
