@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import warnings
@@ -224,9 +225,12 @@ def test_a_process_without_memory_to_build_kernels_ends(tmp_path) -> None:
     done = subprocess.run(
         command, env={**os.environ, **caches}, capture_output=True, text=True, timeout=120, check=False
     )
-    assert done.returncode == 2
     assert "Traceback" not in done.stderr
-    assert "out of memory" in done.stderr.splitlines()[-1]
+    if "LLVM ERROR: out of memory" in done.stderr:  # then the compiler itself ends the process
+        assert done.returncode == -signal.SIGABRT
+    else:
+        assert done.returncode == 2
+        assert "out of memory" in done.stderr.splitlines()[-1]
 
 
 def test_warnings_of_the_compiler_are_not_shown(monkeypatch) -> None:
