@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.artifacts import write_record
+from gspure.artifacts import known_digest, write_record
 from gspure.cli import main
 from gspure.evaluation.comparison import RENDER
 from gspure.evaluation.contest import contest
@@ -338,7 +338,9 @@ def test_tables_of_another_run_are_refused(tmp_path: Path, capsys) -> None:
     for option, file in (("--survival", "s.csv"), ("--contest", "c.csv"), ("--matched", "m.csv")):
         command = ["report", option, str(tmp_path / file), "--out", str(tmp_path / "r.html"), "--table"]
         assert main([*command, str(tmp_path / "b.csv")]) == 2
-        assert f"{file}: table: expected " in capsys.readouterr().err
+        printed = capsys.readouterr().err
+        assert f"{file}: table: expected {known_digest(tmp_path / 'b.csv')}" in printed
+        assert str(tmp_path / "b.csv") in printed
         assert main([*command, str(tmp_path / "a.csv")]) == 0
 
 
