@@ -46,8 +46,9 @@ def rotted(project, artifact):  # noqa: F811
     [
         (OMEGA, "build_features", BOT / "features.npy", "accumulate_weights"),
         (BOT / "gspure" / "prune_mask.npy", "tabulate_metrics", TABLE, "attack_model"),
+        (BOT / "gspure/public/point_cloud.ply", "render_scene", BOT / "gspure/renders/scene", "attack_model"),
     ],
-    ids=["weights", "kept rows"],
+    ids=["weights", "kept rows", "model"],
 )
 def test_a_corrupt_artifact_is_named_and_made_again_by_the_next_run(project, artifact, reader, target, maker):  # noqa: F811
     good = (project.folder / artifact).read_bytes()
