@@ -33,13 +33,8 @@ class Readability:
 
     message: float
     controls: dict[str, float]
-    title: ClassVar[str] = "message PSNR"
     margin: ClassVar[float] = MARGIN
-
-    @staticmethod
-    def text(value: float) -> str:
-        """Return a number with its unit."""
-        return f"{decimal(value, 1)} dB"
+    bits: ClassVar[bool] = False
 
     @property
     def readable(self) -> bool:
@@ -49,8 +44,10 @@ class Readability:
     def report(self) -> None:
         """Print the numbers, as a warning if the message is not readable."""
         best = max(self.controls, key=lambda name: self.controls[name])
-        control = f"highest control {self.text(self.controls[best])} ({display_name(best)})"
-        numbers = f"{self.title} {self.text(self.message)}; {control}"
+        levels = (self.message, self.controls[best])
+        texts = [percent(level / 100, 0) if self.bits else f"{decimal(level, 1)} dB" for level in levels]
+        quantity = "correct bits" if self.bits else "message PSNR"
+        numbers = f"{quantity} {texts[0]}; highest control {texts[1]} ({display_name(best)})"
         if self.readable:
             say(numbers)
         else:
@@ -63,13 +60,8 @@ class BitReadability(Readability):
     These are the share that 1 % of unmarked images exceed, and that of a wrong key.
     """
 
-    title = "correct bits"
     margin = 0.0
-
-    @staticmethod
-    def text(value: float) -> str:
-        """Return a share."""
-        return percent(value / 100, 0)
+    bits = True
 
 
 def bit_readability(
