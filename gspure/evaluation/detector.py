@@ -78,7 +78,7 @@ def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
     words = [*words_of(command), str(images)]
     try:
         last, reason, status = _run(words, timeout)
-    except TimeoutError:
+    except (TimeoutError, subprocess.TimeoutExpired):
         raise InputError("detector", command, expected=f"an answer within {timeout:g} s", found="none") from None
     except OSError as error:
         raise InputError("detector", command, expected="a command", found=str(error.strerror)) from None
@@ -96,7 +96,7 @@ def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
 def _run(words: Sequence[str], timeout: float) -> tuple[str, str, int]:
     """Return the last lines of a command's output and errors, and its exit status.
 
-    Raise TimeoutError, and end what the command started, if it takes too long.
+    End what the command started, and raise TimeoutError or TimeoutExpired, if it takes too long.
     """
     end = time.monotonic() + timeout
     pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
@@ -104,11 +104,9 @@ def _run(words: Sequence[str], timeout: float) -> tuple[str, str, int]:
         try:
             output, errors = _last_lines((process.stdout, process.stderr), end)
             return output, errors, process.wait(max(0.0, end - time.monotonic()))
-        except BaseException as error:
+        except BaseException:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
-            if isinstance(error, subprocess.TimeoutExpired):
-                raise TimeoutError from None
             raise
 
 
