@@ -215,7 +215,10 @@ def test_results_of_an_earlier_run_stay_until_the_new_ones_are_complete(project,
 
 
 @pytest.mark.parametrize("name", ["point_cloud/*/point_cloud.ply", "cameras.json", "input.ply"])
-def test_a_folder_with_a_file_of_another_trainer_is_refused(project, trained, tmp_path, capsys, name):
+def test_a_folder_with_a_file_of_another_trainer_is_refused_before_training(
+    project, trained, tmp_path, monkeypatch, capsys, name
+):
+    monkeypatch.setattr("gspure.cli.train._train", None)
     shutil.copytree(trained, tmp_path / "out")
     (record,) = tmp_path.glob(f"out/{name}.json")
     record.unlink()
