@@ -296,6 +296,33 @@ def test_a_variant_is_an_attack_of_the_same_name_unless_it_names_one():
     assert attacks_of == {"unattacked": "unattacked", "gspure": "gspure", "half": "random_pruning"}
 
 
+@pytest.mark.parametrize(
+    ("change", "refused"),
+    [
+        ({}, True),
+        ({"model": "copy.ply", "cameras": "copy.json"}, True),
+        ({"model": "copy.ply", "cameras": "./views.json"}, True),
+        ({"clean": "other"}, True),
+        ({"model": "other.ply"}, False),
+        ({"cameras": "orbit"}, False),
+        ({"scale": "99px"}, False),
+    ],
+)
+def test_an_asset_that_repeats_another_is_refused(tmp_path, monkeypatch, change, refused):
+    """It would count as another scene."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("model.ply", "copy.ply", "views.json", "copy.json", "other.ply"):
+        Path(name).write_text("other" if "other" in name else Path(name).suffix)
+    asset = {"model": "model.ply", "cameras": "views.json"}
+    other = {"model": "other.ply", "cameras": "shells"}
+    config = filled({"assets": {"a": asset, "b": {**asset, **change}, "other": other}})
+    if refused:
+        with pytest.raises(InputError, match=r"assets\.b: expected another model, found the model and the views of a"):
+            resolved(config, "mine.yaml")
+    else:
+        resolved(config, "mine.yaml")
+
+
 def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_path):
     for iteration in (900, 7000):
         (tmp_path / "point_cloud" / f"iteration_{iteration}").mkdir(parents=True)

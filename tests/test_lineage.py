@@ -404,3 +404,12 @@ def test_the_record_of_a_model_names_the_poses_of_its_message(tmp_path, protocol
     assert main(pair.split()) == 0
     assert main(f"embed planted {tmp_path}/pair --set gaussians=400 --out {tmp_path}".split()) == 0
     assert record_of(tmp_path / "public" / "point_cloud.ply")["settings"]["protocol"] == protocol
+
+
+@pytest.mark.parametrize(("scheme", "source", "warned"), [("sis", "R", 1), ("sis", "S", 0), ("keyss", "R", 0)])
+def test_a_table_warns_of_scenes_with_the_same_images(tmp_path, capsys, scheme, source, warned):
+    shutil.copytree("R/planted/room/unattacked", first := tmp_path / "sis" / "a" / "unattacked")
+    shutil.copytree(f"{source}/planted/room/unattacked", second := tmp_path / scheme / "b" / "unattacked")
+    outputs = ["--out", str(tmp_path / "results.csv"), "--markdown", str(tmp_path / "results.md")]
+    assert main(["table", "--metrics", str(first / "metrics.csv"), str(second / "metrics.csv"), *outputs]) == 0
+    assert capsys.readouterr().err.count("b: the same images as of a") == warned

@@ -1,5 +1,6 @@
 """``gspure table``: one table of all variants of all models."""
 
+from collections.abc import Mapping, Sequence
 from itertools import chain
 
 from gspure.cli.options import add_files
@@ -61,10 +62,11 @@ def run(args: Arguments) -> None:
     outcomes = collect(args.metrics, *files, conditions=args.condition)
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
-    settings = {"conditions": args.condition, "images": measured_images(args.metrics)}
-    settings["attacks"] = recorded_attacks(args.metrics)
+    images = measured_images(args.metrics)
+    settings = {"conditions": args.condition, "images": images, "attacks": recorded_attacks(args.metrics)}
     write_record(args.out, inputs=inputs, settings=settings, kind="table")
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
+    _warn_of_repeated_scenes(images)
     for scheme, folder in not_embedded(outcomes):
         warn(
             f"{model_name(scheme, folder)}: the message is not embedded, or the key does not fit: even before attacks, "
@@ -76,3 +78,14 @@ def run(args: Arguments) -> None:
         write_record(args.summary, inputs={"table": args.out}, settings={})
     if args.latex:
         write_text(args.latex, summary_table(outcomes).latex(), checksum=True)
+
+
+def _warn_of_repeated_scenes(images: Mapping[str, Sequence[str]]) -> None:
+    """Warn of models with the same images before any attack."""
+    from gspure.evaluation.outcomes import UNATTACKED
+
+    first: dict[tuple[str, ...], str] = {}
+    for name, digests in images.items():
+        scheme, folder, variant = name.split("/")
+        if digests and variant == UNATTACKED and (twin := first.setdefault((scheme, *digests), folder)) != folder:
+            warn(f"{model_name(scheme, folder)}: the same images as of {twin}; intervals and tests count them twice")

@@ -1,11 +1,13 @@
 """The workflow's configuration: checked against its schema, defaults filled in."""
 
+import filecmp
 import math
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import redirect_stderr
 from copy import deepcopy
 from io import StringIO
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
 
@@ -113,6 +115,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     for scene, asset in settled["assets"].items():
         _settle_asset(asset, source, f"assets.{scene}")
         _check_clean(asset, settled["assets"].keys() - {scene}, source, f"assets.{scene}")
+    _require_different_assets(settled["assets"], source)
     for name, detector in settled["detectors"].items():
         words_of(detector["command"])
         if name in (SCENE, BITS) or is_picture(name):
@@ -206,6 +209,22 @@ def _require_different(pairs: Mapping[str, Mapping[str, Any]], source: str | Pat
             raise InputError(
                 source, f"pairs.{name}", expected="another pair", found=f"the settings of {twin}", hint=hint
             )
+
+
+def _require_different_assets(assets: Mapping[str, Mapping[str, Any]], source: str | Path) -> None:
+    """Refuse an asset that repeats another one, perhaps from a copy of its files: it would count as another scene."""
+    for (first, asset), (name, other) in combinations(assets.items(), 2):
+        settings = [{**each, "model": None, "cameras": None, "clean": None} for each in (asset, other)]
+        if settings[0] == settings[1] and all(_is_same(asset.get(k), other.get(k)) for k in ("model", "cameras")):
+            found = f"the model and the views of {first}"
+            raise InputError(source, f"assets.{name}", expected="another model", found=found)
+
+
+def _is_same(first: str | None, second: str | None) -> bool:
+    """Return whether two paths are equal, or those of files of the same content."""
+    if first is None or second is None or os.path.realpath(first) == os.path.realpath(second):
+        return bool(first) == bool(second)
+    return Path(first).is_file() and Path(second).is_file() and filecmp.cmp(first, second, shallow=False)
 
 
 def _require_path(path: str, source: str | Path, place: str) -> None:
