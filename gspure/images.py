@@ -7,7 +7,6 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import RENDERED, file_digest, read_json, replacing, require_agreement, verify, write_json
-from gspure.artifacts.checksums import file_checksum, record_checksum, with_checksum
+from gspure.artifacts import RENDERED, file_digest, replacing, require_agreement, verify, write_json
+from gspure.artifacts.checksums import file_checksum, own_record, read_once, with_checksum
 from gspure.constants import LARGEST
 from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
@@ -170,23 +169,19 @@ def record_views(
 def _recorded(folder: Path) -> Mapping[str, Any]:
     """Return the record of a folder of images; one of no views if it has none."""
     file = folder / RENDERED
-    if not file.is_file():
-        return {"views": {}, "bytes": {}, "crc32": {}}
-    stat = file.stat()
-    return _read_record(file, (stat.st_mtime_ns, stat.st_ino, stat.st_size))
+    return _read_record(file) if file.is_file() else {"views": {}, "bytes": {}, "crc32": {}}
 
 
-@lru_cache(maxsize=16)
-def _read_record(file: Path, _state: tuple[int, ...]) -> Mapping[str, Any]:
-    record = read_json(file)
+@read_once
+def _read_record(file: Path) -> dict[str, Any]:
     with reading(file, "the views of a finished folder", "record"):
-        match record:
+        match record := own_record(file):
             case {"views": dict(views), "bytes": dict(), "crc32": dict(), "background": str(background)}:
                 cameras = {view: np.array(numbers, np.float64) for view, numbers in views.items()}
                 channels = np.array(background.split(), np.float64)
                 is_possible = all(c.ndim == 1 and (abs(c) <= LARGEST).all() for c in cameras.values())
                 is_possible &= len(channels) in {0, 3} and bool(((channels >= 0) & (channels <= 1)).all())
-                if is_possible and record.get("record") == record_checksum(record):
+                if is_possible:
                     return {**record, "views": cameras}
         raise ValueError("a corrupt record")
 

@@ -9,9 +9,10 @@ import json
 import os
 import reprlib
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from contextvars import ContextVar
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +23,8 @@ from gspure.errors import InputError, reading
 
 COMMAND: Final[ContextVar[str]] = ContextVar("COMMAND", default="")
 """The command that writes; empty outside of commands."""
+
+Record = dict[str, Any]
 
 _BLOCK = 1 << 20
 
@@ -60,7 +63,7 @@ def record_file(path: Path) -> Path:
     return Path(f"{path}.json")
 
 
-def record_of(path: Path) -> dict[str, Any] | None:
+def record_of(path: Path) -> Record | None:
     """Return the record of a file, with its name (`artifact`), `bytes`, `crc32` and origin, if known; None without one.
 
     A symbolic link without one has that of its target. Raise `InputError` if the record is corrupt.
@@ -83,7 +86,28 @@ def record_of(path: Path) -> dict[str, Any] | None:
     return None  # some other JSON file
 
 
-def with_checksum(record: Mapping[str, Any]) -> dict[str, Any]:
+def read_once(read: Callable[[Path], Record]) -> Callable[[Path], Record]:
+    """Let a function of a file read it again only if the file changes."""
+    of_state = lru_cache(maxsize=16)(lambda file, *_state: read(file))
+
+    def read_changed(file: Path) -> Record:
+        state = file.stat()
+        return of_state(file, state.st_ino, state.st_size, state.st_mtime_ns)
+
+    return read_changed
+
+
+@read_once
+def own_record(file: Path) -> Record:
+    """Return a record that holds its own checksum, such as that of a folder of images; refuse any other file."""
+    with reading(file, "a record with its checksum", "record"):
+        record: Record = json.loads(file.read_text(encoding="utf-8"))
+        if record["record"] != record_checksum(record):
+            raise ValueError("a corrupt record")
+        return record
+
+
+def with_checksum(record: Mapping[str, Any]) -> Record:
     """Return a record with the command that writes it, and its checksum."""
     record = {**record, **({"command": command} if (command := COMMAND.get()) else {})}
     return {**record, "record": record_checksum(record)}

@@ -6,18 +6,16 @@ itself, if it is a record, holds its checksum and names no other command; or, co
 digest of what it was made from, as that of a stage, and it has a record.
 """
 
-import json
 import os
 import re
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from gspure.artifacts.checksums import COMMAND, file_checksum, forget, record_checksum, record_of
+from gspure.artifacts.checksums import COMMAND, file_checksum, forget, own_record, record_of
 from gspure.errors import InputError
 
 RENDERED: Final = "rendered.json"  # record of the images that a folder has to hold, and of how they were rendered
@@ -91,27 +89,14 @@ def is_result(path: Path, command: str | None = None) -> bool:
         if (record := record_of(path)) is not None:
             checksum = record["crc32"]
         elif path.suffix == ".png":
-            record = _checksummed(path.with_name(RENDERED))
+            record = own_record(path.with_name(RENDERED))
             checksum = dict(record.get("crc32", {})).get(path.stem)
         elif path.suffix == ".json":
-            record = _checksummed(path)
-            checksum = record and file_checksum(path)
+            return command in {"", own_record(path).get("command", command)}
         else:
             return False
         return command in {"", record.get("command", command)} and checksum == file_checksum(path)
     return False
-
-
-def _checksummed(file: Path) -> dict[str, Any]:
-    """Return a record that holds its own checksum; empty if a file is no such record."""
-    state = file.stat()
-    return _read(file, state.st_ino, state.st_size, state.st_mtime_ns)
-
-
-@lru_cache(maxsize=16)
-def _read(file: Path, *_state: int) -> dict[str, Any]:
-    record = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else None
-    return record if isinstance(record, dict) and record.get("record") == record_checksum(record) else {}
 
 
 def _place(path: Path) -> Path:
