@@ -1,6 +1,8 @@
 """``gspure contest``: survival of the message, and GSPure against every other attack."""
 
-from functools import partial
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 from gspure.cli.options import add_sweeps, read_sweeps
 from gspure.cli.parser import Arguments, Parser, Unrelated
@@ -40,15 +42,11 @@ def run(args: Arguments) -> None:
     sweeps = read_sweeps(args, outcomes)
     contests, survivals, matched = contest(outcomes, sweeps), survival(outcomes), match(outcomes, sweeps)
     costs = attack_costs(outcomes, sweeps, args.benchmarks) if args.benchmarks else []
-    record = partial(write_record, inputs={"table": args.table}, settings={"sweeps": sweeps})
-    if args.costs:
-        write_table(args.costs, AttackCost, costs)
-        record(args.costs)
-    write_table(args.out, Contest, contests)
-    record(args.out)
-    write_table(args.survival, Survival, survivals)
-    record(args.survival)
-    write_table(args.matched, Matched, matched)
-    record(args.matched)
+    origin: dict[str, Any] = {"inputs": {"table": args.table}, "settings": {"sweeps": sweeps}}
+    tables: list[tuple[Path, type, Sequence[Any]]] = [(args.costs, AttackCost, costs)] if args.costs else []
+    tables += [(args.out, Contest, contests), (args.survival, Survival, survivals), (args.matched, Matched, matched)]
+    for path, kind, rows in tables:
+        write_table(path, kind, rows)
+        write_record(path, **origin)
     write_text(args.markdown, conditions_markdown(survivals, contests, matched, costs))
-    record(args.markdown)
+    write_record(args.markdown, **origin)
