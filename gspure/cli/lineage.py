@@ -28,10 +28,15 @@ def require_related(args: Arguments) -> None:
     several = _inputs(value for value in values if not isinstance(value, Path))
     facts = {path: _facts(path) for path in (*single, *several)}
     if model in facts:
-        is_compared = any("model" in known for path, known in facts.items() if path != model)
-        facts[model] = _facts_of_model(model, is_compared=is_compared)
+        from gspure.model import model_file
+
+        facts[model] = _facts(file := model_file(model))
+        if any("model" in known for path, known in facts.items() if path != model):  # else the model is not read
+            from gspure.schemes.registry import geometry_of
+
+            facts[model] |= {"model": geometry_of(file)}
     if (table := getattr(args, "table", None)) in facts:
-        facts[table] = {**facts[table], "table": known_digest(table)}
+        facts[table] |= {"table": known_digest(table)}
     hint = _CONTROL if "control" in args and not is_control else ""
     for first, second in (*combinations(single, 2), *product(single, several)):
         require_agreement(first, second, facts[first], facts[second], hint)
@@ -47,13 +52,3 @@ def _facts(path: Path) -> dict[str, str]:
     from gspure.images import photographs_of
 
     return facts_of(path) | (photographs_of(path) if path.is_dir() else {})
-
-
-def _facts_of_model(path: Path, *, is_compared: bool) -> dict[str, str]:
-    """Return the facts of a model; the digest of its content only if it `is_compared`, since that reads the model."""
-    from gspure.artifacts import facts_of
-    from gspure.model import model_file
-    from gspure.schemes.registry import geometry_of
-
-    file = model_file(path)
-    return {**facts_of(file), "model": geometry_of(file)} if is_compared else facts_of(file)
