@@ -46,13 +46,10 @@ def findings(outcomes: Sequence[Outcome]) -> Findings:
     """Return the results of one model, from all of its variants."""
     attacks = [o for o in outcomes if o.variant != UNATTACKED and not o.is_control and not o.failure]
     gspure = next((o for o in attacks if o.variant == GSPURE), None)
+    views = {target: [o.views[target] for o in outcomes if target in o.views] for target in (SCENE, MESSAGE)}
     return Findings(
         attacks=len(attacks),
-        views={
-            target: max(o.views[target] for o in outcomes if target in o.views)
-            for target in (SCENE, MESSAGE)
-            if any(target in o.views for o in outcomes)
-        },
+        views={target: max(counts) for target, counts in views.items() if counts},
         against_photographs=all(o.against_truth for o in outcomes),
         gspure=gspure,
         changes=_changes(gspure) if gspure else [],
