@@ -114,6 +114,12 @@ def test_the_name_of_a_variant_states_misses_that_cancel_in_the_mean() -> None:
     assert reached_name("noise@1dB", 0.98, 1.02) == "noise, 1 dB"
 
 
+def test_the_range_of_a_missed_damage_is_that_of_scenes_however_many_there_are() -> None:
+    scenes = {f"s{i}": {"noise@1dB": (0.4 if i else 1.0, 5.0)} for i in range(9)}
+    names = [row.cells[1].text for row in summary_table(outcomes(**scenes)).rows]
+    assert "noise, 1 dB: 0.40 to 1.00 dB reached" in names
+
+
 def test_rows_over_fewer_scenes_than_the_table_state_their_number() -> None:
     both, one = {"x": (1.0, 5.0), "y": (1.0, 6.0)}, {"x": (1.0, 5.0)}
     found = benchmark({"a": both, "b": one, "c": one})

@@ -74,11 +74,11 @@ def wanted_damage(variant: str) -> float | None:
 
 
 def reached_name(variant: str, *scene_drops: float) -> str:
-    """Return the display name of a variant, with the drops of scenes, in dB, where any misses the `wanted_damage`."""
-    wanted = wanted_damage(variant)
-    missed = wanted is not None and any(DAMAGE_TOLERANCE < abs(drop - wanted) < math.inf for drop in scene_drops)
-    reached = " to ".join(dict.fromkeys(decimal(drop) for drop in scene_drops))
-    return f"{display_name(variant)}: {reached} dB reached" if missed else display_name(variant)
+    """Return the display name of a variant, with the range of drops, in dB, where any misses the `wanted_damage`."""
+    wanted, known = wanted_damage(variant), sorted(filter(math.isfinite, scene_drops))
+    if wanted is None or not any(abs(drop - wanted) > DAMAGE_TOLERANCE for drop in known):
+        return display_name(variant)
+    return f"{display_name(variant)}: {' to '.join(dict.fromkeys(map(decimal, (known[0], known[-1]))))} dB reached"
 
 
 def damages(variants: Iterable[str]) -> Sequence[float]:

@@ -9,7 +9,7 @@ from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.costs import AttackCost
-from gspure.evaluation.intervals import Interval, known_interval
+from gspure.evaluation.intervals import Interval, scene_means
 from gspure.evaluation.matched import Matched, reached_name
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
@@ -229,8 +229,8 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
     for condition, alike in groupby(rows, key=condition_of):
         for i, row in enumerate(alike):
             attacked = [o for o in outcomes if (o.condition, o.variant) == (condition, row.variant)]
-            drop = known_interval({(o.scene, o.seed): o.psnr_drop(SCENE) for o in attacked})
-            name = reached_name(row.variant, *((drop.low, drop.high) if drop else ()))
+            drops = scene_means({(o.scene, o.seed): o.psnr_drop(SCENE) for o in attacked})
+            name = reached_name(row.variant, *drops.values())
             extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
             names = [Cell("" if i else condition_name(*condition)), Cell(name + extraction)]
             scenes = _scenes((row.scene, row.message, row.score))
