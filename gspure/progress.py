@@ -3,8 +3,12 @@
 import os
 import sys
 import time
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TextIO, TypeVar
+
+from gspure.errors import printable
 
 Item = TypeVar("Item")
 
@@ -22,6 +26,20 @@ def say(message: str) -> None:
 def warn(message: str) -> None:
     """Print a warning to standard error."""
     tell(f"warning: {message}")
+
+
+@contextmanager
+def warnings_in_lines() -> Iterator[None]:
+    """Print Python's warnings from the block once each, in one line, when it ends; none if it fails, with a reason."""
+    with warnings.catch_warnings(record=True) as caught:
+        yield
+    for text in dict.fromkeys(_text(warning) for warning in caught):
+        warn(text)
+
+
+def _text(warning: warnings.WarningMessage) -> str:
+    text = printable(str(warning.message))
+    return f"results may be wrong: {text}" if issubclass(warning.category, RuntimeWarning) else text
 
 
 def tell(line: str) -> None:

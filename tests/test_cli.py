@@ -8,6 +8,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import warnings
 from importlib import import_module
 from pathlib import Path
 
@@ -164,6 +165,22 @@ def test_a_shell_completes_commands_options_and_files(tmp_path, capsys, words, e
     script = f"source gspure.bash; COMP_WORDS=({line}); COMP_CWORD={len(words)}; _shtab_gspure; echo ${{COMPREPLY[@]}}"
     done = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.split() == expected
+
+
+def test_warnings_of_libraries_take_one_line_each_without_a_place_in_their_code(monkeypatch, capsys):
+    from gspure.cli import doctor
+
+    def overflow(_args: argparse.Namespace) -> None:
+        for number in (100, 200):
+            np.exp(np.float32(number))
+        warnings.warn("slow\nor not", UserWarning, stacklevel=1)
+
+    monkeypatch.setattr(doctor, "run", overflow)
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert main(["doctor"]) == 0
+    lines = ["warning: results may be wrong: overflow encountered in exp", r"warning: slow\nor not"]
+    assert capsys.readouterr().err.splitlines() == lines
 
 
 def test_without_its_package_completion_names_what_to_install(capsys, monkeypatch):

@@ -72,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         progress.quiet = getattr(args, "quiet", False)
         is_job = LOG in os.environ  # which replaces whatever stands in results/
-        with replacing_only(argv[0], None if is_job else outputs(args)):
+        with replacing_only(argv[0], None if is_job else outputs(args)), progress.warnings_in_lines():
             require_distinct(args)
             require_related(args)
             return _costed(args)

@@ -38,7 +38,7 @@ PRELOADED = (
 PATIENCE = 300.0
 """Seconds after which a command hangs."""
 
-_WARNING = re.compile(r"^\S+\.py:\d+: \w*Warning: .*$", re.MULTILINE)
+_WARNING = re.compile(r"^(\S+\.py:\d+: \w*Warning|warning: results may be wrong): .*$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ def breaches(ended: Run, folder: Path) -> Iterator[str]:
         if not line.startswith("gspure "):
             yield f"no reason: {line[:300]!r}"
         yield from (f"{kind}: {detail}" for kind, detail in faults_of_line(line, folder))
-    for warning in _WARNING.findall(ended.printed):
-        yield f"warns: {warning[:200]}"
+    for warning in _WARNING.finditer(ended.printed):
+        yield f"warns: {warning[0][:200]}"
 
 
 def _awaited(child: int) -> int:
