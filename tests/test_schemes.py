@@ -10,7 +10,7 @@ import pytest
 from numpy.lib.recfunctions import repack_fields
 
 from gspure import plugins
-from gspure.artifacts import load_array, read_json, record_of, save_array, write_record
+from gspure.artifacts import load_array, read_json, record_of, save_array, save_arrays, write_record
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -421,6 +421,57 @@ def test_every_scheme_leaves_out_rows_that_are_not_finite_in_the_same_words(
             run("extract", "shorter", *options)
             images = [(tmp_path / model / "extract" / "view_000.png").read_bytes() for model in models]
             assert images[0] == images[1]
+
+
+def enormous(weights):
+    """Finite weights with which a network overflows: an array, a tensor, or a mapping of them."""
+    if isinstance(weights, dict):
+        return {name: enormous(value) for name, value in weights.items()}
+    return (weights * 1e19).clip(-1e19, 1e19) * 1e19
+
+
+def with_enormous_weights(file: Path) -> None:
+    """Enlarge the weights of the networks in a file of a key or beside a model."""
+    if file.suffix == ".npz":
+        with np.load(file) as archive:
+            arrays = dict(archive)
+        others = ("positions", "key", "bits", "shift")
+        save_arrays(file, arrays | enormous({name: array for name, array in arrays.items() if name not in others}))
+    else:
+        torch = pytest.importorskip("torch")
+        state = torch.load(file, weights_only=True)
+        torch.save(enormous(state), file)
+
+
+@pytest.mark.filterwarnings("default::RuntimeWarning")
+@pytest.mark.parametrize("part", ["public", "key"])
+def test_networks_that_overflow_are_refused_in_one_line_that_names_their_file(
+    embedded, pair_folder, tmp_path, capsys, part
+):
+    if embedded.scheme.name not in schemes():
+        pytest.skip("no entry point offers the example of the guide here")
+    embedded.public.write(tmp_path / "public" / "point_cloud.ply")
+    embedded.key.write(tmp_path / "key")
+    options = ["--scheme", embedded.scheme.name, "--key", tmp_path / "key"]
+    views = ["--cameras", pair_folder / "cameras.json", "--split", "test", "--out", tmp_path / "out"]
+    command = ["render", tmp_path / "public", *views]
+    if part == "key" and BITS in embedded.scheme.extractions:
+        assert main([*map(str, command)]) == 0
+        command = ["detect", tmp_path / "out", *options, "--out", tmp_path / "bits.csv"]
+    elif part == "key":
+        command = ["extract", tmp_path / "public", *options, *views]
+    networks = [f for f in sorted((tmp_path / part).iterdir()) if f.suffix in {".npz", ".pth"} and f.stem != "planted"]
+    if not networks:
+        pytest.skip("no networks")
+    for file in networks:
+        with_enormous_weights(file)
+        file.with_name(f"{file.name}.json").unlink(missing_ok=True)
+    capsys.readouterr()
+    assert main([*map(str, command)]) == 2
+    *others, last = capsys.readouterr().err.splitlines()
+    assert "expected finite results, found infinity or not-a-number in" in last
+    assert networks[0].name in last or (part == "public" and str(tmp_path / "public") in last)
+    assert not any("arning" in line for line in others)
 
 
 def test_a_message_that_was_not_embedded_is_warned_of(pair_folder, tmp_path, capsys):

@@ -11,6 +11,7 @@ import importlib
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NoReturn
 
 from gspure import __version__, progress
@@ -96,8 +97,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _costed(args: Arguments) -> int:
-    """Run a command; beside the log of its job, write its cost."""
-    status = int(args.run(args) or 0)
+    """Run a command; beside the log of its job, write its cost. An error about an argument names its file."""
+    try:
+        status = int(args.run(args) or 0)
+    except InputError as error:
+        argument = getattr(args, error.source, None)
+        error.source = str(argument) if isinstance(argument, Path) else error.source
+        raise
     sys.stdout.flush()
     if log := os.environ.get(LOG):
         spent().write(cost_of(log))

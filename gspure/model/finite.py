@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.dtypes import Indices
+from gspure.dtypes import Float32, Indices
 from gspure.errors import InputError
 from gspure.model.filtered import FILTER, filtered
 from gspure.model.gaussians import COLOUR, CORE, SCALES, Gaussians
@@ -71,6 +71,20 @@ def require_finite(model: Gaussians, source: str | Path) -> None:
     """
     for name, rows in non_finite_rows(model, _drawn_columns(model)).items():
         _refuse(model, source, name, rows)
+
+
+def require_computed(results: Gaussians | Float32, source: str | Path, network: str) -> None:
+    """Refuse the numbers that a network computed if any is not finite, or Gaussians if most cannot be drawn.
+
+    A few Gaussians may overflow because of rows that an attack added, which must not stop an audit: none is drawn.
+    """
+    if isinstance(results, Gaussians):
+        bad, total, unit, most = len(undrawable_rows(results)), len(results), "Gaussians", len(results) // 2
+    else:
+        bad, total, unit, most = int(np.count_nonzero(~np.isfinite(results))), results.size, "numbers", 0
+    if bad > most:
+        found = f"infinity or not-a-number in {bad} of {total} {unit}"
+        raise InputError(source, network, expected="finite results", found=found, hint="weights that are too large?")
 
 
 def _drawn_columns(model: Gaussians) -> Sequence[str]:

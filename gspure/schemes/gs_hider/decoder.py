@@ -1,12 +1,14 @@
 """The network that decodes an image from a feature map: the scene (public) or the message (private)."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
+from gspure.model.finite import require_computed
 from gspure.opencl.losses import Photographs
 from gspure.public_model import RenderView
 from gspure.schemes.gs_hider.layout import CHANNELS
@@ -60,12 +62,13 @@ def differentiated(
     return weight * loss, features.grad.numpy()
 
 
-def decoded(feature_map: Callable[[Camera], Float32], decoder: Decoder) -> RenderView:
+def decoded(feature_map: Callable[[Camera], Float32], decoder: Decoder, source: str | Path = "decoder") -> RenderView:
     """Return the renderer of the image that a decoder computes from a feature map."""
 
     def view(camera: Camera) -> Float32:
         with torch.inference_mode():
             image: Float32 = decoder(torch.from_numpy(feature_map(camera))).contiguous().numpy()
+        require_computed(image, source, "image")
         return image
 
     return view

@@ -42,7 +42,7 @@ class DecoderKey(Key):
         """Return the renderer of the private decoder's image."""
         from gspure.schemes.gs_hider.decoder import decoded
 
-        return decoded(_feature_map(public, device), self.decoder.network)
+        return decoded(_feature_map(public, device), self.decoder.network, self.decoder.source)
 
     def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
         """Return the decoder after training on the model's feature maps; the model stays as it is."""

@@ -81,10 +81,11 @@ class FeatureModel(PublicModel):
 
         Raise `InputError` if the decoder is missing or invalid, or PyTorch is not installed.
         """
-        network = self._present_decoder().network
+        decoder = self._present_decoder()
+        network = decoder.network
         from gspure.schemes.gs_hider.decoder import decoded
 
-        return decoded(self.feature_map(device, background, energy), network)
+        return decoded(self.feature_map(device, background, energy), network, decoder.source)
 
     def learned(self, lesson: Lesson) -> Self:
         """Return the model with features learned through the public decoder; the decoder and all else stay."""

@@ -20,6 +20,7 @@ from gspure.constants import MAX_SH_DEGREE
 from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.model import Gaussians
+from gspure.model.finite import require_computed
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
@@ -76,7 +77,9 @@ class NetworkKey(Key):
 
     def _revealed(self, public: PublicModel) -> Gaussians:
         rows = _rows(public)
-        return as_gaussians(parameters_of(rows + added(np, self.network, self.vector, rows)))
+        message = as_gaussians(parameters_of(rows + added(np, self.network, self.vector, rows)))
+        require_computed(message, "key", _FILE)
+        return message
 
 
 def _rows(public: PublicModel) -> Float32:

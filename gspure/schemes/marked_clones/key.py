@@ -18,6 +18,7 @@ from gspure.artifacts.arrays import Kind
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.recall import MESSAGE_ROWS
+from gspure.model.finite import require_computed
 from gspure.schemes.marked_clones.decoder import Decoder, untrained
 from gspure.schemes.scheme import Key
 from gspure.training.pytorch import single_threaded, torch
@@ -37,6 +38,7 @@ class ClonesKey(Key):
         """Return the bits [N] that an image [H,W,3] shows."""
         with torch.inference_mode(), single_threaded():
             logits = self.decoder(torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None])
+        require_computed(logits[0].numpy(), "key", _FILE)
         shown: Bools = logits[0].numpy() > 0
         return shown
 

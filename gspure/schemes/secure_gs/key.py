@@ -8,6 +8,7 @@ import numpy as np
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
+from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
@@ -55,7 +56,9 @@ class HiddenKey(Key):
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the hidden Gaussians of a camera, and the anchor of each."""
         anchors = self._fitting(public)
-        return as_gaussians(*anchors.neural(camera, self._with_bank(anchors)), self.k)
+        gaussians, rows = as_gaussians(*anchors.neural(camera, self._with_bank(anchors)), self.k)
+        require_computed(gaussians, "key", HIDDEN)
+        return gaussians, rows
 
     def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
         """Return the private networks after training on the model's anchors; the model stays as it is."""

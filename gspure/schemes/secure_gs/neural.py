@@ -48,7 +48,7 @@ def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural
 
     opacities = xp.tanh(outputs("opacity"))
     count = opacities.shape[0] * anchors.k
-    active = xp.argwhere(opacities.reshape(count) > 0)[:, 0]
+    active = xp.argwhere(~(opacities.reshape(count) <= 0))[:, 0]  # with not-a-number, so that it is noticed
     owners = active // anchors.k
     offsets = outputs("offset").reshape(count, 3) if "offset" in networks else anchors.offsets.reshape(count, 3)
     scalings = rows_of(xp.exp(anchors.log_scalings), owners)

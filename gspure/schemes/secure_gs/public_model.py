@@ -16,6 +16,7 @@ from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.model import Gaussians, model_file, read_model
+from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
@@ -111,7 +112,9 @@ class AnchorModel(PublicModel):
 
     def gaussians(self, camera: Camera) -> tuple[Gaussians, Rows]:
         """Return the active neural Gaussians of a camera, and the anchor of each."""
-        return as_gaussians(*self.neural(camera), self.anchors.k)
+        gaussians, rows = as_gaussians(*self.neural(camera), self.anchors.k)
+        require_computed(gaussians, "model", "networks")
+        return gaussians, rows
 
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
         """Return the renderer of the scene."""

@@ -21,7 +21,7 @@ from gspure.dtypes import Float32
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.activations import LEAST_OPACITY, logit
-from gspure.model.finite import require_finite
+from gspure.model.finite import require_computed, require_finite
 from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel, RenderView, Rows
@@ -119,7 +119,9 @@ class SplatsInSplatsKey(Key):
             sh_coeffs = self.hidden.sh_coeffs[places]
         message = Gaussians(np.zeros(len(rows), self.hidden.table.dtype))
         geometry = {name: survivors.table[name] for name in CORE}
-        return message.with_columns(geometry).with_appearance(opacities, sh_coeffs), rows
+        message = message.with_columns(geometry).with_appearance(opacities, sh_coeffs)
+        require_computed(message, "key", _FILE)
+        return message, rows
 
     def _mapped(self, opacities: Float32, places: Rows) -> Float32:
         """Return the hidden logits of the Gaussians at `places`; the mapping reads opacity 0 at all other places."""
