@@ -88,10 +88,10 @@ class Diagnosis:
                 "clustering changes little: the rule without it prunes nearly the same rows "
                 f"({percent(self.changed_share)} differ)"
             )
-        if self.coincident:
+        if self.coincident and self.clusters:
             sentences.append(
                 f"{self.coincident} rows have the same features as more than min_samples others: "
-                "such piles are infinitely dense, so each becomes a cluster"
+                "such piles are infinitely dense, so each of at least min_cluster_size rows becomes a cluster"
             )
         if self.heavy:
             sentences.append(

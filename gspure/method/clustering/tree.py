@@ -91,6 +91,6 @@ def _tree_of_distinct(
 def coincident_points(tree: Tree) -> int:
     """Return the number of edges of length zero, the surplus points in piles of more than `min_samples` equal ones.
 
-    Such a pile is infinitely dense for HDBSCAN (λ = 1 / 0), so it always becomes a cluster.
+    Such a pile is infinitely dense for HDBSCAN (λ = 1 / 0): it becomes a cluster if it has `min_cluster_size` points.
     """
     return int(np.count_nonzero(tree[:, 2] == 0))
