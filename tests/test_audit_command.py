@@ -135,6 +135,17 @@ def test_the_results_of_another_model_are_not_replaced(folder, words, capsys):
         assert Path("results/audit.yaml").read_text() == edited
 
 
+def test_an_audit_that_is_refused_writes_nothing(folder, words, capsys):
+    Path("my model.ply").rename("my {model}.ply")
+    assert main(["audit", "my {model}.ply", "--cameras", "orbit"]) == 2
+    assert "expected a path without braces" in capsys.readouterr().err
+    Path("my {model}.ply").rename("my model.ply")
+    assert main(["audit", "my model.ply", "--cameras", "none.json"]) == 2
+    assert "cameras: expected an existing file or folder" in capsys.readouterr().err
+    assert not Path("results").exists()
+    assert main(["audit", "my model.ply", "--cameras", "orbit"]) == 0
+
+
 def test_a_dry_run_names_the_configuration_of_an_equal_audit(folder, words):
     audit = ["audit", "my model.ply", "--cameras", "orbit"]
     assert main(audit) == main([*audit, "--dry-run"]) == 0

@@ -105,7 +105,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
     from gspure.artifacts import replacing_only, write_text
     from gspure.model import model_file
     from gspure.model.compressed.sog import INDEX
-    from gspure.workflow.configuration import require_distinct_names
+    from gspure.workflow.configuration import require_distinct_names, resolved, validated
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
@@ -122,7 +122,9 @@ def _configuration(args: Arguments, target: Path) -> Path:
         asset["generated"] = {"up": args.up}
     named = source.resolve().parent if source.name == INDEX else source.resolve()
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
-    text = yaml.safe_dump({"assets": {scene: asset}})
+    configuration = {"assets": {scene: asset}}
+    resolved(validated(configuration, snakefile().parent / "schemas" / "config.schema.yaml", "audit"), "audit")
+    text = yaml.safe_dump(configuration)
     if _CONFIGURATION.is_file():
         with reading(_CONFIGURATION, "a configuration, as YAML"):
             last = _CONFIGURATION.read_text(encoding="utf-8")
