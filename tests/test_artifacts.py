@@ -1,6 +1,8 @@
 """Files and folders of results: whole or absent, and checked when read."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +73,31 @@ def test_a_folder_that_a_killed_process_with_the_same_number_left_is_no_obstacle
         (folder / "a").write_text("a")
         (other / "b").write_text("b")
     assert {"a", "b"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_only_folders_that_killed_processes_left_are_removed(tmp_path: Path) -> None:
+    waiting = f"""
+from pathlib import Path
+from gspure.artifacts import filling
+with filling(Path({str(tmp_path)!r}), "a") as folder:
+    (folder / "a").touch()
+    print(folder, flush=True)
+    input()
+"""
+    killed, working = (
+        subprocess.Popen([sys.executable, "-c", waiting], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    )
+    with killed, working:
+        left, used = (Path(process.stdout.readline().strip()) for process in (killed, working))
+        killed.kill()
+        killed.wait()
+        assert left.is_dir()
+        with filling(tmp_path, "b") as folder:
+            (folder / "b").touch()
+        assert {path.name for path in tmp_path.iterdir()} == {"b", used.name}
+        working.communicate("\n")
+    assert {path.name for path in tmp_path.iterdir()} == {"a", "b"}
 
 
 def test_a_folder_whose_creation_is_interrupted_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

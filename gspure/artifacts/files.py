@@ -1,15 +1,16 @@
 """Files that are either whole or absent."""
 
+import fcntl
 import json
 import os
 import secrets
 import shutil
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from fnmatch import fnmatchcase
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any
+from typing import Any, Final
 
 from gspure.artifacts.checksums import file_checksum, forget, record_file, verify, with_checksum
 from gspure.artifacts.replacement import RENDERED, remove_images, require_replaceable
@@ -69,11 +70,9 @@ def filling(folder: Path, *names: str) -> Iterator[Path]:
     """
     require_replaceable(*_present(folder, names))
     created = [path for path in (folder, *folder.parents) if not path.exists()]
-    temporary = folder / f".gspure-{secrets.token_hex(4)}"  # not a process number: they repeat in containers
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with _blaming(folder, temporary):
-            temporary.mkdir()
+        with _temporary_folder(folder) as temporary, _blaming(folder, temporary):
             yield temporary
             files = sorted(temporary.rglob("*"))  # a record after its file
             targets = {file: folder / file.relative_to(temporary) for file in files if file.is_file()}
@@ -87,10 +86,49 @@ def filling(folder: Path, *names: str) -> Iterator[Path]:
                 file.replace(target)
         created.clear()
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
         for path in created:
             with suppress(OSError):  # something else stands in it by now
                 path.rmdir()
+
+
+@contextmanager
+def _temporary_folder(folder: Path) -> Iterator[Path]:
+    """Yield a folder that is locked while it is in use, and removed then; remove those that killed processes left."""
+    for path in folder.glob(f"{_TEMPORARY}*"):
+        with suppress(OSError), _locked(path):
+            shutil.rmtree(path)
+    temporary = folder / f"{_TEMPORARY}{secrets.token_hex(4)}"  # not a process number: they repeat in containers
+    unlocked = temporary.with_name(f".{temporary.name}")
+    with ExitStack() as stack:
+        for path in (temporary, unlocked):
+            stack.callback(shutil.rmtree, path, ignore_errors=True)
+        with _blaming(folder, unlocked):
+            unlocked.mkdir()
+            with suppress(OSError):  # a file system without locks, on which no folder counts as left
+                stack.enter_context(_locked(unlocked))
+            unlocked.rename(temporary)
+        yield temporary
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Lock a folder, or raise OSError if another process has, or the file system cannot."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _running_system() -> str:
+    """Return a name of the running system, which alone knows the locks of its processes; a new one if it has none."""
+    with suppress(OSError):
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="utf-8")[:8]
+    return secrets.token_hex(4)
+
+
+_TEMPORARY: Final = f".gspure-{_running_system()}-"
 
 
 def _present(folder: Path, names: Collection[str]) -> Iterator[Path]:
