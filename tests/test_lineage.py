@@ -372,7 +372,7 @@ def test_only_variants_of_one_attack_are_strengths_of_it(strengths, capsys, word
     ("trained", "conditions", "message"),
     [
         ("shared,both own,both", "shared,both own,both", ""),
-        ("shared,both own,both", "shared,both shared,both", "protocol: expected shared, as of --condition, found own"),
+        ("shared,both own,both", "shared,both shared,both", "protocol: expected shared"),
         ("shared,both shared,scene", "shared,both shared,both", "initialization: expected both"),
         ("shared,both shared,both", "own,both own,both", "protocol: expected own"),
         ("shared,both shared,both", "", ""),
