@@ -182,7 +182,9 @@ def test_views_that_show_nothing_are_warned_of(tmp_path: Path, capsys) -> None:
     away = replace(here, name="away", viewmat=here.viewmat - 1e3 * np.eye(4)[:, [2]] @ np.eye(4)[[3]])
     write_cameras(tmp_path / "c.json", [here, away])
     main(["render", str(tmp_path / "m.ply"), "--cameras", str(tmp_path / "c.json"), "--out", str(tmp_path / "r")])
-    assert "(first: away)" in capsys.readouterr().err
+    warning = capsys.readouterr().err
+    assert "1 of 2 views" in warning
+    assert "(first: away)" in warning
     write_cameras(tmp_path / "c.json", [camera(1, 1)])
     main(["render", str(tmp_path / "m.ply"), "--cameras", str(tmp_path / "c.json"), "--out", str(tmp_path / "one")])
     assert "warning" not in capsys.readouterr().err, "a single pixel has a single colour"
