@@ -153,11 +153,17 @@ def test_two_extractions_of_one_variant_are_refused(tmp_path: Path, capsys) -> N
     assert f"{second}: gspure: expected one folder" in capsys.readouterr().err
 
 
-def test_blank_decoys_of_a_blank_view_are_candidates(tmp_path: Path) -> None:
-    for folder in ("pair/scene", "pair/message", "gspure/renders/message", "decoy"):
-        write_image(tmp_path / folder / "view_0.png", np.zeros((8, 8, 3)))
-    arguments = [tmp_path / "pair" / "message", "--extractions", tmp_path / "gspure" / "renders" / "message"]
-    assert main(["retrieve", *map(str, [*arguments, "--decoys", tmp_path / "decoy", "--out", tmp_path / "r.csv"])]) == 0
+@pytest.mark.parametrize(("message", "candidates"), [(picture(0, 0), 1 + 3 + 1 + 1), (np.zeros((24, 32, 3)), 1 + 1)])
+def test_blank_candidates_count_once_beside_any_message(tmp_path: Path, message, candidates: int) -> None:
+    for folder in ("pair/message", "gspure/renders/message"):
+        write_image(tmp_path / folder / "view_0.png", message)
+    decoys = [tmp_path / f"decoy_{number}" for number in range(3)]
+    for folder in decoys:
+        write_image(folder / "view_0.png", np.zeros((24, 32, 3)))
+    write_image(tmp_path / "pair" / "scene" / "view_0.png", picture(1, 0))
+    words = [tmp_path / "pair" / "message", "--extractions", tmp_path / "gspure" / "renders" / "message"]
+    assert main(["retrieve", *map(str, [*words, "--decoys", *decoys, "--out", tmp_path / "r.csv"])]) == 0
+    assert read_table(tmp_path / "r.csv", Retrieved)[0].retrieval.candidates == candidates
 
 
 def test_equation_of_top_1_auc_and_tpr() -> None:
