@@ -3,7 +3,7 @@
 import filecmp
 import math
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr
 from copy import deepcopy
 from io import StringIO
@@ -114,7 +114,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
         raise InputError(source, "assets", expected="at least one model, or a pair and a scheme", found="none")
     for scene, asset in settled["assets"].items():
         _settle_asset(asset, source, f"assets.{scene}")
-        _check_clean(asset, settled["assets"].keys() - {scene}, source, f"assets.{scene}")
+        _check_clean(scene, settled["assets"], source)
     _require_different_assets(settled["assets"], source)
     for name, detector in settled["detectors"].items():
         words_of(detector["command"])
@@ -175,11 +175,12 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
         asset["photographs"] = _photographs(asset["train"])
 
 
-def _check_clean(asset: Mapping[str, Any], others: Collection[str], source: str | Path, place: str) -> None:
-    """Refuse a clean model that is not among the other assets."""
-    if asset["clean"] not in {None, *others}:
-        expected = f"one of {', '.join(sorted(others)) or 'other assets'}"
-        raise InputError(source, f"{place}.clean", expected=expected, found=repr(asset["clean"]))
+def _check_clean(scene: str, assets: Mapping[str, Mapping[str, Any]], source: str | Path) -> None:
+    """Refuse a clean model that is not among the other assets, or has a mark of its own: one with a clean model."""
+    unmarked = {name for name, asset in assets.items() if asset["clean"] is None} - {scene}
+    if (clean := assets[scene]["clean"]) not in {None, *unmarked}:
+        expected = f"another asset without `clean`: {', '.join(sorted(unmarked)) or 'none here'}"
+        raise InputError(source, f"assets.{scene}.clean", expected=expected, found=repr(clean))
 
 
 def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:

@@ -205,7 +205,7 @@ class Model:
 
     @property
     def detections(self) -> list[str]:
-        """The readings of all detectors on all variants and the clean model; none of an asset that is one.
+        """The readings of all detectors on all variants and the clean model; none of an asset that is a clean model.
 
         Hidden bits are also read from all controls.
         """
