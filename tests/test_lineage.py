@@ -29,10 +29,6 @@ UNRELATED = {
     "other": "images are compared one by one, and of each pair the targets, photographs and cameras",
     "stages": "the names of stages identify their content",
     "results": "searched for indices of any model",
-    "benchmarks": "costs are named by scheme, scene and variant, not by their records",
-    "diagnosis": "of any model of the table; the report shows it under the name of its folder",
-    "viewer": "as diagnosis",
-    "records": "shown as they are",
     "link": "linked, not read",
 }
 """Inputs of any origin, and why."""
@@ -65,6 +61,10 @@ retrieve R/pair/message --extractions VARIANT/renders/message --out out.csv
 figures model --model MODEL --weights R/weights.npy --clusters R/clusters.npz --hidden R/hidden.npy --out out
 report --table R/results.csv --contest R/contest.csv --survival R/survival.csv --matched R/matched.csv --out out.html
 report --table R/results.csv --costs R/costs.csv --figures R/outcomes.png --out out.html
+report --table R/results.csv --diagnosis R/planted/room/diagnosis.json --out out.html
+report --table R/results.csv --viewer R/planted/room/diagnosis.json --records R/results.csv.json --out out.html
+report --table R/results.csv --records R/planted/room/diagnosis.json.json --out out.html
+contest --table R/results.csv --benchmarks R/costs --out out.csv --survival s.csv --matched m.csv --markdown m.md
 """
 
 MADE = """
@@ -77,10 +77,12 @@ surface --model MODEL --cameras CAMERAS --method depth --out R/surface.npy
 features --model MODEL --weights R/weights.npy --opacities R/opacities.npy --out R/features.npy
 tree --features R/features.npy --out R/tree.npy
 cluster --tree R/tree.npy --out R/clusters.npz
-prune --clusters R/clusters.npz --weights R/weights.npy --out R/mask.npy
+prune --clusters R/clusters.npz --weights R/weights.npy --model MODEL --out R/mask.npy \
+    --diagnosis R/planted/room/diagnosis.json
 hidden --model MODEL KEY --cameras CAMERAS --weights R/weights.npy --out R/hidden.json --hidden R/hidden.npy
 attack rigid_transform --model MODEL --transform R/transform.npy --cost R/cost.json --out R/moved.ply
-attack random_pruning --model MODEL --out OTHER/public/point_cloud.ply
+attack random_pruning --model MODEL --out OTHER/public/point_cloud.ply \
+    --cost R/costs/planted/room/random_pruning/attack.cost.json
 attack unattacked --model MODEL --out VARIANT/public/point_cloud.ply
 render OTHER/public --cameras CAMERAS --split test --out OTHER/renders/scene
 extract OTHER/public KEY --cameras CAMERAS --split test --out OTHER/renders/message
@@ -90,7 +92,7 @@ extract VARIANT/public KEY --cameras CAMERAS --split test --out VARIANT/renders/
 metrics R/pair VARIANT/renders --reference truth --out VARIANT/metrics.csv
 table --metrics VARIANT/metrics.csv OTHER/metrics.csv --out R/results.csv --markdown R/results.md
 contest --table R/results.csv --out R/contest.csv --survival R/survival.csv --matched R/matched.csv \
-    --markdown R/contest.md --benchmarks R/stages --costs R/costs.csv
+    --markdown R/contest.md --benchmarks R/costs --costs R/costs.csv
 figures outcomes --table R/results.csv --name planted/room --out R/outcomes.png
 """
 
@@ -413,3 +415,11 @@ def test_a_table_warns_of_scenes_with_the_same_images(tmp_path, capsys, scheme, 
     outputs = ["--out", str(tmp_path / "results.csv"), "--markdown", str(tmp_path / "results.md")]
     assert main(["table", "--metrics", str(first / "metrics.csv"), str(second / "metrics.csv"), *outputs]) == 0
     assert capsys.readouterr().err.count("b: the same images as of a") == warned
+
+
+def test_costs_of_another_variant_are_refused(tmp_path, capsys):
+    """Though it is of the same model."""
+    shutil.copytree("R/costs/planted/room/random_pruning", tmp_path / "planted/room/unattacked")
+    outputs = "--out c.csv --survival s.csv --matched m.csv --markdown c.md"
+    assert main(f"contest --table R/results.csv --benchmarks {tmp_path} {outputs}".split()) == 2
+    assert "attack: expected unattacked" in capsys.readouterr().err

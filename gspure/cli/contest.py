@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from gspure.cli.options import add_sweeps, read_sweeps
-from gspure.cli.parser import Arguments, Parser, Unrelated
+from gspure.cli.parser import Arguments, Parser
 
 EXAMPLES = """\
   gspure contest --table results.csv --out contest.csv --survival survival.csv --matched matched.csv \\
@@ -23,7 +23,7 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--survival", "CSV", "the message after each attack, against controls")
     parser.writes("--matched", "CSV", "the message's drop at equal damage to the scene")
     meaning = "folder with the costs SCHEME/SCENE/VARIANT/attack.cost.json"
-    parser.reads("--benchmarks", "DIR", meaning, required=False, type=Unrelated)
+    parser.reads("--benchmarks", "DIR", meaning, required=False)
     parser.writes("--costs", "CSV", "the cost of each attack, from --benchmarks", required=False)
     parser.writes("--markdown", "MD", "all of these as readable tables")
 

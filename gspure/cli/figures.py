@@ -69,7 +69,7 @@ def run(args: Arguments) -> None:
 def _draw_model(args: Arguments) -> Drawn:
     import numpy as np
 
-    from gspure.artifacts import filling, load_array, require_kind
+    from gspure.artifacts import filling, load_array, require_kind, write_record
     from gspure.figures.gallery import NAMES, Evidence, drawings
     from gspure.figures.splats import splats
     from gspure.figures.viewer import write_viewer
@@ -112,7 +112,9 @@ def _draw_model(args: Arguments) -> Drawn:
     names = ("model", "weights", "clusters", "hidden", "cameras")
     inputs = {name: path for name in names if (path := getattr(args, name))}
     captions = {args.out / figure.path.name: figure.caption for figure in figures}
-    return captions, inputs, {"tau_c": args.tau_c, "tau_n": args.tau_n}
+    settings = {"tau_c": args.tau_c, "tau_n": args.tau_n}
+    write_record(args.out / "viewer.json", inputs=inputs, settings=settings)
+    return captions, inputs, settings
 
 
 def _draw_outcomes(args: Arguments) -> Drawn:

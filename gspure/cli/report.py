@@ -15,7 +15,6 @@ _FILES = {
     "--diagnosis": ("JSON", "from `gspure prune` or `gspure hidden`, in folders SCHEME/SCENE"),
     "--viewer": ("JSON", "from `gspure figures model`, in folders SCHEME/SCENE"),
     "--records": ("JSON", "records of artifacts to list"),
-    "--link": ("FILE", "further files to link: configuration, logs"),
 }
 
 
@@ -24,8 +23,8 @@ def add_arguments(parser: Parser) -> None:
     for option in ("--contest", "--survival", "--matched", "--costs"):
         parser.reads(option, "CSV", "from `gspure contest`", required=False)
     meaning = "from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/CONDITION"
-    add_files(parser, {"--figures": ("PNG", meaning)})
-    add_files(parser, _FILES, type=Unrelated)
+    add_files(parser, {"--figures": ("PNG", meaning), **_FILES})
+    add_files(parser, {"--link": ("FILE", "further files to link: configuration, logs")}, type=Unrelated)
     parser.writes("--out", "HTML", "the page")
 
 

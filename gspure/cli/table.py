@@ -49,7 +49,7 @@ def _condition(text: str) -> tuple[str, str]:
 def run(args: Arguments) -> None:
     from gspure.artifacts import write_record, write_text
     from gspure.evaluation.csv_tables import write_table
-    from gspure.evaluation.origins import measured_images, recorded_attacks
+    from gspure.evaluation.origins import measured_images, recorded_attacks, recorded_models
     from gspure.evaluation.outcomes import collect
     from gspure.evaluation.recall import MESSAGE_ROWS
     from gspure.evaluation.results import write_results
@@ -63,7 +63,8 @@ def run(args: Arguments) -> None:
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
     images = measured_images(args.metrics)
-    settings = {"conditions": args.condition, "images": images, "attacks": recorded_attacks(args.metrics)}
+    settings = {"conditions": args.condition, "images": images}
+    settings |= {"attacks": recorded_attacks(args.metrics), "models": recorded_models(args.metrics)}
     write_record(args.out, inputs=inputs, settings=settings, kind="table")
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
     _warn_of_repeated_scenes(images)

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from gspure.artifacts import (
     RENDERED,
     embedding_of,
+    facts_of,
     file_digest,
     known_digest,
     recorded_inputs,
@@ -67,11 +68,38 @@ def measured_images(tables: Iterable[Path]) -> dict[str, list[str]]:
     }
 
 
-def recorded_attacks(tables: Iterable[Path]) -> dict[str, dict[str, object]]:
+def recorded_attacks(tables: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """Return attack and settings of the variants ``SCHEME/SCENE/VARIANT`` of tables, as far as records tell."""
     variants = [table.resolve().parent for table in tables]
     known = {"/".join(variant.parts[-3:]): settings_of(variant / MODEL) for variant in variants}
     return {variant: settings for variant, settings in known.items() if "attack" in settings}
+
+
+def recorded_models(tables: Iterable[Path]) -> dict[str, dict[str, Any]]:
+    """Return the origin of the models ``SCHEME/SCENE`` of tables, as the records of their attacked variants name it."""
+    variants = [table.resolve().parent for table in tables]
+    attacked = [variant for variant in variants if "attack" in settings_of(variant / MODEL)]
+    origins = ("embedding", "message", "scene", "public model")
+    return {
+        "/".join(variant.parts[-3:-1]): {k: v for k, v in model_facts(variant / MODEL).items() if k in origins}
+        for variant in attacked
+    }
+
+
+def model_facts(path: Path) -> dict[str, Any]:
+    """Return what the record of an artifact says of its settings, origin, and the model that it is made from."""
+    model = recorded_inputs(path).get("model")
+    return settings_of(path) | facts_of(path) | ({"public model": model} if model else {})
+
+
+def tabulated_facts(table: Path, path: Path) -> dict[str, Any]:
+    """Return the same of the model, and of the variant, of a table in whose folder a path lies."""
+    known, facts = settings_of(table), dict[str, Any]()
+    for folder in path.resolve().parents:
+        facts = facts or known.get("attacks", {}).get("/".join(folder.parts[-3:]), {})
+        if model := known.get("models", {}).get("/".join(folder.parts[-2:])):
+            return {**facts, **model}
+    return {}
 
 
 def _require_images_of(variant: Path, images: Path) -> None:
