@@ -7,9 +7,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
-from gspure.evaluation.intervals import Cells, Interval, differences, known_interval, scene_means
+from gspure.evaluation.intervals import LEVEL, Cells, Interval, differences, known_interval, scene_means
 from gspure.evaluation.matched import reached_name
 from gspure.evaluation.metrics import rms_ratio
+from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.significance import Detectability, detectability
 
@@ -43,8 +44,13 @@ class Survival(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The variant's display name, with the damage that its search reached if it misses the wanted one."""
-        return reached_name(self.variant, *((self.scene_drop.low, self.scene_drop.high) if self.scene_drop else ()))
+        """The variant's display name, with the damage that its search reached if it misses the wanted one.
+
+        This is the range of few scenes, but the mean of many, as a bootstrap interval is no range.
+        """
+        if not (drop := self.scene_drop):
+            return display_name(self.variant)
+        return reached_name(self.variant, *((drop.low, drop.high) if drop.level < LEVEL else (drop.mean,)))
 
     @property
     def scenes(self) -> int:
