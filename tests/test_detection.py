@@ -11,6 +11,7 @@ import time
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ from gspure.images import write_image
 from gspure.report.audit import audits
 from gspure.report.page import write_report
 from gspure.report.tables import conditions_markdown, results_markdown
+from gspure.schemes.readability import bit_readability
 from tests.contest_cases import attacked
 from tests.documentation import ROOT
 
@@ -211,6 +213,26 @@ def test_all_of_few_bits_are_detected_at_a_rate_that_is_not_claimed(bits, known,
     assert [not math.isnan(rate) for rate in (seen.tpr, seen.tpr_strict)] == [known, known_strict]
     chance = detection([Reading(str(view), 100.0 * (view % 2), 1) for view in range(50)], [])
     assert not chance.present
+
+
+@pytest.mark.parametrize(
+    ("bits", "correct", "wrong", "readable"),
+    [
+        (16, 14, 8, True),
+        (16, 13, 8, False),  # as many as chance explains
+        (16, 14, 14, False),  # as many as with a wrong key
+        (7, 7, 3, True),
+        (6, 6, 3, False),  # chance explains any number
+        (1, 1, 0, False),
+        *((bits, int(Threshold.of(bits, [], 0.01).value), 0, False) for bits in (24, 30, 48, 56, 96, 131)),
+    ],
+)
+def test_embedded_bits_are_readable_only_above_chance_and_wrong_key(bits, correct, wrong, readable):
+    message, image = np.ones(bits, bool), np.zeros((4, 4, 3), np.float32)
+    wrong_key = SimpleNamespace(bits=message, read_bits=lambda _: np.arange(bits) < wrong)
+    key = SimpleNamespace(bits=message, read_bits=lambda _: np.arange(bits) < correct, wrong=lambda _: wrong_key)
+    public = SimpleNamespace(scene=lambda _: lambda _: image)
+    assert bit_readability([None] * 4, public, key).readable == readable
 
 
 def test_random_bits_exceed_the_threshold_at_its_rate():

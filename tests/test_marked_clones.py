@@ -113,7 +113,7 @@ def test_windows_are_scaled_and_rotated_within_limits_and_lie_inside():
 
 @pytest.mark.parametrize(
     ("setting", "value"),
-    [("bits", 0), ("cloned", 0), ("cloned", 1.5), ("decoder_steps", 0), ("marking_steps", 0), ("max_gaussians", 1)],
+    [("bits", 6), ("cloned", 0), ("cloned", 1.5), ("decoder_steps", 0), ("marking_steps", 0), ("max_gaussians", 1)],
 )
 def test_a_setting_out_of_range_is_refused(pair_folder, setting, value):
     with pytest.raises(InputError, match=setting):

@@ -27,7 +27,7 @@ def embed(
     iterations: Steps = 2000,
     message_weight: Amount = 0.3,
     max_gaussians: MaxGaussians = 20_000,
-    bits: Annotated[int, Range(1, 4096)] = 16,
+    bits: Annotated[int, Range(7, 4096)] = 16,  # all of fewer are too often correct by chance
     cloned: Annotated[float, Range(0.01, 1.0)] = 0.3,
     decoder_steps: Steps = 1000,
     marking_steps: Steps = 400,
