@@ -19,6 +19,9 @@ from PIL import Image
 BAND = 0.04, 0.2
 """Frequencies of the patterns, cycles per pixel: a scene has most power below them, and training blurs above."""
 
+SMALLEST = 16
+"""Pixels in each direction, below which the band has too few frequencies for a pattern."""
+
 
 def in_band(shape):
     """Return the mask [H,W/2+1] of the frequencies of an image that are in the band."""
@@ -41,13 +44,24 @@ def marked(photograph, key, bits, strength):
 
 
 def correlations(image, key, count):
-    """Return the correlation [N] of an image [H,W,3] with each pattern: standard normal if it has no mark."""
-    spectrum = np.fft.rfft2(image.mean(axis=2))
+    """Return the correlation [N] of an image [H,W,3] with each pattern: standard normal if it has no mark.
+
+    Weak noise, other than that of the patterns, makes this true of flat images, too.
+    """
+    noise = np.random.default_rng([key, 1]).normal(scale=1e-3, size=image.shape[:2])
+    spectrum = np.fft.rfft2(image.mean(axis=2) + noise)
     inside = in_band(image.shape[:2])
     phases = np.where(inside, spectrum / np.maximum(np.abs(spectrum), 1e-9), 0)  # else strong edges outweigh the mark
     white = np.fft.irfft2(phases, image.shape[:2])
     products = np.mean(white * patterns(key, count, white.shape), axis=(1, 2))
     return products / white.std() * np.sqrt(2 * np.count_nonzero(inside))
+
+
+def natural(text):
+    """Return a whole number from 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected a whole number from 0, found {text!r}")
+    return int(text)
 
 
 def main():
@@ -56,17 +70,19 @@ def main():
     commands = parser.add_subparsers(dest="command", required=True)
     embed, detect = (commands.add_parser(name) for name in ("embed", "detect"))
     for command in (embed, detect):
-        command.add_argument("--key", type=int, required=True)
+        command.add_argument("--key", type=natural, required=True)
         command.add_argument("images", type=Path)
     embed.add_argument("out", type=Path)
     embed.add_argument("--bits", default="1", help="such as 0110 (default: a mark without bits)")
     embed.add_argument("--strength", type=float, default=4.0, help="of 255 (default: %(default)g)")
-    detect.add_argument("--count", type=int, default=0, help="number of bits (default: a score)")
+    detect.add_argument("--count", type=natural, default=0, help="number of bits (default: a score)")
     args = parser.parse_args()
 
     images = {path: np.asarray(Image.open(path).convert("RGB"), float) for path in sorted(args.images.glob("*.png"))}
     if not images:
         parser.error(f"{args.images}: expected PNG files, found none")
+    if small := [path for path, image in images.items() if min(image.shape[:2]) < SMALLEST]:
+        parser.error(f"{small[0]}: expected {SMALLEST} pixels or more in both directions")
     if args.command == "embed":
         if {*args.bits} - {*"01"} or not args.bits or not 0 < args.strength <= 255:
             parser.error("expected --bits of 0 and 1, and a --strength above 0, at most 255")
