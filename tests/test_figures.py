@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gspure.artifacts import save_array
+from gspure.artifacts import record_of, save_array
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.figures import clouds, gallery, portrait, splats, style
@@ -139,6 +139,7 @@ def test_figures_of_a_model_have_their_captions_beside_them(tmp_path: Path, inpu
     note = json.loads((tmp_path / "figures" / "kept.png.json").read_text())
     assert "Gaussians are pruned" in note["settings"]["caption"]
     assert note["inputs"].keys() == {"model", "weights", "clusters", "cameras"}
+    assert record_of(tmp_path / "figures" / "viewer.json")["inputs"] == note["inputs"]
     assert (tmp_path / "figures" / "splats.png").exists()
 
 
