@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
+from gspure.bounds import Share
 from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, mean_interval
 from gspure.evaluation.matched import Drops, Point, Sweeps, completed, curves, damages
 from gspure.evaluation.outcomes import GSPURE, SCENE, UNATTACKED, Condition, Outcome, by_condition, is_picture, ordered
@@ -32,9 +33,9 @@ class Contest(NamedTuple):
     damage: float  # permitted drop of the scene's PSNR, dB; NaN if both are compared as they were run
     cells: int  # number of scenes and seeds in which both are known
     difference: Interval  # dB; positive where GSPure has more
-    p: float = math.nan  # of the sign-flip test of the Score; NaN for other quantities
-    p_adjusted: float = math.nan  # `p` after Holm's correction for all attacks on this condition and extraction
-    p_attainable: float = math.nan  # the smallest `p_adjusted` possible with this number of attacks and scenes
+    p: Share = math.nan  # of the sign-flip test of the Score; NaN for other quantities
+    p_adjusted: Share = math.nan  # `p` after Holm's correction for all attacks on this condition and extraction
+    p_attainable: Share = math.nan  # the smallest `p_adjusted` possible with this number of attacks and scenes
 
 
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:

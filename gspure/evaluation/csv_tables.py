@@ -3,7 +3,7 @@
 The rows of a table are of one kind, a NamedTuple, whose annotations name and type the columns. A nested NamedTuple
 takes one column per field (``drop_mean``, ``drop_low``, ...), a mapping of metrics one per metric of
 `gspure.evaluation.metrics.METRICS`. Numbers have every digit, so that they are read back unchanged; NaN and
-None are empty cells.
+None are empty cells. Numbers out of the `Range` of a column are refused, such as a negative count.
 """
 
 import csv
@@ -15,6 +15,7 @@ from types import NoneType
 from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from gspure.artifacts import verify, write_text
+from gspure.bounds import Range
 from gspure.errors import InputError, reading
 from gspure.evaluation.metrics import METRICS
 
@@ -27,6 +28,7 @@ class PerMetric(NamedTuple):
 
     column: str = "{}"  # name of a column; the braces stand for the metric
     complete: bool = False  # whether to refuse empty cells
+    differences: bool = False  # whether values are differences, which the limits of metrics do not bound
 
 
 Values = Annotated[Mapping[str, float], PerMetric()]  # metrics by name
@@ -48,7 +50,8 @@ def write_table(path: Path, kind: type[Row], rows: Iterable[Row]) -> None:
 def read_table(path: Path, kind: type[Row]) -> list[Row]:
     """Read what `write_table` has written.
 
-    Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type.
+    Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type, or a value
+    that is impossible in its column.
     """
     verify(path)
     fields, columns = _fields(kind).values(), header(kind)
@@ -82,19 +85,23 @@ def _fields(kind: type) -> dict[str, _Field]:
 
 
 def _field(name: str, hint: Any) -> _Field:
+    limits = None
     if get_origin(hint) is Annotated:
-        return _metrics(*(extra for extra in get_args(hint) if isinstance(extra, PerMetric)))
+        hint, extra = get_args(hint)
+        if isinstance(extra, PerMetric):
+            return _metrics(extra)
+        limits = extra
     if get_origin(hint) is Literal:
         return _Field([name], lambda value: [value], lambda cells: _one_of(next(cells), get_args(hint)))
     inner = [argument for argument in get_args(hint) if argument is not NoneType] or [hint]
     if hasattr(inner[0], "_fields"):
         return _nested(name, inner[0], optional=NoneType in get_args(hint))
-    read = _SCALARS[hint]
+    read = _TEXTS.get(hint) or _reader(hint, limits or _LIMITS[hint])
     return _Field([name], lambda value: [_text(value)], lambda cells: read(next(cells)))
 
 
 def _nested(name: str, kind: type, *, optional: bool) -> _Field:
-    parts = {part: _field(f"{name}_{part}", hint) for part, hint in get_type_hints(kind).items()}
+    parts = {part: _field(f"{name}_{part}", hint) for part, hint in get_type_hints(kind, include_extras=True).items()}
     columns = [column for field in parts.values() for column in field.columns]
 
     def write(value: Any) -> list[str]:
@@ -121,18 +128,24 @@ def _metrics(columns: PerMetric) -> _Field:
 
     def read(cells: Cells) -> dict[str, float]:
         texts = {metric: next(cells) for metric in names}
-        values = {metric: _number(text) for metric, text in texts.items() if text or columns.complete}
-        if any(map(math.isnan, values.values())):
-            raise ValueError("a metric is not a number")
+        values = {metric: _number(text, _LIMITS[float]) for metric, text in texts.items() if text or columns.complete}
+        for metric, value in values.items() if not columns.differences else ():
+            METRICS[metric].require(value)
         return values
 
     return _Field([*names.values()], write, read)
 
 
-def _number(text: str) -> float:
-    number = float(text)
-    if math.isinf(number) and "inf" not in text:
-        raise ValueError(f"{text} is too large")
+def _reader(hint: Any, limits: Range) -> Callable[[str], Any]:
+    """Return the reader of a number, which may be unknown unless it is an int."""
+    unknown = {float: math.nan}.get(hint)
+    return lambda text: unknown if not text and hint is not int else _number(text, limits)
+
+
+def _number(text: str, limits: Range) -> float:
+    number = limits.parse(text)
+    if number is None or (math.isinf(number) and "inf" not in text):
+        raise ValueError(f"{text!r} is not {limits.expected}")
     return number
 
 
@@ -150,10 +163,9 @@ def _text(value: Any) -> str:
     return "" if value is None else str(value)
 
 
-_SCALARS: Final[Mapping[Any, Callable[[str], Any]]] = {
+_TEXTS: Final[Mapping[Any, Callable[[str], Any]]] = {
     str: str,
-    int: int,
-    int | None: lambda text: int(text) if text else None,
-    float: lambda text: _number(text) if text else math.nan,
     bool | None: lambda text: {"true": True, "false": False, "": None}[_one_of(text, ("true", "false", ""))],
 }
+_COUNT: Final = Range(0, 2**53)
+_LIMITS: Final[Mapping[Any, Range]] = {int: _COUNT, int | None: _COUNT, float: Range(-math.inf, math.inf)}

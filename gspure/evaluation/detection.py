@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.bounds import Share
 from gspure.cameras.off_path import PREFIX
 from gspure.dtypes import Bools
 from gspure.errors import InputError
@@ -47,8 +48,8 @@ class Detection(NamedTuple):
 
     level: float  # mean over views
     spread: float  # standard deviation over views
-    tpr: float  # share of the views above the threshold that `FALSE_POSITIVES` of unmarked views exceed; NaN if unknown
-    tpr_strict: float  # the same for `STRICT`
+    tpr: Share  # share of the views above the threshold that `FALSE_POSITIVES` of unmarked views exceed; NaN if unknown
+    tpr_strict: Share  # the same for `STRICT`
     present: bool | None  # whether more views are above that of `tpr` than chance explains; None if no number would be
     views: int
     bits: int

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Final, Literal, NamedTuple
 
+from gspure.bounds import Share
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, ViewMetrics
 from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
@@ -32,12 +33,12 @@ class Result(NamedTuple):
     views: int | None = None
     identical: int | None = None
     values: Values = _NONE
-    drops: Annotated[Mapping[str, float], PerMetric("{}_drop")] = _NONE
+    drops: Annotated[Mapping[str, float], PerMetric("{}_drop", differences=True)] = _NONE
     score: float = math.nan
     reached: bool | None = None
-    pruned_share: float = math.nan
-    precision: float = math.nan
-    recall: float = math.nan
+    pruned_share: Share = math.nan
+    precision: Share = math.nan
+    recall: Share = math.nan
     strength: str = ""
     failure: str = ""
     off_path: Annotated[Mapping[str, float], PerMetric("off_path_{}")] = _NONE

@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.bounds import Share
 from gspure.dtypes import Float32, Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import ImagePair
@@ -20,9 +21,9 @@ FALSE_POSITIVES: Final = 0.01  # rate of false candidates above the threshold of
 class Retrieval(NamedTuple):
     """How well one extraction retrieves its message, over the views on the camera path."""
 
-    top1: float  # share of the views in which no false candidate is as near as the message
-    auc: float  # area under the ROC curve of true against false candidates, of all views together
-    tpr: float  # share of the true candidates above the threshold that `FALSE_POSITIVES` of the false ones exceed
+    top1: Share  # share of the views in which no false candidate is as near as the message
+    auc: Share  # area under the ROC curve of true against false candidates, of all views together
+    tpr: Share  # share of the true candidates above the threshold that `FALSE_POSITIVES` of the false ones exceed
     views: int
     candidates: int  # of a view, the true one included; the smallest number over the views
 
