@@ -155,6 +155,8 @@ class Engine:
             return
         flags = cl.map_flags.WRITE if write else cl.map_flags.READ
         array, _ = cl.enqueue_map_buffer(self.queue, buffer, flags, 0, shape, dtype)
+        if not write:
+            array.flags.writeable = False
         try:
             yield array
         finally:
