@@ -95,10 +95,10 @@ def test_bands_split_the_image_and_keep_to_the_budget(device, style, energy):
 
 
 def test_bands_are_as_tall_as_the_budget_allows(device, style, energy):
-    """Of 4x3 tiles, one Gaussian covers all, and one lies in the first: 5, 4 and 4 entries in the rows of tiles."""
+    """Of 4x3 tiles, one Gaussian covers all, and one lies in the fourth: 5, 4 and 4 entries in the rows of tiles."""
     view = camera(4 * TILE, 3 * TILE)
     pixel = 4 / view.K[0, 0]
-    model = gaussians(means=[[0, 0, 4], [-1.5 * TILE * pixel, -TILE * pixel, 4]], scales=[[9.0], [0.01]])
+    model = gaussians(means=[[0, 0, 4], [1.5 * TILE * pixel, -TILE * pixel, 4]], scales=[[9.0], [0.01]])
     heights = {13: [3], 12: [2, 1], 9: [2, 1], 8: [1, 2], 7: [1, 1, 1], 1: [1, 1, 1]}
     for budget, expected in heights.items():
         lists = Lists(device, style, energy, model, view, entry_budget=budget)

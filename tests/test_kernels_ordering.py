@@ -55,6 +55,15 @@ def test_the_storage_order_holds_every_row_once_and_keeps_neighbours_together():
     assert np.median(steps) < np.median(np.linalg.norm(np.diff(means, axis=0), axis=1)) / 5
 
 
+def test_the_storage_order_is_that_of_interleaved_coordinates():
+    """A tenth of the means lies at either end of each axis, so the cells of the curve are 1 wide."""
+    means = np.random.default_rng(0).integers(0, 1024, (2000, 3)).astype(np.float32)
+    means[:200], means[200:400] = 0, 1024
+    cells = np.minimum(means, 1023).astype(int)
+    codes = sum((cells[:, axis] >> bit & 1) << 3 * bit + axis for bit in range(10) for axis in range(3))
+    assert np.array_equal(morton_order(means), np.argsort(codes, kind="stable"))
+
+
 def test_the_storage_order_survives_means_that_are_equal_far_or_not_finite():
     means = np.zeros((100, 3), np.float32)
     means[3:6] = [[1e30, 0, 0], [np.nan, 1, 0], [np.inf, -np.inf, 0]]

@@ -129,6 +129,7 @@ def test_nothing_in_sight_leaves_the_background(device, style, energy):
     renderer, view = Renderer(model, device, energy=energy, style=style), camera(17, 5)
     assert (renderer.image(view, (0.25, 0.5, 0.75)) == np.float32([0.25, 0.5, 0.75])).all()
     assert (renderer.image(view) == 0).all()
+    assert (renderer.feature_map(view, np.ones((2, 5), np.float32)) == 0).all()
     assert (renderer.transmittance(view) == 1).all()
     assert np.isinf(renderer.depth(view)).all()
     assert renderer.contributions(view).shape == (0,)
@@ -260,6 +261,13 @@ def test_the_number_of_threads_does_not_matter(device):
     )
     assert len(one) == 2
     assert one == two
+
+
+def test_a_device_is_chosen_only_where_none_is_named(device, monkeypatch):
+    monkeypatch.setattr("gspure.renderer.choose_device", lambda: None)
+    assert Renderer(blobs(1), device)._engine.device == device.cl_device
+    with pytest.raises(AttributeError):
+        Renderer(blobs(1))
 
 
 # --- refusals ---------------------------------------------------------------------------------------------------------

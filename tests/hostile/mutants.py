@@ -47,6 +47,7 @@ _GRADIENTS = (
     "test_gradients.py::test_a_vjp_needs_colours_or_features_for_each_row",
 )
 _REFUSALS = (
+    "test_renderer.py::test_a_device_is_chosen_only_where_none_is_named",
     "test_renderer.py::test_an_image_needs_colours",
     "test_renderer.py::test_features_of_another_shape_are_refused",
     "test_renderer.py::test_an_unknown_energy_is_refused",
@@ -74,7 +75,13 @@ CORE = {
         *_FRAME,
     ),
     "gspure.opencl.blending": ("test_device_memory.py", *_FRAME),
-    "gspure.opencl.storage": ("test_device_memory.py", *_FRAME),
+    "gspure.opencl.storage": (
+        "test_device_memory.py",
+        "test_kernels_ordering.py::test_the_storage_order_holds_every_row_once_and_keeps_neighbours_together",
+        "test_kernels_ordering.py::test_the_storage_order_is_that_of_interleaved_coordinates",
+        "test_kernels_ordering.py::test_the_storage_order_survives_means_that_are_equal_far_or_not_finite",
+        *_FRAME,
+    ),
     "gspure.renderer": (*_FRAME, *_REFUSALS, *_GRADIENTS),
 }
 """Modules, and the tests that must notice a change, those first that fail soonest."""
