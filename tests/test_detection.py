@@ -338,6 +338,21 @@ def test_a_mark_that_cannot_be_judged_is_not_called_absent(tmp_path):
     assert "is present in 0" not in page
 
 
+def test_a_scene_with_too_few_views_is_not_counted_among_those_without_the_mark(tmp_path):
+    unclear = detection([Reading(view, 9.0, 0) for view in "ab"], [1.0, 2.0])
+    clear = detection([Reading(view, 9.0, 0) for view in "abc"], [1.0, 2.0, 3.0])
+    outcomes = with_references(
+        replace(outcome(name, 0.0), scene=scene, detections={"mark": read._replace(level=level)})
+        for scene, read in (("s", unclear), ("t", clear))
+        for name, level in {"unattacked": 9.0, "gspure": 8.0, "clean": 1.5}.items()
+    )
+    rows = survival(outcomes)
+    (audit,) = audits(outcomes, rows, [])
+    assert (audit.verdict, audit.scenes, audit.unknown, audit.before.present) == ("judged", 2, 1, 1)
+    write_report(tmp_path / "report.html", outcomes, survivals=rows)
+    assert "present in 1 of 2 scenes, and unknown in 1" in (tmp_path / "report.html").read_text()
+
+
 def test_a_scene_without_the_mark_counts_neither_in_drops_nor_in_scenes(outcomes):
     values = dict.fromkeys(METRICS, 1.0) | {"psnr": 20.0}
     targets = {"scene": ViewMetrics("scene", "mean", TRUTH, values)}

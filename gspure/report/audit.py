@@ -75,6 +75,7 @@ class Audit:
     condition: Condition
     extraction: str  # the extraction that is judged: the scheme's own or, without one, a detector
     scenes: int
+    unknown: int  # the number of these with too few views to tell whether the mark is present
     seeds: list[int]  # the distinct numbers of seeds per scene, in ascending order
     models: int
     verdict: Verdict
@@ -153,6 +154,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         condition=outcomes[0].condition,
         extraction=judged_by,
         scenes=len(scenes),
+        unknown=len(scenes - {o.scene for o in known if o.variant == UNATTACKED and o.is_judged(judged_by)}),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.folder for o in outcomes}),
         verdict="judged" if judged else _why_not_judged(outcomes, by_variant, judged_by),
@@ -190,7 +192,7 @@ def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Surviv
     if UNATTACKED not in by_variant:
         return "no reference"
     flat = all(o.is_flat(MESSAGE) for o in outcomes if o.variant == UNATTACKED and not o.failure)
-    readings = [o.detections[judged_by].present is not None for o in outcomes if judged_by in o.detections]
+    readings = [o.is_judged(judged_by) for o in outcomes if judged_by in o.detections]
     if not any(readings or [flat, *(row.above_floor for row in by_variant.values())]):
         return "no controls"
     return "not touched" if any(row.present for row in by_variant.values()) else "not present"
