@@ -3,6 +3,7 @@
 import csv
 import re
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -105,6 +106,24 @@ def test_a_variant_measured_in_other_views_is_refused(tmp_path: Path, of_variant
         rows = [measured("scene", psnr, view=view) for view, psnr in views.items()]
         write_metrics(tmp_path / "planted" / "room" / variant / "metrics.csv", rows)
     with pytest.raises(InputError, match=message):
+        collect(sorted(tmp_path.rglob("metrics.csv")))
+
+
+@pytest.mark.parametrize(
+    ("variant", "targets", "refused"),
+    [
+        ("gspure", ["Scene", "message"], True),
+        ("gspure", ["message"], True),
+        ("gspure", ["scene", "message", "message_oracle"], True),
+        ("clean", ["Scene", "message"], True),
+        ("wrong_key", ["message"], False),
+    ],
+)
+def test_a_variant_without_the_targets_of_its_model_is_refused(tmp_path, variant, targets, refused) -> None:
+    for name, measured_targets in {"unattacked": ["scene", "message"], variant: targets}.items():
+        rows = [measured(target, 30.0, view="a") for target in measured_targets]
+        write_metrics(tmp_path / "planted" / "room" / name / "metrics.csv", rows)
+    with pytest.raises(InputError, match="targets") if refused else nullcontext():
         collect(sorted(tmp_path.rglob("metrics.csv")))
 
 

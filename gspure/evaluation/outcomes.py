@@ -330,10 +330,16 @@ def _without_identical_views(rows_of: Mapping[Path, list[ViewMetrics]]) -> dict[
 
 
 def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
-    """Raise `InputError` if two means would be over different views: their difference would not be a drop."""
+    """Raise `InputError` if two means would be over different views: their difference would not be a drop.
+
+    Targets must be equal, too; those of controls are some of the model's.
+    """
     views_of = {path.resolve(): _views_in_means(rows) for path, rows in rows_of.items()}
     for path, views in views_of.items():
-        before = views_of.get(path.parent.parent / UNATTACKED / path.name, {})
+        before = views_of.get(path.parent.parent / UNATTACKED / path.name, views)
+        if (views.keys() ^ before.keys()) - (before.keys() if path.parent.name in CONTROLS else set()):
+            expected = f"the targets of {UNATTACKED}, {', '.join(sorted(before))}"
+            raise InputError(path, "targets", expected=expected, found=", ".join(sorted(views)))
         for target in views.keys() & before.keys():
             different = views[target] ^ before[target]
             if different and views[target] and before[target]:
