@@ -127,6 +127,14 @@ def test_a_variant_without_the_targets_of_its_model_is_refused(tmp_path, variant
         collect(sorted(tmp_path.rglob("metrics.csv")))
 
 
+@pytest.mark.parametrize("views", [{}, {"scene": ["off_path_0"]}, {"scene": ["a"], "message": ["off_path_0"]}])
+def test_metrics_without_a_view_on_the_camera_path_are_refused(tmp_path: Path, views: dict[str, list[str]]) -> None:
+    rows = [measured(target, 30.0, view=view) for target in views for view in views[target]]
+    write_metrics(tmp_path / "metrics.csv", rows)
+    with pytest.raises(InputError, match="on the camera path"):
+        read_metrics(tmp_path / "metrics.csv")
+
+
 def test_a_view_that_is_identical_in_one_variant_counts_in_none(tmp_path: Path) -> None:
     """As the black image of an object that is out of view, which the black baseline equals."""
     views = {"unattacked": {"a": 30.0, "b": 32.0}, "gspure": {"a": 29.0, "b": 20.0}, "black": {"a": 9.0, "b": np.inf}}

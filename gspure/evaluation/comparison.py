@@ -151,10 +151,12 @@ def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
 
 
 def read_metrics(path: Path) -> list[ViewMetrics]:
-    """Read ``metrics.csv``, or raise `InputError` if it cannot be read, holds no row, or a view twice."""
+    """Read ``metrics.csv``, or raise `InputError` if it cannot be read, lacks a view on the path, or repeats one."""
     rows = read_table(path, ViewMetrics)
-    if not rows:
-        raise InputError(path, "rows", expected="at least one", found="none")
+    targets = {row.target for row in rows} or {"rows"}
+    for target in sorted(targets - {row.target for row in on_path(rows)}):
+        expected = f"at least one view on the camera path, of a name without {PREFIX}"
+        raise InputError(path, target, expected=expected, found="none")
     (view, count), *_ = Counter((row.target, row.view) for row in rows).most_common(1)
     if count > 1:
         raise InputError(path, "rows", expected="one per target and view", found=f"{count} of {'/'.join(view)}")
