@@ -57,7 +57,8 @@ def test_the_storage_order_holds_every_row_once_and_keeps_neighbours_together():
 
 def test_the_storage_order_is_that_of_interleaved_coordinates():
     """A tenth of the means lies at either end of each axis, so the cells of the curve are 1 wide."""
-    means = np.random.default_rng(0).integers(0, 1024, (2000, 3)).astype(np.float32)
+    rng = np.random.default_rng(0)
+    means = (rng.integers(0, 8, (2000, 3)) << rng.integers(0, 8, (2000, 1))).astype(np.float32)
     means[:200], means[200:400] = 0, 1024
     cells = np.minimum(means, 1023).astype(int)
     codes = sum((cells[:, axis] >> bit & 1) << 3 * bit + axis for bit in range(10) for axis in range(3))
