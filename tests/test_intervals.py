@@ -90,6 +90,16 @@ def test_values_without_a_mean_are_refused(values: Sequence[Sequence[float]]):
         mean_interval(values)
 
 
+def test_rounding_is_no_difference():
+    """Of means of shares of 12 bits, in percent."""
+    assert differences({("a", 0): 4.166666666666668}, {("a", 0): 4.166666666666666}) == {("a", 0): 0.0}
+    opposite = mean_interval([[12.5], [-12.500000000000004]])
+    assert opposite.mean == 0
+    assert opposite.low < 0 < opposite.high
+    assert differences({("a", 0): 30.0}, {("a", 0): 29.999999}) == {("a", 0): pytest.approx(1e-6)}
+    assert mean_interval([[1e-12]]).mean == 1e-12
+
+
 def test_cells_are_grouped_by_scene_and_paired_where_both_are():
     a = {("room", 2): 5.0, ("room", 1): 3.0, ("bonsai", 1): 8.0}
     assert [group.tolist() for group in by_scene(a)] == [[8.0], [3.0, 5.0]]

@@ -29,6 +29,7 @@ from gspure.dtypes import Float64
 from gspure.errors import InputError
 
 LEVEL: Final = 0.95  # nominal coverage of an interval
+ROUNDING: Final = 1e-9  # relative error of sums and differences; ours, far below what images of 8 bits distinguish
 RESAMPLES: Final = 10_000  # ours: the tails of six scenes then hold some 20 resamples
 
 SEED: Final = 0
@@ -68,8 +69,13 @@ def scene_means(cells: Mapping[tuple[str, int], ArrayLike]) -> dict[str, Any]:
 
 
 def differences(a: Cells, b: Cells) -> Cells:
-    """Return ``a - b`` for the cells of both."""
-    return {cell: a[cell] - b[cell] for cell in a.keys() & b.keys()}
+    """Return ``a - b`` for the cells of both, the `difference` of each."""
+    return {cell: difference(a[cell], b[cell]) for cell in a.keys() & b.keys()}
+
+
+def difference(a: float, b: float) -> float:
+    """Return ``a - b``, but 0 if rounding alone may distinguish them."""
+    return _without_noise(a - b, a)
 
 
 def checked(values: Sequence[ArrayLike]) -> Groups:
@@ -100,7 +106,13 @@ def mean_interval(values: Sequence[ArrayLike]) -> Interval:
         low, high, level = means.min(), means.max(), level_of_range
     else:
         (low, high), level = np.quantile(_resampled_means(groups), _tails(len(groups))), LEVEL
-    return Interval(float(means.mean()), float(low), float(high), level, len(groups))
+    mean = _without_noise(float(means.mean()), float(np.abs(means).max()))
+    return Interval(mean, float(low), float(high), level, len(groups))
+
+
+def _without_noise(total: float, magnitude: float) -> float:
+    """Return a sum, but 0 if it is small enough to be the rounding error of terms of this magnitude."""
+    return 0.0 if abs(total) <= ROUNDING * abs(magnitude) < math.inf else total
 
 
 def known_interval(cells: Cells) -> Interval | None:

@@ -18,6 +18,7 @@ from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, o
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, variant_of
+from gspure.evaluation.intervals import difference
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name
 from gspure.evaluation.origins import require_conditions, require_origins
@@ -99,7 +100,7 @@ class Outcome:
     def drop(self, target: str) -> float:
         """Return the drop of the target's level, relative to the unattacked model."""
         if target in self.detections and target in self.detections_before:
-            return self.detections_before[target].level - self.detections[target].level
+            return difference(self.detections_before[target].level, self.detections[target].level)
         return self.psnr_drop(target)
 
     def drops(self, target: str) -> dict[str, float]:
@@ -413,4 +414,4 @@ def _below(folder: Path, files: Iterable[Path]) -> Path | None:
 def _difference(a: float, b: float) -> float:
     if a == b:
         return 0.0
-    return a - b if math.isfinite(a) and math.isfinite(b) else math.nan
+    return difference(a, b) if math.isfinite(a) and math.isfinite(b) else math.nan
