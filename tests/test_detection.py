@@ -322,9 +322,12 @@ def test_a_users_model_is_judged_without_photographs_and_controls():
     assert [row.variant for row in audit.where(True)] == ["gspure"]
 
 
-def test_a_mark_that_cannot_be_judged_is_not_called_absent(tmp_path):
-    """Two clean views allow no verdict on two others, though their floor is known."""
-    unclear = detection([Reading(view, 9.0, 0) for view in "ab"], [1.0, 2.0])
+@pytest.mark.parametrize(
+    ("readings", "clean"), [([Reading(view, 9.0, 0) for view in "ab"], [1.0, 2.0]), ([Reading("a", 100.0, 4)], [])]
+)
+def test_a_mark_that_cannot_be_judged_is_not_called_absent(tmp_path, readings, clean):
+    """Two clean views allow no verdict on two others, and one view none on 4 bits, though their floor is known."""
+    unclear = detection(readings, clean)
     levels = {"unattacked": 9.0, "gspure": 8.0, "clean": 1.5}
     scores = {name: {"mark": unclear._replace(level=level)} for name, level in levels.items()}
     outcomes = with_references(replace(outcome(name, 0.0), detections=read) for name, read in scores.items())
@@ -334,7 +337,7 @@ def test_a_mark_that_cannot_be_judged_is_not_called_absent(tmp_path):
     assert audit.verdict == "no controls"
     write_report(tmp_path / "report.html", outcomes, survivals=rows)
     page = (tmp_path / "report.html").read_text()
-    assert "the views of the clean model are too few" in page
+    assert "too few views of the model" in page
     assert "is present in 0" not in page
 
 
