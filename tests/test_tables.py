@@ -149,6 +149,15 @@ def test_a_view_that_is_identical_in_one_variant_counts_in_none(tmp_path: Path) 
     }
 
 
+def test_views_off_the_camera_path_replace_no_identical_ones_on_it(tmp_path: Path) -> None:
+    for variant, psnrs in {"unattacked": (np.inf, 30.0), "gspure": (20.0, 25.0)}.items():
+        rows = [measured("message", psnr, view=view) for view, psnr in zip(("a", "off_path_0"), psnrs, strict=True)]
+        write_metrics(tmp_path / "planted" / "room" / variant / "metrics.csv", rows)
+    outcomes = {o.variant: o for o in collect(sorted(tmp_path.rglob("metrics.csv")))}
+    assert [outcomes[name].targets["message"].psnr for name in ("unattacked", "gspure")] == [np.inf, 20.0]
+    assert outcomes["gspure"].off_path["message"].psnr == 25.0
+
+
 @pytest.mark.parametrize(("black", "drop"), [({"a": np.inf}, 1.0), ({"a": np.inf, "b": 9.0}, np.nan)])
 def test_photographs_that_each_equal_some_variant_are_no_reason_to_refuse(tmp_path: Path, black: dict, drop) -> None:
     views = {"unattacked": {"a": 30.0, "b": np.inf}, "gspure": {"a": 29.0, "b": 20.0}, "black": black}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby
+from itertools import groupby, product
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -323,8 +323,8 @@ def _without_identical_views(rows_of: Mapping[Path, list[ViewMetrics]]) -> dict[
     kept: dict[Path, list[ViewMetrics]] = {}
     for path, rows in rows_of.items():
         model, kept[path] = path.resolve().parents[1], []
-        for target in dict.fromkeys(row.target for row in rows):
-            views = [row for row in rows if row.target == target]
+        for target, part in product(dict.fromkeys(row.target for row in rows), (on_path, off_path)):
+            views = [row for row in part(rows) if row.target == target]
             others = [row for row in views if row.view not in identical_in.get((model, target), ())]
             kept[path] += others or [*filter(_equals_photograph, views)] or views
     return kept
@@ -350,11 +350,11 @@ def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
 
 
 def _views_in_means(rows: Sequence[ViewMetrics]) -> dict[str, set[str]]:
-    """Return the views by target, without those equal to their photograph, which no mean PSNR counts."""
-    views: dict[str, set[str]] = {row.target: set() for row in rows}
+    """Return the views of each mean, without those equal to their photograph, which no mean PSNR counts."""
+    views: dict[str, set[str]] = {}
     for row in rows:
-        if not _equals_photograph(row):
-            views[row.target].add(row.view)
+        mean = f"{row.target} off path" if off_path([row]) else row.target
+        views.setdefault(mean, set()).update([] if _equals_photograph(row) else [row.view])
     return views
 
 
