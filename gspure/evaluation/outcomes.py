@@ -412,6 +412,4 @@ def _below(folder: Path, files: Iterable[Path]) -> Path | None:
 
 
 def _difference(a: float, b: float) -> float:
-    if a == b:
-        return 0.0
     return difference(a, b) if math.isfinite(a) and math.isfinite(b) else math.nan
