@@ -119,6 +119,15 @@ def test_a_view_has_the_anchors_whose_squares_reach_its_tiles(view):
     assert 20 < len(found) < 380
 
 
+@pytest.mark.filterwarnings("error")
+def test_anchors_without_rotation_or_of_infinite_size_are_not_visible():
+    model, view = blobs(40), VIEWS[0]
+    quats, scales = model.quats.copy(), model.scales.copy()
+    visible = visible_rows(view, model.means, quats, scales)
+    quats[visible[0]], scales[visible[1]] = 0, np.inf
+    assert np.array_equal(visible_rows(view, model.means, quats, scales), visible[2:])
+
+
 def test_contributions_of_anchors_add_up_to_those_of_the_image(energy):
     public = random_public()
     for view in VIEWS:

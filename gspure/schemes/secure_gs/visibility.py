@@ -11,10 +11,12 @@ from gspure.dtypes import Float64, Indices
 from gspure.model.rotations import rotation_matrices
 
 
+@np.errstate(invalid="ignore")
 def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scales: NDArray[Any]) -> Indices:
     """Return the rows of the Gaussians [M] whose three-sigma square on the screen overlaps a tile of the image.
 
-    (Scaffold-GS, ``prefilter_voxel``; the bounds of the 3DGS rasterizer.)
+    (Scaffold-GS, ``prefilter_voxel``; the bounds of the 3DGS rasterizer.) Rows with a zero quaternion or an infinite
+    scale have none.
     """
     rotation = camera.viewmat[:3, :3]
     centres = means @ rotation.T + camera.viewmat[:3, 3]
