@@ -48,7 +48,7 @@ def test_memory_that_is_mapped_to_be_read_is_not_written(device):
 
 
 @pytest.mark.parametrize("contributions", [False, True])
-@pytest.mark.parametrize("channels", [0, 3, 17])
+@pytest.mark.parametrize("channels", [0, 3, 17, 300])
 @pytest.mark.parametrize("kib", [2, 7, 16, 48, 64, 1024])
 def test_a_work_group_stages_as_many_splats_as_three_quarters_of_local_memory_hold(kib, channels, contributions):
     traversal = Traversal("ewa", channels=channels, contributions=contributions)

@@ -59,7 +59,7 @@ def test_the_storage_order_is_that_of_interleaved_coordinates():
     """A tenth of the means lies at either end of each axis, so the cells of the curve are 1 wide."""
     rng = np.random.default_rng(0)
     means = (rng.integers(0, 8, (2000, 3)) << rng.integers(0, 8, (2000, 1))).astype(np.float32)
-    means[:200], means[200:400] = 0, 1024
+    means[:200], means[200:400], means[1200:] = 0, 1024, 1023 - means[1200:]
     cells = np.minimum(means, 1023).astype(int)
     codes = sum((cells[:, axis] >> bit & 1) << 3 * bit + axis for bit in range(10) for axis in range(3))
     assert np.array_equal(morton_order(means), np.argsort(codes, kind="stable"))
@@ -69,3 +69,4 @@ def test_the_storage_order_survives_means_that_are_equal_far_or_not_finite():
     means = np.zeros((100, 3), np.float32)
     means[3:6] = [[1e30, 0, 0], [np.nan, 1, 0], [np.inf, -np.inf, 0]]
     assert np.array_equal(np.sort(morton_order(means)), np.arange(100))
+    assert morton_order(means[:0]).size == 0

@@ -80,6 +80,7 @@ CORE = {
         "test_kernels_ordering.py::test_the_storage_order_holds_every_row_once_and_keeps_neighbours_together",
         "test_kernels_ordering.py::test_the_storage_order_is_that_of_interleaved_coordinates",
         "test_kernels_ordering.py::test_the_storage_order_survives_means_that_are_equal_far_or_not_finite",
+        "test_renderer.py::test_the_storage_order_does_not_matter",
         *_FRAME,
     ),
     "gspure.renderer": (*_FRAME, *_REFUSALS, *_GRADIENTS),
