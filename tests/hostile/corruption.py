@@ -70,7 +70,7 @@ def kind(name: str) -> str:
     """What an artifact is called, whatever its scene and variant; those that a scheme makes have its name, too."""
     path = Path(name)
     if name.startswith("stages/"):
-        return "stage"
+        return "stage.json" if path.suffix == ".json" else "stage"
     scheme = f"{path.parts[1]}/" if {"public", "key"} & {*path.parts} else ""
     return scheme + re.sub(r"\d+", "N", path.name)
 

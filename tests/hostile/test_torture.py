@@ -154,6 +154,12 @@ def test_artifacts_of_every_scheme_and_their_records_are_corrupted(tmp_path):
     assert len(cases) == 6
 
 
+def test_a_stage_and_its_record_are_two_kinds_of_artifacts():
+    stages = [f"stages/vanilla/room/contributions/view_{n}.0f.npy" for n in "12"]
+    assert {corruption.kind(name) for name in stages} == {"stage"}
+    assert {corruption.kind(f"{name}.json") for name in stages} == {"stage.json"}
+
+
 def test_a_case_runs_once(tmp_path):
     journal = Journal(tmp_path)
     assert [journal.record("a case", lambda n: {"n": n}, n)["n"] for n in (1, 2)] == [1, 1]
