@@ -149,9 +149,23 @@ def test_a_command_replaces_its_results_and_the_outputs_that_the_user_names_but_
         if file.is_file():
             file.write_bytes(b"foreign")
             Path(f"{file}.json").unlink(missing_ok=True)
+    copies = backed_up(project[case])
     for _ in range(2):
         assert main(command) == 0, capsys.readouterr().err
+    assert {path: path.read_bytes() for path in copies if path.exists()} == copies
+    for folder in {path.parent for path in copies}:
+        shutil.rmtree(folder)
     assert {*content()} == {*whole}
+
+
+def backed_up(files: set[Path]) -> dict[Path, bytes]:
+    """Copy results as users do, with their records, to folders beside them and beside their own."""
+    copies = {}
+    for path in sorted(filter(Path.exists, files)):
+        for folder in (path.parent / "copy", path.parent.absolute().with_name(f"copy_of_{path.parent.name or 'all'}")):
+            folder.mkdir(exist_ok=True)
+            copies[folder / path.name] = Path(shutil.copy(path, folder)).read_bytes()
+    return copies
 
 
 def test_a_file_that_is_no_result_is_not_deleted(tmp_path):
@@ -159,11 +173,13 @@ def test_a_file_that_is_no_result_is_not_deleted(tmp_path):
     save_array(tmp_path / "edited.npy", np.zeros(3), checksum=True)
     save_array(tmp_path / "mine.npy", np.zeros(3))
     (tmp_path / "edited.npy").write_bytes(b"edited")
+    for suffix in ("npy", "npy.json"):
+        shutil.copy(tmp_path / f"weights.{suffix}", tmp_path / f"backup.{suffix}")
     for name in "ab":
         write_image(tmp_path / f"{name}.png", np.zeros((4, 4, 3)))
     record_views(tmp_path, {"a": []})
     remove(*sorted(path for path in tmp_path.iterdir() if path.suffix != ".json"))
-    kept = ["b.png", "edited.npy", "edited.npy.json", "mine.npy", "rendered.json"]
+    kept = ["b.png", "backup.npy", "backup.npy.json", "edited.npy", "edited.npy.json", "mine.npy", "rendered.json"]
     assert sorted(path.name for path in tmp_path.iterdir()) == kept
 
 

@@ -76,9 +76,9 @@ def remove_images(*folders: Path) -> None:
 
 
 def is_result(path: Path, command: str | None = None) -> bool:
-    """Return whether a file is a result, unchanged since it was written, of a command: the current one by default.
+    """Return whether a file is a result of a command, unchanged and under its name: by default, of the current command.
 
-    The empty one is any.
+    The empty command is any. A copy under another name is the user's, even with its record.
     """
     command = COMMAND.get() if command is None else command
     if not path.is_file():
@@ -87,7 +87,7 @@ def is_result(path: Path, command: str | None = None) -> bool:
         if _KEYED.search(path.name):
             return path.suffix == ".part" or record_of(path) is not None
         if (record := record_of(path)) is not None:
-            checksum = record["crc32"]
+            checksum = record["crc32"] if record["artifact"] == path.name else None
         elif path.suffix == ".png":
             record = own_record(path.with_name(RENDERED))
             checksum = dict(record.get("crc32", {})).get(path.stem)

@@ -76,7 +76,8 @@ def run(args: Arguments) -> None:
         for path in artifacts:
             write_record(path, inputs=inputs, settings=used, embedding=embedding, motion=UNMOVED, ancestors=photographs)
         written = {args.out / path.relative_to(folder) for path in artifacts}
-    remove(*(file for file in args.out.glob("*/*") if file not in written and record_of(file)))  # of an earlier run
+    earlier = {file for part in ("public", "key") for file in args.out.glob(f"{part}/*") if record_of(file)} - written
+    remove(*earlier)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()
