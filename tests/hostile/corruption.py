@@ -123,7 +123,7 @@ def read_by(job: Job, name: str, how: str, reference: Path, folder: Path) -> Rec
         faults.append("read in silence")
     restore(name, folder, reference)
     forged = {"read": 0, "refused": 0}
-    for number in range(FORGERIES if is_opened else 0):
+    for number in range(FORGERIES if corrupt.status else 0):  # a file of another size is refused without being opened
         mutation = forge(folder / name, np.random.default_rng([number, *f"{job.rule} {kind(name)}".encode()]))
         ended = commands.run(job, folder)
         forged["refused" if ended.status else "read"] += 1

@@ -160,6 +160,17 @@ def test_a_stage_and_its_record_are_two_kinds_of_artifacts():
     assert {corruption.kind(f"{name}.json") for name in stages} == {"stage.json"}
 
 
+def test_a_file_that_is_refused_before_it_is_opened_is_forged_too(tmp_path, monkeypatch):
+    name = "results/weights.npy"
+    for folder in ("reference", "copy"):
+        save_array(tmp_path / folder / name, np.ones(3), checksum=True)
+    monkeypatch.setattr(commands, "run", lambda *_: commands.Run(2, "gspure weights: weights.npy: cut", frozenset()))
+    job = Job("accumulate_weights", "", (name,), (), "")
+    record = corruption.read_by(job, name, "truncate", tmp_path / "reference", tmp_path / "copy")
+    assert record["forged"] == {"read": 0, "refused": corruption.FORGERIES}
+    assert record["faults"] == []
+
+
 def test_a_case_runs_once(tmp_path):
     journal = Journal(tmp_path)
     assert [journal.record("a case", lambda n: {"n": n}, n)["n"] for n in (1, 2)] == [1, 1]
