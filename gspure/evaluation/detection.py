@@ -119,7 +119,8 @@ def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[s
 
     Scores are compared with those of the views of the same model's clean control alone, by the same detector.
     """
-    readings = {(*variant_of(path), path.stem): _on_path(path) for path in tables}
+    on_path = [(path, _on_path(path)) for path in tables]
+    readings = {(*variant_of(path), path.stem): rows for path, rows in on_path}
     by_variant: dict[tuple[str, str, str], dict[str, Detection]] = {}
     for (scheme, folder, variant, detector), rows in readings.items():
         clean = [row.level for row in readings.get((scheme, folder, CLEAN, detector), ())]

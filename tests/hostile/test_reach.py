@@ -16,6 +16,7 @@ COMMANDS = {"cli", "report"}
 """Packages of commands: `tests.hostile.corruption` runs each on forgeries of everything that its job reads."""
 
 WITHOUT_READER = {
+    "artifacts/files.py:_running_system": "of the operating system",
     "evaluation/detector.py:_answer": "the output of a program",
     "evaluation/paper/cells.py:read_cells": "in the package",
     "evaluation/paper/checks.py:read_claims": "in the package",
