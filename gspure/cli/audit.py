@@ -122,6 +122,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
         asset["generated"] = {"up": args.up}
     named = source.resolve().parent if source.name == INDEX else source.resolve()
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
+    scene = re.sub(r"(.+?)\1{19,}$", r"\1", scene)  # which no name may have
     configuration = {"assets": {scene: asset}}
     resolved(validated(configuration, snakefile().parent / "schemas" / "config.schema.yaml", "audit"), "audit")
     text = yaml.safe_dump(configuration)
