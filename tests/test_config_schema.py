@@ -429,7 +429,7 @@ def test_a_scheme_that_needs_ray_traced_pairs_is_refused_on_photographs(tmp_path
         resolved(filled({"pairs": pairs, "schemes": {"splats_in_splats": {}, "planted": {}}}), "mine.yaml")
 
 
-@pytest.mark.parametrize("name", ["a\n", "../a", "a/b", ".a", "-a", "", "a" * 101, "a" * 20, "x" + "ab" * 20, "\x1b[2J"])
+@pytest.mark.parametrize("name", ["a\n", "../a", "a/b", ".a", "-a", "", "a" * 101, "x" + "ab" * 20, "\x1b[2J"])
 @pytest.mark.parametrize("part", ["assets", "pairs", "variants"])
 def test_a_name_that_is_not_a_folder_name_is_refused(part, name):
     with pytest.raises(InputError) as caught:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -89,11 +90,11 @@ def copy(source: str, target: str) -> None:
 def unfit() -> set[Path]:
     """Return the first artifact in the folder of each variant that is of another one."""
     artifacts = set()
-    for variant in sorted(ROOM.glob("*/")):
+    for variant in sorted(path.parent.resolve() for path in ROOM.glob("*/metrics.csv")):
         try:
-            require_origins(variant)
+            require_origins(variant, ROOM.rglob("*.csv"))
         except InputError as error:
-            artifacts.add(Path(error.source))
+            artifacts.add(Path(os.path.relpath(error.source)))
     return artifacts
 
 
@@ -106,6 +107,16 @@ def tabulated() -> None:
 
 def test_artifacts_of_their_variants_are_fit():
     assert unfit() == set()
+    tabulated()
+
+
+def test_files_of_an_earlier_configuration_do_not_stop_a_table():
+    """As those of a detector that was renamed, or of an extraction that is no longer made."""
+    readings, images = ROOM / "noise_1/detections/old.csv", ROOM / "noise_1/renders/old/view.png"
+    write_table(readings, Reading, [Reading("view", 1.0, 0)])
+    record(readings, with_records([ROOM / "noise_2/renders/scene/view.png"]))
+    write_image(images, np.zeros((2, 2, 3)))
+    record_views(images.parent, {"view": []}, target="old", model="of an earlier run")
     tabulated()
 
 

@@ -25,17 +25,23 @@ MODEL: Final = "public/point_cloud.ply"
 TRAINED: Final = ("protocol", "initialization")  # what a condition says of a model beside its scheme
 
 
-def require_origins(variant: Path) -> None:
+def require_origins(variant: Path, tables: Iterable[Path]) -> None:
     """Raise `InputError` if an artifact in the folder of a variant is of another one.
 
     Files of an attack must be of the same job as the attacked model, images of this model, with the owner's key or, if
-    they are a control, the wrong one, and tables of these images, or, if there are none, of the same.
+    they are a control, the wrong one, and tables of these images, or, if there are none, of the same. Only those of
+    the `tables` that are of the variant, or of all variants of its model, count, and the images that they measure: the
+    folder may hold older ones, as of a detector that was removed.
     """
     of_attack = (variant / name for name in ("prune_mask.npy", "transform.npy", "verdict.json"))
     require_same_origin(variant / MODEL, *of_attack, cost_of(Path(COSTS, *variant.parts[-3:], "attack")))
-    for record in sorted(variant.glob(f"renders/*/{RENDERED}")):
-        _require_images_of(variant, record.parent)
-    tables = (variant / "metrics.csv", *variant.glob(f"{DETECTIONS}/*.csv"), variant.parent / "retrieval.csv")
+    folders = (variant, variant / DETECTIONS, variant.parent)
+    tables = [table for table in map(Path.resolve, tables) if table.parent in folders]
+    inputs = [path for table in tables for path in map(Path, recorded_inputs(table))]
+    measured = {path.parent.name for path in inputs if path.name == RENDERED}
+    for images in (record.parent for record in sorted(variant.glob(f"renders/*/{RENDERED}"))):
+        if not measured or images.name in measured:
+            _require_images_of(variant, images)
     require_same_origin(*tables)
     for table in tables:
         _require_measured_in(variant, table)

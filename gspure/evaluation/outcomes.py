@@ -208,7 +208,7 @@ def collect(
     _require_equal_references(rows)
     _require_equal_views(rows)
     for variant in sorted({path.resolve().parents[path.parent.name == DETECTIONS] for path in (*metrics, *detections)}):
-        require_origins(variant)
+        require_origins(variant, (*metrics, *detections, *retrievals))
     require_conditions(metrics, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
