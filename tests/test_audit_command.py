@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -44,6 +45,18 @@ def test_a_model_becomes_a_configuration_that_the_workflow_accepts(folder, words
     (asset,) = config["assets"].values()
     assert (asset["model"], asset["cameras"], asset["generated"]["up"]) == ("my model.ply", "orbit", [0, 0, 1])
     assert Path(words[words.index("--snakefile") + 1]) == ROOT / "Snakefile"
+
+
+@pytest.mark.parametrize("name", ["model", "figures", "stages", "results"])
+def test_the_name_of_a_model_changes_no_job(folder, name):
+    jobs = []
+    for file in (name, "other"):
+        write_model(folder / f"{file}.ply", blobs(30))
+        command = [sys.executable, "-m", "gspure", "audit", f"{file}.ply", "--cameras", "orbit", "--dry-run"]
+        printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        jobs.append(dict(re.findall(r"^(\w+) +(\d+)$", printed, re.MULTILINE)))
+    assert jobs[0] == jobs[1]
+    assert jobs[0]["write_report"] == "1"
 
 
 def test_an_unpacked_sog_is_named_after_its_folder(folder, words):

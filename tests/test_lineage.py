@@ -423,3 +423,12 @@ def test_costs_of_another_variant_are_refused(tmp_path, capsys):
     outputs = "--out c.csv --survival s.csv --matched m.csv --markdown c.md"
     assert main(f"contest --table R/results.csv --benchmarks {tmp_path} {outputs}".split()) == 2
     assert "attack: expected unattacked" in capsys.readouterr().err
+
+
+def test_costs_of_an_attack_that_is_not_in_the_table_are_not_read(tmp_path):
+    """As those of an earlier configuration, and of an earlier model."""
+    shutil.copytree("S/costs/planted/room/random_pruning", tmp_path / "planted/room/gone")
+    outputs = (
+        f"--out {tmp_path}/c.csv --survival {tmp_path}/s.csv --matched {tmp_path}/m.csv --markdown {tmp_path}/c.md"
+    )
+    assert main(f"contest --table R/results.csv --benchmarks {tmp_path} {' '.join(outputs)}".split()) == 0

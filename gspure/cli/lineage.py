@@ -49,9 +49,13 @@ def require_related(args: Arguments) -> None:
 
 
 def _files_of_records(args: Arguments) -> dict[str, list[Path]]:
-    """Return the artifacts of ``--records``, and the costs in the folder ``--benchmarks``."""
+    """Return the artifacts of ``--records``, and the costs in ``--benchmarks`` of the attacks in ``--table``."""
+    from gspure.artifacts import settings_of
+
     records, benchmarks = getattr(args, "records", []), getattr(args, "benchmarks", None)
     costs = sorted(benchmarks.rglob(f"attack{SUFFIX}")) if benchmarks else []
+    attacks = settings_of(args.table).get("attacks", {}) if costs else {}
+    costs = [cost for cost in costs if "/".join(cost.resolve().parts[-4:-1]) in attacks]  # no others are read
     return {"records": [path.with_suffix("") for path in records], "benchmarks": costs}
 
 
