@@ -431,4 +431,4 @@ def test_costs_of_an_attack_that_is_not_in_the_table_are_not_read(tmp_path):
     outputs = (
         f"--out {tmp_path}/c.csv --survival {tmp_path}/s.csv --matched {tmp_path}/m.csv --markdown {tmp_path}/c.md"
     )
-    assert main(f"contest --table R/results.csv --benchmarks {tmp_path} {' '.join(outputs)}".split()) == 0
+    assert main(f"contest --table R/results.csv --benchmarks {tmp_path} {outputs}".split()) == 0
